@@ -1,0 +1,2 @@
+//! rivet
+fn main() {}
