@@ -1,1 +1,44 @@
-//! rivet-logs
+//! Logs of robots: Parquet and CSV in, uniform records out.
+//!
+//! A log is one row a sample. Columns (N joints, counted from 1):
+//!
+//! | column | unit | |
+//! |---|---|---|
+//! | `t` | s | increasing; any origin |
+//! | `q1..N` | rad | measured joint position |
+//! | `tau1..N` | N m | measured torque at the joint side of the gear |
+//! | `current1..N` | A | motor current; gives `tau` when there is none and the drive gain \[N m/A\] is known |
+//! | `qd1..N` | rad/s | optional: measured velocity |
+//! | `q_des1..N`, `qd_des1..N`, `qdd_des1..N` | rad, rad/s, rad/s² | optional: commanded motion |
+//! | `temperature1..N` | degC | optional |
+//! | `q_link1..N` | rad | optional, joint by joint: encoder on the load side |
+//!
+//! Other columns are left alone and listed. Positions of a log become positions of the model by adding the robot file's
+//! `joint_zero`.
+//!
+//! ```
+//! use rivet_logs::{ReadOptions, read, write_columns};
+//! let file = std::env::temp_dir().join(format!("rivet-logs-doc-{}.parquet", std::process::id()));
+//! let t: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+//! let q: Vec<f64> = t.iter().map(|t| t.sin()).collect();
+//! write_columns(&file, &[("t", &t), ("q1", &q), ("tau1", &q)])?;
+//! let log = read(&file, &ReadOptions::new(1))?;
+//! let (uniform, report) = log.resample(0.005)?;
+//! assert_eq!(uniform.len(), 199);
+//! assert!((report.mean_rate_hz - 100.0).abs() < 1e-9);
+//! # std::fs::remove_file(&file).ok();
+//! # Ok::<(), rivet_logs::LogError>(())
+//! ```
+
+mod columns;
+mod csv_file;
+mod error;
+mod log;
+mod parquet_file;
+mod resample;
+mod signal;
+
+pub use error::{LogError, LogFault};
+pub use log::{Log, ReadOptions, Signals, TorqueSource, read};
+pub use parquet_file::write_columns;
+pub use resample::{Gap, Method, ResampleReport};

@@ -1,0 +1,135 @@
+//! Why a log was refused: file, column, row, value and the rule that was broken.
+
+use std::path::{Path, PathBuf};
+
+/// A log that was refused, or a file that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {fault}", path.display())]
+pub struct LogError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: LogFault,
+}
+
+/// What is wrong with a log. Rows count from 1, the header of a CSV file is not a row.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogFault {
+    /// The operating system refused.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    /// Neither Parquet nor CSV, or a damaged file.
+    #[error("cannot be read as {format}: {why}")]
+    Format {
+        /// The format tried, e.g. `Parquet`.
+        format: &'static str,
+        /// What the decoder said.
+        why: String,
+    },
+    /// A column the contract asks for is not there.
+    #[error("column {column} is missing; {rule}")]
+    MissingColumn {
+        /// Name of the column.
+        column: String,
+        /// The rule that asks for it.
+        rule: String,
+    },
+    /// A column appears twice.
+    #[error("column {column} appears twice; a column has one name")]
+    TwiceColumn {
+        /// Name of the column.
+        column: String,
+    },
+    /// A column of a joint the robot does not have.
+    #[error("column {column} belongs to a joint the robot does not have: it has {joints} joints")]
+    JointCount {
+        /// Name of the column.
+        column: String,
+        /// Number of joints of the robot.
+        joints: usize,
+    },
+    /// A column that does not hold numbers.
+    #[error("column {column} has type {kind}; a column holds numbers (float or integer)")]
+    ColumnType {
+        /// Name of the column.
+        column: String,
+        /// Its type in the file.
+        kind: String,
+    },
+    /// A cell that is empty, not a number, or not finite.
+    #[error("column {column}, row {row}: {value}; every value must be a finite number")]
+    Value {
+        /// Name of the column.
+        column: String,
+        /// Row, from 1.
+        row: usize,
+        /// The value as found.
+        value: String,
+    },
+    /// Columns of unequal length.
+    #[error("column {column} has {rows} rows, column t has {expected}; all columns have one length")]
+    Length {
+        /// Name of the column.
+        column: String,
+        /// Its number of rows.
+        rows: usize,
+        /// Number of rows of `t`.
+        expected: usize,
+    },
+    /// Time stands still or runs backwards.
+    #[error("column t, row {row}: {value} s after {previous} s; time must increase from row to row")]
+    Time {
+        /// Row, from 1.
+        row: usize,
+        /// Time of that row \[s\].
+        value: f64,
+        /// Time of the row before it \[s\].
+        previous: f64,
+    },
+    /// Too short to work with.
+    #[error("{rows} rows; at least {least} are needed {purpose}")]
+    TooFewRows {
+        /// Rows found.
+        rows: usize,
+        /// Rows needed.
+        least: usize,
+        /// For what.
+        purpose: &'static str,
+    },
+    /// Neither torque nor current with a gain.
+    #[error("has neither tau1..{joints} nor current1..{joints}; without torque nothing can be identified")]
+    NoTorque {
+        /// Number of joints of the robot.
+        joints: usize,
+    },
+    /// Current, but nothing that turns it into torque.
+    #[error(
+        "has current1..{joints} but no tau1..{joints}; give the drive gain in N m/A \
+         (`drive_gain` in robot.toml)"
+    )]
+    NoDriveGain {
+        /// Number of joints of the robot.
+        joints: usize,
+    },
+    /// A list of the robot file of the wrong length.
+    #[error("{name} has {found} values, the robot has {joints} joints")]
+    SettingLength {
+        /// Name of the list.
+        name: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of joints of the robot.
+        joints: usize,
+    },
+    /// A sampling period that makes no sense.
+    #[error("sampling period {0} s; it must be a positive number")]
+    Period(f64),
+}
+
+impl LogFault {
+    /// Names the file the fault was found in.
+    pub(crate) fn at(self, path: &Path) -> LogError {
+        LogError { path: path.to_path_buf(), fault: self }
+    }
+}

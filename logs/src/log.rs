@@ -1,0 +1,273 @@
+//! A checked log.
+
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::columns::{Group, Table};
+use crate::error::{LogError, LogFault};
+use crate::{csv_file, parquet_file};
+
+/// One signal a joint: `signals[joint][row]`.
+pub type Signals = Vec<Vec<f64>>;
+
+/// Rows below which a file is a mistake and not a log.
+const LEAST_ROWS: usize = 10;
+
+/// What the robot file says about its logs.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadOptions<'a> {
+    /// Number of joints; a log with other columns is refused.
+    pub joints: usize,
+    /// Torque at the joint per motor current \[N m/A\], for logs with current and without torque.
+    pub drive_gain: Option<&'a [f64]>,
+    /// Added to every logged position \[rad\]: the model's position where the log says zero.
+    pub joint_zero: Option<&'a [f64]>,
+}
+
+impl ReadOptions<'_> {
+    /// A log of `joints` joints in the model's own zero, with torque.
+    pub fn new(joints: usize) -> Self {
+        ReadOptions { joints, drive_gain: None, joint_zero: None }
+    }
+}
+
+/// Where the torque of a log comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TorqueSource {
+    /// The log's `tau` columns.
+    Logged,
+    /// Drive gain times the log's `current` columns.
+    Current,
+}
+
+/// A log whose every number was checked: finite, time increasing, columns of one length, the robot's joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// The file it was read from.
+    pub path: PathBuf,
+    /// Time \[s\], as in the file.
+    pub t: Vec<f64>,
+    /// Measured positions \[rad\], in the model's zero.
+    pub q: Signals,
+    /// Measured torque \[N m\], joint side, and where it comes from.
+    pub tau: Option<(TorqueSource, Signals)>,
+    /// Measured velocities \[rad/s\].
+    pub qd: Option<Signals>,
+    /// Commanded positions \[rad\], in the model's zero.
+    pub q_des: Option<Signals>,
+    /// Commanded velocities \[rad/s\].
+    pub qd_des: Option<Signals>,
+    /// Commanded accelerations \[rad/s²\].
+    pub qdd_des: Option<Signals>,
+    /// Motor temperatures \[degC\].
+    pub temperature: Option<Signals>,
+    /// Motor currents \[A\].
+    pub current: Option<Signals>,
+    /// Load-side encoders \[rad\], in the model's zero; joints may lack one.
+    pub q_link: Vec<Option<Vec<f64>>>,
+    /// Columns of the file that were not read.
+    pub unused: Vec<String>,
+}
+
+/// Reads a log, Parquet or CSV; what the file starts with decides, not its name.
+pub fn read(path: impl AsRef<Path>, options: &ReadOptions<'_>) -> Result<Log, LogError> {
+    let path = path.as_ref();
+    let mut magic = [0_u8; 8];
+    let head = File::open(path).and_then(|mut f| f.read(&mut magic));
+    let head = head.map_err(|e| LogFault::Io(e).at(path))?;
+    let table = if magic[..head].starts_with(b"PAR1") {
+        parquet_file::read(path)?
+    } else if magic[..head].contains(&0) || magic[..head].starts_with(b"\x89MCAP") {
+        let why = "it is neither Parquet nor text".to_owned();
+        return Err(LogFault::Format { format: "a log", why }.at(path));
+    } else {
+        csv_file::read(path)?
+    };
+    Log::from_table(path, table, options).map_err(|fault| fault.at(path))
+}
+
+impl Log {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Whether there is no row; a log that was read has some.
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.q.len()
+    }
+
+    /// Time from the first to the last row \[s\].
+    pub fn duration_s(&self) -> f64 {
+        self.t.last().zip(self.t.first()).map_or(0.0, |(last, first)| last - first)
+    }
+
+    /// The torque \[N m\], or the error that the log has none.
+    pub fn torque(&self) -> Result<&Signals, LogError> {
+        match &self.tau {
+            Some((_, tau)) => Ok(tau),
+            None if self.current.is_some() => Err(LogFault::NoDriveGain { joints: self.joints() }.at(&self.path)),
+            None => Err(LogFault::NoTorque { joints: self.joints() }.at(&self.path)),
+        }
+    }
+
+    /// The rows of a range.
+    #[must_use]
+    pub fn slice(&self, rows: Range<usize>) -> Log {
+        self.map(self.t[rows.clone()].to_vec(), |_, signal| signal[rows.clone()].to_vec())
+    }
+
+    /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
+    /// Pieces too short to work with are dropped.
+    pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Log> {
+        let mut cuts = vec![0];
+        cuts.extend((1..self.len()).filter(|k| self.t[*k] - self.t[k - 1] > gap_s));
+        cuts.push(self.len());
+        let pieces = cuts.windows(2).filter(|c| c[1] - c[0] >= LEAST_ROWS);
+        pieces.map(|c| self.slice(c[0]..c[1])).collect()
+    }
+
+    /// A log with the time `t` and every signal passed through `change`, which is told the group.
+    pub(crate) fn map(&self, t: Vec<f64>, change: impl Fn(Group, &[f64]) -> Vec<f64>) -> Log {
+        let all =
+            |group, signals: &Signals| -> Signals { signals.iter().map(|signal| change(group, signal)).collect() };
+        let some = |group, signals: &Option<Signals>| signals.as_ref().map(|s| all(group, s));
+        Log {
+            path: self.path.clone(),
+            t,
+            q: all(Group::Position, &self.q),
+            tau: self.tau.as_ref().map(|(source, tau)| (*source, all(Group::Torque, tau))),
+            qd: some(Group::Velocity, &self.qd),
+            q_des: some(Group::DesiredPosition, &self.q_des),
+            qd_des: some(Group::DesiredVelocity, &self.qd_des),
+            qdd_des: some(Group::DesiredAcceleration, &self.qdd_des),
+            temperature: some(Group::Temperature, &self.temperature),
+            current: some(Group::Current, &self.current),
+            q_link: self.q_link.iter().map(|signal| signal.as_ref().map(|s| change(Group::LinkPosition, s))).collect(),
+            unused: self.unused.clone(),
+        }
+    }
+
+    fn from_table(path: &Path, mut table: Table, options: &ReadOptions<'_>) -> Result<Log, LogFault> {
+        let joints = options.joints;
+        for (name, list) in [("drive_gain", options.drive_gain), ("joint_zero", options.joint_zero)] {
+            if let Some(list) = list.filter(|list| list.len() != joints) {
+                return Err(LogFault::SettingLength { name, found: list.len(), joints });
+            }
+        }
+        if let Some(column) = table.beyond(joints) {
+            return Err(LogFault::JointCount { column: column.to_owned(), joints });
+        }
+        let t = table.columns.remove("t").ok_or_else(|| LogFault::MissingColumn {
+            column: "t".to_owned(),
+            rule: "a log has t [s] and q1..N [rad]".to_owned(),
+        })?;
+        if t.len() < LEAST_ROWS {
+            return Err(LogFault::TooFewRows { rows: t.len(), least: LEAST_ROWS, purpose: "in a log" });
+        }
+        check_values("t", &t, t.len())?;
+        if let Some(k) = (1..t.len()).find(|k| t[*k] <= t[k - 1]) {
+            return Err(LogFault::Time { row: k + 1, value: t[k], previous: t[k - 1] });
+        }
+        let rows = t.len();
+        let mut group = |group: Group| take_group(&mut table, group, joints, rows);
+        let mut q = group(Group::Position)?.ok_or_else(|| LogFault::MissingColumn {
+            column: Group::Position.column(0),
+            rule: format!("a log of this robot has q1..{joints} [rad]"),
+        })?;
+        let tau = group(Group::Torque)?;
+        let current = group(Group::Current)?;
+        let qd = group(Group::Velocity)?;
+        let mut q_des = group(Group::DesiredPosition)?;
+        let qd_des = group(Group::DesiredVelocity)?;
+        let qdd_des = group(Group::DesiredAcceleration)?;
+        let temperature = group(Group::Temperature)?;
+        let mut q_link = Vec::with_capacity(joints);
+        for joint in 0..joints {
+            let name = Group::LinkPosition.column(joint);
+            let signal = table.columns.remove(&name);
+            if let Some(signal) = &signal {
+                check_values(&name, signal, rows)?;
+            }
+            q_link.push(signal);
+        }
+        if let Some(zero) = options.joint_zero {
+            let shift = |signal: &mut Vec<f64>, zero: f64| signal.iter_mut().for_each(|q| *q += zero);
+            for (joint, zero) in zero.iter().enumerate() {
+                shift(&mut q[joint], *zero);
+                if let Some(q_des) = &mut q_des {
+                    shift(&mut q_des[joint], *zero);
+                }
+                if let Some(signal) = &mut q_link[joint] {
+                    shift(signal, *zero);
+                }
+            }
+        }
+        let tau = match (tau, &current, options.drive_gain) {
+            (Some(tau), _, _) => Some((TorqueSource::Logged, tau)),
+            (None, Some(current), Some(gain)) => {
+                let scaled = current.iter().zip(gain).map(|(i, k)| i.iter().map(|i| k * i).collect());
+                Some((TorqueSource::Current, scaled.collect()))
+            }
+            _ => None,
+        };
+        Ok(Log {
+            path: path.to_path_buf(),
+            t,
+            q,
+            tau,
+            qd,
+            q_des,
+            qd_des,
+            qdd_des,
+            temperature,
+            current,
+            q_link,
+            unused: table.unused,
+        })
+    }
+}
+
+/// The columns of a group: all joints, or none.
+fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Result<Option<Signals>, LogFault> {
+    let names: Vec<String> = (0..joints).map(|joint| group.column(joint)).collect();
+    let Some(present) = names.iter().find(|name| table.columns.contains_key(*name)) else {
+        return Ok(None);
+    };
+    if let Some(column) = names.iter().find(|name| !table.columns.contains_key(*name)) {
+        let rule = format!("{present} is there, and a group of columns has all {joints} joints");
+        return Err(LogFault::MissingColumn { column: column.clone(), rule });
+    }
+    let mut signals = Vec::with_capacity(joints);
+    for name in &names {
+        let signal = table.columns.remove(name).unwrap_or_default();
+        check_values(name, &signal, rows)?;
+        signals.push(signal);
+    }
+    Ok(Some(signals))
+}
+
+fn check_values(name: &str, values: &[f64], rows: usize) -> Result<(), LogFault> {
+    let column = || name.to_owned();
+    if values.len() != rows {
+        return Err(LogFault::Length { column: column(), rows: values.len(), expected: rows });
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(k) => {
+            let value = if values[k].is_nan() {
+                "the cell is empty or not a number (null, NaN)".to_owned()
+            } else {
+                format!("{}", values[k])
+            };
+            Err(LogFault::Value { column: column(), row: k + 1, value })
+        }
+    }
+}

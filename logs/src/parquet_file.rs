@@ -1,0 +1,146 @@
+//! Parquet, column by column and without Arrow: flat numeric columns, any encoding, zstd or snappy or plain.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use parquet::basic::{Compression, Repetition, Type as PhysicalType, ZstdLevel};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{DataType, DoubleType};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+
+use crate::columns::{Table, is_known};
+use crate::error::{LogError, LogFault};
+
+/// Reads the columns of the contract from a Parquet file.
+pub(crate) fn read(path: &Path) -> Result<Table, LogError> {
+    let file = File::open(path).map_err(|e| LogFault::Io(e).at(path))?;
+    let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let mut table = Table::default();
+    for (k, column) in schema.columns().iter().enumerate() {
+        let name = column.path().string();
+        if !is_known(&name) {
+            table.unused.push(name);
+            continue;
+        }
+        let mut values = Vec::new();
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group).map_err(|e| fault(&e).at(path))?;
+            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+            let cells = group.get_column_reader(k).map_err(|e| fault(&e).at(path))?;
+            let levels = column.max_def_level();
+            let done = match cells {
+                ColumnReader::DoubleColumnReader(r) => append(r, rows, levels, |v| *v, &mut values),
+                ColumnReader::FloatColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
+                ColumnReader::Int32ColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
+                ColumnReader::Int64ColumnReader(r) => append(r, rows, levels, |v| *v as f64, &mut values),
+                _ => {
+                    let kind = column.physical_type().to_string();
+                    return Err(LogFault::ColumnType { column: name, kind }.at(path));
+                }
+            };
+            done.map_err(|e| fault(&e).at(path))?;
+        }
+        if table.columns.insert(name.clone(), values).is_some() {
+            return Err(LogFault::TwiceColumn { column: name }.at(path));
+        }
+    }
+    Ok(table)
+}
+
+/// Appends one row group's cells of a column; a null becomes NaN.
+fn append<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    rows: usize,
+    levels: i16,
+    convert: impl Fn(&T::T) -> f64,
+    to: &mut Vec<f64>,
+) -> Result<(), ParquetError> {
+    let (mut values, mut defined) = (Vec::new(), Vec::new());
+    let mut left = rows;
+    while left > 0 {
+        values.clear();
+        defined.clear();
+        let (records, _, _) = reader.read_records(left, Some(&mut defined), None, &mut values)?;
+        if records == 0 {
+            break;
+        }
+        left = left.saturating_sub(records);
+        if levels == 0 {
+            to.extend(values.iter().map(&convert));
+        } else {
+            let mut present = values.iter();
+            to.extend(
+                defined.iter().map(
+                    |level| {
+                        if *level == levels { present.next().map_or(f64::NAN, &convert) } else { f64::NAN }
+                    },
+                ),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Writes columns of equal length as Parquet (zstd, 64 bit floats).
+///
+/// Atomic: the file appears under its name complete, or not at all. It is written beside its place and renamed.
+pub fn write_columns<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogError> {
+    let rows = columns.first().map_or(0, |(_, values)| values.len());
+    if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
+        let column = name.as_ref().to_owned();
+        return Err(LogFault::Length { column, rows: values.len(), expected: rows }.at(path));
+    }
+    let temporary = beside(path);
+    let written = write_to(&temporary, columns).and_then(|()| std::fs::rename(&temporary, path).map_err(LogFault::Io));
+    written.map_err(|why| {
+        // The half-written file is of no use to anyone; that it may be gone already is fine.
+        let _ = std::fs::remove_file(&temporary);
+        why.at(path)
+    })
+}
+
+fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogFault> {
+    let fields = columns.iter().map(|(name, _)| {
+        Type::primitive_type_builder(name.as_ref(), PhysicalType::DOUBLE)
+            .with_repetition(Repetition::REQUIRED)
+            .build()
+            .map(Arc::new)
+    });
+    let fields = fields.collect::<Result<Vec<_>, _>>().map_err(|e| fault(&e))?;
+    let schema = Type::group_type_builder("schema").with_fields(fields).build().map_err(|e| fault(&e))?;
+    let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
+    let mut file = File::create(path)?;
+    let write = |file: &mut File| -> Result<(), ParquetError> {
+        let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?;
+        let mut group = writer.next_row_group()?;
+        for (_, values) in columns {
+            let Some(mut column) = group.next_column()? else { break };
+            column.typed::<DoubleType>().write_batch(values, None, None)?;
+            column.close()?;
+        }
+        group.close()?;
+        writer.close()?;
+        Ok(())
+    };
+    write(&mut file).map_err(|e| fault(&e))?;
+    file.flush()?;
+    file.sync_all()?;
+    Ok(())
+}
+
+/// A name in the same folder, so that the rename stays on one file system.
+fn beside(path: &Path) -> PathBuf {
+    let name = path.file_name().map_or_else(|| "log".into(), |n| n.to_string_lossy().into_owned());
+    path.with_file_name(format!(".{name}.{}.part", std::process::id()))
+}
+
+fn fault(error: &ParquetError) -> LogFault {
+    LogFault::Format { format: "Parquet", why: error.to_string() }
+}

@@ -1,0 +1,236 @@
+//! Reading: what is written comes back, CSV and Parquet agree, and every broken rule is named.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use rivet_logs::{ReadOptions, TorqueSource, read, write_columns};
+
+const ROWS: usize = 20;
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Named columns of text cells.
+type Cells = Vec<(String, Vec<String>)>;
+
+/// Columns of a small sound log of two joints.
+fn sound() -> Cells {
+    let column = |name: &str, f: &dyn Fn(f64) -> f64| {
+        let cells = (0..ROWS).map(|k| format!("{}", f(k as f64 * 0.01)));
+        (name.to_owned(), cells.collect())
+    };
+    vec![
+        column("t", &|t| t),
+        column("q1", &|t| (3.0 * t).sin()),
+        column("q2", &|t| (4.0 * t).cos()),
+        column("tau1", &|t| 5.0 * t),
+        column("tau2", &|t| -7.0 * t),
+    ]
+}
+
+fn csv(columns: &[(String, Vec<String>)]) -> String {
+    let mut text = columns.iter().map(|(n, _)| n.as_str()).collect::<Vec<_>>().join(",");
+    text.push('\n');
+    let rows = columns.iter().map(|(_, c)| c.len()).max().unwrap_or(0);
+    for k in 0..rows {
+        let cells: Vec<&str> = columns.iter().map(|(_, c)| c.get(k).map_or("", String::as_str)).collect();
+        writeln!(text, "{}", cells.join(",")).expect("writing to a string");
+    }
+    text
+}
+
+/// The error a log gives, from the first file name on.
+fn refusal(columns: &[(String, Vec<String>)], options: &ReadOptions<'_>) -> String {
+    let folder = folder();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, csv(columns)).expect("written");
+    let text = read(&path, options).expect_err("must be refused").to_string();
+    text.replace(&folder.path().display().to_string(), "").trim_start_matches('/').to_owned()
+}
+
+#[test]
+fn csv_and_parquet_of_one_log_are_equal_to_the_bit() {
+    let folder = folder();
+    let (text, binary) = (folder.path().join("run.csv"), folder.path().join("run.parquet"));
+    std::fs::write(&text, format!("# a comment\n{}", csv(&sound()))).expect("written");
+    let numbers: Vec<(String, Vec<f64>)> =
+        sound().into_iter().map(|(n, c)| (n, c.iter().map(|cell| cell.parse().expect("a number")).collect())).collect();
+    let columns: Vec<(&str, &[f64])> = numbers.iter().map(|(n, c)| (n.as_str(), c.as_slice())).collect();
+    write_columns(&binary, &columns).expect("written");
+    let options = ReadOptions::new(2);
+    let mut a = read(&text, &options).expect("sound");
+    let b = read(&binary, &options).expect("sound");
+    assert_eq!(b.q[1], numbers[2].1, "what is written comes back");
+    assert_eq!(b.torque().expect("torque")[0], numbers[3].1);
+    a.path = b.path.clone();
+    assert_eq!(a, b);
+    let left: Vec<PathBuf> =
+        std::fs::read_dir(folder.path()).expect("listed").map(|e| e.expect("entry").path()).collect();
+    assert_eq!(left.len(), 2, "no half-written file stays behind: {left:?}");
+}
+
+#[test]
+fn current_times_gain_is_torque_and_zero_shifts_positions() {
+    let mut columns = sound();
+    columns[3].0 = "current1".into();
+    columns[4].0 = "current2".into();
+    columns.push(("q_des1".into(), columns[1].1.clone()));
+    columns.push(("q_des2".into(), columns[2].1.clone()));
+    columns.push(("q_link2".into(), columns[2].1.clone()));
+    columns.push(("note".into(), vec!["x".into(); ROWS]));
+    let folder = folder();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, csv(&columns)).expect("written");
+    let plain = read(&path, &ReadOptions::new(2)).expect("sound");
+    let why = plain.torque().expect_err("no gain given").to_string();
+    assert!(why.contains("drive_gain"), "{why}");
+    let options = ReadOptions { joints: 2, drive_gain: Some(&[10.0, 20.0]), joint_zero: Some(&[0.5, -1.0]) };
+    let log = read(&path, &options).expect("sound");
+    assert_eq!(log.tau.as_ref().map(|(source, _)| *source), Some(TorqueSource::Current));
+    assert_eq!(log.torque().expect("torque")[1][3], 20.0 * (-7.0 * 0.03));
+    assert_eq!(log.q[0][0], 0.5);
+    assert_eq!(log.q_des.expect("commanded")[1][0], 0.0);
+    assert_eq!((&log.q_link[0], log.q_link[1].as_ref().map(|q| q[0])), (&None, Some(0.0)));
+    assert_eq!(log.unused, ["note"]);
+}
+
+#[test]
+fn every_broken_rule_names_column_row_value_and_rule() {
+    let two = ReadOptions::new(2);
+    let change = |f: &dyn Fn(&mut Cells)| {
+        let mut columns = sound();
+        f(&mut columns);
+        columns
+    };
+    let cases: Vec<(Cells, ReadOptions<'_>, &str)> = vec![
+        (change(&|c| drop(c.remove(0))), two, "run.csv: column t is missing; a log has t [s] and q1..N [rad]"),
+        (
+            change(&|c| drop(c.remove(2))),
+            two,
+            "run.csv: column q2 is missing; q1 is there, and a group of columns has all 2 joints",
+        ),
+        (
+            change(&|c| {
+                c.remove(1);
+                c.remove(1);
+            }),
+            two,
+            "run.csv: column q1 is missing; a log of this robot has q1..2 [rad]",
+        ),
+        (
+            sound(),
+            ReadOptions::new(1),
+            "run.csv: column q2 belongs to a joint the robot does not have: it has 1 joints",
+        ),
+        (
+            sound(),
+            ReadOptions::new(3),
+            "run.csv: column q3 is missing; q1 is there, and a group of columns has all 3 joints",
+        ),
+        (
+            change(&|c| c[4].1[6] = "0,5".replace(',', ";")),
+            two,
+            "run.csv: column tau2, row 7: '0;5' is not a number; every value must be a finite number",
+        ),
+        (
+            change(&|c| c[1].1[2] = String::new()),
+            two,
+            "run.csv: column q1, row 3: the cell is empty or not a number (null, NaN); \
+             every value must be a finite number",
+        ),
+        (
+            change(&|c| c[1].1[2] = "inf".into()),
+            two,
+            "run.csv: column q1, row 3: inf; every value must be a finite number",
+        ),
+        (
+            change(&|c| c[0].1[5] = "0.04".into()),
+            two,
+            "run.csv: column t, row 6: 0.04 s after 0.04 s; time must increase from row to row",
+        ),
+        (
+            change(&|c| c[0].1[5] = "0.01".into()),
+            two,
+            "run.csv: column t, row 6: 0.01 s after 0.04 s; time must increase from row to row",
+        ),
+        (
+            change(&|c| c.iter_mut().for_each(|c| c.1.truncate(4))),
+            two,
+            "run.csv: 4 rows; at least 10 are needed in a log",
+        ),
+        (change(&|c| c[3].0 = "q1".into()), two, "run.csv: column q1 appears twice; a column has one name"),
+        (
+            sound(),
+            ReadOptions { joint_zero: Some(&[0.0]), ..two },
+            "run.csv: joint_zero has 1 values, the robot has 2 joints",
+        ),
+    ];
+    for (columns, options, expected) in cases {
+        assert_eq!(refusal(&columns, &options), expected);
+    }
+    let without_torque = change(&|c| c.truncate(3));
+    let folder = folder();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, csv(&without_torque)).expect("written");
+    let log = read(&path, &two).expect("a log to predict needs no torque");
+    let why = log.torque().expect_err("no torque").to_string();
+    assert!(why.ends_with("has neither tau1..2 nor current1..2; without torque nothing can be identified"), "{why}");
+}
+
+#[test]
+fn unequal_lines_and_foreign_files_are_refused() {
+    let folder = folder();
+    let short = folder.path().join("short.csv");
+    std::fs::write(&short, "t,q1\n0,1\n1\n").expect("written");
+    let why = read(&short, &ReadOptions::new(1)).expect_err("unequal").to_string();
+    assert!(why.contains("cannot be read as CSV") && why.contains("line: 3"), "{why}");
+    let odd = folder.path().join("odd.parquet");
+    std::fs::write(&odd, b"PAR1 but nothing behind it").expect("written");
+    let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
+    assert!(why.contains("cannot be read as Parquet"), "{why}");
+    std::fs::write(&odd, [0_u8, 1, 2, 3]).expect("written");
+    let why = read(&odd, &ReadOptions::new(1)).expect_err("binary").to_string();
+    assert!(why.contains("neither Parquet nor text"), "{why}");
+    let none = folder.path().join("none.csv");
+    assert!(read(&none, &ReadOptions::new(1)).expect_err("absent").to_string().contains("none.csv"));
+    let short = write_columns(&none, &[("t", &[0.0, 1.0][..]), ("q1", &[0.0][..])]);
+    assert!(short.expect_err("unequal").to_string().contains("column q1 has 1 rows"));
+    assert!(!none.exists());
+}
+
+/// The measured logs other people made; read in place, never copied.
+#[test]
+fn every_measured_log_reads() {
+    let real = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/real");
+    if !real.is_dir() {
+        eprintln!("SKIPPED: {} is not there", real.display());
+        return;
+    }
+    let joints = [
+        ("airbot_play", 6),
+        ("bam_xl330", 1),
+        ("kinova_gen3", 7),
+        ("kuka_kr300", 6),
+        ("shanghai_electric_6dof", 6),
+        ("so101_sage", 6),
+        ("staubli_tx40", 6),
+        ("ur10_salerno", 6),
+        ("ur10e_innopolis", 6),
+    ];
+    let mut runs = 0;
+    for (robot, joints) in joints {
+        for entry in std::fs::read_dir(real.join(robot)).expect("listed") {
+            let path = entry.expect("entry").path();
+            if path.extension().is_some_and(|e| e == "parquet") {
+                let log = read(&path, &ReadOptions::new(joints));
+                let log = log.unwrap_or_else(|why| panic!("{why}"));
+                let (uniform, report) = log.resample(0.01).unwrap_or_else(|why| panic!("{why}"));
+                println!("{robot} {}: {report}", path.file_name().expect("name").display());
+                assert!(uniform.q.iter().flatten().all(|q| q.is_finite()));
+                runs += 1;
+            }
+        }
+    }
+    assert!(runs > 70, "{runs} runs");
+}
