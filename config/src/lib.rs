@@ -1,1 +1,21 @@
-//! rivet-config
+//! Robot files: `robots/<arm>/robot.toml` to checked values, or every mistake with file, line and column.
+//!
+//! [`load`] gives a [`Robot`]: the configuration ([`RobotConfig`]), the model of the arm and its base parameters.
+//! Every key is declared once, in [`keys::KEYS`]; `docs/robot-toml.md` is made from that table.
+
+mod describe;
+mod error;
+pub mod keys;
+mod load;
+mod reader;
+mod sections;
+mod supervision;
+
+pub use error::{ConfigError, ConfigErrors};
+pub use load::{Identified, Robot, load, parse};
+pub use reader::{Origin, Resolved, Value};
+pub use sections::{
+    Bus, Controller, Coupling, Differentiator, Drive, Estimator, EstimatorKind, Friction, Instruments, Log, Publish,
+    Realtime, RobotConfig, Signal, Simulation, Trigger,
+};
+pub use supervision::Supervision;

@@ -1,0 +1,203 @@
+//! What is wrong with a robot file, said once, to the person who can change it.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Longest value or source line shown in a message \[characters\].
+const LONGEST_VALUE: usize = 48;
+const LONGEST_LINE: usize = 96;
+
+/// One mistake, at one place of one file.
+///
+/// `Display` gives `file:line:column: key = value: rule; hint`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError {
+    /// The file the place is in, as the caller named it.
+    pub file: PathBuf,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// The key with its section, for example `drive.gear_ratio[3]` (joint 3); empty where the text is no TOML at all.
+    pub key: String,
+    /// The value as written, shortened; `(missing)` for a key that is not there.
+    pub value: String,
+    /// The rule it breaks.
+    pub rule: String,
+    /// What to do about it.
+    pub hint: String,
+    /// The source line and the marked part of it, in characters.
+    snippet: Option<(String, Range<usize>)>,
+}
+
+impl ConfigError {
+    /// An error at bytes `span` of `text`.
+    pub(crate) fn at(
+        file: &Path,
+        text: &str,
+        span: &Range<usize>,
+        key: impl Into<String>,
+        value: &str,
+        rule: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> ConfigError {
+        let start = floor_boundary(text, span.start);
+        let end = floor_boundary(text, span.end.max(start));
+        let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
+        let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
+        let column = text[line_start..start].chars().count() + 1;
+        let marked = text[start..end.min(line_end).max(start)].chars().count().max(1);
+        ConfigError {
+            file: file.to_path_buf(),
+            line: text[..line_start].matches('\n').count() + 1,
+            column,
+            key: key.into(),
+            value: shorten(value),
+            rule: rule.into(),
+            hint: hint.into(),
+            snippet: Some((
+                text[line_start..line_end].trim_end_matches('\r').to_owned(),
+                column - 1..column - 1 + marked,
+            )),
+        }
+    }
+
+    /// An error of the file as a whole: it cannot be read.
+    pub(crate) fn of_file(file: &Path, rule: impl Into<String>, hint: impl Into<String>) -> ConfigError {
+        ConfigError {
+            file: file.to_path_buf(),
+            line: 1,
+            column: 1,
+            key: "file".into(),
+            value: file.display().to_string(),
+            rule: rule.into(),
+            hint: hint.into(),
+            snippet: None,
+        }
+    }
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}: ", self.file.display(), self.line, self.column)?;
+        match (self.key.is_empty(), self.value.is_empty()) {
+            (false, false) => write!(f, "{} = {}: ", self.key, self.value)?,
+            (false, true) => write!(f, "{}: ", self.key)?,
+            (true, false) => write!(f, "{}: ", self.value)?,
+            (true, true) => {}
+        }
+        write!(f, "{}; {}", self.rule, self.hint)
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+/// All mistakes of a file, in the order of the text. Never empty.
+///
+/// `Display` gives each with its source line and a caret below the place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigErrors {
+    errors: Vec<ConfigError>,
+}
+
+impl ConfigErrors {
+    pub(crate) fn new(mut errors: Vec<ConfigError>) -> ConfigErrors {
+        errors.sort_by(|a, b| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));
+        errors.dedup();
+        ConfigErrors { errors }
+    }
+
+    /// The mistakes, in the order of the text.
+    pub fn errors(&self) -> &[ConfigError] {
+        &self.errors
+    }
+}
+
+impl fmt::Display for ConfigErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for error in &self.errors {
+            writeln!(f, "{error}")?;
+            let Some((line, marked)) = &error.snippet else { continue };
+            // A long array is shown around the marked entry only.
+            let first = if marked.end > LONGEST_LINE { marked.start.saturating_sub(LONGEST_LINE / 2) } else { 0 };
+            let shown: String =
+                line.chars().skip(first).take(LONGEST_LINE).map(|c| if c.is_control() { ' ' } else { c }).collect();
+            let number = error.line.to_string();
+            let carets = marked.len().min(LONGEST_LINE.saturating_sub(marked.start - first)).max(1);
+            writeln!(f, " {number} | {shown}")?;
+            writeln!(f, " {:1$} | {2:3$}{4}", "", number.len(), "", marked.start - first, "^".repeat(carets))?;
+        }
+        match self.errors.len() {
+            1 => write!(f, "1 mistake"),
+            n => write!(f, "{n} mistakes"),
+        }
+    }
+}
+
+impl std::error::Error for ConfigErrors {}
+
+/// The last character boundary at or before byte `i`.
+fn floor_boundary(text: &str, i: usize) -> usize {
+    let mut i = i.min(text.len());
+    while !text.is_char_boundary(i) {
+        i -= 1;
+    }
+    i
+}
+
+/// One line, at most [`LONGEST_VALUE`] characters.
+fn shorten(value: &str) -> String {
+    let line = value.split_whitespace().collect::<Vec<_>>().join(" ");
+    if line.chars().count() <= LONGEST_VALUE {
+        return line;
+    }
+    line.chars().take(LONGEST_VALUE - 3).chain("...".chars()).collect()
+}
+
+/// The candidate nearest to `word`, if it is near enough to be what was meant.
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|c| (edit_distance(&word.to_lowercase(), &c.to_lowercase()), c))
+        .min()
+        .filter(|(d, c)| *d <= 1 + c.len().max(word.len()) / 3)
+        .map(|(_, c)| c)
+}
+
+/// Levenshtein distance: insertions, deletions and replacements that turn `a` into `b`.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distance_and_nearest_word() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(nearest("gear_ration", ["gear_ratio", "rotor_inertia"]), Some("gear_ratio"));
+        assert_eq!(nearest("colour", ["gear_ratio", "rotor_inertia"]), None);
+    }
+
+    #[test]
+    fn place_counts_characters_not_bytes() {
+        let text = "a = 1\n\"ü\" = -2\n";
+        let start = text.find("-2").expect("in the text");
+        let error = ConfigError::at(Path::new("r.toml"), text, &(start..start + 2), "ü", "-2", "must be > 0", "try 2");
+        assert_eq!((error.line, error.column), (2, 7));
+        assert_eq!(error.to_string(), "r.toml:2:7: ü = -2: must be > 0; try 2");
+    }
+}

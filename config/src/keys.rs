@@ -1,0 +1,368 @@
+//! Every key of a robot file, declared once: shape, unit, range, default, meaning.
+//!
+//! The reader, the error messages, `rivet check` and `docs/robot-toml.md` all come from this table.
+
+use std::fmt::Write as _;
+
+/// What a value looks like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// One number; an integer is accepted.
+    Number,
+    /// One whole number.
+    Integer,
+    /// `true` or `false`.
+    Bool,
+    /// Free text; its rule is in the meaning.
+    Text,
+    /// One of the words.
+    Choice(&'static [&'static str]),
+    /// Three numbers: x, y, z in base axes.
+    Vector,
+    /// One number per joint, base to flange.
+    PerJoint,
+    /// One number for all joints, or one per joint.
+    PerJointOrOne,
+    /// A joint: its number from 1, or its name in the URDF.
+    Joint,
+    /// `{ name = "...", value = ..., std = ... }`, one per base parameter.
+    Parameters,
+}
+
+/// Which numbers are allowed (of an array: each entry). All are finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bounds {
+    /// The shape says it all.
+    None,
+    /// `low <= x <= high`
+    Within(f64, f64),
+    /// `low < x <= high`
+    Above(f64, f64),
+    /// `|x| <= high`
+    Magnitude(f64),
+    /// `0 < |x| <= high`
+    NonZero(f64),
+}
+
+impl Bounds {
+    /// Whether `x` keeps the rule.
+    pub fn allow(self, x: f64) -> bool {
+        match self {
+            Bounds::None => true,
+            Bounds::Within(low, high) => (low..=high).contains(&x),
+            Bounds::Above(low, high) => low < x && x <= high,
+            Bounds::Magnitude(high) => x.abs() <= high,
+            Bounds::NonZero(high) => x != 0.0 && x.abs() <= high,
+        }
+    }
+
+    /// The rule as text, for example `0 < x <= 100`.
+    pub fn text(self) -> String {
+        match self {
+            Bounds::None => String::new(),
+            Bounds::Within(low, high) => format!("{low} <= x <= {high}"),
+            Bounds::Above(low, high) => format!("{low} < x <= {high}"),
+            Bounds::Magnitude(high) => format!("|x| <= {high}"),
+            Bounds::NonZero(high) => format!("0 < |x| <= {high}"),
+        }
+    }
+}
+
+/// What holds when the file does not give the key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fallback {
+    /// The file must give it (inside an optional section: once the section is there).
+    Required,
+    /// Nothing: the meaning says what happens then.
+    Absent,
+    /// Made from other values of the file, as the text says.
+    Derived(&'static str),
+    /// A number (of an array: for every joint).
+    Number(f64),
+    /// A whole number.
+    Integer(i64),
+    /// A switch.
+    Bool(bool),
+    /// A word or text.
+    Text(&'static str),
+}
+
+impl Fallback {
+    /// The default as text for the documentation.
+    pub fn text(self) -> String {
+        match self {
+            Fallback::Required => "required".into(),
+            Fallback::Absent => "none".into(),
+            Fallback::Derived(rule) => rule.into(),
+            Fallback::Number(x) => format!("{x}"),
+            Fallback::Integer(x) => format!("{x}"),
+            Fallback::Bool(x) => format!("{x}"),
+            Fallback::Text(x) => format!("\"{x}\""),
+        }
+    }
+}
+
+/// One key.
+#[derive(Debug)]
+pub struct Key {
+    /// Section, empty for the top of the file.
+    pub section: &'static str,
+    /// Name inside the section.
+    pub name: &'static str,
+    /// What the value looks like.
+    pub shape: Shape,
+    /// Unit, `-` for a pure number, empty for text.
+    pub unit: &'static str,
+    /// Allowed numbers.
+    pub bounds: Bounds,
+    /// What holds without it.
+    pub fallback: Fallback,
+    /// What it does, in a line or two.
+    pub meaning: &'static str,
+}
+
+impl Key {
+    /// `section.name`, or `name` at the top of the file.
+    pub fn path(&self) -> String {
+        if self.section.is_empty() { self.name.into() } else { format!("{}.{}", self.section, self.name) }
+    }
+}
+
+/// A section's line in the documentation, in the order of the documentation.
+pub const SECTIONS: &[(&str, &str)] = &[
+    ("", "Top of the file (contract). Required in every file."),
+    ("drive", "Drives (contract). One value per joint, at the joint side of the gear."),
+    ("friction", "Nominal friction (contract): `tau = coulomb*s(qd) + viscous*qd + offset`."),
+    (
+        "coupling",
+        "A motor that turns with two joints, as the wrist of the TX40: motor angle of `driven` ~ q_driving + q_driven. Adds to the \
+         torque of each of the two joints `rotor_inertia` times the acceleration and `viscous` times the velocity of the other, and \
+         `coulomb*s(qd_driving + qd_driven)`. The section as a whole is optional.",
+    ),
+    ("log", "How log files of this machine differ from the convention of the URDF."),
+    ("signal", "From samples to equations: differentiation, model filter, decimation."),
+    ("estimator", "The recursive estimator."),
+    ("supervision", "Which directions of the parameter space may move."),
+    ("publish", "How often results are published."),
+    ("realtime", "The daemon's real-time thread."),
+    ("controller", "The computed-torque controller."),
+    ("simulation", "What `rivet-sim` adds to the nominal model to stand in for the real arm."),
+    ("bus", "Where the shared memory of this robot lives. All processes of one robot must agree."),
+    (
+        "identified",
+        "Written by `rivet identify --export`: identified base parameters. The section as a whole is optional; the hash ties it to \
+         kinematics, gravity and structure of the model it was identified with.",
+    ),
+];
+
+/// A model filter above this share of the rate it is followed by folds back (Nyquist: 0.5).
+pub(crate) const HIGHEST_FILTER_SHARE: f64 = 0.45;
+
+use Bounds::{Above, Magnitude, NonZero, Within};
+use Fallback::{Absent, Derived, Required};
+use Shape::{Bool, Choice, Integer, Number, PerJoint, PerJointOrOne, Text};
+
+const fn key(
+    section: &'static str,
+    name: &'static str,
+    shape: Shape,
+    unit: &'static str,
+    bounds: Bounds,
+    fallback: Fallback,
+    meaning: &'static str,
+) -> Key {
+    Key { section, name, shape, unit, bounds, fallback, meaning }
+}
+
+/// All keys, in the order of the documentation.
+#[rustfmt::skip]
+pub const KEYS: &[Key] = &[
+    key("", "name", Text, "", Bounds::None, Required,
+        "Robot's name; part of every service name. 1 to 64 characters of a-z, 0-9, `-`, `_`, the first a letter or a digit."),
+    key("", "urdf", Text, "", Bounds::None, Required,
+        "URDF file, relative to the robot file: kinematics, bodies, limits."),
+    key("", "sample_period_s", Number, "s", Within(1e-4, 0.1), Required,
+        "Time from one sample to the next: of the controller, the daemon and the grid that logs are resampled to."),
+    key("", "gravity", Shape::Vector, "m/s^2", Magnitude(100.0), Required,
+        "Acceleration of free fall in base axes; `[0, 0, -9.81]` for an arm that stands upright."),
+
+    key("drive", "gear_ratio", PerJoint, "-", NonZero(1e5), Required,
+        "Motor angle over joint angle; negative where they turn against each other; 1 for a direct drive."),
+    key("drive", "rotor_inertia", PerJoint, "kg m^2", Within(0.0, 1e5), Required,
+        "Rotor inertia reflected to the joint, J_m*N^2 (what the joint feels); 0 where it is inside the link."),
+    key("drive", "torque_limit", PerJoint, "N m", Above(0.0, 1e6), Required,
+        "Largest torque at the joint; commands are clipped to it."),
+    key("drive", "encoder_resolution", PerJoint, "rad", Within(0.0, 0.1), Required,
+        "Smallest step of the position seen at the joint; 0 is not quantised."),
+    key("drive", "drive_gain", PerJoint, "N m/A", NonZero(1e5), Absent,
+        "Joint torque per ampere, for logs that carry currents instead of torques. Without it such logs are refused."),
+
+    key("friction", "coulomb", PerJoint, "N m", Within(0.0, 1e5), Required,
+        "Coulomb friction."),
+    key("friction", "viscous", PerJoint, "N m s/rad", Within(0.0, 1e6), Required,
+        "Viscous friction."),
+    key("friction", "offset", PerJoint, "N m", Magnitude(1e5), Required,
+        "Constant torque, for example asymmetric friction or the zero of the torque signal."),
+
+    key("coupling", "driving", Shape::Joint, "", Bounds::None, Required,
+        "Joint whose motion the motor of `driven` takes part in (TX40: 5)."),
+    key("coupling", "driven", Shape::Joint, "", Bounds::None, Required,
+        "Joint whose motor turns with both (TX40: 6)."),
+    key("coupling", "rotor_inertia", Number, "kg m^2", Magnitude(1e5), Required,
+        "Inertia that couples the two joints (Ia_m)."),
+    key("coupling", "viscous", Number, "N m s/rad", Magnitude(1e6), Required,
+        "Viscous friction that couples the two joints (Fv_m)."),
+    key("coupling", "coulomb", Number, "N m", Magnitude(1e5), Required,
+        "Coulomb friction of the sum of both speeds (Fc_m)."),
+
+    key("log", "joint_zero", PerJointOrOne, "rad", Magnitude(10.0), Fallback::Number(0.0),
+        "Added to the position columns (`q`, `q_des`, `q_link`) of log files to reach the zero of the URDF. Live samples are never shifted."),
+
+    key("signal", "differentiator", Choice(&["savitzky-golay", "central"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
+        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`) or differences of three samples (`central`)."),
+    key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
+        "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1)."),
+    key("signal", "model_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("20 Hz, at most 0.2 of the sample rate"),
+        "Cut-off of the low-pass over every regressor and instrument column and the torque. At most 0.45 of the rate after decimation."),
+    key("signal", "model_filter_order", Integer, "-", Within(2.0, 8.0), Fallback::Integer(4),
+        "Order of that Butterworth filter; even."),
+    key("signal", "decimation", Integer, "samples", Within(1.0, 1000.0), Derived("5 samples per period of the cut-off"),
+        "Every how manieth filtered sample reaches the estimator."),
+    key("signal", "friction_velocity", Number, "rad/s", Within(0.0, 1.0), Fallback::Number(0.004),
+        "v0 of the friction sign tanh(qd/v0); 0 is a hard sign."),
+    key("signal", "dead_zone", PerJointOrOne, "rad/s", Within(0.0, 1.0), Fallback::Number(0.01),
+        "A joint's equation is left out while the joint is slower than this: its friction is then not known. 0 uses all."),
+    key("signal", "torque_noise", PerJointOrOne, "N m", Above(0.0, 1e5), Absent,
+        "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
+         estimated while running."),
+
+    key("estimator", "kind", Choice(&["riv", "rls"]), "", Bounds::None, Fallback::Text("riv"),
+        "Recursive instrumental variables, or recursive least squares (biased by position noise; for comparison)."),
+    key("estimator", "offsets", Bool, "", Bounds::None, Derived("true where friction.offset is not all 0"),
+        "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
+    key("estimator", "window", Choice(&["exponential", "none"]), "", Bounds::None, Fallback::Text("exponential"),
+        "Forget old samples exponentially, or never (off-line on one record)."),
+    key("estimator", "window_s", Number, "s", Within(0.05, 3600.0), Fallback::Number(10.0),
+        "Time constant of the exponential window. At least 20 samples after decimation."),
+    key("estimator", "instruments", Choice(&["auto", "setpoint", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
+        "Instruments from the desired motion, from the measured motion `delay_s` ago, or desired where there is one and delayed where not."),
+    key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
+        "Age of delayed instruments. At least one sample period."),
+    key("estimator", "prior", Number, "-", Above(0.0, 1000.0), Fallback::Number(1.0),
+        "Relative standard deviation of the nominal parameters at the start; large is weak."),
+
+    key("supervision", "kind", Choice(&["columns", "eigen", "off"]), "", Bounds::None, Fallback::Text("columns"),
+        "By column norms, angles, trace and condition number; by eigenvalues of the information; or not at all."),
+
+    key("publish", "every", Integer, "samples", Within(1.0, 100_000.0), Fallback::Integer(100),
+        "Samples from one parameter message to the next."),
+    key("publish", "health_every", Integer, "samples", Within(1.0, 1_000_000.0), Fallback::Integer(1000),
+        "Samples from one health message to the next."),
+
+    key("realtime", "trigger", Choice(&["timer", "sample"]), "", Bounds::None, Fallback::Text("timer"),
+        "What starts a period: an absolute timer, or the arrival of a sample."),
+    key("realtime", "priority", Integer, "-", Within(0.0, 98.0), Fallback::Integer(80),
+        "SCHED_FIFO priority; 0 leaves the scheduler alone."),
+    key("realtime", "cpu", Integer, "-", Within(0.0, 1023.0), Absent,
+        "Processor the thread is bound to. Without it, the system chooses."),
+    key("realtime", "lock_memory", Bool, "", Bounds::None, Fallback::Bool(true),
+        "Lock all memory, so that no page fault reaches the loop."),
+    key("realtime", "required", Bool, "", Bounds::None, Fallback::Bool(false),
+        "Refuse to start where priority, processor or locking are denied; otherwise say so and run without."),
+    key("realtime", "catch_up", Integer, "samples", Within(1.0, 1000.0), Fallback::Integer(16),
+        "Most queued samples the daemon takes in one period after a delay."),
+    key("realtime", "stale_periods", Integer, "periods", Within(1.0, 100_000.0), Fallback::Integer(20),
+        "Periods without a new sample after which the daemon reports the input as stale."),
+
+    key("controller", "bandwidth_hz", PerJointOrOne, "Hz", Within(0.01, 200.0), Derived("5 Hz, at most 0.02 of the sample rate"),
+        "Bandwidth of the closed position loop: gains are w^2 and 2*damping*w with w = 2*pi*bandwidth. At most a tenth of the sample rate."),
+    key("controller", "damping", Number, "-", Within(0.1, 5.0), Fallback::Number(1.0),
+        "Damping ratio of the closed position loop."),
+    key("controller", "velocity_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("100 Hz, at most 0.2 of the sample rate"),
+        "Cut-off of the low-pass over the velocity that the controller differentiates from the positions."),
+    key("controller", "rate_limit", PerJointOrOne, "N m/s", Above(0.0, 1e9), Absent,
+        "Fastest change of the commanded torque. Without it, only the torque itself is limited."),
+    key("controller", "stale_periods", Integer, "periods", Within(1.0, 1000.0), Fallback::Integer(10),
+        "Periods without a new sample after which the command ramps to the torque that holds the last known pose."),
+
+    key("simulation", "torque_noise", PerJointOrOne, "N m", Within(0.0, 1e5), Fallback::Number(0.0),
+        "Standard deviation of the white noise on the published torque."),
+    key("simulation", "position_noise", PerJointOrOne, "rad", Within(0.0, 0.1), Fallback::Number(0.0),
+        "Standard deviation of the white noise on the position, before it is quantised."),
+    key("simulation", "seed", Integer, "-", Within(0.0, 4_294_967_295.0), Fallback::Integer(1),
+        "Seed of the noise: the same seed, the same run."),
+
+    key("bus", "prefix", Text, "", Bounds::None, Fallback::Text("rivet_"),
+        "Beginning of every shared-memory name. 1 to 32 characters of a-z, 0-9, `_`."),
+    key("bus", "root", Text, "", Bounds::None, Fallback::Text("/tmp/rivet"),
+        "Directory of the bus's management files; absolute. Under systemd: `/run/rivet`."),
+
+    key("identified", "hash", Text, "", Bounds::None, Required,
+        "Hash of the model the values belong to, 16 hexadecimal digits."),
+    key("identified", "parameters", Shape::Parameters, "", Bounds::None, Required,
+        "Every base parameter of the model, with value and standard deviation in the parameter's unit."),
+];
+
+/// The declaration of a key.
+pub(crate) fn find(section: &str, name: &str) -> Option<&'static Key> {
+    KEYS.iter().find(|k| k.section == section && k.name == name)
+}
+
+/// Names of the keys of a section.
+pub(crate) fn names(section: &str) -> impl Iterator<Item = &'static str> {
+    KEYS.iter().filter(move |k| k.section == section).map(|k| k.name)
+}
+
+/// `docs/robot-toml.md`, made from the table above (`cargo run -p rivet-config --example reference`).
+pub fn reference() -> String {
+    let mut out = String::from(include_str!("reference_head.md"));
+    for (section, meaning) in SECTIONS {
+        let title = if section.is_empty() { "(top)".into() } else { format!("[{section}]") };
+        // Writing to a String cannot fail.
+        let _ = write!(out, "\n## {title}\n\n{meaning}\n\n");
+        out.push_str("| key | value | unit | range | default | meaning |\n|---|---|---|---|---|---|\n");
+        for key in KEYS.iter().filter(|k| k.section == *section) {
+            let shape = match key.shape {
+                Shape::Number => "number".into(),
+                Shape::Integer => "integer".into(),
+                Shape::Bool => "true, false".into(),
+                Shape::Text => "text".into(),
+                Shape::Choice(words) => words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(", "),
+                Shape::Vector => "[x, y, z]".into(),
+                Shape::PerJoint => "one per joint".into(),
+                Shape::PerJointOrOne => "one, or one per joint".into(),
+                Shape::Joint => "joint number from 1, or joint name".into(),
+                Shape::Parameters => "array of { name, value, std }".to_string(),
+            };
+            let range = key.bounds.text().replace('|', "\\|");
+            let (name, unit, default, meaning) = (key.name, key.unit, key.fallback.text(), key.meaning);
+            let _ = writeln!(out, "| `{name}` | {shape} | {unit} | {range} | {default} | {meaning} |");
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_is_sound() {
+        for (i, key) in KEYS.iter().enumerate() {
+            assert!(SECTIONS.iter().any(|(s, _)| *s == key.section), "{}: section has no line", key.path());
+            assert!(!KEYS[..i].iter().any(|k| k.path() == key.path()), "{} declared twice", key.path());
+            match key.fallback {
+                Fallback::Number(x) => assert!(key.bounds.allow(x), "{}: default outside its range", key.path()),
+                Fallback::Integer(x) => {
+                    assert!(key.bounds.allow(x as f64), "{}: default outside its range", key.path())
+                }
+                Fallback::Text(x) => {
+                    if let Shape::Choice(words) = key.shape {
+                        assert!(words.contains(&x), "{}: default is no choice", key.path());
+                    }
+                }
+                Fallback::Required | Fallback::Absent | Fallback::Derived(_) | Fallback::Bool(_) => {}
+            }
+        }
+    }
+}

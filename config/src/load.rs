@@ -1,0 +1,247 @@
+//! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, WristCoupling, model_hash};
+use toml::de::DeTable;
+
+use crate::error::{ConfigError, ConfigErrors};
+use crate::reader::{RawParameter, Reader};
+use crate::sections::{self, Coupling, Friction, RobotConfig};
+use crate::supervision::supervision;
+
+/// A robot file with the model it describes.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    /// The checked file.
+    pub config: RobotConfig,
+    /// Kinematics, bodies and the structure of the drives.
+    pub model: Arc<Model>,
+    /// The base parameters of the model.
+    pub base: Arc<BaseSet>,
+    /// What the base parameters mean: two processes with the same hash may exchange them.
+    pub hash: u64,
+    /// Nominal standard parameters: bodies of the URDF, drives and friction of the file.
+    pub nominal: Vec<f64>,
+    /// Nominal base parameters.
+    pub nominal_base: Vec<f64>,
+    /// Identified base parameters, where the file has them.
+    pub identified: Option<Identified>,
+}
+
+/// Identified base parameters, in the order of [`Robot::base`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Values, in each parameter's unit.
+    pub values: Vec<f64>,
+    /// Standard deviations, in each parameter's unit.
+    pub std: Vec<f64>,
+}
+
+impl Robot {
+    /// Number of joints.
+    pub fn dof(&self) -> usize {
+        self.model.arm.dof()
+    }
+
+    /// The best base parameters the file knows: identified ones, else nominal.
+    pub fn base_parameters(&self) -> &[f64] {
+        self.identified.as_ref().map_or(&self.nominal_base, |i| &i.values)
+    }
+}
+
+/// Reads a robot file and everything it refers to.
+///
+/// # Errors
+/// Every mistake in the file, not only the first.
+pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
+    let path = path.as_ref();
+    let whole = |why: &str, hint: &str| ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]);
+    let bytes = fs::read(path).map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
+    let text = String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))?;
+    parse(path, &text)
+}
+
+/// As [`load`], with the text of the file given; `path` names it and anchors relative paths.
+///
+/// # Errors
+/// Every mistake in the text, not only the first.
+pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
+    let (root, syntax) = DeTable::parse_recoverable(text);
+    let syntax = syntax.iter().map(|e| syntax_error(path, text, e)).collect();
+    let mut reader = Reader::new(path, text, &root, syntax);
+
+    let name = sections::name(&mut reader);
+    let written_urdf = reader.text("", "urdf");
+    let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
+    let sample_period_s = reader.number("", "sample_period_s");
+    let gravity = sections::gravity(&mut reader);
+    let arm = if written_urdf.is_empty() { None } else { read_arm(&mut reader, &urdf, gravity) };
+    if let Some(arm) = &arm {
+        reader.set_joints(arm.joints.iter().map(|j| j.name.clone()).collect());
+    }
+    let drive = sections::drive(&mut reader);
+    let friction = sections::friction(&mut reader);
+    let coupling = sections::coupling(&mut reader);
+    let log = sections::log(&mut reader);
+    let signal = sections::signal(&mut reader, sample_period_s);
+    let estimator = sections::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
+    let supervision = supervision(&mut reader);
+    let publish = sections::publish(&mut reader);
+    let realtime = sections::realtime(&mut reader);
+    let controller = sections::controller(&mut reader, sample_period_s);
+    let simulation = sections::simulation(&mut reader);
+    let bus = sections::bus(&mut reader);
+    let given = reader.has_section("identified").then(|| {
+        let hash = reader.text("identified", "hash");
+        (hash, reader.parameters("identified", "parameters"))
+    });
+
+    // The model is only made from values without a mistake; its own mistakes join the list.
+    let built = match arm {
+        Some(arm) if reader.clean() => {
+            let structure = Structure {
+                offset: estimator.offsets,
+                coupling: coupling.as_ref().map(|c| WristCoupling { driving: c.driving, driven: c.driven }),
+                sign_velocity: signal.friction_velocity,
+            };
+            let model = Model::new(arm, structure);
+            let base = BaseSet::new(&model);
+            if let Err(why) = &base {
+                let hint = "round off what is nearly parallel or nearly zero in the URDF's kinematics";
+                reader.reject("", "urdf", format!("base parameters are unclear: {why}"), hint);
+            }
+            base.ok().map(|base| (model, base))
+        }
+        _ => None,
+    };
+    let hash = built.as_ref().map_or(0, |(model, base)| model_hash(model, base));
+    let identified = match (&built, given) {
+        (Some((model, base)), Some((written, parameters))) => {
+            identified(&mut reader, model, base, hash, &written, &parameters)
+        }
+        _ => None,
+    };
+
+    let (resolved, errors) = reader.finish();
+    let Some((model, base)) = built.filter(|_| errors.is_empty()) else {
+        return Err(ConfigErrors::new(errors));
+    };
+    let nominal = model.nominal(&joints(&drive.rotor_inertia, &friction, coupling.as_ref()));
+    let nominal_base = base.from_standard(&nominal);
+    let config = RobotConfig {
+        path: path.to_path_buf(),
+        name,
+        urdf,
+        sample_period_s,
+        gravity,
+        drive,
+        friction,
+        coupling,
+        log,
+        signal,
+        estimator,
+        supervision,
+        publish,
+        realtime,
+        controller,
+        simulation,
+        bus,
+        resolved,
+    };
+    Ok(Robot { config, model: Arc::new(model), base: Arc::new(base), hash, nominal, nominal_base, identified })
+}
+
+/// Reads the URDF; whatever is wrong with it is a mistake of the key `urdf`.
+fn read_arm(reader: &mut Reader<'_>, urdf: &Path, gravity: [f64; 3]) -> Option<Arm> {
+    let shown = urdf.display();
+    let text = match fs::read_to_string(urdf) {
+        Ok(text) => text,
+        Err(why) => {
+            reader.reject("", "urdf", format!("{shown} cannot be read ({why})"), "the path is relative to this file");
+            return None;
+        }
+    };
+    // A wrong gravity is a mistake of its own; the arm is still wanted for its joint count.
+    let gravity = if gravity.iter().all(|g| g.is_finite()) { gravity } else { [0.0; 3] };
+    match Arm::from_urdf(&text, gravity) {
+        Ok(arm) => Some(arm),
+        Err(why) => {
+            reader.reject("", "urdf", why.to_string(), format!("correct it in {shown}"));
+            None
+        }
+    }
+}
+
+/// Drive values as the model takes them.
+fn joints(rotor_inertia: &[f64], friction: &Friction, coupling: Option<&Coupling>) -> Joints {
+    Joints {
+        rotor_inertia: rotor_inertia.to_vec(),
+        viscous: friction.viscous.clone(),
+        coulomb: friction.coulomb.clone(),
+        offset: friction.offset.clone(),
+        coupling: coupling.map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
+    }
+}
+
+/// Puts the entries of `[identified]` into the order of the base parameters.
+fn identified(
+    reader: &mut Reader<'_>,
+    model: &Model,
+    base: &BaseSet,
+    hash: u64,
+    written: &str,
+    parameters: &[RawParameter],
+) -> Option<Identified> {
+    if u64::from_str_radix(written, 16) != Ok(hash) || written.len() != 16 {
+        let rule = format!("must be the hash of this model, {hash:016x}");
+        let hint =
+            "the values belong to other kinematics, gravity or structure: identify again, or remove [identified]";
+        reader.reject("identified", "hash", rule, hint);
+        return None;
+    }
+    let names: Vec<String> = (0..base.len()).map(|i| base.name(model, i)).collect();
+    let mut found: Vec<Option<(f64, f64)>> = vec![None; names.len()];
+    for raw in parameters {
+        let Some(i) = names.iter().position(|n| *n == raw.name) else {
+            let near = crate::error::nearest(&raw.name, names.iter().map(String::as_str));
+            let hint = near.map_or("see `rivet check` for the names".into(), |n| format!("did you mean \"{n}\"?"));
+            let rule = format!("\"{}\" is no base parameter of this model", raw.name);
+            reader.reject_at("identified", "parameters", &raw.span, rule, hint);
+            return None;
+        };
+        if found[i].replace((raw.value, raw.std)).is_some() {
+            let rule = format!("\"{}\" is given twice", raw.name);
+            reader.reject_at("identified", "parameters", &raw.span, rule, "keep one of the two");
+            return None;
+        }
+    }
+    if let Some(i) = found.iter().position(Option::is_none) {
+        let rule = format!("has {} values, the model has {} base parameters", parameters.len(), names.len());
+        reader.reject("identified", "parameters", rule, format!("\"{}\" is missing", names[i]));
+        return None;
+    }
+    let (values, std) = found.into_iter().flatten().unzip();
+    Some(Identified { values, std })
+}
+
+/// A mistake of the TOML itself.
+fn syntax_error(path: &Path, text: &str, error: &toml::de::Error) -> ConfigError {
+    let span = error.span().unwrap_or(0..0);
+    let start = span.start.min(text.len());
+    let line = text[..start].rfind('\n').map_or(0, |i| i + 1);
+    let end = text[start..].find('\n').map_or(text.len(), |i| start + i);
+    let (key, value) = match text[line..end].split_once('=') {
+        Some((key, value)) => (key.trim(), value.trim()),
+        None => ("", text[line..end].trim()),
+    };
+    let hint = match error.message() {
+        m if m.contains("duplicate") => "remove one of the two",
+        m if m.contains("string") => "close the text with a double quote",
+        m if m.contains("array") => "separate the values with commas and close the bracket",
+        _ => "the file is TOML: `key = value` lines below `[section]` lines",
+    };
+    ConfigError::at(path, text, &span, key, value, error.message(), hint)
+}

@@ -1,0 +1,460 @@
+//! The sections of a robot file as checked values.
+
+use std::path::PathBuf;
+
+use crate::keys::HIGHEST_FILTER_SHARE;
+use crate::reader::{Reader, Resolved};
+use crate::supervision::Supervision;
+
+/// A robot file, checked. Per-joint vectors have one entry per joint of the URDF, base to flange.
+#[derive(Clone, Debug)]
+pub struct RobotConfig {
+    /// The file this was read from.
+    pub path: PathBuf,
+    /// Robot's name, part of every service name.
+    pub name: String,
+    /// The URDF, resolved against the robot file's directory.
+    pub urdf: PathBuf,
+    /// Time between samples \[s\].
+    pub sample_period_s: f64,
+    /// Gravity in base axes \[m/s²\].
+    pub gravity: [f64; 3],
+    /// `[drive]`
+    pub drive: Drive,
+    /// `[friction]`
+    pub friction: Friction,
+    /// `[coupling]`, for arms with a coupled wrist.
+    pub coupling: Option<Coupling>,
+    /// `[log]`
+    pub log: Log,
+    /// `[signal]`
+    pub signal: Signal,
+    /// `[estimator]`
+    pub estimator: Estimator,
+    /// `[supervision]`
+    pub supervision: Supervision,
+    /// `[publish]`
+    pub publish: Publish,
+    /// `[realtime]`
+    pub realtime: Realtime,
+    /// `[controller]`
+    pub controller: Controller,
+    /// `[simulation]`
+    pub simulation: Simulation,
+    /// `[bus]`
+    pub bus: Bus,
+    /// Every key with its value and where it came from, in the order of reading.
+    pub resolved: Vec<Resolved>,
+}
+
+/// `[drive]`: joint side of the gear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drive {
+    /// Motor angle over joint angle, signed.
+    pub gear_ratio: Vec<f64>,
+    /// Reflected rotor inertia J_m·N² \[kg m²\].
+    pub rotor_inertia: Vec<f64>,
+    /// Largest torque \[N m\].
+    pub torque_limit: Vec<f64>,
+    /// Smallest position step \[rad\]; 0 is not quantised.
+    pub encoder_resolution: Vec<f64>,
+    /// Torque per ampere \[N m/A\], where logs carry currents.
+    pub drive_gain: Option<Vec<f64>>,
+}
+
+/// `[friction]`: nominal values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Friction {
+    /// Coulomb friction \[N m\].
+    pub coulomb: Vec<f64>,
+    /// Viscous friction \[N m s/rad\].
+    pub viscous: Vec<f64>,
+    /// Constant torque \[N m\].
+    pub offset: Vec<f64>,
+}
+
+/// `[coupling]`: the motor of `driven` turns with q_driving + q_driven.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coupling {
+    /// Joint index, from 0.
+    pub driving: usize,
+    /// Joint index, from 0.
+    pub driven: usize,
+    /// Ia_m \[kg m²\].
+    pub rotor_inertia: f64,
+    /// Fv_m \[N m s/rad\].
+    pub viscous: f64,
+    /// Fc_m \[N m\].
+    pub coulomb: f64,
+}
+
+/// `[log]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Added to the position columns of log files \[rad\].
+    pub joint_zero: Vec<f64>,
+}
+
+/// `[signal] differentiator`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Differentiator {
+    /// Local cubic over `2·half_width + 1` samples.
+    SavitzkyGolay {
+        /// Samples on each side.
+        half_width: usize,
+    },
+    /// Differences of three samples.
+    Central,
+}
+
+/// `[signal]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// How velocity and acceleration come from positions.
+    pub differentiator: Differentiator,
+    /// Cut-off of the model filter \[Hz\].
+    pub model_filter_hz: f64,
+    /// Order of the model filter, even.
+    pub model_filter_order: usize,
+    /// Samples per estimator update.
+    pub decimation: usize,
+    /// v0 of tanh(qd/v0) \[rad/s\]; 0 is a hard sign.
+    pub friction_velocity: f64,
+    /// A joint's equation is left out below this speed \[rad/s\].
+    pub dead_zone: Vec<f64>,
+    /// Standard deviation of the filtered torque residual \[N m\]; `None` is estimated while running.
+    pub torque_noise: Option<Vec<f64>>,
+}
+
+/// `[estimator] kind`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstimatorKind {
+    /// Recursive instrumental variables.
+    Riv,
+    /// Recursive least squares.
+    Rls,
+}
+
+/// `[estimator] instruments`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruments {
+    /// Desired motion where there is one, delayed measurement where not.
+    Auto {
+        /// Age of delayed instruments \[s\].
+        delay_s: f64,
+    },
+    /// Desired motion.
+    Setpoint,
+    /// Measured motion some time ago.
+    Delayed {
+        /// How long ago \[s\].
+        delay_s: f64,
+    },
+}
+
+/// `[estimator]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimator {
+    /// Which estimator.
+    pub kind: EstimatorKind,
+    /// Whether a constant torque per joint is identified.
+    pub offsets: bool,
+    /// Time constant of the exponential window \[s\]; `None` never forgets.
+    pub window_s: Option<f64>,
+    /// Where instruments come from.
+    pub instruments: Instruments,
+    /// Relative standard deviation of the nominal parameters.
+    pub prior: f64,
+}
+
+/// `[publish]`
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Publish {
+    /// Samples between parameter messages.
+    pub every: usize,
+    /// Samples between health messages.
+    pub health_every: usize,
+}
+
+/// `[realtime] trigger`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trigger {
+    /// Absolute timer.
+    Timer,
+    /// Arrival of a sample.
+    Sample,
+}
+
+/// `[realtime]`
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Realtime {
+    /// What starts a period.
+    pub trigger: Trigger,
+    /// SCHED_FIFO priority; `None` leaves the scheduler alone.
+    pub priority: Option<u8>,
+    /// Processor of the thread; `None` lets the system choose.
+    pub cpu: Option<usize>,
+    /// Lock all memory.
+    pub lock_memory: bool,
+    /// Refuse to start without the above.
+    pub required: bool,
+    /// Most queued samples taken in one period.
+    pub catch_up: usize,
+    /// Periods without a sample until the input counts as stale.
+    pub stale_periods: usize,
+}
+
+/// `[controller]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Controller {
+    /// Bandwidth of the closed position loop \[Hz\].
+    pub bandwidth_hz: Vec<f64>,
+    /// Damping ratio.
+    pub damping: f64,
+    /// Cut-off of the velocity's low-pass \[Hz\].
+    pub velocity_filter_hz: f64,
+    /// Fastest change of the torque \[N m/s\].
+    pub rate_limit: Option<Vec<f64>>,
+    /// Periods without a sample until the controller stops following the setpoint.
+    pub stale_periods: usize,
+}
+
+/// `[simulation]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulation {
+    /// Standard deviation of the published torque's noise \[N m\].
+    pub torque_noise: Vec<f64>,
+    /// Standard deviation of the position's noise \[rad\], before it is quantised.
+    pub position_noise: Vec<f64>,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// `[bus]`
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// Beginning of every shared-memory name.
+    pub prefix: String,
+    /// Directory of the management files.
+    pub root: PathBuf,
+}
+
+/// `value` of a choice; the reader has refused every other word.
+fn chosen<T: Copy>(word: &str, choices: &[(&str, T)]) -> T {
+    choices.iter().find(|(w, _)| *w == word).map_or(choices[0].1, |(_, t)| *t)
+}
+
+pub(crate) fn name(reader: &mut Reader<'_>) -> String {
+    let name = reader.text("", "name");
+    let fits = (1..=64).contains(&name.len())
+        && name.bytes().all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_'))
+        && name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    if !fits && reader.has("", "name") && reader.good(&[("", "name")]) {
+        let rule = "must be 1 to 64 characters of a-z, 0-9, -, _, the first a letter or a digit";
+        let lower: String =
+            name.to_lowercase().chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).collect();
+        let lower = lower.trim_matches(['-', '_']).to_owned();
+        let hint = if lower.is_empty() { "for example \"ur10e\"".into() } else { format!("for example \"{lower}\"") };
+        reader.reject("", "name", rule, hint);
+    }
+    name
+}
+
+pub(crate) fn gravity(reader: &mut Reader<'_>) -> [f64; 3] {
+    reader.numbers("", "gravity").try_into().unwrap_or([f64::NAN; 3])
+}
+
+pub(crate) fn drive(reader: &mut Reader<'_>) -> Drive {
+    Drive {
+        gear_ratio: reader.numbers("drive", "gear_ratio"),
+        rotor_inertia: reader.numbers("drive", "rotor_inertia"),
+        torque_limit: reader.numbers("drive", "torque_limit"),
+        encoder_resolution: reader.numbers("drive", "encoder_resolution"),
+        drive_gain: reader.optional_numbers("drive", "drive_gain"),
+    }
+}
+
+pub(crate) fn friction(reader: &mut Reader<'_>) -> Friction {
+    Friction {
+        coulomb: reader.numbers("friction", "coulomb"),
+        viscous: reader.numbers("friction", "viscous"),
+        offset: reader.numbers("friction", "offset"),
+    }
+}
+
+pub(crate) fn coupling(reader: &mut Reader<'_>) -> Option<Coupling> {
+    if !reader.has_section("coupling") {
+        return None;
+    }
+    let (driving, driven) = (reader.joint("coupling", "driving"), reader.joint("coupling", "driven"));
+    if driving.is_some() && driving == driven {
+        reader.reject(
+            "coupling",
+            "driven",
+            "must be another joint than `driving`",
+            "on the TX40 driving is 5, driven is 6",
+        );
+    }
+    let (rotor_inertia, viscous) = (reader.number("coupling", "rotor_inertia"), reader.number("coupling", "viscous"));
+    let coulomb = reader.number("coupling", "coulomb");
+    Some(Coupling { driving: driving?, driven: driven?, rotor_inertia, viscous, coulomb })
+}
+
+pub(crate) fn log(reader: &mut Reader<'_>) -> Log {
+    Log { joint_zero: reader.numbers("log", "joint_zero") }
+}
+
+pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
+    // Defaults are for a geared arm at 1 kHz and scale with the sample period, so that any contract-only file works.
+    let period = if sample_period_s.is_finite() { sample_period_s } else { 1e-3 };
+    reader.derive("signal", "half_width", (0.01 / period).round().max(2.0));
+    reader.derive("signal", "model_filter_hz", (0.2 / period).min(20.0));
+    let word = reader.text("signal", "differentiator");
+    let half_width = reader.count("signal", "half_width");
+    let differentiator = chosen(
+        &word,
+        &[("savitzky-golay", Differentiator::SavitzkyGolay { half_width }), ("central", Differentiator::Central)],
+    );
+    let model_filter_hz = reader.number("signal", "model_filter_hz");
+    let model_filter_order = reader.count("signal", "model_filter_order");
+    reader.derive("signal", "decimation", (1.0 / (5.0 * period * model_filter_hz)).clamp(1.0, 1000.0).round());
+    let decimation = reader.count("signal", "decimation");
+    if model_filter_order % 2 == 1 && reader.good(&[("signal", "model_filter_order")]) {
+        let hint = format!("use {} or {}", (model_filter_order - 1).max(2), model_filter_order + 1);
+        reader.reject("signal", "model_filter_order", "must be even", hint);
+    }
+    let highest = HIGHEST_FILTER_SHARE / (sample_period_s * decimation as f64);
+    if reader.good(&[("signal", "model_filter_hz"), ("signal", "decimation"), ("", "sample_period_s")])
+        && model_filter_hz > highest
+    {
+        let rate = 1.0 / (sample_period_s * decimation as f64);
+        let rule = format!("model_filter_hz must be at most 0.45 of the rate after decimation, here {highest:.4} Hz");
+        let fits = (HIGHEST_FILTER_SHARE / (sample_period_s * model_filter_hz)).floor();
+        if fits >= 1.0 && reader.has("signal", "decimation") {
+            let hint = format!("the rate is {rate:.4} Hz; set decimation to {fits} or less for {model_filter_hz} Hz");
+            reader.reject("signal", "decimation", rule, hint);
+        } else {
+            reader.reject("signal", "model_filter_hz", rule, format!("the rate is {rate:.4} Hz; lower the cut-off"));
+        }
+    }
+    Signal {
+        differentiator,
+        model_filter_hz,
+        model_filter_order,
+        decimation,
+        friction_velocity: reader.number("signal", "friction_velocity"),
+        dead_zone: reader.numbers("signal", "dead_zone"),
+        torque_noise: reader.optional_numbers("signal", "torque_noise"),
+    }
+}
+
+pub(crate) fn estimator(
+    reader: &mut Reader<'_>,
+    sample_period_s: f64,
+    decimation: usize,
+    friction: &Friction,
+) -> Estimator {
+    let kind = chosen(&reader.text("estimator", "kind"), &[("riv", EstimatorKind::Riv), ("rls", EstimatorKind::Rls)]);
+    let has_offset = friction.offset.iter().any(|x| *x != 0.0);
+    reader.derive("estimator", "offsets", f64::from(u8::from(has_offset)));
+    let offsets = reader.switch("estimator", "offsets");
+    if !offsets && has_offset && reader.good(&[("estimator", "offsets")]) {
+        let rule = "must be true while friction.offset is not all 0: the model would leave that torque out";
+        reader.reject("estimator", "offsets", rule, "set it to true, or friction.offset to 0");
+    }
+    let forgets = reader.text("estimator", "window") != "none";
+    let window_s = reader.number("estimator", "window_s");
+    let keys = [("estimator", "window_s"), ("", "sample_period_s"), ("signal", "decimation")];
+    let shortest = 20.0 * sample_period_s * decimation as f64;
+    if forgets && reader.good(&keys) && window_s < shortest {
+        let rule = format!("must hold at least 20 samples after decimation, here {shortest:.4} s");
+        reader.reject("estimator", "window_s", rule, "lengthen the window or lower signal.decimation");
+    }
+    let word = reader.text("estimator", "instruments");
+    reader.derive("estimator", "delay_s", (2.0 * sample_period_s).max(0.02));
+    let delay_s = reader.number("estimator", "delay_s");
+    if reader.good(&[("estimator", "delay_s"), ("", "sample_period_s")]) && delay_s < sample_period_s {
+        let rule = format!("must be at least one sample period, here {sample_period_s} s");
+        reader.reject("estimator", "delay_s", rule, "longer than the noise is correlated, shorter than the motion");
+    }
+    let instruments = chosen(
+        &word,
+        &[
+            ("auto", Instruments::Auto { delay_s }),
+            ("setpoint", Instruments::Setpoint),
+            ("delayed", Instruments::Delayed { delay_s }),
+        ],
+    );
+    let prior = reader.number("estimator", "prior");
+    Estimator { kind, offsets, window_s: forgets.then_some(window_s), instruments, prior }
+}
+
+pub(crate) fn publish(reader: &mut Reader<'_>) -> Publish {
+    Publish { every: reader.count("publish", "every"), health_every: reader.count("publish", "health_every") }
+}
+
+pub(crate) fn realtime(reader: &mut Reader<'_>) -> Realtime {
+    let trigger =
+        chosen(&reader.text("realtime", "trigger"), &[("timer", Trigger::Timer), ("sample", Trigger::Sample)]);
+    let priority = reader.optional_integer("realtime", "priority").and_then(|p| u8::try_from(p).ok());
+    let cpu = reader.optional_integer("realtime", "cpu").and_then(|c| usize::try_from(c).ok());
+    Realtime {
+        trigger,
+        priority: priority.filter(|p| *p > 0),
+        cpu,
+        lock_memory: reader.switch("realtime", "lock_memory"),
+        required: reader.switch("realtime", "required"),
+        catch_up: reader.count("realtime", "catch_up"),
+        stale_periods: reader.count("realtime", "stale_periods"),
+    }
+}
+
+pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64) -> Controller {
+    reader.derive("controller", "bandwidth_hz", (0.02 / sample_period_s).min(5.0));
+    reader.derive("controller", "velocity_filter_hz", (0.2 / sample_period_s).min(100.0));
+    let bandwidth_hz = reader.numbers("controller", "bandwidth_hz");
+    let velocity_filter_hz = reader.number("controller", "velocity_filter_hz");
+    if reader.good(&[("", "sample_period_s")]) {
+        // A sampled loop whose bandwidth nears a tenth of its rate has no phase left for differentiation and delay.
+        let highest = 0.1 / sample_period_s;
+        let rule = format!("must be at most a tenth of the sample rate, here {highest:.4} Hz");
+        if let Some(i) = bandwidth_hz.iter().position(|b| *b > highest) {
+            reader.reject_entry("controller", "bandwidth_hz", i, rule, "lower the bandwidth".into());
+        }
+        let highest = HIGHEST_FILTER_SHARE / sample_period_s;
+        if reader.good(&[("controller", "velocity_filter_hz")]) && velocity_filter_hz > highest {
+            let rule = format!("must be at most 0.45 of the sample rate, here {highest:.4} Hz");
+            reader.reject("controller", "velocity_filter_hz", rule, "lower the cut-off");
+        }
+    }
+    Controller {
+        bandwidth_hz,
+        damping: reader.number("controller", "damping"),
+        velocity_filter_hz,
+        rate_limit: reader.optional_numbers("controller", "rate_limit"),
+        stale_periods: reader.count("controller", "stale_periods"),
+    }
+}
+
+pub(crate) fn simulation(reader: &mut Reader<'_>) -> Simulation {
+    Simulation {
+        torque_noise: reader.numbers("simulation", "torque_noise"),
+        position_noise: reader.numbers("simulation", "position_noise"),
+        seed: reader.optional_integer("simulation", "seed").map_or(0, i64::unsigned_abs),
+    }
+}
+
+pub(crate) fn bus(reader: &mut Reader<'_>) -> Bus {
+    let prefix = reader.text("bus", "prefix");
+    let fits =
+        (1..=32).contains(&prefix.len()) && prefix.bytes().all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'_'));
+    if !fits && reader.good(&[("bus", "prefix")]) {
+        reader.reject("bus", "prefix", "must be 1 to 32 characters of a-z, 0-9, _", "for example \"rivet_\"");
+    }
+    let root = PathBuf::from(reader.text("bus", "root"));
+    if !root.is_absolute() && reader.good(&[("bus", "root")]) {
+        let hint = "all processes must agree, wherever they were started: for example \"/run/rivet\"";
+        reader.reject("bus", "root", "must be an absolute path", hint);
+    }
+    Bus { prefix, root }
+}
