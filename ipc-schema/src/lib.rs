@@ -1,1 +1,50 @@
-//! rivet-ipc-schema
+//! What rivet's processes say to each other: messages of fixed layout, service names, and the shared-memory
+//! bus that carries them. The only crate that names `iceoryx2`.
+//!
+//! ```no_run
+//! use rivet_ipc_schema::{Bus, BusConfig, JointState, RobotName};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let robot = RobotName::new("ur10e")?;
+//! let bus = Bus::open(&BusConfig::default(), &robot, "example")?;
+//! let joint_state = bus.joint_state_subscriber()?;
+//! while let Some(sample) = joint_state.receive()? {
+//!     println!("{}: {:?}", sample.seq, &sample.q[..sample.count()]);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Who may call what in a real-time thread
+//!
+//! [`Subscriber::receive`], [`BlackboardReader::latest`] and [`BlackboardWriter::write`] neither allocate nor
+//! make a system call (as long as no publisher joins or leaves). Everything else does: publishers, events,
+//! control and every opening belong on another thread. A [`Bus`] and its ports stay on the thread that
+//! opened them; a second thread opens its own.
+
+mod blackboard;
+mod bus;
+mod cleanup;
+mod control;
+mod error;
+mod event;
+mod layout;
+mod messages;
+mod name;
+mod pubsub;
+mod version;
+
+pub use blackboard::{BlackboardReader, BlackboardWriter};
+pub use bus::{Bus, BusConfig};
+pub use cleanup::{Leftovers, PrivateBus, cleanup, purge};
+pub use control::{ControlClient, ControlServer};
+pub use error::{BusError, PortError, Verdict, VersionMismatch};
+pub use event::{Listener, Notifier};
+pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
+pub use messages::{
+    Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, DaemonMode, HISTOGRAM_BINS,
+    Health, InstrumentSource, JointState, MAX_JOINTS, MAX_PARAMETERS, Message, ParameterState, Parameters, Setpoint,
+    Stamped, UnknownValue, faults, parameter_flags,
+};
+pub use name::{RobotName, Service};
+pub use pubsub::{Publisher, Subscriber};

@@ -1,0 +1,261 @@
+//! Opening the bus of one robot and its ports.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::prelude::{
+    Config, FileName, LogLevel, NodeBuilder, NodeName, Path, SemanticString, ServiceName, SignalHandlingMode, ipc,
+    set_log_level_from_env_or,
+};
+
+use crate::blackboard::{BlackboardReader, BlackboardWriter};
+use crate::control::{self, ControlClient, ControlServer};
+use crate::error::BusError;
+use crate::event::{self, Listener, Notifier};
+use crate::messages::{Command, Health, JointState, Message, Parameters, Setpoint, Stamped};
+use crate::name::{RobotName, Service};
+use crate::pubsub::{self, Publisher, Quality, Subscriber};
+
+/// Publishers (and notifiers) of a service: one, and one for a network bridge that mirrors it.
+pub(crate) const MAX_PUBLISHERS: usize = 2;
+/// Subscribers (listeners, readers, clients) of a service.
+pub(crate) const MAX_SUBSCRIBERS: usize = 16;
+/// Parties of a service.
+pub(crate) const MAX_NODES: usize = 32;
+
+/// How long `send` may stall on a subscriber that it cannot reach (another user's). The default of a second
+/// would stop a publisher for as long.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(10);
+
+/// How long an opening waits for a service that another process is making or removing.
+const OPENING_PATIENCE: Duration = Duration::from_secs(2);
+
+/// Which bus: processes with equal values meet, others do not see each other.
+///
+/// Always passed on explicitly; neither the working directory nor a configuration file of the user's has a say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BusConfig {
+    /// First part of the name of every file in shared memory; 3 to 32 of `a-z A-Z 0-9 - _`.
+    pub prefix: String,
+    /// Directory for the bus's own files, absolute; made when absent.
+    pub root: PathBuf,
+}
+
+impl Default for BusConfig {
+    /// Prefix `rivet_`, root `/tmp/rivet`.
+    fn default() -> Self {
+        Self { prefix: "rivet_".to_owned(), root: PathBuf::from("/tmp/rivet") }
+    }
+}
+
+impl BusConfig {
+    /// Longest root path \[bytes\]: file names below it still have to fit the system's limits.
+    pub const MAX_ROOT_LEN: usize = 120;
+
+    /// Checks the values.
+    ///
+    /// # Errors
+    /// The rule that one breaks.
+    pub fn check(&self) -> Result<(), BusError> {
+        let prefix_ok = (3..=32).contains(&self.prefix.len())
+            && self.prefix.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
+        if !prefix_ok {
+            return Err(BusError::Prefix { prefix: self.prefix.clone() });
+        }
+        let refuse = |why| Err(BusError::Root { root: self.root.clone(), why });
+        match self.root.to_str() {
+            None => refuse("it must be valid UTF-8"),
+            Some(root) if root.len() > Self::MAX_ROOT_LEN => refuse("it must have at most 120 characters"),
+            Some(_) if !self.root.is_absolute() => refuse("it must be absolute"),
+            Some(_) if self.root.parent().is_none() => refuse("it must not be the root of the file system"),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// The same as the bus library wants it. For tests that put a foreign program onto a bus.
+    #[doc(hidden)]
+    pub fn iceoryx(&self) -> Result<Config, BusError> {
+        self.check()?;
+        let mut config = Config::default();
+        config.global.prefix =
+            FileName::new(self.prefix.as_bytes()).map_err(|_| BusError::Prefix { prefix: self.prefix.clone() })?;
+        let root = self.root.to_str().and_then(|root| Path::new(root.as_bytes()).ok());
+        let root =
+            root.ok_or(BusError::Root { root: self.root.clone(), why: "it has a character paths may not have" })?;
+        config.global.set_root_path(&root);
+        config.global.creation_timeout = CREATION_TIMEOUT;
+        Ok(config)
+    }
+
+    /// Joins the bus as `role`.
+    pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
+        let refuse = |why: String| BusError::Join { prefix: self.prefix.clone(), root: self.root.clone(), why };
+        let name = NodeName::new(role).map_err(|e| refuse(format!("{e:?}")))?;
+        NodeBuilder::new()
+            .name(&name)
+            .config(config)
+            // Otherwise it takes SIGINT and SIGTERM away from the program.
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|e| refuse(format!("{e:?}")))
+    }
+}
+
+/// Tries until it works, fails for good, or patience ends.
+pub(crate) fn retry<R, E>(mut attempt: impl FnMut() -> Result<R, E>, passing: impl Fn(&E) -> bool) -> Result<R, E> {
+    let begin = Instant::now();
+    loop {
+        match attempt() {
+            Err(e) if passing(&e) && begin.elapsed() < OPENING_PATIENCE => {
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            result => return result,
+        }
+    }
+}
+
+/// One party on the bus of one robot. Stays on the thread that opened it, as do its ports.
+///
+/// The order in which the parties come does not matter: whoever is first creates a service, with limits
+/// that suit all.
+#[derive(Debug)]
+pub struct Bus {
+    node: Node<ipc::Service>,
+    iceoryx: Config,
+    config: BusConfig,
+    robot: RobotName,
+    role: String,
+}
+
+impl Bus {
+    /// Joins the bus of `robot`. `role` names this party in diagnostics: `rivetd`.
+    ///
+    /// # Errors
+    /// A value that breaks a rule, or the bus cannot be joined.
+    pub fn open(config: &BusConfig, robot: &RobotName, role: &str) -> Result<Self, BusError> {
+        set_log_level_from_env_or(LogLevel::Warn);
+        let iceoryx = config.iceoryx()?;
+        let node = config.join(&iceoryx, role)?;
+        Ok(Self { node, iceoryx, config: config.clone(), robot: robot.clone(), role: role.to_owned() })
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &RobotName {
+        &self.robot
+    }
+
+    /// The values the bus was opened with; another thread or process opens its own with them.
+    pub fn config(&self) -> &BusConfig {
+        &self.config
+    }
+
+    fn name(&self, service: Service) -> Result<ServiceName, BusError> {
+        let name = service.of(&self.robot);
+        ServiceName::new(&name).map_err(|e| BusError::Open { service: name, role: "service", why: format!("{e:?}") })
+    }
+
+    fn publisher<T: Message>(&self, service: Service) -> Result<Publisher<T>, BusError> {
+        let name = self.name(service)?;
+        let factory = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "publisher")?;
+        Publisher::new(factory, service)
+    }
+
+    fn subscriber<T: Message>(&self, service: Service) -> Result<Subscriber<T>, BusError> {
+        let name = self.name(service)?;
+        let factory = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "subscriber")?;
+        Subscriber::new(factory, service, Quality::of(service).buffer)
+    }
+
+    fn writer<T: Stamped>(&self, service: Service) -> Result<BlackboardWriter<T>, BusError> {
+        BlackboardWriter::open(&self.config, &self.iceoryx, &self.name(service)?, &self.robot, service, &self.role)
+    }
+
+    fn reader<T: Stamped>(&self, service: Service) -> Result<BlackboardReader<T>, BusError> {
+        BlackboardReader::open(&self.config, &self.iceoryx, &self.name(service)?, &self.role)
+    }
+
+    /// Robot controller: publishes its state each period.
+    pub fn joint_state_publisher(&self) -> Result<Publisher<JointState>, BusError> {
+        self.publisher(Service::JointState)
+    }
+
+    /// Receives the arm's state; the ring holds 1024 samples.
+    pub fn joint_state_subscriber(&self) -> Result<Subscriber<JointState>, BusError> {
+        self.subscriber(Service::JointState)
+    }
+
+    /// Robot controller: wakes who waits for a joint state.
+    pub fn joint_state_notifier(&self) -> Result<Notifier, BusError> {
+        let name = self.name(Service::JointState)?;
+        Notifier::new(&event::open_service(&self.node, &name, "notifier")?, &name, Service::JointState)
+    }
+
+    /// Sleeps until a joint state has come.
+    pub fn joint_state_listener(&self) -> Result<Listener, BusError> {
+        let name = self.name(Service::JointState)?;
+        Listener::new(&event::open_service(&self.node, &name, "listener")?, &name, Service::JointState)
+    }
+
+    /// Planner: publishes the plan of each period, before the joint state of that period.
+    pub fn setpoint_publisher(&self) -> Result<Publisher<Setpoint>, BusError> {
+        self.publisher(Service::Setpoint)
+    }
+
+    /// Receives the plan; the ring holds 1024 samples.
+    pub fn setpoint_subscriber(&self) -> Result<Subscriber<Setpoint>, BusError> {
+        self.subscriber(Service::Setpoint)
+    }
+
+    /// Daemon: publishes the parameters. Call [`Publisher::refresh`] often: it hands the latest to late subscribers.
+    pub fn parameters_publisher(&self) -> Result<Publisher<Parameters>, BusError> {
+        self.publisher(Service::Parameters)
+    }
+
+    /// Receives the parameters, the latest at once; the ring holds 64.
+    pub fn parameters_subscriber(&self) -> Result<Subscriber<Parameters>, BusError> {
+        self.subscriber(Service::Parameters)
+    }
+
+    /// Daemon: the latest parameters on the blackboard. One writer a robot; it is refused while another lives.
+    pub fn latest_parameters_writer(&self) -> Result<BlackboardWriter<Parameters>, BusError> {
+        self.writer(Service::Parameters)
+    }
+
+    /// Reads the latest parameters from the blackboard.
+    pub fn latest_parameters_reader(&self) -> Result<BlackboardReader<Parameters>, BusError> {
+        self.reader(Service::Parameters)
+    }
+
+    /// Daemon: publishes its health.
+    pub fn health_publisher(&self) -> Result<Publisher<Health>, BusError> {
+        self.publisher(Service::Health)
+    }
+
+    /// Receives the daemon's health, the latest at once; the ring holds 16.
+    pub fn health_subscriber(&self) -> Result<Subscriber<Health>, BusError> {
+        self.subscriber(Service::Health)
+    }
+
+    /// Controller: the torque it asks for. One writer a robot; it is refused while another lives.
+    pub fn command_writer(&self) -> Result<BlackboardWriter<Command>, BusError> {
+        self.writer(Service::Command)
+    }
+
+    /// Robot controller: reads the torque that is asked for.
+    pub fn command_reader(&self) -> Result<BlackboardReader<Command>, BusError> {
+        self.reader(Service::Command)
+    }
+
+    /// Daemon: answers control requests.
+    pub fn control_server(&self) -> Result<ControlServer, BusError> {
+        let name = self.name(Service::Control)?;
+        ControlServer::new(control::open_service(&self.node, &self.iceoryx, &name, "server")?, &name)
+    }
+
+    /// Asks the daemon for something.
+    pub fn control_client(&self) -> Result<ControlClient, BusError> {
+        let name = self.name(Service::Control)?;
+        ControlClient::new(control::open_service(&self.node, &self.iceoryx, &name, "client")?, &name)
+    }
+}

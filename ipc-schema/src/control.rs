@@ -1,0 +1,151 @@
+//! The control service: request-response.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::{BackpressureStrategy, Config, ServiceName, ipc};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError as CreateError, RequestResponseOpenError as OpenError,
+    RequestResponseOpenOrCreateError as OpenOrCreateError,
+};
+use iceoryx2::service::port_factory::request_response::PortFactory;
+
+use crate::bus::{MAX_NODES, MAX_SUBSCRIBERS, retry};
+use crate::error::{BusError, PortError};
+use crate::messages::{ControlCommand, ControlReply, ControlRequest, ControlStatus, Message as _};
+use crate::name::Service;
+use crate::version;
+
+type Factory = PortFactory<ipc::Service, ControlRequest, (), ControlReply, ()>;
+
+/// Opens the service, or creates it with the full limits.
+pub(crate) fn open_service(
+    node: &Node<ipc::Service>,
+    config: &Config,
+    name: &ServiceName,
+    role: &'static str,
+) -> Result<Factory, BusError> {
+    let attempt = || {
+        node.service_builder(name)
+            .request_response::<ControlRequest, ControlReply>()
+            .max_servers(1)
+            .max_clients(MAX_SUBSCRIBERS)
+            .max_nodes(MAX_NODES)
+            .open_or_create()
+    };
+    let passing = |e: &OpenOrCreateError| {
+        use OpenOrCreateError::{RequestResponseCreateError as Create, RequestResponseOpenError as Open, SystemInFlux};
+        matches!(
+            e,
+            SystemInFlux
+                | Open(
+                    OpenError::DoesNotExist
+                        | OpenError::HangsInCreation
+                        | OpenError::IsMarkedForDestruction
+                        | OpenError::ServiceInCorruptedState
+                )
+                | Create(
+                    CreateError::AlreadyExists
+                        | CreateError::HangsInCreation
+                        | CreateError::IsBeingCreatedByAnotherInstance
+                        | CreateError::ServiceInCorruptedState
+                )
+        )
+    };
+    retry(attempt, passing).map_err(|e| {
+        if matches!(e, OpenOrCreateError::RequestResponseOpenError(OpenError::IncompatibleRequestOrResponseType))
+            && let Some((request, reply)) = version::control_types(config, name)
+        {
+            return BusError::Version(if request == ControlRequest::TYPE_NAME {
+                version::mismatch::<ControlReply>(name.as_str(), &reply)
+            } else {
+                version::mismatch::<ControlRequest>(name.as_str(), &request)
+            });
+        }
+        BusError::Open { service: name.to_string(), role, why: format!("{e:?}") }
+    })
+}
+
+fn failed(what: &'static str, why: &'static str) -> PortError {
+    PortError { service: Service::Control, what, why }
+}
+
+/// Takes control requests and answers them. Not for a real-time thread.
+#[derive(Debug)]
+pub struct ControlServer {
+    port: Server<ipc::Service, ControlRequest, (), ControlReply, ()>,
+    _factory: Factory,
+}
+
+impl ControlServer {
+    pub(crate) fn new(factory: Factory, name: &ServiceName) -> Result<Self, BusError> {
+        let port = factory
+            .server_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| BusError::Open { service: name.to_string(), role: "server", why: format!("{e:?}") })?;
+        Ok(Self { port, _factory: factory })
+    }
+
+    /// Answers the oldest request waiting, if any, with what `answer` makes of it: `(status, epoch)`. Returns
+    /// whether there was one. A command not known to this program is answered without asking.
+    pub fn serve(&self, answer: impl FnOnce(ControlCommand) -> (ControlStatus, u64)) -> Result<bool, PortError> {
+        let request = self.port.receive().map_err(|_| failed("receive", "a client could not be connected"))?;
+        let Some(request) = request else { return Ok(false) };
+        let reply = match ControlCommand::try_from(request.payload().command) {
+            Ok(command) => {
+                let (status, epoch) = answer(command);
+                ControlReply::new(status, epoch)
+            }
+            Err(_) => ControlReply::new(ControlStatus::Unknown, 0),
+        };
+        request.send_copy(reply).map_err(|_| failed("answer", "the client is gone"))?;
+        Ok(true)
+    }
+}
+
+/// Sends control requests. Not for a real-time thread.
+#[derive(Debug)]
+pub struct ControlClient {
+    port: Client<ipc::Service, ControlRequest, (), ControlReply, ()>,
+    _factory: Factory,
+}
+
+impl ControlClient {
+    pub(crate) fn new(factory: Factory, name: &ServiceName) -> Result<Self, BusError> {
+        let port = factory
+            .client_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| BusError::Open { service: name.to_string(), role: "client", why: format!("{e:?}") })?;
+        Ok(Self { port, _factory: factory })
+    }
+
+    /// Asks, and waits for the answer at most `timeout`. `None`: no daemon answered.
+    pub fn ask(&self, command: ControlCommand, timeout: Duration) -> Result<Option<ControlReply>, PortError> {
+        let begin = Instant::now();
+        let mut pending = None;
+        loop {
+            // A daemon that has just started is met by the next sending, not by this one.
+            if pending.is_none() {
+                let sent = self
+                    .port
+                    .send_copy(ControlRequest::from(command))
+                    .map_err(|_| failed("ask", "the request could not be sent"))?;
+                pending = (sent.number_of_server_connections() > 0).then_some(sent);
+            }
+            if let Some(pending) = &pending
+                && let Some(reply) =
+                    pending.receive().map_err(|_| failed("ask", "the daemon could not be connected"))?
+            {
+                return Ok(Some(*reply.payload()));
+            }
+            if begin.elapsed() >= timeout {
+                return Ok(None);
+            }
+            std::thread::sleep(Duration::from_micros(500));
+        }
+    }
+}

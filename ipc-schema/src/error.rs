@@ -1,0 +1,141 @@
+//! Why the bus did not do what was asked.
+
+use std::path::PathBuf;
+
+use crate::name::Service;
+
+/// Why a bus or a port could not be opened. Made at start-up, for the person who can act on it.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// A robot's name breaks a rule.
+    #[error("robot name \"{name}\": {why}")]
+    RobotName {
+        /// The name given.
+        name: String,
+        /// The rule.
+        why: &'static str,
+    },
+    /// The prefix of the bus breaks a rule.
+    #[error("bus prefix \"{prefix}\": it must have 3 to 32 characters of a-z, A-Z, 0-9, - and _")]
+    Prefix {
+        /// The prefix given.
+        prefix: String,
+    },
+    /// The root path of the bus breaks a rule.
+    #[error("bus root {}: {why}", root.display())]
+    Root {
+        /// The path given.
+        root: PathBuf,
+        /// The rule.
+        why: &'static str,
+    },
+    /// The bus itself could not be joined.
+    #[error(
+        "cannot join the bus (prefix {prefix}, root {}): {why}; all processes of one robot must run as one user, \
+         and that user must be able to write there and to /dev/shm",
+        root.display()
+    )]
+    Join {
+        /// Prefix of the bus.
+        prefix: String,
+        /// Root path of the bus.
+        root: PathBuf,
+        /// What the bus said.
+        why: String,
+    },
+    /// Another version of the message is spoken on the service.
+    #[error("{0}")]
+    Version(VersionMismatch),
+    /// A service could not be opened, or a port of it could not be made.
+    #[error("service {service}: cannot open {role}: {why}")]
+    Open {
+        /// Full name of the service.
+        service: String,
+        /// The port that was wanted: `subscriber`.
+        role: &'static str,
+        /// What the bus said.
+        why: String,
+    },
+    /// A blackboard has one writer, and it is alive.
+    #[error("service {service}: another program is its writer (it holds {})", lock.display())]
+    WriterAlive {
+        /// Full name of the service.
+        service: String,
+        /// The lock file that the other program holds.
+        lock: PathBuf,
+    },
+    /// Leftovers were not removed because someone still uses them.
+    #[error("the bus (prefix {prefix}) is in use by {nodes} node(s); stop their processes first")]
+    InUse {
+        /// Prefix of the bus.
+        prefix: String,
+        /// Live nodes found.
+        nodes: usize,
+    },
+    /// A file could not be made, locked or removed.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file or directory.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// Two programs that speak different versions of a message met on a service.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VersionMismatch {
+    /// Full name of the service.
+    pub service: String,
+    /// Type name that the service carries: `rivet.JointState.v2`.
+    pub carried: String,
+    /// Type name that this program speaks.
+    pub spoken: &'static str,
+    /// Who has to act.
+    pub verdict: Verdict,
+}
+
+/// Which of two programs is behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// This program speaks the lower version.
+    ThisIsOlder,
+    /// The program that made the service speaks the lower version.
+    OtherIsOlder,
+    /// The same version, but another size: one side was built from a changed definition under the old name.
+    SameVersionOtherLayout,
+    /// The service carries something that is no version of this message.
+    OtherMessage,
+}
+
+impl core::fmt::Display for VersionMismatch {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { service, carried, spoken, verdict } = self;
+        write!(f, "service {service} carries {carried} but this program speaks ")?;
+        let version = spoken.rsplit('.').next().unwrap_or(spoken);
+        match verdict {
+            Verdict::ThisIsOlder => write!(f, "{version}: this program is the older side; update it"),
+            Verdict::OtherIsOlder => {
+                write!(f, "{version}: the program that created the service is the older side; update and restart it")
+            }
+            Verdict::SameVersionOtherLayout => write!(
+                f,
+                "{version} of another size: one side was built from a changed message under the same name; \
+                 rebuild both from one source"
+            ),
+            Verdict::OtherMessage => write!(f, "{spoken}: the service was created by a foreign program"),
+        }
+    }
+}
+
+/// Why a port failed while running: small and without text of its own, as it may be made in a real-time loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{service}: {what}: {why}")]
+pub struct PortError {
+    /// The service.
+    pub service: Service,
+    /// What was tried: `receive`.
+    pub what: &'static str,
+    /// What went wrong.
+    pub why: &'static str,
+}

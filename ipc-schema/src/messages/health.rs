@@ -1,0 +1,97 @@
+//! `rivet.Health.v1`
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::{MAX_JOINTS, Stamped, message, wire_enum};
+
+/// Bins of the histograms in [`Health`]: bin 0 counts 0 and 1 ns, bin b counts 2^b ..= 2^(b+1) - 1 ns,
+/// the last bin everything from 2^31 ns (2.1 s) on.
+pub const HISTOGRAM_BINS: usize = 32;
+
+/// How the daemon is doing, a few times a second, on service `rivet/<robot>/health`.
+///
+/// Counters run since the daemon's start and never go back.
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("rivet.Health.v1")]
+#[repr(C)]
+pub struct Health {
+    /// `seq` of the last joint state taken in.
+    pub seq: u64,
+    /// When this was written, `CLOCK_MONOTONIC` \[ns\].
+    pub stamp_ns: u64,
+    /// Joint states taken into the estimator.
+    pub samples: u64,
+    /// Joint states missing between sequence numbers.
+    pub lost: u64,
+    /// Joint states refused because their sequence number or stamp did not go forward.
+    pub refused_stale: u64,
+    /// Joint states refused because a value was not finite or the joint count was wrong.
+    pub refused_invalid: u64,
+    /// Joint states not used because the robot set a fault bit.
+    pub rejected_faults: u64,
+    /// Interruptions of the stream after which the filters started anew.
+    pub gaps: u64,
+    /// Joint states without a setpoint of their own sequence number.
+    pub setpoints_missing: u64,
+    /// Periods that ended with samples still queued: the bound on catching up was reached.
+    pub catch_up_limited: u64,
+    /// Periods of the real-time thread.
+    pub periods: u64,
+    /// Periods that were missed because the thread woke or finished too late.
+    pub overruns: u64,
+    /// Messages the real-time thread could not hand to the publishing thread.
+    pub dropped_messages: u64,
+    /// Parameters held at present.
+    pub held: u32,
+    /// Parameters following the data at present.
+    pub active: u32,
+    /// A [`DaemonMode`].
+    pub mode: u32,
+    /// An [`InstrumentSource`](super::InstrumentSource).
+    pub instruments: u32,
+    /// RMS torque residual of each joint with the estimated parameters over the window \[N m, or N\].
+    pub residual_rms: [f64; MAX_JOINTS],
+    /// The same with the nominal parameters \[N m, or N\].
+    pub nominal_residual_rms: [f64; MAX_JOINTS],
+    /// Lateness of the wake-ups, see [`HISTOGRAM_BINS`].
+    pub wake_histogram: [u32; HISTOGRAM_BINS],
+    /// Work of a period from wake-up to done, see [`HISTOGRAM_BINS`].
+    pub work_histogram: [u32; HISTOGRAM_BINS],
+    /// Latest wake-up \[ns\].
+    pub worst_wake_ns: u64,
+    /// Longest work of a period \[ns\].
+    pub worst_work_ns: u64,
+}
+
+wire_enum!(
+    /// What the daemon is doing ([`Health::mode`]).
+    DaemonMode {
+        /// Waiting for the first joint state, or filling the filters.
+        Starting = 0,
+        /// Estimating.
+        Estimating = 1,
+        /// Standing still by itself: no usable samples, a fault bit, or too little motion.
+        Suspended = 2,
+        /// Stopped by a control request.
+        Frozen = 3,
+    }
+);
+
+message!(Health v 1, size 520 align 8, empty Health {
+    seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
+    setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
+    held: 0, active: 0, mode: 0, instruments: 0,
+    residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS],
+    wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
+}, {
+    seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
+    gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
+    held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
+    wake_histogram @ 248, work_histogram @ 376, worst_wake_ns @ 504, worst_work_ns @ 512,
+});
+
+impl Stamped for Health {
+    fn stamp_ns(&self) -> u64 {
+        self.stamp_ns
+    }
+}

@@ -1,0 +1,219 @@
+//! Publish-subscribe ports.
+
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::Publisher as IoxPublisher;
+use iceoryx2::port::subscriber::Subscriber as IoxSubscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{ReceiveError, SendError};
+use iceoryx2::prelude::{BackpressureStrategy, Config, ServiceName, ipc};
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError as CreateError, PublishSubscribeOpenError as OpenError,
+    PublishSubscribeOpenOrCreateError as OpenOrCreateError,
+};
+use iceoryx2::service::port_factory::PortFactory as _;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::bus::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS, retry};
+use crate::error::{BusError, PortError};
+use crate::messages::Message;
+use crate::name::Service;
+use crate::version;
+
+/// How a service is made by whoever comes first; all sides ask for the same.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quality {
+    /// Samples a late subscriber gets at once.
+    pub(crate) history: usize,
+    /// Samples a subscriber may fall behind before the oldest are overwritten.
+    pub(crate) buffer: usize,
+}
+
+impl Quality {
+    /// The service's quality, stated once.
+    pub(crate) fn of(service: Service) -> Self {
+        match service {
+            // A second of 1 kHz samples: the daemon must not lose any while it catches up.
+            Service::JointState | Service::Setpoint => Self { history: 0, buffer: 1024 },
+            Service::Parameters => Self { history: 1, buffer: 64 },
+            // A late monitor has something to show before the next report.
+            _ => Self { history: 1, buffer: 16 },
+        }
+    }
+}
+
+type Factory<T> = PortFactory<ipc::Service, T, ()>;
+
+/// Opens the service, or creates it with the full limits.
+pub(crate) fn open_service<T: Message>(
+    node: &Node<ipc::Service>,
+    config: &Config,
+    name: &ServiceName,
+    service: Service,
+    role: &'static str,
+) -> Result<Factory<T>, BusError> {
+    let quality = Quality::of(service);
+    let attempt = || {
+        node.service_builder(name)
+            .publish_subscribe::<T>()
+            .max_publishers(MAX_PUBLISHERS)
+            .max_subscribers(MAX_SUBSCRIBERS)
+            .max_nodes(MAX_NODES)
+            .history_size(quality.history)
+            .subscriber_max_buffer_size(quality.buffer)
+            .subscriber_max_borrowed_samples(2)
+            .enable_safe_overflow(true)
+            .open_or_create()
+    };
+    // Two processes may create or leave at the same moment; the loser sees a service in the making.
+    let passing = |e: &OpenOrCreateError| {
+        use OpenOrCreateError::{
+            PublishSubscribeCreateError as Create, PublishSubscribeOpenError as Open, SystemInFlux,
+        };
+        matches!(
+            e,
+            SystemInFlux
+                | Open(
+                    OpenError::DoesNotExist
+                        | OpenError::HangsInCreation
+                        | OpenError::IsMarkedForDestruction
+                        | OpenError::ServiceInCorruptedState
+                )
+                | Create(
+                    CreateError::AlreadyExists
+                        | CreateError::HangsInCreation
+                        | CreateError::IsBeingCreatedByAnotherInstance
+                        | CreateError::ServiceInCorruptedState
+                )
+        )
+    };
+    retry(attempt, passing).map_err(|e| {
+        if matches!(e, OpenOrCreateError::PublishSubscribeOpenError(OpenError::IncompatibleTypes))
+            && let Some(carried) = version::pubsub_type(config, name)
+        {
+            return BusError::Version(version::mismatch::<T>(name.as_str(), &carried));
+        }
+        BusError::Open { service: name.to_string(), role, why: format!("{e:?}") }
+    })
+}
+
+/// Sends messages of one service. Not for a real-time thread: [`send`](Self::send) allocates and, when a
+/// subscriber joins or leaves, works on files.
+#[derive(Debug)]
+pub struct Publisher<T: Message> {
+    port: IoxPublisher<ipc::Service, T, ()>,
+    factory: Factory<T>,
+    service: Service,
+}
+
+impl<T: Message> Publisher<T> {
+    pub(crate) fn new(factory: Factory<T>, service: Service) -> Result<Self, BusError> {
+        let port = factory
+            .publisher_builder()
+            .max_loaned_samples(1)
+            // The default waits for a stuck subscriber for ever, should a foreign creator have turned overflow off.
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| BusError::Open {
+                service: factory.name().to_string(),
+                role: "publisher",
+                why: format!("{e:?}"),
+            })?;
+        Ok(Self { port, factory, service })
+    }
+
+    /// Sends a message; returns how many subscribers got it.
+    pub fn send(&self, message: &T) -> Result<usize, PortError> {
+        self.port.send_copy(*message).map_err(|e| PortError {
+            service: self.service,
+            what: "send",
+            why: match e {
+                SendError::ConnectionBrokenSinceSenderNoLongerExists => "this publisher was removed by another process",
+                SendError::ConnectionCorrupted => "the connection to a subscriber is corrupted",
+                SendError::LoanError(_) => "no memory for the message",
+                SendError::ConnectionError(_) => "a subscriber could not be connected (another user's?)",
+                SendError::UnableToDeliver => "a subscriber did not take the message",
+                SendError::InternalError => "internal error of the bus",
+            },
+        })
+    }
+
+    /// Meets subscribers that joined since the last [`send`](Self::send) and gives them the history. Call it
+    /// every few milliseconds where messages are rare and late subscribers must not wait for the next one.
+    pub fn refresh(&self) -> Result<(), PortError> {
+        self.port.update_connections().map_err(|_| PortError {
+            service: self.service,
+            what: "refresh",
+            why: "a subscriber could not be connected (another user's?)",
+        })
+    }
+
+    /// How many subscribers are there at present.
+    pub fn subscribers(&self) -> usize {
+        self.factory.dynamic_config().number_of_subscribers()
+    }
+}
+
+/// Receives messages of one service, in order, from a ring that overwrites the oldest when full.
+#[derive(Debug)]
+pub struct Subscriber<T: Message> {
+    port: IoxSubscriber<ipc::Service, T, ()>,
+    factory: Factory<T>,
+    service: Service,
+}
+
+impl<T: Message> Subscriber<T> {
+    pub(crate) fn new(factory: Factory<T>, service: Service, buffer: usize) -> Result<Self, BusError> {
+        let port = factory.subscriber_builder().buffer_size(buffer).create().map_err(|e| BusError::Open {
+            service: factory.name().to_string(),
+            role: "subscriber",
+            why: format!("{e:?}"),
+        })?;
+        Ok(Self { port, factory, service })
+    }
+
+    /// The oldest message not yet received, copied out.
+    ///
+    /// Real-time safe: no allocation and no system call while the set of publishers stays as it is.
+    pub fn receive(&self) -> Result<Option<T>, PortError> {
+        self.receive_with(|message| *message)
+    }
+
+    /// [`receive`](Self::receive) without the copy: `look` sees the message in shared memory.
+    pub fn receive_with<R>(&self, look: impl FnOnce(&T) -> R) -> Result<Option<R>, PortError> {
+        match self.port.receive() {
+            Ok(sample) => Ok(sample.map(|sample| look(sample.payload()))),
+            Err(e) => Err(PortError {
+                service: self.service,
+                what: "receive",
+                why: match e {
+                    ReceiveError::ExceedsMaxBorrows => "too many messages are borrowed",
+                    ReceiveError::ConnectionFailure(_) => "a publisher could not be connected (another user's?)",
+                },
+            }),
+        }
+    }
+
+    /// The newest message, all older ones dropped; `None` when nothing new has come.
+    ///
+    /// Real-time safe as [`receive`](Self::receive); bounded by the size of the ring.
+    pub fn receive_newest(&self) -> Result<Option<T>, PortError> {
+        let mut newest = None;
+        for _ in 0..self.port.buffer_size() {
+            match self.receive()? {
+                Some(message) => newest = Some(message),
+                None => break,
+            }
+        }
+        Ok(newest)
+    }
+
+    /// How many messages the ring holds before the oldest is overwritten.
+    pub fn capacity(&self) -> usize {
+        self.port.buffer_size()
+    }
+
+    /// How many publishers are there at present.
+    pub fn publishers(&self) -> usize {
+        self.factory.dynamic_config().number_of_publishers()
+    }
+}
