@@ -1,1 +1,23 @@
-//! rivet-dynamics
+//! Dynamics of a serial arm, linear in its parameters: URDF, inverse dynamics, regressor, base parameters.
+//!
+//! Pure: no file, clock or bus. Everything is made once, from a URDF text; after that [`inverse_dynamics`],
+//! [`mass_matrix`], [`regressor`], [`Model::regressor`] and [`BaseSet::select`] only compute, without allocating.
+//!
+//! The order of parameters is stated in [`parameters`]; frames, signs and units beside each item.
+
+mod arm;
+mod base;
+mod hash;
+mod model;
+pub mod parameters;
+mod rigid;
+mod spatial;
+mod urdf;
+
+pub use arm::{Arm, Joint, JointKind, MAX_JOINTS, flange_pose};
+pub use base::{BaseError, BaseSet, RankGap};
+pub use hash::model_hash;
+pub use model::{Joints, Model, Structure, WristCoupling, friction_sign};
+pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, body_from_com, body_in_frame};
+pub use rigid::{Workspace, inverse_dynamics, mass_matrix, regressor};
+pub use urdf::UrdfError;

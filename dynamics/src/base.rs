@@ -1,0 +1,254 @@
+//! Base parameters: the smallest set of columns that spans what the joint torques can tell.
+//!
+//! Numerically (Gautier 1990): a tall regressor over random states is factored column by column; a column that the
+//! kept ones span is dropped and its parameter folded into theirs. The order of the visit is fixed, so that one model
+//! has one base: drives first (`rotor_inertia`, `viscous`, `coulomb`, `offset`, `coupling`), then links tip to base.
+//! A drive parameter so stays itself where that is possible, and link parameters fold into it or into links nearer
+//! the tip.
+
+use crate::arm::JointKind;
+use crate::model::Model;
+use crate::parameters::Parameter;
+use crate::rigid::Workspace;
+
+/// A column is spanned by the kept ones if less than this part of its norm is left. Exact dependence leaves 1e-15,
+/// geometry written with ten digits 1e-10; true independence leaves more than 1e-4 on any arm tried.
+const TOLERANCE: f64 = 1e-7;
+/// Smallest acceptable ratio between the last kept and the first dropped residual.
+const CLEAR_GAP: f64 = 1e4;
+/// Random states that the decision rests on.
+const STATES: usize = 200;
+/// Regrouping factors below this (with both columns scaled to norm one) are rounding.
+const ZERO_FACTOR: f64 = 1e-12;
+
+/// How clearly the kept columns differ from the dropped ones: residual norms, as part of the column's norm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RankGap {
+    /// Smallest residual of a kept column.
+    pub smallest_kept: f64,
+    /// Largest residual of a dropped column; 0 when none was dropped.
+    pub largest_dropped: f64,
+}
+
+impl RankGap {
+    /// Kept over dropped; infinite when nothing was left of any dropped column.
+    pub fn ratio(&self) -> f64 {
+        self.smallest_kept / self.largest_dropped
+    }
+}
+
+/// Why no base set could be found.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BaseError {
+    /// Some column is neither clearly dependent nor clearly independent.
+    #[error(
+        "base parameters are not clear: the smallest kept residual is {:e}, the largest dropped one {:e}, ratio {:.1e} \
+         (at least {CLEAR_GAP:e} is needed); almost parallel or almost crossing axes in the URDF cause this",
+        gap.smallest_kept, gap.largest_dropped, gap.ratio()
+    )]
+    UnclearRank {
+        /// The two residuals.
+        gap: RankGap,
+    },
+    /// The regressor has a NaN or an infinity.
+    #[error("the regressor is not finite: geometry or gravity of the arm is not")]
+    NotFinite,
+}
+
+/// A base parameter set: K independent columns of the standard regressor, and what each stands for.
+///
+/// `Y·x = Y_b·x_b` for every motion, with `Y_b` the kept columns and `x_b = x_kept + Σ factor·x_dropped`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseSet {
+    /// Standard index of each kept column, in base order.
+    pub independent: Vec<usize>,
+    /// How clear the choice was.
+    pub gap: RankGap,
+    /// For each base parameter: dropped columns that fold into it, and their factors.
+    regrouping: Vec<Vec<(usize, f64)>>,
+}
+
+impl BaseSet {
+    /// Finds the base of `model` from seeded random states within the joint limits.
+    ///
+    /// # Errors
+    /// When the rank is not clear, with the residuals on both sides of the gap.
+    pub fn new(model: &Model) -> Result<BaseSet, BaseError> {
+        let mut columns = sample(model, STATES, 0x5eed);
+        let norms: Vec<f64> = columns.iter().map(|c| norm(c)).collect();
+        let largest = norms.iter().fold(0.0_f64, |a, &b| a.max(b));
+        if !largest.is_finite() || norms.iter().any(|n| !n.is_finite()) {
+            return Err(BaseError::NotFinite);
+        }
+        let mut found = BaseSet {
+            independent: Vec::new(),
+            gap: RankGap { smallest_kept: f64::INFINITY, largest_dropped: 0.0 },
+            regrouping: Vec::new(),
+        };
+        // Orthonormal directions of the kept columns, and R: projections[k] are those of the k-th kept column on the
+        // directions before it, followed by its own residual.
+        let mut directions: Vec<Vec<f64>> = Vec::new();
+        let mut projections: Vec<Vec<f64>> = Vec::new();
+        for c in visiting_order(model) {
+            if norms[c] <= TOLERANCE * largest {
+                let gap = &mut found.gap;
+                gap.largest_dropped = gap.largest_dropped.max(norms[c] / largest);
+                continue;
+            }
+            let mut column = std::mem::take(&mut columns[c]);
+            let mut along = orthogonalise(&mut column, &directions);
+            let left = norm(&column);
+            let residual = left / norms[c];
+            if residual > TOLERANCE {
+                found.gap.smallest_kept = found.gap.smallest_kept.min(residual);
+                for x in &mut column {
+                    *x /= left;
+                }
+                directions.push(column);
+                along.push(left);
+                projections.push(along);
+                found.independent.push(c);
+                found.regrouping.push(Vec::new());
+            } else {
+                found.gap.largest_dropped = found.gap.largest_dropped.max(residual);
+                back_substitute(&projections, &mut along);
+                for (k, &factor) in along.iter().enumerate() {
+                    if factor.abs() * norms[found.independent[k]] > ZERO_FACTOR * norms[c] {
+                        found.regrouping[k].push((c, factor));
+                    }
+                }
+            }
+        }
+        if found.gap.ratio() >= CLEAR_GAP { Ok(found) } else { Err(BaseError::UnclearRank { gap: found.gap }) }
+    }
+
+    /// Number of base parameters.
+    #[expect(clippy::len_without_is_empty, reason = "a base always has parameters")]
+    pub fn len(&self) -> usize {
+        self.independent.len()
+    }
+
+    /// Base vector that makes the same torques as the standard vector `x`.
+    #[must_use]
+    pub fn from_standard(&self, x: &[f64]) -> Vec<f64> {
+        let fold = |(&c, folded): (&usize, &Vec<(usize, f64)>)| {
+            x[c] + folded.iter().map(|&(d, factor)| factor * x[d]).sum::<f64>()
+        };
+        self.independent.iter().zip(&self.regrouping).map(fold).collect()
+    }
+
+    /// Name of base parameter `i`: that of its kept column, with a `+` when others fold into it (`l6.mcx`, `l4.Izz+`).
+    pub fn name(&self, model: &Model, i: usize) -> String {
+        let kept = model.parameters[self.independent[i]].name(&model.arm);
+        if self.regrouping[i].is_empty() { kept } else { kept + "+" }
+    }
+
+    /// The meaning of the kept column of base parameter `i`.
+    pub fn parameter(&self, model: &Model, i: usize) -> Parameter {
+        model.parameters[self.independent[i]]
+    }
+
+    /// Standard indices of the dropped columns that fold into base parameter `i`, with their factors.
+    pub fn regrouping(&self, i: usize) -> Vec<(usize, f64)> {
+        self.regrouping[i].clone()
+    }
+
+    /// Picks the base columns out of a standard regressor: `y_full` has rows of `n_full` columns, `y_base` gets as many
+    /// rows of [`len`](BaseSet::len) columns. Real-time safe.
+    pub fn select(&self, y_full: &[f64], n_full: usize, y_base: &mut [f64]) {
+        for (full, base) in y_full.chunks_exact(n_full).zip(y_base.chunks_exact_mut(self.len())) {
+            for (out, &c) in base.iter_mut().zip(&self.independent) {
+                *out = full[c];
+            }
+        }
+    }
+}
+
+/// Standard indices in the order in which columns are tried.
+fn visiting_order(model: &Model) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..model.len()).collect();
+    // Stable: within a drive group joints stay base to tip, within a link entries stay in their order.
+    order.sort_by_key(|&c| match model.parameters[c] {
+        Parameter::RotorInertia(_) => 0,
+        Parameter::Viscous(_) => 1,
+        Parameter::Coulomb(_) => 2,
+        Parameter::Offset(_) => 3,
+        Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => 4,
+        Parameter::Link { link, .. } => 5 + model.arm.dof() - link,
+    });
+    order
+}
+
+/// Columns of the regressor stacked over random states. Positions fill the limits (±π rad or ±1 m where there are
+/// none), speeds the speed limit (1 to 3 rad/s where there is none), accelerations ±10 rad/s². Friction takes the
+/// hard sign: a soft one differs only near standstill, and which columns depend on each other is the same.
+fn sample(model: &Model, states: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut hard = model.clone();
+    hard.structure.sign_velocity = 0.0;
+    let (dof, width) = (model.arm.dof(), model.len());
+    let mut ws = Workspace::new(&model.arm);
+    let mut random = SplitMix(seed);
+    let mut y = vec![0.0; dof * width];
+    let mut columns = vec![Vec::with_capacity(states * dof); width];
+    let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+    for _ in 0..states {
+        for (j, joint) in model.arm.joints.iter().enumerate() {
+            let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
+            q[j] = random.between(joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
+            let fastest = if joint.velocity.is_finite() { joint.velocity } else { random.between(1.0, 3.0) };
+            qd[j] = random.between(-fastest, fastest);
+            qdd[j] = random.between(-10.0, 10.0);
+        }
+        hard.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+        for row in y.chunks_exact(width) {
+            for (column, &entry) in columns.iter_mut().zip(row) {
+                column.push(entry);
+            }
+        }
+    }
+    columns
+}
+
+/// SplitMix64 (Steele, Lea & Flood 2014): the same states on every machine.
+struct SplitMix(u64);
+
+impl SplitMix {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+        low + (high - low) * unit
+    }
+}
+
+fn norm(a: &[f64]) -> f64 {
+    a.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Takes the part along `directions` out of `column` and returns it. Modified Gram-Schmidt run twice, which leaves
+/// the rest orthogonal to rounding (Giraud, Langou & Rozložník 2005).
+fn orthogonalise(column: &mut [f64], directions: &[Vec<f64>]) -> Vec<f64> {
+    let mut along = vec![0.0; directions.len()];
+    for _ in 0..2 {
+        for (sum, direction) in along.iter_mut().zip(directions) {
+            let part: f64 = column.iter().zip(direction).map(|(a, b)| a * b).sum();
+            column.iter_mut().zip(direction).for_each(|(a, b)| *a -= part * b);
+            *sum += part;
+        }
+    }
+    along
+}
+
+/// Solves `R·k = along` in place; column k of R is `projections[k]` (k entries above the diagonal, then the diagonal).
+fn back_substitute(projections: &[Vec<f64>], along: &mut [f64]) {
+    for k in (0..along.len()).rev() {
+        let column = &projections[k];
+        let factor = along[k] / column[k];
+        along[k] = factor;
+        for (above, r) in along[..k].iter_mut().zip(column) {
+            *above -= factor * r;
+        }
+    }
+}

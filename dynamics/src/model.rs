@@ -1,0 +1,149 @@
+//! Rigid links plus drives: the model whose parameters are identified.
+
+use crate::arm::Arm;
+use crate::parameters::{LINK_PARAMETERS, Parameter};
+use crate::rigid::{Workspace, regressor_rows};
+
+/// A motor that turns with two joints (0-based), as in the TX40's wrist `{ driving: 4, driven: 5 }`: motor 6 turns
+/// with q5 + q6, so its inertia and friction act on both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WristCoupling {
+    /// The joint whose motion also turns the other's motor.
+    pub driving: usize,
+    /// The joint that the motor is for.
+    pub driven: usize,
+}
+
+/// Which drive effects the model has.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Structure {
+    /// A constant torque each joint.
+    pub offset: bool,
+    /// Three parameters of a coupled wrist.
+    pub coupling: Option<WristCoupling>,
+    /// v0 of `s(v) = tanh(v/v0)` \[rad/s\]; 0 is the hard sign.
+    pub sign_velocity: f64,
+}
+
+/// Values of the drive parameters, one entry a joint; what a URDF cannot say.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Joints {
+    /// Drive inertia at the joint \[kg·m²\].
+    pub rotor_inertia: Vec<f64>,
+    /// \[N·m·s/rad\].
+    pub viscous: Vec<f64>,
+    /// \[N·m\].
+    pub coulomb: Vec<f64>,
+    /// \[N·m\]; read only with [`Structure::offset`].
+    pub offset: Vec<f64>,
+    /// Inertia \[kg·m²\], viscous \[N·m·s/rad\] and Coulomb \[N·m\] of the coupled motor; read only with
+    /// [`Structure::coupling`].
+    pub coupling: [f64; 3],
+}
+
+/// The direction of friction: `tanh(v/v0)`, or for `v0 = 0` the sign of `v`, which is 0 at standstill.
+#[inline]
+pub fn friction_sign(v: f64, v0: f64) -> f64 {
+    if v0 > 0.0 {
+        (v / v0).tanh()
+    } else if v == 0.0 {
+        0.0
+    } else {
+        v.signum()
+    }
+}
+
+/// An arm with its drives, linear in the standard parameter vector `x`: `τ = Y(q, q̇, q̈)·x`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Geometry and nominal bodies.
+    pub arm: Arm,
+    /// Which drive effects there are.
+    pub structure: Structure,
+    /// Meaning of each entry of the standard vector, in order.
+    pub parameters: Vec<Parameter>,
+}
+
+impl Model {
+    /// Lists the parameters of `arm` with the given structure.
+    ///
+    /// # Panics
+    /// If a coupled joint does not exist or is coupled to itself; configurations are checked before.
+    #[must_use]
+    pub fn new(arm: Arm, structure: Structure) -> Model {
+        let dof = arm.dof();
+        if let Some(WristCoupling { driving, driven }) = structure.coupling {
+            assert!(driving < dof && driven < dof && driving != driven, "coupling {driving}-{driven} of {dof} joints");
+        }
+        let links = (0..dof).flat_map(|link| (0..LINK_PARAMETERS).map(move |entry| Parameter::Link { link, entry }));
+        let mut parameters: Vec<Parameter> = links.collect();
+        parameters.extend((0..dof).map(Parameter::RotorInertia));
+        parameters.extend((0..dof).map(Parameter::Viscous));
+        parameters.extend((0..dof).map(Parameter::Coulomb));
+        if structure.offset {
+            parameters.extend((0..dof).map(Parameter::Offset));
+        }
+        if structure.coupling.is_some() {
+            use Parameter::{CouplingCoulomb, CouplingInertia, CouplingViscous};
+            parameters.extend([CouplingInertia, CouplingViscous, CouplingCoulomb]);
+        }
+        Model { arm, structure, parameters }
+    }
+
+    /// Number of standard parameters.
+    #[expect(clippy::len_without_is_empty, reason = "a model always has parameters")]
+    pub fn len(&self) -> usize {
+        self.parameters.len()
+    }
+
+    /// Standard vector of the URDF's bodies and the given drives.
+    ///
+    /// # Panics
+    /// If a list of `joints` that the structure reads is not one entry a joint.
+    #[must_use]
+    pub fn nominal(&self, joints: &Joints) -> Vec<f64> {
+        let drives = |values: &[f64], what: &str| {
+            assert_eq!(values.len(), self.arm.dof(), "one {what} value a joint");
+            values.to_vec()
+        };
+        let mut x = self.arm.links.concat();
+        x.extend(drives(&joints.rotor_inertia, "rotor inertia"));
+        x.extend(drives(&joints.viscous, "viscous friction"));
+        x.extend(drives(&joints.coulomb, "Coulomb friction"));
+        if self.structure.offset {
+            x.extend(drives(&joints.offset, "offset"));
+        }
+        if self.structure.coupling.is_some() {
+            x.extend(joints.coupling);
+        }
+        x
+    }
+
+    /// Regressor of the whole model, N x [`len`](Model::len) row-major, written to `y`. Real-time safe.
+    ///
+    /// Drive of joint j: `τⱼ = Iaⱼ·q̈ⱼ + Fvⱼ·q̇ⱼ + Fcⱼ·s(q̇ⱼ) + offsetⱼ`. Coupled motor, with a the driving and b the
+    /// driven joint: `τa += Iam·q̈b + Fvm·q̇b + Fcm·s(q̇a + q̇b)`, `τb += Iam·q̈a + Fvm·q̇a + Fcm·s(q̇a + q̇b)`.
+    pub fn regressor(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], y: &mut [f64]) {
+        let (dof, width) = (self.arm.dof(), self.len());
+        regressor_rows(&self.arm, ws, q, qd, qdd, y, width);
+        let v0 = self.structure.sign_velocity;
+        let drives = LINK_PARAMETERS * dof;
+        for j in 0..dof {
+            let row = &mut y[j * width + drives..(j + 1) * width];
+            row.fill(0.0);
+            row[j] = qdd[j];
+            row[dof + j] = qd[j];
+            row[2 * dof + j] = friction_sign(qd[j], v0);
+            if self.structure.offset {
+                row[3 * dof + j] = 1.0;
+            }
+        }
+        if let Some(WristCoupling { driving, driven }) = self.structure.coupling {
+            let s = friction_sign(qd[driving] + qd[driven], v0);
+            for (joint, other) in [(driving, driven), (driven, driving)] {
+                let end = (joint + 1) * width;
+                y[end - 3..end].copy_from_slice(&[qdd[other], qd[other], s]);
+            }
+        }
+    }
+}

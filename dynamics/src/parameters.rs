@@ -1,0 +1,166 @@
+//! What the numbers of a parameter vector mean: the one place where their order is stated.
+//!
+//! ```text
+//! standard vector of a Model with N joints
+//!   links 1..N        10 each, in the order of LinkParameters
+//!   rotor_inertia     N
+//!   viscous           N
+//!   coulomb           N
+//!   offset            N    only with Structure::offset
+//!   coupling          3    rotor_inertia, viscous, coulomb; only with Structure::coupling
+//! ```
+
+use crate::arm::{Arm, JointKind};
+use crate::spatial::{Mat3, Vec3, dot, multiply, rotate, scale, transpose};
+
+/// Number of inertial parameters of a link.
+pub const LINK_PARAMETERS: usize = 10;
+
+/// `[m, m·cx, m·cy, m·cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz]`: mass \[kg\], first moment \[kg·m\] and rotational inertia
+/// \[kg·m²\] about the ORIGIN of the joint frame (not the centre of mass), in the joint frame. Products are tensor
+/// entries, `Ixy = −∫xy dm`. Note the order of the last six.
+pub type LinkParameters = [f64; LINK_PARAMETERS];
+
+/// Names of the entries of [`LinkParameters`].
+const ENTRY_NAMES: [&str; LINK_PARAMETERS] = ["m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
+
+/// Inertia tensor about the origin, as a matrix.
+#[inline(always)]
+pub(crate) fn inertia_matrix(body: &LinkParameters) -> Mat3 {
+    let [_, _, _, _, xx, xy, yy, xz, yz, zz] = *body;
+    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+/// A body from its mass \[kg\], centre of mass \[m\] and inertia about the CENTRE OF MASS \[kg·m²\], all in one frame.
+pub fn body_from_com(mass: f64, com: &[f64; 3], inertia: &[[f64; 3]; 3]) -> [f64; 10] {
+    let at_com = assemble(mass, &[0.0; 3], inertia);
+    body_in_frame(&at_com, &crate::spatial::IDENTITY, com)
+}
+
+#[inline(always)]
+pub(crate) fn assemble(m: f64, h: &Vec3, i: &Mat3) -> LinkParameters {
+    [m, h[0], h[1], h[2], i[0][0], i[0][1], i[1][1], i[0][2], i[1][2], i[2][2]]
+}
+
+/// The same body seen from another frame: `r` maps components in the body's present frame to the new one, `p` \[m\] is
+/// the present origin in the new frame.
+///
+/// From `x = R·r + p` for every mass point: `h' = R·h + m·p`,
+/// `I' = R·I·Rᵀ + (2p·Rh + m·p·p)·1 − (Rh·pᵀ + p·(Rh)ᵀ + m·p·pᵀ)` (Steiner's theorem, any reference point).
+#[inline(always)]
+pub fn body_in_frame(body: &[f64; 10], r: &[[f64; 3]; 3], p: &[f64; 3]) -> [f64; 10] {
+    let m = body[0];
+    let rh = rotate(r, &[body[1], body[2], body[3]]);
+    let mut i = multiply(&multiply(r, &inertia_matrix(body)), &transpose(r));
+    let spread = 2.0 * dot(p, &rh) + m * dot(p, p);
+    for a in 0..3 {
+        i[a][a] += spread;
+        for b in 0..3 {
+            i[a][b] -= rh[a] * p[b] + p[a] * rh[b] + m * p[a] * p[b];
+        }
+    }
+    let shift = scale(p, m);
+    assemble(m, &[rh[0] + shift[0], rh[1] + shift[1], rh[2] + shift[2]], &i)
+}
+
+/// One entry of a model's standard parameter vector. Indices count from 0; names count from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Parameter {
+    /// Entry `entry` (0..10) of [`LinkParameters`] of the body moved by joint `link`.
+    Link {
+        /// Joint that moves the body.
+        link: usize,
+        /// Place in [`LinkParameters`].
+        entry: usize,
+    },
+    /// Inertia of the joint's drive, seen at the joint (rotor inertia times ratio squared): `τ = Ia·q̈`.
+    RotorInertia(usize),
+    /// Viscous friction: `τ = Fv·q̇`.
+    Viscous(usize),
+    /// Coulomb friction: `τ = Fc·s(q̇)`.
+    Coulomb(usize),
+    /// Constant torque, e.g. of the amplifier's zero.
+    Offset(usize),
+    /// Drive inertia of the motor that turns with both coupled joints.
+    CouplingInertia,
+    /// Its viscous friction.
+    CouplingViscous,
+    /// Its Coulomb friction.
+    CouplingCoulomb,
+}
+
+/// Parameters that belong together in a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ParameterGroup {
+    /// Mass, first moments and inertia of the links.
+    Inertial,
+    /// Drive inertia.
+    RotorInertia,
+    /// Viscous and Coulomb friction.
+    Friction,
+    /// Torque offsets.
+    Offset,
+    /// The wrist coupling.
+    Coupling,
+}
+
+impl Parameter {
+    /// Short stable name with 1-based numbers: `l2.mcx`, `j3.viscous`, `coupling.coulomb`.
+    ///
+    /// `arm` is the arm that the parameter belongs to; debug builds check that it has such a joint.
+    pub fn name(&self, arm: &Arm) -> String {
+        if let Some(joint) = self.joint() {
+            debug_assert!(joint < arm.dof(), "{self:?} of an arm with {} joints", arm.dof());
+        }
+        match *self {
+            Parameter::Link { link, entry } => format!("l{}.{}", link + 1, ENTRY_NAMES[entry]),
+            Parameter::RotorInertia(j) => format!("j{}.rotor_inertia", j + 1),
+            Parameter::Viscous(j) => format!("j{}.viscous", j + 1),
+            Parameter::Coulomb(j) => format!("j{}.coulomb", j + 1),
+            Parameter::Offset(j) => format!("j{}.offset", j + 1),
+            Parameter::CouplingInertia => "coupling.rotor_inertia".to_owned(),
+            Parameter::CouplingViscous => "coupling.viscous".to_owned(),
+            Parameter::CouplingCoulomb => "coupling.coulomb".to_owned(),
+        }
+    }
+
+    /// Unit; a drive's unit depends on whether `arm`'s joint turns or slides. Coupled joints turn.
+    pub fn unit(&self, arm: &Arm) -> &'static str {
+        let slides = |j: usize| arm.joints.get(j).is_some_and(|joint| joint.kind == JointKind::Prismatic);
+        match *self {
+            Parameter::Link { entry: 0, .. } => "kg",
+            Parameter::Link { entry: 1..=3, .. } => "kg m",
+            Parameter::RotorInertia(j) if slides(j) => "kg",
+            Parameter::Viscous(j) if slides(j) => "N s/m",
+            Parameter::Coulomb(j) | Parameter::Offset(j) if slides(j) => "N",
+            Parameter::Link { .. } | Parameter::RotorInertia(_) | Parameter::CouplingInertia => "kg m^2",
+            Parameter::Viscous(_) | Parameter::CouplingViscous => "N m s/rad",
+            Parameter::Coulomb(_) | Parameter::Offset(_) | Parameter::CouplingCoulomb => "N m",
+        }
+    }
+
+    /// The group it is reported in.
+    pub fn group(&self) -> ParameterGroup {
+        match self {
+            Parameter::Link { .. } => ParameterGroup::Inertial,
+            Parameter::RotorInertia(_) => ParameterGroup::RotorInertia,
+            Parameter::Viscous(_) | Parameter::Coulomb(_) => ParameterGroup::Friction,
+            Parameter::Offset(_) => ParameterGroup::Offset,
+            Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
+                ParameterGroup::Coupling
+            }
+        }
+    }
+
+    /// The joint (0-based) whose drive or whose link it describes; none for the coupling, which has two.
+    pub fn joint(&self) -> Option<usize> {
+        match *self {
+            Parameter::Link { link: j, .. }
+            | Parameter::RotorInertia(j)
+            | Parameter::Viscous(j)
+            | Parameter::Coulomb(j)
+            | Parameter::Offset(j) => Some(j),
+            Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => None,
+        }
+    }
+}
