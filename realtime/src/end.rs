@@ -1,0 +1,91 @@
+//! An orderly end: on a signal, and when the parent dies.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// The wish to end, shared by all threads; set by a signal or by the program itself.
+#[derive(Clone, Debug, Default)]
+pub struct Shutdown {
+    requested: Arc<AtomicBool>,
+}
+
+impl Shutdown {
+    /// A flag that only [`request`](Self::request) sets.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A flag that SIGINT, SIGTERM and SIGHUP set. The same signal again ends the program at once (exit code
+    /// 1), should it hang on its way out.
+    ///
+    /// # Errors
+    /// The system refused a signal handler.
+    pub fn on_signals() -> io::Result<Self> {
+        let shutdown = Self::new();
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            // In this order: the first signal finds the flag unset, sets it, and only the second one exits.
+            flag::register_conditional_shutdown(signal, 1, Arc::clone(&shutdown.requested))?;
+            flag::register(signal, Arc::clone(&shutdown.requested))?;
+        }
+        Ok(shutdown)
+    }
+
+    /// Whether it is time to end. Real-time safe.
+    pub fn is_requested(&self) -> bool {
+        self.requested.load(Ordering::Relaxed)
+    }
+
+    /// Asks all threads to end.
+    pub fn request(&self) {
+        self.requested.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Has the kernel send this process SIGTERM when its parent dies, so that a killed demonstration leaves no
+/// children. `parent` is the parent's process id as the parent told it; false: it is dead already.
+///
+/// The kernel means the *thread* that started the child: start children from a thread that lives as long as
+/// the program.
+///
+/// # Errors
+/// The system refused.
+pub fn end_with_parent(parent: u32) -> io::Result<bool> {
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    // Asked after arming: a parent that died before is noticed here, one that dies later by the signal.
+    let now = getppid().map(|pid| pid.as_raw_nonzero().get());
+    Ok(now.is_some_and(|now| u32::try_from(now) == Ok(parent)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_asks_every_clone_to_end() {
+        let shutdown = Shutdown::on_signals().expect("handlers");
+        let clone = shutdown.clone();
+        assert!(!clone.is_requested());
+        signal_hook::low_level::raise(SIGTERM).expect("raise");
+        assert!(clone.is_requested() && shutdown.is_requested());
+    }
+
+    #[test]
+    fn a_program_may_ask_itself() {
+        let shutdown = Shutdown::new();
+        shutdown.clone().request();
+        assert!(shutdown.is_requested());
+    }
+
+    #[test]
+    fn a_wrong_parent_is_told_from_the_right_one() {
+        let parent = std::os::unix::process::parent_id();
+        assert!(end_with_parent(parent).expect("prctl"));
+        assert!(!end_with_parent(parent.wrapping_add(1)).expect("prctl"));
+        set_parent_process_death_signal(None).expect("prctl");
+    }
+}
