@@ -1,0 +1,48 @@
+//! Every robot of the project loads, and so do files with only the contract part.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn below(folder: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder)
+}
+
+/// `<folder>/<any>/robot.toml`
+fn robot_files(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let mut files: Vec<_> =
+        entries.filter_map(|e| Some(e.ok()?.path().join("robot.toml"))).filter(|p| p.is_file()).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn all_robots_of_the_project_load() {
+    let files = robot_files(&below("robots"));
+    let names: Vec<_> = files
+        .iter()
+        .map(|file| {
+            let robot = rivet_config::load(file).unwrap_or_else(|e| panic!("{e}"));
+            let folder = file.parent().and_then(Path::file_name).and_then(|n| n.to_str());
+            assert_eq!(Some(robot.config.name.as_str()), folder, "a robot is named as its folder");
+            assert!(file.with_file_name("README.md").is_file(), "{} has no README with its sources", robot.config.name);
+            robot.config.name
+        })
+        .collect();
+    assert_eq!(names, ["dd2", "kuka-kr300-r2500", "manutec-r3", "staubli-tx40", "ur10", "ur10e", "ur5e"]);
+}
+
+#[test]
+fn contract_only_files_load() {
+    for folder in ["../shared/data/practice", "../shared/data/practice-wrong-nominal"] {
+        let files = robot_files(&below(folder));
+        if files.is_empty() {
+            eprintln!("SKIPPED: {folder} is not here");
+        }
+        for file in files {
+            let robot = rivet_config::load(&file).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(robot.dof(), 6);
+            assert!(robot.identified.is_none());
+        }
+    }
+}
