@@ -47,18 +47,22 @@ impl Shutdown {
 }
 
 /// Has the kernel send this process SIGTERM when its parent dies, so that a killed demonstration leaves no
-/// children. `parent` is the parent's process id as the parent told it; false: it is dead already.
+/// children. Call it first thing in the child.
 ///
 /// The kernel means the *thread* that started the child: start children from a thread that lives as long as
 /// the program.
 ///
 /// # Errors
-/// The system refused.
-pub fn end_with_parent(parent: u32) -> io::Result<bool> {
+/// The system refused, or the parent died while this was called.
+pub fn die_with_parent() -> io::Result<()> {
+    let parent = getppid();
     set_parent_process_death_signal(Some(Signal::TERM))?;
-    // Asked after arming: a parent that died before is noticed here, one that dies later by the signal.
-    let now = getppid().map(|pid| pid.as_raw_nonzero().get());
-    Ok(now.is_some_and(|now| u32::try_from(now) == Ok(parent)))
+    // Asked again after arming: a parent that died in between would never be noticed.
+    if getppid() == parent {
+        Ok(())
+    } else {
+        Err(io::Error::new(io::ErrorKind::NotFound, "the parent process has ended"))
+    }
 }
 
 #[cfg(test)]
@@ -82,10 +86,9 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_parent_is_told_from_the_right_one() {
-        let parent = std::os::unix::process::parent_id();
-        assert!(end_with_parent(parent).expect("prctl"));
-        assert!(!end_with_parent(parent.wrapping_add(1)).expect("prctl"));
+    fn the_kernel_accepts_the_wish_to_die_with_the_parent() {
+        die_with_parent().expect("prctl");
+        assert_eq!(rustix::process::parent_process_death_signal().expect("prctl"), Some(Signal::TERM));
         set_parent_process_death_signal(None).expect("prctl");
     }
 }
