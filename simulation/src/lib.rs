@@ -1,1 +1,21 @@
-//! rivet-simulation
+//! The simulated robot: a pure plant core, motions to command it with, and the process that plays a robot controller.
+//!
+//! The plant core ([`Plant`], [`Truth`], [`closed_loop`]) and the motions ([`motion`]) know no clock, file or bus.
+
+mod closed_loop;
+mod friction;
+mod integrator;
+mod mechanics;
+pub mod motion;
+mod plant;
+mod random;
+mod sensors;
+mod truth;
+
+pub use closed_loop::{Record, SetpointRef, closed_loop};
+pub use friction::FrictionLaw;
+pub use mechanics::Vector;
+pub use plant::{Plant, PlantSettings};
+pub use random::Random;
+pub use sensors::{Measurement, Sensors};
+pub use truth::{Disturbances, Payload, Truth};

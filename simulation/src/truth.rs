@@ -1,0 +1,112 @@
+//! The arm as it really is: the nominal arm plus named disturbances.
+
+use crate::random::Random;
+use rivet_dynamics::{Arm, Joints, Model, Structure, body_from_com};
+
+/// A body fixed to the last link: a steel ball, so that mass and centre say all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Payload {
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Its centre in the last joint's frame \[m\].
+    pub com: [f64; 3],
+}
+
+/// What makes the true arm differ from the nominal one. The default changes nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disturbances {
+    /// Factor on mass, first moment and inertia of every body.
+    pub bodies: f64,
+    /// Factor on every rotor inertia.
+    pub rotor_inertia: f64,
+    /// Factor on every Coulomb and viscous friction value.
+    pub friction: f64,
+    /// Standard deviation of the logarithm of a further factor that each body draws for itself.
+    pub bodies_spread: f64,
+    /// The same for each rotor inertia.
+    pub rotor_inertia_spread: f64,
+    /// The same for each friction value.
+    pub friction_spread: f64,
+    /// Carried by the last link.
+    pub payload: Option<Payload>,
+    /// Decides the drawn factors.
+    pub seed: u64,
+}
+
+impl Default for Disturbances {
+    fn default() -> Self {
+        Self {
+            bodies: 1.0,
+            rotor_inertia: 1.0,
+            friction: 1.0,
+            bodies_spread: 0.0,
+            rotor_inertia_spread: 0.0,
+            friction_spread: 0.0,
+            payload: None,
+            seed: 1,
+        }
+    }
+}
+
+/// Density of the payload \[kg/m³\].
+const STEEL: f64 = 7850.0;
+
+impl Payload {
+    /// Its inertial parameters in the last joint's frame, in the order of `LinkParameters`.
+    pub fn body(&self) -> [f64; 10] {
+        let radius = (0.75 * self.mass.max(0.0) / (core::f64::consts::PI * STEEL)).cbrt();
+        let i = 0.4 * self.mass * radius * radius;
+        body_from_com(self.mass, &self.com, &[[i, 0.0, 0.0], [0.0, i, 0.0], [0.0, 0.0, i]])
+    }
+}
+
+/// True values of all that the plant is made of.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    /// Geometry as in the nominal arm, bodies as they are.
+    pub arm: Arm,
+    /// Drive effects of the model (the plant has the wrist coupling when the model has it).
+    pub structure: Structure,
+    /// True drive values. An offset acts on the plant whether or not the model has a parameter for it.
+    pub joints: Joints,
+}
+
+impl Truth {
+    /// The nominal arm with `disturbances`.
+    pub fn new(model: &Model, nominal: &Joints, disturbances: &Disturbances) -> Self {
+        let mut random = Random::stream(disturbances.seed, 0x7a);
+        let mut factor = |mean: f64, spread: f64| mean * (spread * random.normal()).exp();
+        let (mut arm, mut joints) = (model.arm.clone(), nominal.clone());
+        for body in &mut arm.links {
+            // One factor a body: scaling all ten entries keeps any physical body physical.
+            let f = factor(disturbances.bodies, disturbances.bodies_spread);
+            for entry in body {
+                *entry *= f;
+            }
+        }
+        for value in &mut joints.rotor_inertia {
+            *value *= factor(disturbances.rotor_inertia, disturbances.rotor_inertia_spread);
+        }
+        for value in joints.viscous.iter_mut().chain(&mut joints.coulomb) {
+            *value *= factor(disturbances.friction, disturbances.friction_spread);
+        }
+        // The coupled motor is one machine: its friction and inertia take the plain factors, or the drive's dissipation
+        // matrix (own and coupled entries) could lose its sign.
+        joints.coupling[0] *= disturbances.rotor_inertia;
+        joints.coupling[1] *= disturbances.friction;
+        joints.coupling[2] *= disturbances.friction;
+        joints.offset.resize(arm.dof(), 0.0);
+        if let (Some(payload), Some(last)) = (disturbances.payload, arm.links.last_mut()) {
+            for (entry, extra) in last.iter_mut().zip(payload.body()) {
+                *entry += extra;
+            }
+        }
+        Self { arm, structure: model.structure, joints }
+    }
+
+    /// True values in the standard order of the model that this truth was made from.
+    pub fn standard(&self, model: &Model) -> Vec<f64> {
+        Model { arm: self.arm.clone(), structure: model.structure, parameters: model.parameters.clone() }
+            .nominal(&self.joints)
+    }
+}
