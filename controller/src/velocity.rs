@@ -1,0 +1,53 @@
+//! Joint velocity from encoder positions, for feedback only.
+
+use rivet_dynamics::MAX_JOINTS;
+
+/// Difference quotient behind a first-order low-pass: `q̇ ← q̇ + α·((q − q_last)/T − q̇)`.
+///
+/// Its lag (about `1/(2π·cutoff)`) costs phase in the feedback, not accuracy: desired motion enters the law undelayed.
+#[derive(Clone, Debug)]
+pub(crate) struct VelocityFilter {
+    period_s: f64,
+    weight: f64,
+    last: Option<[f64; MAX_JOINTS]>,
+    velocity: [f64; MAX_JOINTS],
+}
+
+impl VelocityFilter {
+    /// `period_s` of the samples, `cutoff_hz` of the low-pass.
+    pub(crate) fn new(period_s: f64, cutoff_hz: f64) -> VelocityFilter {
+        let weight = 1.0 - (-std::f64::consts::TAU * cutoff_hz * period_s).exp();
+        VelocityFilter { period_s, weight, last: None, velocity: [0.0; MAX_JOINTS] }
+    }
+
+    /// Takes in positions that are `periods` sample periods younger than the last ones (1 without losses).
+    pub(crate) fn update(&mut self, q: &[f64], periods: u64) -> &[f64; MAX_JOINTS] {
+        let mut now = [0.0; MAX_JOINTS];
+        now[..q.len()].copy_from_slice(q);
+        if let Some(last) = self.last {
+            let elapsed = self.period_s * periods.max(1) as f64;
+            for j in 0..q.len() {
+                self.velocity[j] += self.weight * ((now[j] - last[j]) / elapsed - self.velocity[j]);
+            }
+        }
+        self.last = Some(now);
+        &self.velocity
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_gives_its_slope_and_lost_samples_do_not_double_it() {
+        let mut filter = VelocityFilter::new(0.001, 80.0);
+        let mut velocity = 0.0;
+        let mut step = 0u64;
+        for periods in (0..400u64).map(|k| 1 + k % 3) {
+            step += periods;
+            velocity = filter.update(&[0.7 * 0.001 * step as f64], periods)[0];
+        }
+        assert!((velocity - 0.7).abs() < 1e-9, "{velocity}");
+    }
+}

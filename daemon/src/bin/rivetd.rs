@@ -1,0 +1,22 @@
+//! `rivetd ROBOT.toml`: the daemon as systemd starts it.
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Identifies the dynamics of a robot arm while it works.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    options: rivet_daemon::Options,
+}
+
+fn main() -> ExitCode {
+    match rivet_daemon::run(&Arguments::parse().options) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("rivetd: {why}");
+            ExitCode::from(why.exit_code())
+        }
+    }
+}

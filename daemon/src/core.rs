@@ -1,0 +1,285 @@
+//! Every decision of the daemon's loop, with no clock, bus or thread in it.
+
+use rivet_config::Robot;
+use rivet_dynamics::MAX_JOINTS;
+use rivet_estimation::{Identifier, InstrumentKind, ParameterState as Estimated, Setpoint as DesiredMotion, SettingsError, Step};
+use rivet_ipc_schema::{
+    ControlCommand, DaemonMode, Health, InstrumentSource, JointState, MAX_PARAMETERS, ParameterState, Parameters,
+    Setpoint, parameter_flags,
+};
+use std::sync::Arc;
+
+/// Why a sample was not used. `Copy` and without text: it is made inside the real-time loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// Its sequence number is not newer than the last one.
+    Stale,
+    /// Wrong joint count, or a position or torque that is not finite.
+    Invalid,
+    /// The robot controller set fault bits.
+    Fault,
+}
+
+/// What the shell is to do after a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Publish parameters now ([`Core::write_parameters`]).
+    pub publish: bool,
+    /// What became of the sample.
+    pub taken: Result<(), Refused>,
+}
+
+/// How many samples did what; all count from the start of the daemon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Samples used.
+    pub samples: u64,
+    /// Samples that never came, by sequence number.
+    pub lost: u64,
+    /// Samples not newer than the last.
+    pub stale: u64,
+    /// Samples with a wrong joint count or numbers that are not finite.
+    pub invalid: u64,
+    /// Samples with fault bits.
+    pub faults: u64,
+    /// Times the signal chain had to start anew.
+    pub gaps: u64,
+    /// Samples used without the setpoint of their period although setpoints are flowing.
+    pub setpoints_missing: u64,
+    /// Times the robot controller began its sequence anew.
+    pub restarts: u64,
+}
+
+/// Consecutive "old" samples, each one newer than the one before, after which the robot controller counts as restarted.
+const RESTART_RUN: u64 = 100;
+
+/// The daemon between two samples. Everything is a function of the sample stream: a recorded run replays bit for bit.
+pub struct Core {
+    identifier: Identifier,
+    dof: usize,
+    count: usize,
+    hash: u64,
+    publish_every: u64,
+    since_publication: u64,
+    epoch: u64,
+    last_seq: Option<u64>,
+    last_stamp_ns: u64,
+    interrupted: bool,
+    stale_run: u64,
+    stale_seq: u64,
+    setpoints_seen: bool,
+    frozen: bool,
+    counts: Counts,
+}
+
+impl Core {
+    /// Allocates everything the loop will need.
+    ///
+    /// # Errors
+    /// Settings of the robot file that the estimator cannot work with.
+    pub fn new(robot: &Robot) -> Result<Core, SettingsError> {
+        let settings = robot.config.estimation_settings();
+        let identifier = Identifier::new(
+            Arc::clone(&robot.model),
+            Arc::clone(&robot.base),
+            &robot.nominal_base,
+            &settings,
+        )?;
+        Ok(Core {
+            identifier,
+            dof: robot.model.arm.dof(),
+            count: robot.base.len().min(MAX_PARAMETERS),
+            hash: robot.hash,
+            publish_every: robot.config.publish.every as u64,
+            since_publication: 0,
+            epoch: 0,
+            last_seq: None,
+            last_stamp_ns: 0,
+            interrupted: false,
+            stale_run: 0,
+            stale_seq: 0,
+            setpoints_seen: false,
+            frozen: false,
+            counts: Counts::default(),
+        })
+    }
+
+    /// Advances by one sample. `setpoint` is the one of the same period, if there is one; one of another period is not
+    /// used. Time comes only from the sample.
+    ///
+    /// Real-time safe: bounded work; no allocation, lock, system call or panic.
+    pub fn tick(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Output {
+        let taken = self.take(sample, setpoint);
+        let mut publish = false;
+        if taken.is_ok() {
+            self.since_publication += 1;
+            publish = self.since_publication >= self.publish_every;
+            if publish {
+                self.since_publication = 0;
+                self.epoch += 1;
+            }
+        }
+        Output { publish, taken }
+    }
+
+    fn take(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Result<(), Refused> {
+        let n = self.dof;
+        if let Some(last) = self.last_seq {
+            if sample.seq <= last {
+                self.counts.stale += 1;
+                if !self.controller_restarted(sample.seq) {
+                    return Err(Refused::Stale);
+                }
+                self.counts.restarts += 1;
+                self.interrupted = true;
+            } else {
+                let lost = sample.seq - last - 1;
+                self.counts.lost = self.counts.lost.saturating_add(lost);
+                self.interrupted |= lost > 0;
+            }
+        }
+        self.stale_run = 0;
+        self.last_seq = Some(sample.seq);
+        self.last_stamp_ns = sample.stamp_ns;
+        if sample.faults != 0 {
+            self.counts.faults += 1;
+            self.interrupted = true;
+            return Err(Refused::Fault);
+        }
+        let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
+        if sample.count() != n || !finite(&sample.q) || !finite(&sample.tau) {
+            self.counts.invalid += 1;
+            self.interrupted = true;
+            return Err(Refused::Invalid);
+        }
+        let setpoint = setpoint.filter(|s| {
+            s.seq == sample.seq && s.count() == n && finite(&s.q) && finite(&s.qd) && finite(&s.qdd)
+        });
+        self.setpoints_seen |= setpoint.is_some();
+        if self.setpoints_seen && setpoint.is_none() {
+            self.counts.setpoints_missing += 1;
+        }
+        // Differences across a hole would be wrong velocities: the signal chain starts anew, the information stays.
+        if self.interrupted {
+            self.interrupted = false;
+            self.counts.gaps += 1;
+            self.identifier.restart_signals();
+        }
+        let desired = setpoint.map(|s| DesiredMotion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
+        match self.identifier.push(&sample.q[..n], &sample.tau[..n], desired) {
+            Step::Rejected(_) => {
+                self.counts.invalid += 1;
+                self.interrupted = true;
+                Err(Refused::Invalid)
+            }
+            _ => {
+                self.counts.samples += 1;
+                Ok(())
+            }
+        }
+    }
+
+    /// A controller that starts anew counts from the beginning: a long run of "old" but rising numbers.
+    fn controller_restarted(&mut self, seq: u64) -> bool {
+        let rising = self.stale_run > 0 && seq > self.stale_seq;
+        self.stale_run = if rising { self.stale_run + 1 } else { 1 };
+        self.stale_seq = seq;
+        self.stale_run >= RESTART_RUN
+    }
+
+    /// Executes a request of the control service; returns whether this core knows it.
+    pub fn control(&mut self, command: ControlCommand) -> bool {
+        match command {
+            ControlCommand::Freeze => {
+                self.identifier.freeze();
+                self.frozen = true;
+            }
+            ControlCommand::Resume => {
+                self.identifier.resume();
+                self.frozen = false;
+            }
+            ControlCommand::Reset => self.identifier.reset(),
+            ControlCommand::Save | ControlCommand::Load => return false,
+        }
+        true
+    }
+
+    /// Writes the current estimate, stamped with the last sample's time: equal streams give equal messages.
+    pub fn write_parameters(&self, out: &mut Parameters) {
+        let estimate = self.identifier.estimate();
+        let (n, m) = (self.count, self.dof);
+        *out = Parameters::default();
+        out.epoch = self.epoch;
+        out.seq = self.last_seq.unwrap_or(0);
+        out.stamp_ns = self.last_stamp_ns;
+        out.model_hash = self.hash;
+        out.count = n as u32;
+        out.joints = m as u32;
+        out.instruments = source(estimate.instruments).into();
+        out.values[..n].copy_from_slice(&estimate.values[..n]);
+        out.std[..n].copy_from_slice(&estimate.std[..n]);
+        out.excitation[..n].copy_from_slice(&estimate.excitation[..n]);
+        out.reference[..n].copy_from_slice(&estimate.rls_values[..n]);
+        for (state, s) in out.state[..n].iter_mut().zip(estimate.state) {
+            *state = match s {
+                Estimated::Active => ParameterState::Active,
+                Estimated::Held => ParameterState::Held,
+                Estimated::Unidentified => ParameterState::Unidentified,
+            }
+            .into();
+        }
+        out.torque_noise[..m].copy_from_slice(&estimate.torque_noise[..m]);
+        out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
+        out.flags = if estimate.suspended { parameter_flags::SUSPENDED } else { 0 }
+            | if self.frozen { parameter_flags::FROZEN } else { 0 }
+            | if estimate.provisional { parameter_flags::PROVISIONAL } else { 0 };
+    }
+
+    /// Writes the core's part of the health message; the shell adds its timing.
+    pub fn write_health(&self, out: &mut Health) {
+        let estimate = self.identifier.estimate();
+        let m = self.dof;
+        out.seq = self.last_seq.unwrap_or(0);
+        out.stamp_ns = self.last_stamp_ns;
+        out.samples = self.counts.samples;
+        out.lost = self.counts.lost;
+        out.refused_stale = self.counts.stale;
+        out.refused_invalid = self.counts.invalid;
+        out.rejected_faults = self.counts.faults;
+        out.gaps = self.counts.gaps;
+        out.setpoints_missing = self.counts.setpoints_missing;
+        out.active = estimate.state.iter().filter(|s| **s == Estimated::Active).count() as u32;
+        out.held = self.count as u32 - out.active;
+        out.instruments = source(estimate.instruments).into();
+        out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
+        out.nominal_residual_rms[..m].copy_from_slice(&estimate.nominal_residual_rms[..m]);
+        out.mode = if self.frozen {
+            DaemonMode::Frozen
+        } else if self.counts.samples == 0 {
+            DaemonMode::Starting
+        } else if estimate.suspended {
+            DaemonMode::Suspended
+        } else {
+            DaemonMode::Estimating
+        }
+        .into();
+    }
+
+    /// What happened so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Number of the last publication; 0 before the first.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+}
+
+fn source(kind: InstrumentKind) -> InstrumentSource {
+    match kind {
+        InstrumentKind::None => InstrumentSource::None,
+        InstrumentKind::Setpoint => InstrumentSource::Setpoint,
+        InstrumentKind::Delayed => InstrumentSource::Delayed,
+    }
+}

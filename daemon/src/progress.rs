@@ -1,0 +1,45 @@
+//! How far the loop is, for threads that must not disturb it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Counters that the loop stores and others read; each is its own truth, they are not one snapshot.
+#[derive(Debug, Default)]
+pub struct Progress {
+    periods: AtomicU64,
+    samples: AtomicU64,
+    lost: AtomicU64,
+    epoch: AtomicU64,
+}
+
+/// What [`Progress`] held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Snapshot {
+    /// Periods since the start.
+    pub periods: u64,
+    /// Samples used.
+    pub samples: u64,
+    /// Samples lost on the way.
+    pub lost: u64,
+    /// Parameter sets published.
+    pub epoch: u64,
+}
+
+impl Progress {
+    /// Stores; wait-free.
+    pub fn write(&self, now: Snapshot) {
+        self.samples.store(now.samples, Ordering::Relaxed);
+        self.lost.store(now.lost, Ordering::Relaxed);
+        self.epoch.store(now.epoch, Ordering::Relaxed);
+        self.periods.store(now.periods, Ordering::Relaxed);
+    }
+
+    /// Reads.
+    pub fn read(&self) -> Snapshot {
+        Snapshot {
+            periods: self.periods.load(Ordering::Relaxed),
+            samples: self.samples.load(Ordering::Relaxed),
+            lost: self.lost.load(Ordering::Relaxed),
+            epoch: self.epoch.load(Ordering::Relaxed),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! What stands around [`Core`]: threads, clock, bus, signals.
+//!
+//! One thread is real-time: it waits, takes in queued samples and ticks the core. Publishing allocates and may work on
+//! files, so it lives on the bus thread behind wait-free queues; the main thread watches and talks to the service
+//! manager.
+
+use crate::bus_thread::{self, Outbound};
+use crate::core::Core;
+use crate::error::StartError;
+use crate::loop_thread::{self, LoopSettings};
+use crate::progress::Progress;
+use rivet_config::{Robot, Trigger};
+use rivet_ipc_schema::{BusConfig, ControlCommand, RobotName};
+use rivet_realtime::{RealTimeSettings, Shutdown};
+use std::path::PathBuf;
+use std::sync::{Arc, mpsc};
+use std::time::Duration;
+
+/// How the daemon is to run, beside what the robot file says.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// The robot file (robot.toml, or model.toml of `rivet identify --export`).
+    pub robot: PathBuf,
+    /// Overrides `[bus] prefix`.
+    #[arg(long)]
+    pub prefix: Option<String>,
+    /// Overrides `[bus] root`.
+    #[arg(long)]
+    pub root: Option<PathBuf>,
+    /// Go on without real-time scheduling and locked memory where they are refused.
+    #[arg(long)]
+    pub best_effort: bool,
+    /// Overrides `[realtime] trigger`.
+    #[arg(long, value_name = "timer|sample", value_parser = parse_trigger)]
+    pub trigger: Option<Trigger>,
+    /// End with the process that started this one.
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+}
+
+fn parse_trigger(word: &str) -> Result<Trigger, String> {
+    match word {
+        "timer" => Ok(Trigger::Timer),
+        "sample" => Ok(Trigger::Sample),
+        _ => Err("it must be timer or sample".to_owned()),
+    }
+}
+
+/// Messages that may wait for the bus thread: about a quarter of a second of them at the usual rates.
+const OUTBOUND: usize = 64;
+
+/// Control requests that may wait for the loop.
+const INBOUND: usize = 16;
+
+/// Runs until SIGTERM or SIGINT.
+///
+/// # Errors
+/// Why it did not start, or which thread stopped.
+pub fn run(options: &Options) -> Result<(), StartError> {
+    let robot = rivet_config::load(&options.robot)?;
+    let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
+    if options.die_with_parent {
+        rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
+    }
+    let name = RobotName::new(&robot.config.name)?;
+    let bus = BusConfig {
+        prefix: options.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
+        root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
+    };
+    let core = Core::new(&robot).map_err(StartError::Settings)?;
+    rivet_ipc_schema::cleanup(&bus)?;
+    run_threads(&robot, core, &bus, &name, options, &shutdown)
+}
+
+fn run_threads(
+    robot: &Robot,
+    core: Core,
+    bus: &BusConfig,
+    name: &RobotName,
+    options: &Options,
+    shutdown: &Shutdown,
+) -> Result<(), StartError> {
+    let realtime = &robot.config.realtime;
+    let settings = LoopSettings {
+        period: Duration::from_secs_f64(robot.config.sample_period_s),
+        trigger: options.trigger.unwrap_or(realtime.trigger),
+        catch_up: realtime.catch_up,
+        health_every: robot.config.publish.health_every as u64,
+        realtime: RealTimeSettings {
+            priority: realtime.priority,
+            cpu: realtime.cpu,
+            lock_memory: realtime.lock_memory,
+            required: realtime.required && !options.best_effort,
+        },
+    };
+    let progress = Arc::new(Progress::default());
+    let (outbound, outbound_end) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
+    let (commands, commands_end) = rtrb::RingBuffer::<ControlCommand>::new(INBOUND);
+    let (ready, readiness) = mpsc::channel();
+
+    // Service threads come first: what the loop thread starts would inherit its scheduling.
+    let publisher = {
+        let (bus, name, shutdown, progress, ready) =
+            (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress), ready.clone());
+        spawn("rivetd-bus", move || bus_thread::run(&bus, &name, outbound_end, commands, &progress, &shutdown, &ready))?
+    };
+    let estimator = {
+        let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
+        spawn("rivetd-loop", move || {
+            loop_thread::run(core, &settings, &bus, &name, outbound, commands_end, &progress, &shutdown, &ready)
+        })?
+    };
+
+    let started = (0..2).try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
+    if started.is_ok() {
+        eprintln!("rivetd: {}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
+        watch(&progress, shutdown, &[&publisher, &estimator]);
+    }
+    shutdown.request();
+    let ended = [publisher.join(), estimator.join()];
+    started?;
+    if ended.iter().any(Result::is_err) {
+        return Err(StartError::Thread("a thread of the daemon panicked"));
+    }
+    let end = progress.read();
+    eprintln!("rivetd: stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
+    Ok(())
+}
+
+fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread::JoinHandle<()>, StartError> {
+    std::thread::Builder::new().name(name.to_owned()).spawn(body).map_err(StartError::Spawn)
+}
+
+/// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
+fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[&std::thread::JoinHandle<()>]) {
+    use sd_notify::NotifyState;
+    let patience = sd_notify::watchdog_enabled().map_or(Duration::from_millis(500), |watchdog| watchdog / 3);
+    let (mut announced, mut periods) = (false, 0);
+    let mut next_report = std::time::Instant::now();
+    while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
+        std::thread::sleep(Duration::from_millis(20));
+        let now = progress.read();
+        if !announced && now.samples > 0 {
+            announced = true;
+            eprintln!("rivetd: samples are flowing");
+            // Without a service manager these calls do nothing; a manager that is gone is not the loop's concern.
+            let _ = sd_notify::notify(&[NotifyState::Ready]);
+        }
+        if std::time::Instant::now() >= next_report {
+            next_report += patience;
+            let text = format!("{} samples, {} lost, epoch {}", now.samples, now.lost, now.epoch);
+            let _ = sd_notify::notify(&[NotifyState::Status(&text)]);
+            if now.periods != periods {
+                periods = now.periods;
+                let _ = sd_notify::notify(&[NotifyState::Watchdog]);
+            }
+        }
+    }
+    let _ = sd_notify::notify(&[NotifyState::Stopping]);
+}
