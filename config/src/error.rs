@@ -63,18 +63,29 @@ impl ConfigError {
         }
     }
 
-    /// An error of the file as a whole: it cannot be read.
-    pub(crate) fn of_file(file: &Path, rule: impl Into<String>, hint: impl Into<String>) -> ConfigError {
+    /// An error without a place of its own: what should be there is not. Reported at the start of the file.
+    pub(crate) fn nowhere(
+        file: &Path,
+        key: impl Into<String>,
+        value: &str,
+        rule: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> ConfigError {
         ConfigError {
             file: file.to_path_buf(),
             line: 1,
             column: 1,
-            key: "file".into(),
-            value: file.display().to_string(),
+            key: key.into(),
+            value: shorten(value),
             rule: rule.into(),
             hint: hint.into(),
             snippet: None,
         }
+    }
+
+    /// An error of the file as a whole: it cannot be read.
+    pub(crate) fn of_file(file: &Path, rule: impl Into<String>, hint: impl Into<String>) -> ConfigError {
+        ConfigError::nowhere(file, "file", &file.display().to_string(), rule, hint)
     }
 }
 
@@ -161,7 +172,7 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a s
         .into_iter()
         .map(|c| (edit_distance(&word.to_lowercase(), &c.to_lowercase()), c))
         .min()
-        .filter(|(d, c)| *d <= 1 + c.len().max(word.len()) / 3)
+        .filter(|(d, c)| *d <= (c.len().max(word.len()) / 3).max(1))
         .map(|(_, c)| c)
 }
 

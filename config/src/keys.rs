@@ -58,12 +58,13 @@ impl Bounds {
 
     /// The rule as text, for example `0 < x <= 100`.
     pub fn text(self) -> String {
+        let n = |x: f64| if x.abs() >= 1e5 || (x != 0.0 && x.abs() < 1e-3) { format!("{x:e}") } else { format!("{x}") };
         match self {
             Bounds::None => String::new(),
-            Bounds::Within(low, high) => format!("{low} <= x <= {high}"),
-            Bounds::Above(low, high) => format!("{low} < x <= {high}"),
-            Bounds::Magnitude(high) => format!("|x| <= {high}"),
-            Bounds::NonZero(high) => format!("0 < |x| <= {high}"),
+            Bounds::Within(low, high) => format!("{} <= x <= {}", n(low), n(high)),
+            Bounds::Above(low, high) => format!("{} < x <= {}", n(low), n(high)),
+            Bounds::Magnitude(high) => format!("|x| <= {}", n(high)),
+            Bounds::NonZero(high) => format!("0 < |x| <= {}", n(high)),
         }
     }
 }
@@ -122,6 +123,11 @@ pub struct Key {
 }
 
 impl Key {
+    /// ` [unit]` behind a number, nothing for a pure number or text.
+    pub(crate) fn unit_text(&self) -> String {
+        if matches!(self.unit, "" | "-") { String::new() } else { format!(" [{}]", self.unit) }
+    }
+
     /// `section.name`, or `name` at the top of the file.
     pub fn path(&self) -> String {
         if self.section.is_empty() { self.name.into() } else { format!("{}.{}", self.section, self.name) }
@@ -289,13 +295,13 @@ pub const KEYS: &[Key] = &[
         "Standard deviation of the white noise on the published torque."),
     key("simulation", "position_noise", PerJointOrOne, "rad", Within(0.0, 0.1), Fallback::Number(0.0),
         "Standard deviation of the white noise on the position, before it is quantised."),
-    key("simulation", "seed", Integer, "-", Within(0.0, 4_294_967_295.0), Fallback::Integer(1),
+    key("simulation", "seed", Integer, "-", Within(0.0, 1e9), Fallback::Integer(1),
         "Seed of the noise: the same seed, the same run."),
 
     key("bus", "prefix", Text, "", Bounds::None, Fallback::Text("rivet_"),
-        "Beginning of every shared-memory name. 1 to 32 characters of a-z, 0-9, `_`."),
+        "Beginning of every shared-memory name. 3 to 32 characters of a-z, A-Z, 0-9, `-`, `_`."),
     key("bus", "root", Text, "", Bounds::None, Fallback::Text("/tmp/rivet"),
-        "Directory of the bus's management files; absolute. Under systemd: `/run/rivet`."),
+        "Directory of the bus's management files; absolute, at most 120 bytes. Under systemd: `/run/rivet`."),
 
     key("identified", "hash", Text, "", Bounds::None, Required,
         "Hash of the model the values belong to, 16 hexadecimal digits."),

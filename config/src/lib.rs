@@ -10,6 +10,7 @@ mod load;
 mod reader;
 mod sections;
 mod supervision;
+mod write;
 
 pub use error::{ConfigError, ConfigErrors};
 pub use load::{Identified, Robot, load, parse};
@@ -19,3 +20,4 @@ pub use sections::{
     Realtime, RobotConfig, Signal, Simulation, Trigger,
 };
 pub use supervision::Supervision;
+pub use write::write_identified;

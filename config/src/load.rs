@@ -78,7 +78,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
     let sample_period_s = reader.number("", "sample_period_s");
     let gravity = sections::gravity(&mut reader);
-    let arm = if written_urdf.is_empty() { None } else { read_arm(&mut reader, &urdf, gravity) };
+    let arm = if written_urdf.is_empty() { None } else { read_arm(&mut reader, &urdf, &written_urdf, gravity) };
     if let Some(arm) = &arm {
         reader.set_joints(arm.joints.iter().map(|j| j.name.clone()).collect());
     }
@@ -155,12 +155,12 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
 }
 
 /// Reads the URDF; whatever is wrong with it is a mistake of the key `urdf`.
-fn read_arm(reader: &mut Reader<'_>, urdf: &Path, gravity: [f64; 3]) -> Option<Arm> {
-    let shown = urdf.display();
+fn read_arm(reader: &mut Reader<'_>, urdf: &Path, written: &str, gravity: [f64; 3]) -> Option<Arm> {
     let text = match fs::read_to_string(urdf) {
         Ok(text) => text,
         Err(why) => {
-            reader.reject("", "urdf", format!("{shown} cannot be read ({why})"), "the path is relative to this file");
+            let hint = format!("the path is relative to this file; looked for {}", urdf.display());
+            reader.reject("", "urdf", format!("cannot be read ({why})"), hint);
             return None;
         }
     };
@@ -169,7 +169,7 @@ fn read_arm(reader: &mut Reader<'_>, urdf: &Path, gravity: [f64; 3]) -> Option<A
     match Arm::from_urdf(&text, gravity) {
         Ok(arm) => Some(arm),
         Err(why) => {
-            reader.reject("", "urdf", why.to_string(), format!("correct it in {shown}"));
+            reader.reject("", "urdf", why.to_string(), format!("correct it in {written}"));
             None
         }
     }
@@ -239,6 +239,7 @@ fn syntax_error(path: &Path, text: &str, error: &toml::de::Error) -> ConfigError
     };
     let hint = match error.message() {
         m if m.contains("duplicate") => "remove one of the two",
+        m if m.contains("quoted") => "put text in double quotes; separate values with commas",
         m if m.contains("string") => "close the text with a double quote",
         m if m.contains("array") => "separate the values with commas and close the bracket",
         _ => "the file is TOML: `key = value` lines below `[section]` lines",

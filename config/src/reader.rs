@@ -71,6 +71,8 @@ pub(crate) struct Reader<'a> {
     /// Defaults made from other values.
     derived: HashMap<Path2, f64>,
     errors: Vec<ConfigError>,
+    /// Lines that are no TOML: what recovery makes of them is not reported as well.
+    broken: HashSet<usize>,
     resolved: Vec<Resolved>,
 }
 
@@ -86,10 +88,11 @@ impl<'a> Reader<'a> {
             file,
             text,
             values: HashMap::new(),
-            sections: HashMap::from([("", 0..0)]),
+            sections: HashMap::new(),
             bad: HashSet::new(),
             joints: Vec::new(),
             derived: HashMap::new(),
+            broken: errors.iter().map(|e| e.line).collect(),
             errors,
             resolved: Vec::new(),
         };
@@ -147,7 +150,11 @@ impl<'a> Reader<'a> {
         rule: impl Into<String>,
         hint: impl Into<String>,
     ) {
-        self.errors.push(ConfigError::at(self.file, self.text, span, key, value, rule, hint));
+        let error = ConfigError::at(self.file, self.text, span, key, value, rule, hint);
+        let last = error.line + self.written(span).matches('\n').count();
+        if !(error.line..=last).any(|line| self.broken.contains(&line)) {
+            self.errors.push(error);
+        }
     }
 
     /// A mistake of one key's value, at its place (at the section where the key is missing).
@@ -170,8 +177,10 @@ impl<'a> Reader<'a> {
             None | Some(Value::Absent) => "(missing)".to_owned(),
             Some(value) => format!("{} (default)", crate::describe::value_text(value)),
         };
-        let span = self.sections.get(section).cloned().unwrap_or(0..0);
-        self.fail(&span, key, &value, rule, hint);
+        match self.sections.get(section) {
+            Some(span) if !section.is_empty() => self.fail(&span.clone(), key, &value, rule, hint),
+            _ => self.errors.push(ConfigError::nowhere(self.file, key, &value, rule, hint)),
+        }
     }
 
     /// A mistake in entry `i` (from 0) of an array.
@@ -246,10 +255,9 @@ impl<'a> Reader<'a> {
         let key = keys::find(section, name).expect("keys that are read are declared: a test reads them all");
         let value = self.values.get(&(section, name)).copied();
         if value.is_none() && key.fallback == Fallback::Required {
-            let unit = if key.unit.is_empty() { String::new() } else { format!(" [{}]", key.unit) };
             let place =
                 if section.is_empty() { "at the top of the file".into() } else { format!("below `[{section}]`") };
-            let rule = format!("must be given ({}{unit})", shape_text(key.shape));
+            let rule = format!("must be given ({}{})", shape_text(key.shape), key.unit_text());
             self.reject(section, name, rule, format!("write `{name} = ...` {place}"));
         }
         (key, value)
@@ -267,7 +275,10 @@ impl<'a> Reader<'a> {
         let rule = format!("must be {}, not {}", shape_text(key.shape), found_text(found));
         let hint = match key.shape {
             Shape::Number | Shape::Integer if found.is_str() => "write the number without quotes".into(),
+            Shape::Integer if found.is_float() => "leave the fraction out".into(),
+            Shape::Bool if found.is_str() => "write true or false without quotes".into(),
             Shape::Text | Shape::Choice(_) => "write it in double quotes".into(),
+            Shape::PerJoint | Shape::PerJointOrOne => format!("write it in brackets: {}", self.joints.join(", ")),
             _ => format!("see the table of `[{}]` in docs/robot-toml.md", key.section),
         };
         self.reject(key.section, key.name, rule, hint);
@@ -280,7 +291,7 @@ impl<'a> Reader<'a> {
             DeValue::Integer(x) => i64::from_str_radix(x.as_str(), x.radix()).ok().map(|x| x as f64),
             _ => None,
         };
-        let unit = if key.unit == "-" || key.unit.is_empty() { String::new() } else { format!(" [{}]", key.unit) };
+        let unit = key.unit_text();
         let (rule, hint) = match x {
             None => (format!("must be a number{unit}, not {}", found_text(value)), "write a plain number".to_owned()),
             Some(x) if !x.is_finite() => {
@@ -530,12 +541,16 @@ fn length_text(shape: Shape, found: usize, wanted: usize, joints: &[String]) -> 
 }
 
 fn bounds_hint(key: &Key, x: f64) -> String {
-    match key.bounds {
-        Bounds::NonZero(_) if x == 0.0 && key.name == "gear_ratio" => "a direct drive has ratio 1".into(),
-        Bounds::Within(0.0, _) | Bounds::Above(0.0, _) if x < 0.0 => "give its size without a sign".into(),
-        Bounds::Above(0.0, _) if x == 0.0 => "leave the key out, or give a value above 0".into(),
-        _ if key.unit == "-" || key.unit.is_empty() => "see docs/robot-toml.md".into(),
-        _ => format!("the unit is {}", key.unit),
+    match (key.bounds, key.fallback) {
+        (Bounds::NonZero(_), _) if x == 0.0 && key.name == "gear_ratio" => "a direct drive has ratio 1".into(),
+        (bounds, _) if x < 0.0 && bounds.allow(-x) && !key.unit_text().is_empty() => {
+            "give its size without a sign".into()
+        }
+        (Bounds::Above(..), Fallback::Absent) if x == 0.0 => "leave the key out to have none".into(),
+        _ if key.unit == "rad" => "the unit is rad; one degree is 0.01745 rad".into(),
+        (_, Fallback::Required | Fallback::Absent) if key.unit_text().is_empty() => "see docs/robot-toml.md".into(),
+        (_, Fallback::Required | Fallback::Absent) => format!("the unit is {}", key.unit),
+        (_, fallback) => format!("without the key it is {}", fallback.text()),
     }
 }
 
@@ -549,6 +564,6 @@ fn unknown_hint(section: &str, word: &str) -> String {
         let place = if other.is_empty() { "to the top of the file".into() } else { format!("below `[{other}]`") };
         return format!("it belongs {place}");
     }
-    let known: Vec<_> = keys::names(section).collect();
+    let known: Vec<_> = keys::names(section).chain(sections().filter(|_| section.is_empty())).collect();
     format!("known here: {}", known.join(", "))
 }

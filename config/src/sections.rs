@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::describe::short;
 use crate::keys::HIGHEST_FILTER_SHARE;
 use crate::reader::{Reader, Resolved};
 use crate::supervision::Supervision;
@@ -328,13 +329,20 @@ pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
         && model_filter_hz > highest
     {
         let rate = 1.0 / (sample_period_s * decimation as f64);
-        let rule = format!("model_filter_hz must be at most 0.45 of the rate after decimation, here {highest:.4} Hz");
+        let rule =
+            format!("model_filter_hz must be at most 0.45 of the rate after decimation, here {} Hz", short(highest));
         let fits = (HIGHEST_FILTER_SHARE / (sample_period_s * model_filter_hz)).floor();
         if fits >= 1.0 && reader.has("signal", "decimation") {
-            let hint = format!("the rate is {rate:.4} Hz; set decimation to {fits} or less for {model_filter_hz} Hz");
+            let hint =
+                format!("the rate is {} Hz; set decimation to {fits} or less for {model_filter_hz} Hz", short(rate));
             reader.reject("signal", "decimation", rule, hint);
         } else {
-            reader.reject("signal", "model_filter_hz", rule, format!("the rate is {rate:.4} Hz; lower the cut-off"));
+            reader.reject(
+                "signal",
+                "model_filter_hz",
+                rule,
+                format!("the rate is {} Hz; lower the cut-off", short(rate)),
+            );
         }
     }
     Signal {
@@ -367,7 +375,7 @@ pub(crate) fn estimator(
     let keys = [("estimator", "window_s"), ("", "sample_period_s"), ("signal", "decimation")];
     let shortest = 20.0 * sample_period_s * decimation as f64;
     if forgets && reader.good(&keys) && window_s < shortest {
-        let rule = format!("must hold at least 20 samples after decimation, here {shortest:.4} s");
+        let rule = format!("must hold at least 20 samples after decimation, here {} s", short(shortest));
         reader.reject("estimator", "window_s", rule, "lengthen the window or lower signal.decimation");
     }
     let word = reader.text("estimator", "instruments");
@@ -417,13 +425,13 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64) -> Contr
     if reader.good(&[("", "sample_period_s")]) {
         // A sampled loop whose bandwidth nears a tenth of its rate has no phase left for differentiation and delay.
         let highest = 0.1 / sample_period_s;
-        let rule = format!("must be at most a tenth of the sample rate, here {highest:.4} Hz");
+        let rule = format!("must be at most a tenth of the sample rate, here {} Hz", short(highest));
         if let Some(i) = bandwidth_hz.iter().position(|b| *b > highest) {
             reader.reject_entry("controller", "bandwidth_hz", i, rule, "lower the bandwidth".into());
         }
         let highest = HIGHEST_FILTER_SHARE / sample_period_s;
         if reader.good(&[("controller", "velocity_filter_hz")]) && velocity_filter_hz > highest {
-            let rule = format!("must be at most 0.45 of the sample rate, here {highest:.4} Hz");
+            let rule = format!("must be at most 0.45 of the sample rate, here {} Hz", short(highest));
             reader.reject("controller", "velocity_filter_hz", rule, "lower the cut-off");
         }
     }
@@ -446,15 +454,18 @@ pub(crate) fn simulation(reader: &mut Reader<'_>) -> Simulation {
 
 pub(crate) fn bus(reader: &mut Reader<'_>) -> Bus {
     let prefix = reader.text("bus", "prefix");
-    let fits =
-        (1..=32).contains(&prefix.len()) && prefix.bytes().all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'_'));
+    let fits = (3..=32).contains(&prefix.len())
+        && prefix.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_'));
     if !fits && reader.good(&[("bus", "prefix")]) {
-        reader.reject("bus", "prefix", "must be 1 to 32 characters of a-z, 0-9, _", "for example \"rivet_\"");
+        reader.reject("bus", "prefix", "must be 3 to 32 characters of a-z, A-Z, 0-9, -, _", "for example \"rivet_\"");
     }
     let root = PathBuf::from(reader.text("bus", "root"));
-    if !root.is_absolute() && reader.good(&[("bus", "root")]) {
+    // Longer paths do not leave room for the bus's own file names within the system's limits.
+    let fits = root.is_absolute() && root.parent().is_some() && root.as_os_str().len() <= 120;
+    if !fits && reader.good(&[("bus", "root")]) {
+        let rule = "must be an absolute path below /, of at most 120 bytes";
         let hint = "all processes must agree, wherever they were started: for example \"/run/rivet\"";
-        reader.reject("bus", "root", "must be an absolute path", hint);
+        reader.reject("bus", "root", rule, hint);
     }
     Bus { prefix, root }
 }

@@ -1,0 +1,94 @@
+//! Writing a robot file with identified base parameters.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Component, Path, PathBuf};
+
+use crate::describe::{number_text, value_text};
+use crate::load::Robot;
+use crate::reader::{Origin, Value};
+
+/// Writes `robot` with identified base parameters as a robot file that [`load`](crate::load) reads again.
+///
+/// Every value that the robot's own file gave is kept with all its digits (comments are not); `urdf` is rewritten so
+/// that it is found from the new place. `values` and `std` are in the order of [`Robot::base`] and in its units.
+/// The file appears whole or not at all: it is written beside its place and renamed.
+///
+/// # Errors
+/// If the lengths are not that of the base set, a value is not finite, a standard deviation is negative, or the file
+/// cannot be written.
+pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
+    let invalid = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    let wanted = robot.base.len();
+    if values.len() != wanted || std.len() != wanted {
+        return invalid(format!(
+            "{} values and {} standard deviations for {wanted} base parameters",
+            values.len(),
+            std.len()
+        ));
+    }
+    for i in 0..wanted {
+        if !values[i].is_finite() || !std[i].is_finite() || std[i] < 0.0 {
+            let name = robot.base.name(&robot.model, i);
+            return invalid(format!("{name} is {} with standard deviation {}", values[i], std[i]));
+        }
+    }
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let text = model_text(robot, values, std, &relative(&robot.config.urdf, folder)?);
+    let temporary = path.with_extension(format!("tmp{}", std::process::id()));
+    let written = File::create(&temporary).and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        file.sync_all()?;
+        fs::rename(&temporary, path)
+    });
+    if written.is_err() {
+        // The first error is the one to report; a file that was never made cannot be removed either.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+fn model_text(robot: &Robot, values: &[f64], std: &[f64], urdf: &Path) -> String {
+    let mut out = format!(
+        "# {} with identified base parameters; written by rivet. Keys: docs/robot-toml.md.\n",
+        robot.config.name
+    );
+    let mut section = "";
+    let given = robot.config.resolved.iter().filter(|r| matches!(r.origin, Origin::Line(_)));
+    for r in given.filter(|r| r.key.section != "identified" && r.value != Value::Absent) {
+        // Writing to a String cannot fail, here and below.
+        if r.key.section != section {
+            section = r.key.section;
+            let _ = write!(out, "\n[{section}]\n");
+        }
+        let text =
+            if r.key.path() == "urdf" { format!("{:?}", urdf.display().to_string()) } else { value_text(&r.value) };
+        let unit = if r.key.unit.is_empty() { String::new() } else { format!("  # {}", r.key.unit) };
+        let _ = writeln!(out, "{} = {text}{unit}", r.key.name);
+    }
+    let _ = write!(out, "\n[identified]\nhash = \"{:016x}\"\nparameters = [\n", robot.hash);
+    for i in 0..values.len() {
+        let name = robot.base.name(&robot.model, i);
+        let unit = robot.base.parameter(&robot.model, i).unit(&robot.model.arm);
+        let (value, std) = (number_text(values[i]), number_text(std[i]));
+        let _ = writeln!(out, "  {{ name = \"{name}\", value = {value}, std = {std} }},  # {unit}");
+    }
+    out.push_str("]\n");
+    out
+}
+
+/// `target` as seen from `folder`; absolute if they have no common root.
+fn relative(target: &Path, folder: &Path) -> io::Result<PathBuf> {
+    let (target, folder) = (target.canonicalize()?, folder.canonicalize()?);
+    let (to, from): (Vec<_>, Vec<_>) = (target.components().collect(), folder.components().collect());
+    let common = to.iter().zip(&from).take_while(|(a, b)| a == b).count();
+    if !to[..common].iter().any(|c| matches!(c, Component::Normal(_))) {
+        return Ok(target);
+    }
+    let up = from[common..].iter().map(|_| Component::ParentDir);
+    Ok(up.chain(to[common..].iter().copied()).collect())
+}

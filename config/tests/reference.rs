@@ -1,0 +1,50 @@
+//! The documentation of the keys is the table that the reader uses, and `describe` fits the page.
+
+use std::fs;
+use std::path::Path;
+
+use rivet_config::Origin;
+
+#[test]
+fn documentation_is_the_table() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/robot-toml.md");
+    let written = fs::read_to_string(&path).expect("docs/robot-toml.md is part of the project");
+    assert!(
+        written == rivet_config::keys::reference(),
+        "docs/robot-toml.md is old: cargo run -p rivet-config --example reference > docs/robot-toml.md"
+    );
+}
+
+#[test]
+fn description_names_every_key_and_fits_the_page() {
+    for arm in ["staubli-tx40", "dd2", "kuka-kr300-r2500"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(arm).join("robot.toml");
+        let robot = rivet_config::load(path).unwrap_or_else(|e| panic!("{e}"));
+        let text = robot.describe();
+        for line in text.lines() {
+            assert!(line.chars().count() <= 100, "{line}");
+        }
+        for key in rivet_config::keys::KEYS.iter().filter(|k| !matches!(k.section, "coupling" | "identified")) {
+            let resolved = robot.config.resolved.iter().find(|r| r.key.path() == key.path());
+            assert!(resolved.is_some(), "{} is not read", key.path());
+            assert!(text.contains(&format!("\n  {} ", key.name)), "{} is not described", key.path());
+        }
+        let name = robot.config.resolved.iter().find(|r| r.key.name == "name").expect("read");
+        assert_eq!(name.origin, Origin::Line(3));
+        assert!(text.contains(&format!("{:016x}", robot.hash)));
+    }
+}
+
+/// A default that depends on other values still makes a file of the contract part alone work at any rate.
+#[test]
+fn contract_only_file_works_at_any_rate() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2");
+    for period in ["1e-4", "0.0002", "0.001", "0.002", "0.004", "0.0106", "0.05", "0.1"] {
+        let text = format!(
+            "name = \"dd2\"\nurdf = \"robot.urdf\"\nsample_period_s = {period}\ngravity = [0, 0, -9.81]\n[drive]\n\
+             gear_ratio = [1, 1]\nrotor_inertia = [0, 0]\ntorque_limit = [150, 15]\nencoder_resolution = [0, 0]\n\
+             [friction]\ncoulomb = [7, 2]\nviscous = [2, 0.2]\noffset = [0, 0]\n"
+        );
+        rivet_config::parse(&folder.join("robot.toml"), &text).unwrap_or_else(|e| panic!("{period}: {e}"));
+    }
+}
