@@ -1,0 +1,23 @@
+//! Identification from whole records: zero-phase model filter, λ = 1, least squares and instrumental variables.
+//!
+//! The equations are those of the on-line estimator (same regressor, same filter over every column of regressor,
+//! instruments and torque); knowing the whole record, they are filtered forwards and backwards, so that nothing lags,
+//! and solved at once. Every record keeps its own edges; records are never joined.
+//!
+//! ```text
+//! D_j x = τ_j + e_j                        rows of joint j, filtered and thinned out
+//! LS:  x = (Σ w DᵀD + P⁻¹)⁻¹ (Σ w Dᵀτ + P⁻¹ x₀)
+//! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
+//! ```
+//!
+//! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
+
+mod fit;
+mod record;
+mod rows;
+mod zero_phase;
+
+pub use fit::{Determined, Fit, Method, fit, residual_percent};
+pub use record::{Trajectory, OfflineError, Record, predict};
+pub use rows::{InstrumentSource, OfflineSettings, Rows};
+pub use zero_phase::ZeroPhase;

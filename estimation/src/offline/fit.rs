@@ -1,0 +1,254 @@
+//! Weighted least squares and instrumental variables over the rows of all records.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::record::OfflineError;
+use super::rows::{JointRows, Rows};
+
+/// Rounds of weighting by the residual of the fit before.
+const ROUNDS: usize = 4;
+/// A parameter whose nominal value is small gets the prior width at which it alone makes this share of the torque.
+const PRIOR_TORQUE_SHARE: f64 = 0.05;
+/// Directions of the data below this share of the strongest are rounding, not information.
+const RANK_TOLERANCE: f64 = 1e-7;
+
+/// Which equations are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Regressor on both sides: biased by noise in the regressor.
+    LeastSquares,
+    /// Instruments on the left.
+    Instrumental,
+}
+
+/// What decided a parameter's value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Determined {
+    /// The data: its standard deviation is less than half of the prior's.
+    ByData,
+    /// Mostly the prior around the nominal value.
+    ByPrior,
+}
+
+/// Identified base parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// Values in base order, each in its unit.
+    pub values: Vec<f64>,
+    /// Standard deviations; residuals are coloured, which counts as fewer rows.
+    pub std: Vec<f64>,
+    /// What decided each value.
+    pub determined: Vec<Determined>,
+    /// Standard deviation of the residual per joint \[N m\].
+    pub noise: Vec<f64>,
+    /// Rows that make one independent row, per joint: 1 for a white residual.
+    pub correlation: Vec<f64>,
+    /// Directions of the parameter space that the data sees at all.
+    pub rank: usize,
+    /// Condition of the weighted regressor with columns scaled to one, over those directions.
+    pub condition: f64,
+}
+
+/// Fits base parameters to the rows of several records.
+///
+/// * `nominal`: base parameters before, x₀
+/// * `prior`: standard deviation of x₀ as a share of each value (or, for a value near zero, of the value that would
+///   make a twentieth of the torque)
+pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
+    let k = nominal.len();
+    let n = rows.first().map_or(0, |r| r.joints.len());
+    if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
+        return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
+    }
+    if let Some(joint) = (0..n).find(|j| rows.iter().all(|r| r.count(*j) == 0)) {
+        return Err(OfflineError::JointStill { joint });
+    }
+    let joints: Vec<Normal> = (0..n).map(|j| Normal::new(rows, j, k, method)).collect();
+    let x0 = DVector::from_column_slice(nominal);
+    let mut noise: Vec<f64> =
+        joints.iter().map(|j| (j.torque_square / j.count).sqrt().max(f64::MIN_POSITIVE)).collect();
+    let mut correlation = vec![1.0; n];
+    let mut solved = None;
+    for _ in 0..ROUNDS {
+        let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
+        let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
+        for j in 0..n {
+            let residuals: Vec<Vec<f64>> = rows.iter().map(|r| residual(&r.joints[j], solution.x.as_slice())).collect();
+            let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
+            // A perfect fit (noise-free data) must not make a weight infinite.
+            let least = 1e-12 * (joints[j].torque_square / joints[j].count).sqrt();
+            noise[j] = (square / joints[j].count).sqrt().max(least).max(f64::MIN_POSITIVE);
+            correlation[j] = rows_per_independent_row(&residuals);
+        }
+        solved = Some(solution);
+    }
+    let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
+    let (std, determined) = solution.certainty(method);
+    let (rank, condition) = solution.conditioning();
+    Ok(Fit { values: solution.x.as_slice().to_vec(), std, determined, noise, correlation, rank, condition })
+}
+
+/// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
+pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
+    let n = rows.first().map_or(0, |r| r.joints.len());
+    let of = |j: usize| {
+        let error: f64 = rows.iter().flat_map(|r| residual(&r.joints[j], x)).map(|e| e * e).sum();
+        let torque: f64 = rows.iter().flat_map(|r| &r.joints[j].tau).map(|t| t * t).sum();
+        100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()
+    };
+    (0..n).map(of).collect()
+}
+
+fn residual(rows: &JointRows, x: &[f64]) -> Vec<f64> {
+    let each = rows.d.chunks_exact(x.len()).zip(&rows.tau);
+    each.map(|(d, tau)| tau - d.iter().zip(x).map(|(d, x)| d * x).sum::<f64>()).collect()
+}
+
+/// `1 + 2 Σ ρ_k` of the residuals, summed while the autocorrelation ρ_k is positive; records are not joined.
+fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
+    let product = |lag: usize| -> f64 {
+        records.iter().map(|e| e.iter().zip(e.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
+    };
+    let power = product(0);
+    if power <= 0.0 {
+        return 1.0;
+    }
+    let longest = records.iter().map(Vec::len).max().unwrap_or(0) / 4;
+    let correlated = (1..longest).map(|lag| product(lag) / power).take_while(|rho| *rho > 0.05);
+    1.0 + 2.0 * correlated.sum::<f64>()
+}
+
+/// Sums of one joint over all records.
+struct Normal {
+    count: f64,
+    torque_square: f64,
+    /// DᵀD
+    dd: DMatrix<f64>,
+    /// ZᵀD, ZᵀZ and Zᵀτ; with least squares Z is D.
+    zd: DMatrix<f64>,
+    zz: DMatrix<f64>,
+    zt: DVector<f64>,
+}
+
+impl Normal {
+    fn new(rows: &[Rows], joint: usize, k: usize, method: Method) -> Normal {
+        let zeros = || DMatrix::zeros(k, k);
+        let mut sum =
+            Normal { count: 0.0, torque_square: 0.0, dd: zeros(), zd: zeros(), zz: zeros(), zt: DVector::zeros(k) };
+        for rows in rows.iter().map(|r| &r.joints[joint]) {
+            let m = rows.tau.len();
+            // Row-major rows are the columns of the transpose.
+            let d = DMatrix::from_column_slice(k, m, &rows.d);
+            let tau = DVector::from_column_slice(&rows.tau);
+            let dd = &d * d.transpose();
+            if method == Method::Instrumental {
+                let z = DMatrix::from_column_slice(k, m, &rows.z);
+                sum.zd += &z * d.transpose();
+                sum.zz += &z * z.transpose();
+                sum.zt += &z * &tau;
+            } else {
+                sum.zd += &dd;
+                sum.zz += &dd;
+                sum.zt += &d * &tau;
+            }
+            sum.dd += dd;
+            sum.count += m as f64;
+            sum.torque_square += tau.norm_squared();
+        }
+        sum
+    }
+}
+
+/// The solved equations, columns scaled to one: `scale` times a scaled value is the value.
+struct Solution {
+    x: DVector<f64>,
+    scale: DVector<f64>,
+    /// Σ w DᵀD, scaled, without the prior.
+    information: DMatrix<f64>,
+    /// Inverse of (Σ w ZᵀD + P⁻¹), scaled.
+    inverse: DMatrix<f64>,
+    /// Σ w ZᵀZ, scaled.
+    spread: DMatrix<f64>,
+    /// Diagonal of P⁻¹, scaled.
+    prior: DVector<f64>,
+}
+
+impl Solution {
+    fn new(
+        joints: &[Normal],
+        weights: &[f64],
+        x0: &DVector<f64>,
+        prior: f64,
+        method: Method,
+    ) -> Result<Solution, OfflineError> {
+        let k = x0.len();
+        let mut dd = DMatrix::zeros(k, k);
+        let (mut zd, mut zz, mut zt) = (dd.clone(), dd.clone(), DVector::zeros(k));
+        let (mut torque, mut count) = (0.0, 0.0);
+        for (joint, w) in joints.iter().zip(weights) {
+            dd += &joint.dd * *w;
+            zd += &joint.zd * *w;
+            zz += &joint.zz * *w;
+            zt += &joint.zt * *w;
+            torque += joint.torque_square * *w;
+            count += joint.count;
+        }
+        let size = DVector::from_fn(k, |i, _| dd[(i, i)].sqrt());
+        let strongest = size.max().max(f64::MIN_POSITIVE);
+        // A column the data never touches keeps a scale of its own: the prior alone acts on it.
+        let scale = size.map(|s| 1.0 / if s > 1e-12 * strongest { s } else { strongest });
+        let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(i, j)] * scale[i] * scale[j]);
+        let width = DVector::from_fn(k, |i, _| {
+            let share = PRIOR_TORQUE_SHARE * torque.sqrt() * scale[i];
+            prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE)
+        });
+        let prior_information = width.zip_map(&scale, |width, scale| (scale / width).powi(2));
+        let mut left = scaled(&zd);
+        for i in 0..k {
+            left[(i, i)] += prior_information[i];
+        }
+        let offset = prior_information.component_mul(&x0.component_div(&scale));
+        let right = zt.component_mul(&scale) + offset;
+        let method = if method == Method::LeastSquares { "least-squares" } else { "instrumental-variable" };
+        let inverse = left.clone().lu().try_inverse().ok_or(OfflineError::Singular { method })?;
+        // One step of refinement: the inverse of a badly conditioned matrix is exact in its large directions only.
+        let mut s = &inverse * &right;
+        s += &inverse * (&right - &left * &s);
+        let x = s.component_mul(&scale);
+        if count == 0.0 || x.iter().any(|x| !x.is_finite()) {
+            return Err(OfflineError::Singular { method });
+        }
+        let (information, spread) = (scaled(&dd), scaled(&zz));
+        Ok(Solution { x, scale, information, inverse, spread, prior: prior_information })
+    }
+
+    /// Standard deviations and what decided each value.
+    ///
+    /// Least squares: covariance (Σ w DᵀD + P⁻¹)⁻¹. Instruments: A⁻¹ (Σ w ZᵀZ + P⁻¹) A⁻ᵀ with A = Σ w ZᵀD + P⁻¹.
+    fn certainty(&self, method: Method) -> (Vec<f64>, Vec<Determined>) {
+        let k = self.x.len();
+        let covariance = if method == Method::LeastSquares {
+            self.inverse.clone()
+        } else {
+            let mut middle = self.spread.clone();
+            for i in 0..k {
+                middle[(i, i)] += self.prior[i];
+            }
+            &self.inverse * middle * self.inverse.transpose()
+        };
+        let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+        let determined = |i: usize| {
+            if std(i) * self.prior[i].sqrt() < 0.5 { Determined::ByData } else { Determined::ByPrior }
+        };
+        ((0..k).map(|i| std(i) * self.scale[i]).collect(), (0..k).map(determined).collect())
+    }
+
+    /// Directions the data sees, and the condition over them.
+    fn conditioning(&self) -> (usize, f64) {
+        let eigen = self.information.clone().symmetric_eigenvalues();
+        let largest = eigen.max().max(f64::MIN_POSITIVE);
+        let seen = eigen.iter().filter(|value| **value > largest * RANK_TOLERANCE * RANK_TOLERANCE);
+        let (rank, smallest) = seen.fold((0, largest), |(count, least), value| (count + 1, least.min(*value)));
+        (rank, (largest / smallest).sqrt())
+    }
+}

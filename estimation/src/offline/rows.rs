@@ -1,0 +1,214 @@
+//! Filtered rows of one record: regressor, instruments and torque, joint by joint.
+
+use rivet_dynamics::{BaseSet, Model, Workspace};
+
+use super::record::{OfflineError, Record, Trajectory, check};
+use super::zero_phase::ZeroPhase;
+
+/// Where instruments come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InstrumentSource {
+    /// The regressor on the commanded motion, each joint delayed by its tracking lag.
+    Desired,
+    /// The regressor as it was so long ago \[s\]: its noise has nothing to do with that of now.
+    Delayed(f64),
+}
+
+/// How rows are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OfflineSettings {
+    /// Cut-off of the model filter, one pass of two \[Hz\].
+    pub filter_hz: f64,
+    /// Order of one pass, even.
+    pub filter_order: usize,
+    /// Time between rows after the filter \[s\].
+    pub row_period_s: f64,
+    /// A joint's rows are left out while its filtered speed is below this \[rad/s\].
+    pub dead_zone: Vec<f64>,
+    /// Where instruments come from.
+    pub instrument: InstrumentSource,
+}
+
+/// Rows of one joint.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct JointRows {
+    /// Regressor, row-major, one row of base columns each.
+    pub(super) d: Vec<f64>,
+    /// Instruments, likewise.
+    pub(super) z: Vec<f64>,
+    /// Torque \[N m\].
+    pub(super) tau: Vec<f64>,
+}
+
+/// Filtered rows of one record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rows {
+    pub(super) columns: usize,
+    pub(super) joints: Vec<JointRows>,
+    /// Share of the rows in motion that a joint's dead zone left out, per joint.
+    pub left_out: Vec<f64>,
+    /// Samples of the record between the first and the last motion of any joint.
+    pub moving: std::ops::Range<usize>,
+    /// Tracking lag that was found, per joint \[s\]; empty for delayed instruments.
+    pub lag_s: Vec<f64>,
+}
+
+impl Rows {
+    /// Filters a record into rows. Standstill before and after the motion is trimmed, as are the ends that the filter
+    /// colours.
+    pub fn new(
+        model: &Model,
+        base: &BaseSet,
+        settings: &OfflineSettings,
+        record: &Record,
+    ) -> Result<Rows, OfflineError> {
+        let n = model.arm.dof();
+        let rows = record.measured.len();
+        record.measured.check(n, rows)?;
+        check("torque", &record.tau, n, rows)?;
+        if settings.dead_zone.len() != n {
+            return Err(OfflineError::Shape { what: "dead zone", found: settings.dead_zone.len(), expected: n });
+        }
+        let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
+        let mut speed = record.measured.qd.clone();
+        speed.iter_mut().for_each(|speed| filter.apply(speed));
+        let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
+            .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
+        let (instrument, delay, lag_s) = match (settings.instrument, &record.desired) {
+            (InstrumentSource::Desired, Some(desired)) => {
+                desired.check(n, rows)?;
+                let lags: Vec<f64> =
+                    (0..n).map(|j| lag(&record.measured.qd[j], &desired.qd[j], record.period_s)).collect();
+                let late = (0..n).map(|j| (lags[j] * record.period_s * 1e9).round() / 1e9).collect();
+                (Some(delayed(desired, &lags)), 0, late)
+            }
+            (InstrumentSource::Desired, None) => {
+                return Err(OfflineError::Shape { what: "desired motion", found: 0, expected: rows });
+            }
+            (InstrumentSource::Delayed(seconds), _) => {
+                (None, (seconds / record.period_s).round().max(1.0) as usize, Vec::new())
+            }
+        };
+        let step = (settings.row_period_s / record.period_s).round().max(1.0) as usize;
+        let kept: Vec<usize> = moving.clone().filter(|k| *k >= delay).step_by(step).collect();
+        let mut result =
+            Rows { columns: base.len(), joints: Vec::with_capacity(n), left_out: Vec::with_capacity(n), moving, lag_s };
+        for j in 0..n {
+            let used: Vec<usize> =
+                kept.iter().copied().filter(|k| speed[j][*k].abs() >= settings.dead_zone[j]).collect();
+            result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
+            let mut columns = joint_columns(model, base, j, &record.measured);
+            columns.iter_mut().for_each(|column| filter.apply(column));
+            let d = pick(&columns, used.iter().copied());
+            let z = match &instrument {
+                Some(motion) => {
+                    let mut columns = joint_columns(model, base, j, motion);
+                    columns.iter_mut().for_each(|column| filter.apply(column));
+                    pick(&columns, used.iter().copied())
+                }
+                None => pick(&columns, used.iter().map(|k| k - delay)),
+            };
+            let mut tau = record.tau[j].clone();
+            filter.apply(&mut tau);
+            let tau = used.iter().map(|k| tau[*k]).collect();
+            result.joints.push(JointRows { d, z, tau });
+        }
+        Ok(result)
+    }
+
+    /// Number of rows of joint `joint` (from 0).
+    pub fn count(&self, joint: usize) -> usize {
+        self.joints.get(joint).map_or(0, |j| j.tau.len())
+    }
+}
+
+/// From the first to the last sample at which any joint moves: faster than its dead zone and than a hundredth of its own
+/// top speed.
+fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Option<std::ops::Range<usize>> {
+    let rows = speed.first()?.len();
+    let least: Vec<f64> = speed
+        .iter()
+        .zip(dead_zone)
+        .map(|(speed, dead)| dead.max(0.01 * speed.iter().fold(0.0_f64, |m, v| m.max(v.abs()))))
+        .collect();
+    let moves = |k: &usize| speed.iter().zip(&least).any(|(speed, least)| speed[*k].abs() > *least);
+    let inner = edge..rows.saturating_sub(edge);
+    let first = inner.clone().find(moves)?;
+    let last = inner.rev().find(moves)?;
+    (last > first).then_some(first..last + 1)
+}
+
+/// Base columns of one joint's regressor row over a whole motion, `[column][sample]`.
+fn joint_columns(model: &Model, base: &BaseSet, joint: usize, motion: &Trajectory) -> Vec<Vec<f64>> {
+    let (n, full, k, rows) = (model.arm.dof(), model.len(), base.len(), motion.len());
+    let mut ws = Workspace::new(&model.arm);
+    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let (mut y, mut d) = (vec![0.0; n * full], vec![0.0; n * k]);
+    let mut columns = vec![vec![0.0; rows]; k];
+    for row in 0..rows {
+        motion.state(row, &mut q, &mut qd, &mut qdd);
+        model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+        base.select(&y, full, &mut d);
+        columns.iter_mut().zip(&d[joint * k..]).for_each(|(column, value)| column[row] = *value);
+    }
+    columns
+}
+
+fn pick(columns: &[Vec<f64>], samples: impl Iterator<Item = usize>) -> Vec<f64> {
+    samples.flat_map(|k| columns.iter().map(move |column| column[k])).collect()
+}
+
+/// Samples by which `actual` lags `commanded`: the largest cross-correlation within 0.3 s, refined by a parabola.
+fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
+    let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
+    let product = |shift: usize| -> f64 { actual[shift..].iter().zip(commanded).map(|(a, c)| a * c).sum() };
+    let products: Vec<f64> = (0..=most).map(product).collect();
+    let best = (0..=most).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(0);
+    if best == 0 || best == most || products[best] <= 0.0 {
+        return if products[best] > 0.0 { best as f64 } else { 0.0 };
+    }
+    let (before, at, after) = (products[best - 1], products[best], products[best + 1]);
+    let bend = before - 2.0 * at + after;
+    best as f64 + if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
+}
+
+/// The motion, each joint later by its lag in samples (straight lines between samples).
+fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
+    let shift = |signals: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        let each = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
+            let at = |k: usize| {
+                let place = (k as f64 - lag).max(0.0);
+                let before = (place.floor() as usize).min(x.len() - 1);
+                let after = (before + 1).min(x.len() - 1);
+                x[before] + (place - before as f64) * (x[after] - x[before])
+            };
+            (0..x.len()).map(at).collect()
+        };
+        signals.iter().zip(lags).map(each).collect()
+    };
+    Trajectory { q: shift(&motion.q), qd: shift(&motion.qd), qdd: shift(&motion.qdd) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tracking_lag_is_found_to_a_fraction_of_a_sample() {
+        let wave = |k: f64| (0.02 * k).sin() + 0.5 * (0.037 * k).cos();
+        let commanded: Vec<f64> = (0..2000).map(|k| wave(f64::from(k))).collect();
+        for late in [0.0, 3.0, 17.4] {
+            let actual: Vec<f64> = (0..2000).map(|k| wave(f64::from(k) - late)).collect();
+            let found = lag(&actual, &commanded, 0.004);
+            assert!((found - late).abs() < 0.7, "{late}: {found}");
+        }
+    }
+
+    #[test]
+    fn standstill_at_both_ends_is_trimmed() {
+        let speed: Vec<f64> = (0..300).map(|k| if (100..200).contains(&k) { 1.0 } else { 0.0 }).collect();
+        assert_eq!(moving_range(&[speed], &[0.01], 5), Some(100..200));
+        assert_eq!(moving_range(&[vec![0.0; 300]], &[0.01], 5), None);
+        assert_eq!(moving_range(&[vec![1.0; 300]], &[0.01], 5), Some(5..295));
+    }
+}

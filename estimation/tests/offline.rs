@@ -1,0 +1,241 @@
+//! Off-line identification of a three-joint arm with known parameters.
+
+use std::f64::consts::PI;
+
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
+use rivet_estimation::offline::{
+    Determined, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows, Trajectory, ZeroPhase, fit,
+    predict, residual_percent,
+};
+
+const PERIOD: f64 = 0.002;
+
+fn arm() -> Arm {
+    let link = |name: &str, mass: f64, com: &str| {
+        format!(
+            "<link name='{name}'><inertial><origin xyz='{com}'/><mass value='{mass}'/>\
+             <inertia ixx='0.05' iyy='0.06' izz='0.04' ixy='0.001' ixz='0.002' iyz='-0.003'/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, xyz: &str, axis: &str| {
+        format!(
+            "<joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/><origin xyz='{xyz}'/>\
+             <axis xyz='{axis}'/><limit lower='-3' upper='3' velocity='3' effort='100'/></joint>"
+        )
+    };
+    let text = format!(
+        "<robot name='three'><link name='base'/>{}{}{}{}{}{}</robot>",
+        link("a", 3.0, "0 0.02 0.1"),
+        link("b", 2.0, "0.2 0 0.01"),
+        link("c", 1.0, "0.1 0.02 0"),
+        joint("j1", "base", "a", "0 0 0.3", "0 0 1"),
+        joint("j2", "a", "b", "0 0 0.1", "0 1 0"),
+        joint("j3", "b", "c", "0.4 0 0", "0 1 0"),
+    );
+    Arm::from_urdf(&text, [0.0, 0.0, -9.81]).expect("a sound arm")
+}
+
+/// Model, base, base parameters of the truth, and of a nominal arm whose drives are off by a third.
+fn setup() -> (Model, BaseSet, Vec<f64>, Vec<f64>) {
+    let model = Model::new(arm(), Structure { offset: true, coupling: None, sign_velocity: 0.05 });
+    let base = BaseSet::new(&model).expect("clear rank");
+    let joints = |factor: f64| Joints {
+        rotor_inertia: [0.6, 0.5, 0.2].map(|v| v * factor).to_vec(),
+        viscous: [4.0, 3.0, 1.0].map(|v| v * factor).to_vec(),
+        coulomb: [3.0, 4.0, 1.5].map(|v| v * factor).to_vec(),
+        offset: if factor == 1.0 { vec![0.3, -0.2, 0.1] } else { vec![0.0; 3] },
+        coupling: [0.0; 3],
+    };
+    let truth = base.from_standard(&model.nominal(&joints(1.0)));
+    let nominal = base.from_standard(&model.nominal(&joints(1.3)));
+    (model, base, truth, nominal)
+}
+
+/// Fourier motion of `seconds`, still for `rest_s` at either end.
+fn motion(seconds: f64, rest_s: f64, phase: f64) -> Trajectory {
+    let count = (seconds / PERIOD) as usize;
+    let rest = (rest_s / PERIOD) as usize;
+    let mut motion = Trajectory { q: Vec::new(), qd: Vec::new(), qdd: Vec::new() };
+    for j in 0..3 {
+        let (mut q, mut qd, mut qdd) = (Vec::new(), Vec::new(), Vec::new());
+        for k in 0..count {
+            let moving = (rest..count - rest).contains(&k);
+            let t = k.clamp(rest, count - rest) as f64 * PERIOD;
+            let (mut a, mut v, mut w) = (0.0, 0.0, 0.0);
+            for (i, hz) in [0.31, 0.77, 1.3].iter().enumerate() {
+                let (om, ph) = (2.0 * PI * hz * (1.0 + 0.1 * j as f64), phase + (3 * i + j) as f64);
+                let amplitude = 0.4 / (i + 1) as f64;
+                a += amplitude * (om * t + ph).sin();
+                v += if moving { amplitude * om * (om * t + ph).cos() } else { 0.0 };
+                w -= if moving { amplitude * om * om * (om * t + ph).sin() } else { 0.0 };
+            }
+            q.push(a);
+            qd.push(v);
+            qdd.push(w);
+        }
+        motion.q.push(q);
+        motion.qd.push(qd);
+        motion.qdd.push(qdd);
+    }
+    motion
+}
+
+/// Deterministic noise of unit variance (sum of twelve uniforms of a linear congruential generator).
+struct Noise(u64);
+impl Noise {
+    fn next(&mut self) -> f64 {
+        let mut uniform = || {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+}
+
+fn record(model: &Model, base: &BaseSet, truth: &[f64], phase: f64, noise_q: f64, noise_tau: f64, seed: u64) -> Record {
+    // A jump of speed has no acceleration in `desired` but one in differences: noisy records start moving.
+    let desired = motion(12.0, if noise_q == 0.0 { 1.0 } else { 0.0 }, phase);
+    let mut tau = torque(model, base, truth, &desired);
+    let mut noise = Noise(seed);
+    tau.iter_mut().flatten().for_each(|tau| *tau += noise_tau * noise.next());
+    let measured = if noise_q == 0.0 {
+        desired.clone()
+    } else {
+        let q: Vec<Vec<f64>> =
+            desired.q.iter().map(|q| q.iter().map(|q| q + noise_q * noise.next()).collect()).collect();
+        Trajectory::from_positions(&q, PERIOD)
+    };
+    Record { period_s: PERIOD, measured, tau, desired: Some(desired) }
+}
+
+/// τ = D x without any filter.
+fn torque(model: &Model, base: &BaseSet, x: &[f64], motion: &Trajectory) -> Vec<Vec<f64>> {
+    let (n, full, k) = (3, model.len(), base.len());
+    let mut ws = rivet_dynamics::Workspace::new(&model.arm);
+    let (mut y, mut d) = (vec![0.0; n * full], vec![0.0; n * k]);
+    let mut tau = vec![Vec::new(); n];
+    for row in 0..motion.len() {
+        let at = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[row]).collect() };
+        model.regressor(&mut ws, &at(&motion.q), &at(&motion.qd), &at(&motion.qdd), &mut y);
+        base.select(&y, full, &mut d);
+        for j in 0..n {
+            tau[j].push(d[j * k..(j + 1) * k].iter().zip(x).map(|(d, x)| d * x).sum());
+        }
+    }
+    tau
+}
+
+fn settings(instrument: InstrumentSource) -> OfflineSettings {
+    OfflineSettings { filter_hz: 15.0, filter_order: 4, row_period_s: 0.01, dead_zone: vec![0.02; 3], instrument }
+}
+
+#[test]
+fn noise_free_records_give_the_truth() {
+    let (model, base, truth, nominal) = setup();
+    for instrument in [InstrumentSource::Desired, InstrumentSource::Delayed(0.02)] {
+        let rows: Vec<Rows> = [0.0, 1.0]
+            .iter()
+            .map(|phase| {
+                let record = record(&model, &base, &truth, *phase, 0.0, 0.0, 1);
+                Rows::new(&model, &base, &settings(instrument), &record).expect("rows")
+            })
+            .collect();
+        assert!(rows[0].moving.start > 440 && rows[0].moving.end < 5560, "{:?}", rows[0].moving);
+        for method in [Method::LeastSquares, Method::Instrumental] {
+            let fit = fit(&rows, &nominal, 1e3, method).expect("fit");
+            for (i, (value, true_value)) in fit.values.iter().zip(&truth).enumerate() {
+                let error = (value - true_value).abs() / true_value.abs().max(0.1);
+                assert!(error < 1e-8, "{method:?} {}: {value} vs {true_value}", base.name(&model, i));
+            }
+            assert_eq!(fit.rank, base.len());
+            assert!(fit.determined.iter().all(|d| *d == Determined::ByData));
+            assert!(residual_percent(&rows, &fit.values).iter().all(|e| *e < 1e-6));
+        }
+        assert!(residual_percent(&rows, &nominal).iter().all(|e| *e > 1.0));
+    }
+}
+
+/// Position noise of 0.2 mrad at 500 Hz (120 rad/s² of acceleration) makes accelerations useless one by one: least squares shrinks inertias towards
+/// zero, instruments do not, and the stated standard deviations cover what is left.
+#[test]
+fn instruments_remove_the_bias_of_least_squares_and_std_is_honest() {
+    let (model, base, truth, nominal) = setup();
+    let settings = OfflineSettings { filter_hz: 60.0, row_period_s: 0.004, ..settings(InstrumentSource::Desired) };
+    let rotor: Vec<usize> = (0..base.len()).filter(|i| base.name(&model, *i).contains("rotor_inertia")).collect();
+    let (mut covered, mut total) = (0_usize, 0_usize);
+    let (mut bias_ls, mut bias_iv) = (0.0_f64, 0.0_f64);
+    for seed in 1..=4 {
+        let record = record(&model, &base, &truth, seed as f64, 2e-4, 0.5, seed);
+        let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
+        let ls = fit(&rows, &nominal, 1e3, Method::LeastSquares).expect("fit");
+        let iv = fit(&rows, &nominal, 1e3, Method::Instrumental).expect("fit");
+        for i in &rotor {
+            bias_ls += (ls.values[*i] - truth[*i]) / truth[*i];
+            bias_iv += (iv.values[*i] - truth[*i]) / truth[*i];
+        }
+        for i in 0..base.len() {
+            covered += usize::from((iv.values[i] - truth[i]).abs() < 2.0 * iv.std[i]);
+            total += 1;
+        }
+    }
+    let count = 4.0 * rotor.len() as f64;
+    println!("mean relative error of drive inertias: LS {}, IV {}", bias_ls / count, bias_iv / count);
+    assert!(bias_ls / count < -0.1, "{}", bias_ls / count);
+    assert!((bias_iv / count).abs() < 0.03, "{}", bias_iv / count);
+    let share = covered as f64 / total as f64;
+    println!("within two standard deviations: {share}");
+    assert!(share > 0.8, "{share}");
+}
+
+#[test]
+fn what_the_motion_leaves_open_stays_nominal_and_says_so() {
+    let (model, base, truth, nominal) = setup();
+    let mut still = motion(12.0, 1.0, 0.0);
+    // Joints 2 and 3 barely move: a slow sine above the dead zone, no acceleration to speak of.
+    for j in 1..3 {
+        for k in 0..still.len() {
+            let t = k as f64 * PERIOD;
+            (still.q[j][k], still.qd[j][k], still.qdd[j][k]) =
+                (0.3 * (0.3 * t).sin(), 0.09 * (0.3 * t).cos(), -0.027 * (0.3 * t).sin());
+        }
+    }
+    let mut tau = torque(&model, &base, &truth, &still);
+    let mut noise = Noise(7);
+    tau.iter_mut().flatten().for_each(|tau| *tau += 0.3 * noise.next());
+    let record = Record { period_s: PERIOD, measured: still, tau, desired: None };
+    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
+    let fit = fit(&rows, &nominal, 0.2, Method::Instrumental).expect("fit");
+    let open = fit.determined.iter().filter(|d| **d == Determined::ByPrior).count();
+    assert!(open > 3, "{open} of {}", base.len());
+    for i in 0..base.len() {
+        if fit.determined[i] == Determined::ByPrior {
+            let off = (fit.values[i] - nominal[i]).abs();
+            assert!(off < 3.0 * 0.2 * nominal[i].abs().max(1.0), "{}: {off}", base.name(&model, i));
+        }
+    }
+}
+
+#[test]
+fn prediction_is_the_model_and_wrong_shapes_are_refused() {
+    let (model, base, truth, _) = setup();
+    let record = record(&model, &base, &truth, 0.5, 0.0, 0.0, 1);
+    let smooth = ZeroPhase::new(40.0, 4, PERIOD);
+    let predicted = predict(&model, &base, &truth, &record.measured, &smooth).expect("prediction");
+    let inner = 1000..5000;
+    for j in 0..3 {
+        let off: f64 = inner.clone().map(|k| (predicted[j][k] - record.tau[j][k]).powi(2)).sum();
+        let all: f64 = inner.clone().map(|k| record.tau[j][k].powi(2)).sum();
+        assert!((off / all).sqrt() < 0.02, "joint {j}: {}", (off / all).sqrt());
+    }
+    assert!(predict(&model, &base, &truth[1..], &record.measured, &smooth).is_err());
+    let mut short = record.clone();
+    short.tau[1].pop();
+    let refused = Rows::new(&model, &base, &settings(InstrumentSource::Desired), &short);
+    assert!(matches!(refused, Err(OfflineError::Shape { what: "torque", .. })), "{refused:?}");
+    let mut blind = record.clone();
+    blind.desired = None;
+    assert!(Rows::new(&model, &base, &settings(InstrumentSource::Desired), &blind).is_err());
+    blind.measured = Trajectory::from_positions(&vec![vec![0.3; blind.measured.len()]; 3], PERIOD);
+    let refused = Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &blind);
+    assert!(matches!(refused, Err(OfflineError::NoMotion { .. })), "{refused:?}");
+}
