@@ -58,7 +58,7 @@ impl Bounds {
 
     /// The rule as text, for example `0 < x <= 100`.
     pub fn text(self) -> String {
-        let n = |x: f64| if x.abs() >= 1e5 || (x != 0.0 && x.abs() < 1e-3) { format!("{x:e}") } else { format!("{x}") };
+        let n = figure;
         match self {
             Bounds::None => String::new(),
             Bounds::Within(low, high) => format!("{} <= x <= {}", n(low), n(high)),
@@ -67,6 +67,11 @@ impl Bounds {
             Bounds::NonZero(high) => format!("0 < |x| <= {}", n(high)),
         }
     }
+}
+
+/// A limit or default as short text.
+fn figure(x: f64) -> String {
+    if x.abs() >= 1e5 || (x != 0.0 && x.abs() < 1e-3) { format!("{x:e}") } else { format!("{x}") }
 }
 
 /// What holds when the file does not give the key.
@@ -95,7 +100,7 @@ impl Fallback {
             Fallback::Required => "required".into(),
             Fallback::Absent => "none".into(),
             Fallback::Derived(rule) => rule.into(),
-            Fallback::Number(x) => format!("{x}"),
+            Fallback::Number(x) => figure(x),
             Fallback::Integer(x) => format!("{x}"),
             Fallback::Bool(x) => format!("{x}"),
             Fallback::Text(x) => format!("\"{x}\""),
@@ -253,12 +258,23 @@ pub const KEYS: &[Key] = &[
     key("estimator", "instruments", Choice(&["auto", "setpoint", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
         "Instruments from the desired motion, from the measured motion `delay_s` ago, or desired where there is one and delayed where not."),
     key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
-        "Age of delayed instruments. At least one sample period."),
+        "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation."),
     key("estimator", "prior", Number, "-", Above(0.0, 1000.0), Fallback::Number(1.0),
         "Relative standard deviation of the nominal parameters at the start; large is weak."),
 
-    key("supervision", "kind", Choice(&["columns", "eigen", "off"]), "", Bounds::None, Fallback::Text("columns"),
-        "By column norms, angles, trace and condition number; by eigenvalues of the information; or not at all."),
+    key("supervision", "kind", Choice(&["eigen", "columns", "off"]), "", Bounds::None, Fallback::Text("eigen"),
+        "By eigenvalues and eigenvectors of the information; by its column norms, angles, trace and condition number; or not at all."),
+    key("supervision", "tolerance", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.5),
+        "`eigen`, `columns`: a direction moves once its standard deviation, as torque on a reference workload, is below this many \
+         standard deviations of the torque noise."),
+    key("supervision", "hysteresis", Number, "-", Above(0.0, 1.0), Fallback::Number(0.7),
+        "`eigen`: a moving direction is held again below this share of the eigenvalue that made it move."),
+    key("supervision", "relevance", Number, "-", Within(0.0, 0.99), Fallback::Number(0.3),
+        "`eigen`: a direction moves only while measured and instrument motion agree within this factor and its inverse; 0 is no guard."),
+    key("supervision", "min_angle", Number, "rad", Within(0.0, 1.5), Fallback::Number(0.0873),
+        "`columns`: two parameters whose columns enclose less than this angle do not both move."),
+    key("supervision", "max_condition", Number, "-", Within(100.0, 1e16), Fallback::Number(1e8),
+        "`columns`: condition number of the information above which everything is held."),
 
     key("publish", "every", Integer, "samples", Within(1.0, 100_000.0), Fallback::Integer(100),
         "Samples from one parameter message to the next."),
@@ -287,7 +303,7 @@ pub const KEYS: &[Key] = &[
     key("controller", "velocity_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("100 Hz, at most 0.2 of the sample rate"),
         "Cut-off of the low-pass over the velocity that the controller differentiates from the positions."),
     key("controller", "rate_limit", PerJointOrOne, "N m/s", Above(0.0, 1e9), Absent,
-        "Fastest change of the commanded torque. Without it, only the torque itself is limited."),
+        "Fastest change of the commanded torque. Without it: full torque in 0.1 s, 10*torque_limit a second."),
     key("controller", "stale_periods", Integer, "periods", Within(1.0, 1000.0), Fallback::Integer(10),
         "Periods without a new sample after which the command ramps to the torque that holds the last known pose."),
 

@@ -13,11 +13,12 @@ mod supervision;
 mod write;
 
 pub use error::{ConfigError, ConfigErrors};
+pub use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Supervision};
+
 pub use load::{Identified, Robot, load, parse};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
-    Bus, Controller, Coupling, Differentiator, Drive, Estimator, EstimatorKind, Friction, Instruments, Log, Publish,
-    Realtime, RobotConfig, Signal, Simulation, Trigger,
+    Bus, Controller, Coupling, Drive, Estimator, Friction, Log, Publish, Realtime, RobotConfig, Signal, Simulation,
+    Trigger,
 };
-pub use supervision::Supervision;
 pub use write::write_identified;

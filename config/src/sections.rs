@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Prior, Settings, Supervision, Window};
+
 use crate::describe::short;
 use crate::keys::HIGHEST_FILTER_SHARE;
 use crate::reader::{Reader, Resolved};
-use crate::supervision::Supervision;
 
 /// A robot file, checked. Per-joint vectors have one entry per joint of the URDF, base to flange.
 #[derive(Clone, Debug)]
@@ -46,6 +47,26 @@ pub struct RobotConfig {
     pub bus: Bus,
     /// Every key with its value and where it came from, in the order of reading.
     pub resolved: Vec<Resolved>,
+}
+
+impl RobotConfig {
+    /// The settings of the estimator, as the sections `[signal]`, `[estimator]` and `[supervision]` say.
+    pub fn estimation_settings(&self) -> Settings {
+        Settings {
+            sample_period_s: self.sample_period_s,
+            differentiator: self.signal.differentiator,
+            filter_hz: self.signal.model_filter_hz,
+            filter_order: self.signal.model_filter_order,
+            decimation: self.signal.decimation,
+            dead_zone: self.signal.dead_zone.clone(),
+            torque_noise: self.signal.torque_noise.clone(),
+            estimator: self.estimator.kind,
+            window: self.estimator.window_s.map_or(Window::None, |seconds| Window::Exponential { seconds }),
+            instruments: self.estimator.instruments,
+            supervision: self.supervision,
+            prior: Prior { relative_std: self.estimator.prior },
+        }
+    }
 }
 
 /// `[drive]`: joint side of the gear.
@@ -96,18 +117,6 @@ pub struct Log {
     pub joint_zero: Vec<f64>,
 }
 
-/// `[signal] differentiator`
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Differentiator {
-    /// Local cubic over `2·half_width + 1` samples.
-    SavitzkyGolay {
-        /// Samples on each side.
-        half_width: usize,
-    },
-    /// Differences of three samples.
-    Central,
-}
-
 /// `[signal]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
@@ -125,32 +134,6 @@ pub struct Signal {
     pub dead_zone: Vec<f64>,
     /// Standard deviation of the filtered torque residual \[N m\]; `None` is estimated while running.
     pub torque_noise: Option<Vec<f64>>,
-}
-
-/// `[estimator] kind`
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EstimatorKind {
-    /// Recursive instrumental variables.
-    Riv,
-    /// Recursive least squares.
-    Rls,
-}
-
-/// `[estimator] instruments`
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Instruments {
-    /// Desired motion where there is one, delayed measurement where not.
-    Auto {
-        /// Age of delayed instruments \[s\].
-        delay_s: f64,
-    },
-    /// Desired motion.
-    Setpoint,
-    /// Measured motion some time ago.
-    Delayed {
-        /// How long ago \[s\].
-        delay_s: f64,
-    },
 }
 
 /// `[estimator]`
@@ -240,6 +223,9 @@ pub struct Bus {
     pub root: PathBuf,
 }
 
+/// Most delayed rows that the estimator keeps.
+const MAX_DELAY_ROWS: usize = 4096;
+
 /// `value` of a choice; the reader has refused every other word.
 fn chosen<T: Copy>(word: &str, choices: &[(&str, T)]) -> T {
     choices.iter().find(|(w, _)| *w == word).map_or(choices[0].1, |(_, t)| *t)
@@ -318,7 +304,8 @@ pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
     );
     let model_filter_hz = reader.number("signal", "model_filter_hz");
     let model_filter_order = reader.count("signal", "model_filter_order");
-    reader.derive("signal", "decimation", (1.0 / (5.0 * period * model_filter_hz)).clamp(1.0, 1000.0).round());
+    let cut_off = if model_filter_hz.is_finite() { model_filter_hz } else { 20.0 };
+    reader.derive("signal", "decimation", (1.0 / (5.0 * period * cut_off)).clamp(1.0, 1000.0).round());
     let decimation = reader.count("signal", "decimation");
     if model_filter_order % 2 == 1 && reader.good(&[("signal", "model_filter_order")]) {
         let hint = format!("use {} or {}", (model_filter_order - 1).max(2), model_filter_order + 1);
@@ -384,6 +371,12 @@ pub(crate) fn estimator(
     if reader.good(&[("estimator", "delay_s"), ("", "sample_period_s")]) && delay_s < sample_period_s {
         let rule = format!("must be at least one sample period, here {sample_period_s} s");
         reader.reject("estimator", "delay_s", rule, "longer than the noise is correlated, shorter than the motion");
+    }
+    let longest = MAX_DELAY_ROWS as f64 * sample_period_s * decimation as f64;
+    if reader.good(&[("estimator", "delay_s"), ("", "sample_period_s"), ("signal", "decimation")]) && delay_s > longest
+    {
+        let rule = format!("must be at most {MAX_DELAY_ROWS} samples after decimation, here {} s", short(longest));
+        reader.reject("estimator", "delay_s", rule, "shorten the delay or raise signal.decimation");
     }
     let instruments = chosen(
         &word,

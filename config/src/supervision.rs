@@ -1,22 +1,20 @@
 //! `[supervision]`: which directions of the parameter space may move.
 
+use rivet_estimation::{ColumnsSettings, EigenSettings, Supervision};
+
 use crate::reader::Reader;
 
-/// `[supervision]`
-#[derive(Clone, Debug, PartialEq)]
-pub enum Supervision {
-    /// Everything moves always.
-    Off,
-    /// Column norms, angles, trace and condition.
-    Columns,
-    /// Eigenvalues of the information.
-    Eigen,
-}
-
+/// The keys of the other kinds are read and checked as well: a file may keep them while it tries another kind.
 pub(crate) fn supervision(reader: &mut Reader<'_>) -> Supervision {
-    match reader.text("supervision", "kind").as_str() {
+    let kind = reader.text("supervision", "kind");
+    let tolerance = reader.number("supervision", "tolerance");
+    let hysteresis = reader.number("supervision", "hysteresis");
+    let relevance = reader.number("supervision", "relevance");
+    let min_angle = reader.number("supervision", "min_angle");
+    let max_condition = reader.number("supervision", "max_condition");
+    match kind.as_str() {
         "off" => Supervision::Off,
-        "eigen" => Supervision::Eigen,
-        _ => Supervision::Columns,
+        "columns" => Supervision::Columns(ColumnsSettings { tolerance, min_angle, max_condition }),
+        _ => Supervision::Eigen(EigenSettings { tolerance, hysteresis, relevance }),
     }
 }

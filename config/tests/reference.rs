@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use rivet_config::Origin;
+use rivet_estimation::Settings;
 
 #[test]
 fn documentation_is_the_table() {
@@ -45,6 +46,12 @@ fn contract_only_file_works_at_any_rate() {
              gear_ratio = [1, 1]\nrotor_inertia = [0, 0]\ntorque_limit = [150, 15]\nencoder_resolution = [0, 0]\n\
              [friction]\ncoulomb = [7, 2]\nviscous = [2, 0.2]\noffset = [0, 0]\n"
         );
-        rivet_config::parse(&folder.join("robot.toml"), &text).unwrap_or_else(|e| panic!("{period}: {e}"));
+        let robot = rivet_config::parse(&folder.join("robot.toml"), &text).unwrap_or_else(|e| panic!("{period}: {e}"));
+        // The defaults of the file are those of the estimator, and it takes them.
+        let settings = robot.config.estimation_settings();
+        assert_eq!(settings.check(2), Ok(()), "{period}");
+        let mut own = Settings::new(2, robot.config.sample_period_s);
+        own.supervision = settings.supervision;
+        assert_eq!(settings, own, "{period}");
     }
 }

@@ -24,6 +24,7 @@ fn all_robots_of_the_project_load() {
         .map(|file| {
             let robot = rivet_config::load(file).unwrap_or_else(|e| panic!("{e}"));
             let folder = file.parent().and_then(Path::file_name).and_then(|n| n.to_str());
+            assert_eq!(robot.config.estimation_settings().check(robot.dof()), Ok(()));
             assert_eq!(Some(robot.config.name.as_str()), folder, "a robot is named as its folder");
             assert!(file.with_file_name("README.md").is_file(), "{} has no README with its sources", robot.config.name);
             robot.config.name
