@@ -18,6 +18,6 @@ mod rows;
 mod zero_phase;
 
 pub use fit::{Determined, Fit, Method, fit, residual_percent};
-pub use record::{Trajectory, OfflineError, Record, predict};
+pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows};
 pub use zero_phase::ZeroPhase;

@@ -1,0 +1,300 @@
+//! What a user may choose. Checked once, when an [`Identifier`](crate::Identifier) is made; never changes while running.
+
+use thiserror::Error;
+
+/// How velocity and acceleration come from positions. All signals are delayed by the same number of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Differentiator {
+    /// Differences of three samples; delays by one sample.
+    Central,
+    /// Least-squares cubic over `2·half_width + 1` samples (Savitzky & Golay 1964); delays by `half_width` samples.
+    SavitzkyGolay {
+        /// Samples on each side of the centre, 2 to [`MAX_HALF_WIDTH`].
+        half_width: usize,
+    },
+}
+
+/// Widest Savitzky-Golay window on each side of its centre \[samples\].
+pub const MAX_HALF_WIDTH: usize = 500;
+/// Highest order of the model filter.
+pub const MAX_FILTER_ORDER: usize = 8;
+/// Most rows of delayed instruments that are kept.
+pub const MAX_DELAY_ROWS: usize = 4096;
+
+impl Differentiator {
+    /// Delay of every signal that leaves the differentiator \[samples\].
+    #[must_use]
+    pub fn delay(&self) -> usize {
+        match *self {
+            Differentiator::Central => 1,
+            Differentiator::SavitzkyGolay { half_width } => half_width,
+        }
+    }
+}
+
+/// Which estimator makes the values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstimatorKind {
+    /// Recursive instrumental variables (paper, 3.1.1).
+    Riv,
+    /// Recursive least squares: biased by noise in the regressor, but the better predictor of the motion at hand.
+    /// Unsupervised it is the UD filter; supervised, the conditional solver with the regressor as its own instrument.
+    Rls,
+}
+
+/// How old samples lose weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Window {
+    /// Weight e^(−age/seconds). Age counts only while rows come in: standing still forgets nothing.
+    Exponential {
+        /// Time constant \[s\].
+        seconds: f64,
+    },
+    /// Nothing is forgotten (λ = 1).
+    None,
+}
+
+/// Where instruments come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruments {
+    /// The desired motion while there is one, delayed rows otherwise.
+    Auto {
+        /// Age of delayed rows \[s\].
+        delay_s: f64,
+    },
+    /// The regressor of the desired motion. Without setpoints the estimator holds.
+    Setpoint,
+    /// The measured, filtered regressor of some time ago.
+    Delayed {
+        /// How long ago \[s\]; rounded up to whole rows.
+        delay_s: f64,
+    },
+}
+
+/// The paper's scheme of section 3.2.3, on the windowed information of the instruments in torque units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnsSettings {
+    /// Largest acceptable standard deviation of a parameter's torque on the reference workload \[torque-noise sigma\].
+    /// A parameter that is known less well than that moves as soon as the window knows it better.
+    pub tolerance: f64,
+    /// Two columns of the information that enclose less than this exclude one of their parameters \[rad\].
+    pub min_angle: f64,
+    /// Infinity-norm condition number of the reduced information above which everything is held.
+    pub max_condition: f64,
+}
+
+impl Default for ColumnsSettings {
+    fn default() -> Self {
+        ColumnsSettings { tolerance: 0.5, min_angle: 5.0_f64.to_radians(), max_condition: 1e8 }
+    }
+}
+
+/// The scheme of section 3.2.2: a full eigen-decomposition; only identifiable directions move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EigenSettings {
+    /// Largest acceptable standard deviation of a direction's torque on the reference workload \[torque-noise sigma\].
+    /// A direction that is known less well than that moves as soon as the window knows it better.
+    pub tolerance: f64,
+    /// An active direction is held again below this share of the eigenvalue that activates it, 0 to 1.
+    pub hysteresis: f64,
+    /// A direction moves only while `vᵀMv / vᵀSv` lies between `relevance` and `1/relevance`: else the instruments do
+    /// not describe the motion (brake, emergency stop, saturation). 0 to 1; 0 switches the guard off.
+    pub relevance: f64,
+}
+
+impl Default for EigenSettings {
+    fn default() -> Self {
+        EigenSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3 }
+    }
+}
+
+/// Which parameters, or directions of the parameter space, may move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Supervision {
+    /// Everything moves whenever the equations can be solved. RIV without supervision bursts under poor excitation.
+    Off,
+    /// Column norms, angles, trace and condition number (3.2.3).
+    Columns(ColumnsSettings),
+    /// Eigenvalues and eigenvectors (3.2.2): the reference that other schemes are measured by.
+    Eigen(EigenSettings),
+}
+
+/// What is known before the first sample. It acts through parameters that are held, through the threshold at which
+/// they start to move and as the start of the UD filter; it never pulls on a parameter that the instruments identify.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// Standard deviation of the nominal parameters, relative to their values.
+    pub relative_std: f64,
+}
+
+/// Everything about the estimation of one arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Time between samples \[s\].
+    pub sample_period_s: f64,
+    /// How velocity and acceleration come from positions.
+    pub differentiator: Differentiator,
+    /// Cut-off (−3 dB) of the model filter \[Hz\].
+    pub filter_hz: f64,
+    /// Order of the model filter: 2, 4, 6 or 8.
+    pub filter_order: usize,
+    /// Every how manieth filtered row reaches the estimator.
+    pub decimation: usize,
+    /// A joint's row is left out while the joint is slower than this \[rad/s\], one value a joint; 0 uses all rows.
+    pub dead_zone: Vec<f64>,
+    /// Standard deviation of the torque residual after the model filter \[N·m\], one value a joint; `None` estimates
+    /// it while running.
+    pub torque_noise: Option<Vec<f64>>,
+    /// Which estimator makes the values.
+    pub estimator: EstimatorKind,
+    /// How old rows lose weight.
+    pub window: Window,
+    /// Where instruments come from.
+    pub instruments: Instruments,
+    /// Which parameters or directions may move.
+    pub supervision: Supervision,
+    /// What is known before the first sample.
+    pub prior: Prior,
+}
+
+/// Which setting cannot be used, and why.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{setting} is {value}; {rule}")]
+pub struct SettingsError {
+    /// Name of the field of [`Settings`], or of another argument.
+    pub setting: &'static str,
+    /// Its value, as text.
+    pub value: String,
+    /// What it must be.
+    pub rule: String,
+}
+
+impl Settings {
+    /// Defaults for an arm of `dof` joints sampled every `sample_period_s` \[s\]: Savitzky-Golay over ±10 ms, 4th order
+    /// at 20 Hz (at most a fifth of the sample rate), five rows a period of the cut-off, RIV with a 10 s window.
+    #[must_use]
+    pub fn new(dof: usize, sample_period_s: f64) -> Settings {
+        let filter_hz = (0.2 / sample_period_s).min(20.0);
+        Settings {
+            sample_period_s,
+            differentiator: Differentiator::SavitzkyGolay {
+                half_width: (0.01 / sample_period_s).round().clamp(2.0, MAX_HALF_WIDTH as f64) as usize,
+            },
+            filter_hz,
+            filter_order: 4,
+            decimation: (0.2 / (sample_period_s * filter_hz)).round().max(1.0) as usize,
+            dead_zone: vec![0.01; dof],
+            torque_noise: None,
+            estimator: EstimatorKind::Riv,
+            window: Window::Exponential { seconds: 10.0 },
+            instruments: Instruments::Auto { delay_s: (2.0 * sample_period_s).max(0.02) },
+            supervision: Supervision::Eigen(EigenSettings::default()),
+            prior: Prior { relative_std: 1.0 },
+        }
+    }
+
+    /// Time between rows that reach the estimator \[s\].
+    #[must_use]
+    pub fn row_period_s(&self) -> f64 {
+        self.sample_period_s * self.decimation as f64
+    }
+
+    /// Weight of the past at each row: λ in (0, 1].
+    #[must_use]
+    pub fn forgetting(&self) -> f64 {
+        match self.window {
+            Window::Exponential { seconds } => (-self.row_period_s() / seconds).exp(),
+            Window::None => 1.0,
+        }
+    }
+
+    /// Age of delayed instruments in rows; `None` when only setpoints serve as instruments.
+    #[must_use]
+    pub fn delay_rows(&self) -> Option<usize> {
+        match self.instruments {
+            Instruments::Setpoint => None,
+            Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => {
+                // A hair less than the quotient: 0.02 s of 0.01 s rows is 2 rows, whatever the rounding.
+                Some(((delay_s / self.row_period_s() - 1e-9).ceil()).clamp(1.0, 1e9) as usize)
+            }
+        }
+    }
+
+    /// Checks every value for an arm of `dof` joints.
+    ///
+    /// # Errors
+    /// The first value that cannot be used.
+    pub fn check(&self, dof: usize) -> Result<(), SettingsError> {
+        let period = self.sample_period_s;
+        require("sample_period_s", period, period > 0.0 && period <= 1.0, "it must lie in (0, 1] s")?;
+        if let Differentiator::SavitzkyGolay { half_width } = self.differentiator {
+            let fits = (2..=MAX_HALF_WIDTH).contains(&half_width);
+            require("half_width", half_width, fits, "it must lie in 2..=500 samples: a cubic needs four")?;
+        }
+        let order = self.filter_order;
+        let even = order >= 2 && order <= MAX_FILTER_ORDER && order.is_multiple_of(2);
+        require("filter_order", order, even, "it must be 2, 4, 6 or 8")?;
+        require("decimation", self.decimation, (1..=100_000).contains(&self.decimation), "it must lie in 1..=100000")?;
+        let highest = 0.45 / self.row_period_s();
+        require(
+            "filter_hz",
+            self.filter_hz,
+            self.filter_hz > 0.0 && self.filter_hz <= highest * (1.0 + 1e-9),
+            &format!("it must be positive and at most 0.45 of the rate after decimation, {highest:.4} Hz"),
+        )?;
+        per_joint("dead_zone", &self.dead_zone, dof, |v| v >= 0.0, "rad/s, not negative")?;
+        if let Some(noise) = &self.torque_noise {
+            per_joint("torque_noise", noise, dof, |v| v > 0.0, "N·m, positive")?;
+        }
+        if let Window::Exponential { seconds } = self.window {
+            let least = 20.0 * self.row_period_s();
+            let fits = seconds >= least * (1.0 - 1e-9) && seconds.is_finite();
+            require("window", seconds, fits, &format!("it must be at least 20 rows long, {least:.4} s"))?;
+        }
+        if let Some(rows) = self.delay_rows() {
+            let delay_s = match self.instruments {
+                Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => delay_s,
+                Instruments::Setpoint => 0.0,
+            };
+            let longest = MAX_DELAY_ROWS as f64 * self.row_period_s();
+            let fits = delay_s > 0.0 && rows <= MAX_DELAY_ROWS;
+            require("delay_s", delay_s, fits, &format!("it must be positive and at most {longest:.3} s"))?;
+        }
+        let prior = self.prior.relative_std;
+        require("prior", prior, prior > 0.0 && prior.is_finite(), "it must be positive")?;
+        match self.supervision {
+            Supervision::Off => Ok(()),
+            Supervision::Columns(ColumnsSettings { tolerance, min_angle, max_condition }) => {
+                require("tolerance", tolerance, tolerance > 0.0 && tolerance.is_finite(), "it must be positive")?;
+                let right = std::f64::consts::FRAC_PI_2;
+                require("min_angle", min_angle, (0.0..right).contains(&min_angle), "it must lie in [0, pi/2) rad")?;
+                require("max_condition", max_condition, max_condition >= 1.0, "it must be at least 1")
+            }
+            Supervision::Eigen(EigenSettings { tolerance, hysteresis, relevance }) => {
+                require("tolerance", tolerance, tolerance > 0.0 && tolerance.is_finite(), "it must be positive")?;
+                let fits = hysteresis > 0.0 && hysteresis <= 1.0;
+                require("hysteresis", hysteresis, fits, "it must lie in (0, 1]")?;
+                require("relevance", relevance, (0.0..1.0).contains(&relevance), "it must lie in [0, 1)")
+            }
+        }
+    }
+}
+
+fn require(setting: &'static str, value: impl std::fmt::Display, holds: bool, rule: &str) -> Result<(), SettingsError> {
+    if holds { Ok(()) } else { Err(SettingsError { setting, value: value.to_string(), rule: rule.to_owned() }) }
+}
+
+/// One finite value a joint that passes `test`.
+pub(crate) fn per_joint(
+    setting: &'static str,
+    values: &[f64],
+    dof: usize,
+    test: impl Fn(f64) -> bool,
+    unit: &str,
+) -> Result<(), SettingsError> {
+    let fits = values.len() == dof && values.iter().all(|&v| v.is_finite() && test(v));
+    if fits {
+        return Ok(());
+    }
+    Err(SettingsError { setting, value: format!("{values:?}"), rule: format!("it needs {dof} values in {unit}") })
+}
