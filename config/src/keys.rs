@@ -376,7 +376,7 @@ mod tests {
             match key.fallback {
                 Fallback::Number(x) => assert!(key.bounds.allow(x), "{}: default outside its range", key.path()),
                 Fallback::Integer(x) => {
-                    assert!(key.bounds.allow(x as f64), "{}: default outside its range", key.path())
+                    assert!(key.bounds.allow(x as f64), "{}: default outside its range", key.path());
                 }
                 Fallback::Text(x) => {
                     if let Shape::Choice(words) = key.shape {

@@ -457,11 +457,8 @@ impl<'a> Reader<'a> {
             };
             self.reject(section, name, format!("must be a joint: 1 to {n}, or its name"), hint);
         }
-        let shown = index.map_or(Value::Absent, |i| match self.joints.get(i) {
-            Some(joint) => Value::Text(joint.clone()),
-            None => Value::Integer(i as i64 + 1),
-        });
-        self.resolve(key, shown);
+        let joint = index.and_then(|i| self.joints.get(i)).cloned();
+        self.resolve(key, joint.map_or(Value::Absent, Value::Text));
         index
     }
 

@@ -55,3 +55,25 @@ fn contract_only_file_works_at_any_rate() {
         assert_eq!(settings, own, "{period}");
     }
 }
+
+/// The report shows each mistake with its line and a caret below the place.
+#[test]
+fn report_points_at_each_mistake() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad/arm.toml");
+    let text = "name = \"arm\"\nurdf = \"arm.urdf\"\nsample_period_s = 0.001\ngravity = [0, 0, \"down\"]\n[drive]\n\
+                gear_ratio = [100, 0]\nrotor_inertia = [1, 1]\ntorque_limit = [9, 9]\nencoder_resolution = [0, 0]\n";
+    let report = rivet_config::parse(&path, text).expect_err("wrong").to_string();
+    let report = report.replace(&path.display().to_string(), "arm.toml");
+    let expected = "\
+arm.toml:1:1: friction.coulomb = (missing): must be given (an array with one number per joint [N m]); write `coulomb = ...` below `[friction]`
+arm.toml:1:1: friction.viscous = (missing): must be given (an array with one number per joint [N m s/rad]); write `viscous = ...` below `[friction]`
+arm.toml:1:1: friction.offset = (missing): must be given (an array with one number per joint [N m]); write `offset = ...` below `[friction]`
+arm.toml:4:18: gravity[3] = \"down\": must be a number [m/s^2], not text; write a plain number
+ 4 | gravity = [0, 0, \"down\"]
+   |                  ^^^^^^
+arm.toml:6:20: drive.gear_ratio[2] = 0: must keep 0 < |x| <= 1e5; a direct drive has ratio 1 (joint 2 is elbow)
+ 6 | gear_ratio = [100, 0]
+   |                    ^
+5 mistakes";
+    assert_eq!(report, expected);
+}
