@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, WristCoupling, model_hash};
+use rivet_dynamics::{Arm, BaseSet, Model, Structure, WristCoupling, model_hash};
 use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors};
 use crate::reader::{RawParameter, Reader};
-use crate::sections::{self, Coupling, Friction, RobotConfig};
+use crate::sections::{self, RobotConfig};
 use crate::supervision::supervision;
 
 /// A robot file with the model it describes.
@@ -129,8 +129,6 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let Some((model, base)) = built.filter(|_| errors.is_empty()) else {
         return Err(ConfigErrors::new(errors));
     };
-    let nominal = model.nominal(&joints(&drive.rotor_inertia, &friction, coupling.as_ref()));
-    let nominal_base = base.from_standard(&nominal);
     let config = RobotConfig {
         path: path.to_path_buf(),
         name,
@@ -151,6 +149,8 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
         bus,
         resolved,
     };
+    let nominal = model.nominal(&config.nominal_joints());
+    let nominal_base = base.from_standard(&nominal);
     Ok(Robot { config, model: Arc::new(model), base: Arc::new(base), hash, nominal, nominal_base, identified })
 }
 
@@ -172,17 +172,6 @@ fn read_arm(reader: &mut Reader<'_>, urdf: &Path, written: &str, gravity: [f64; 
             reader.reject("", "urdf", why.to_string(), format!("correct it in {written}"));
             None
         }
-    }
-}
-
-/// Drive values as the model takes them.
-fn joints(rotor_inertia: &[f64], friction: &Friction, coupling: Option<&Coupling>) -> Joints {
-    Joints {
-        rotor_inertia: rotor_inertia.to_vec(),
-        viscous: friction.viscous.clone(),
-        coulomb: friction.coulomb.clone(),
-        offset: friction.offset.clone(),
-        coupling: coupling.map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
     }
 }
 

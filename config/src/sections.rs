@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use rivet_dynamics::Joints;
 use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Prior, Settings, Supervision, Window};
 
 use crate::describe::short;
@@ -50,6 +51,17 @@ pub struct RobotConfig {
 }
 
 impl RobotConfig {
+    /// Nominal drive values, friction and coupling, as [`Model::nominal`](rivet_dynamics::Model::nominal) takes them.
+    pub fn nominal_joints(&self) -> Joints {
+        Joints {
+            rotor_inertia: self.drive.rotor_inertia.clone(),
+            viscous: self.friction.viscous.clone(),
+            coulomb: self.friction.coulomb.clone(),
+            offset: self.friction.offset.clone(),
+            coupling: self.coupling.as_ref().map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
+        }
+    }
+
     /// The settings of the estimator, as the sections `[signal]`, `[estimator]` and `[supervision]` say.
     pub fn estimation_settings(&self) -> Settings {
         Settings {
