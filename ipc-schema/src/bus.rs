@@ -50,8 +50,9 @@ impl Default for BusConfig {
 }
 
 impl BusConfig {
-    /// Longest root path \[bytes\]: file names below it still have to fit the system's limits.
-    pub const MAX_ROOT_LEN: usize = 120;
+    /// Longest root path and prefix together \[bytes\]: the bus adds up to 46 for the path of an event's socket,
+    /// and the system allows 107.
+    pub const MAX_LEN: usize = 60;
 
     /// Checks the values.
     ///
@@ -66,7 +67,9 @@ impl BusConfig {
         let refuse = |why| Err(BusError::Root { root: self.root.clone(), why });
         match self.root.to_str() {
             None => refuse("it must be valid UTF-8"),
-            Some(root) if root.len() > Self::MAX_ROOT_LEN => refuse("it must have at most 120 characters"),
+            Some(root) if root.len() + self.prefix.len() > Self::MAX_LEN => {
+                refuse("it and the prefix together must have at most 60 characters (the path of a socket is limited)")
+            }
             Some(_) if !self.root.is_absolute() => refuse("it must be absolute"),
             Some(_) if self.root.parent().is_none() => refuse("it must not be the root of the file system"),
             Some(_) => Ok(()),

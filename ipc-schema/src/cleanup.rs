@@ -117,10 +117,10 @@ impl PrivateBus {
     pub fn new(label: &str) -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let label: String = label.chars().filter(char::is_ascii_alphanumeric).take(8).collect();
-        let unique = format!("{label}{}_{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let unique = format!("{}_{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         let prefix = format!("rvt_{unique}_");
         // Not the temporary directory of the environment: it may be longer than a socket's path allows.
-        let root = PathBuf::from("/tmp").join(format!("rivet-{unique}"));
+        let root = PathBuf::from(format!("/tmp/rivet-{label}{unique}"));
         Self { config: BusConfig { prefix, root } }
     }
 

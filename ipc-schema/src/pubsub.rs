@@ -98,6 +98,10 @@ pub(crate) fn open_service<T: Message>(
 
 /// Sends messages of one service. Not for a real-time thread: [`send`](Self::send) allocates and, when a
 /// subscriber joins or leaves, works on files.
+///
+/// Keep it until its messages were taken: a subscriber meets a publisher at its first
+/// [`receive`](Subscriber::receive) after the publisher came, and a publisher that left before that takes its
+/// messages along.
 #[derive(Debug)]
 pub struct Publisher<T: Message> {
     port: IoxPublisher<ipc::Service, T, ()>,
