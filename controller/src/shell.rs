@@ -13,19 +13,27 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// How the controller is to run, beside what the robot file says.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The robot file.
+    /// The robot file (robot.toml, or model.toml of `rivet identify --export`).
     pub robot: PathBuf,
     /// Overrides `[bus] prefix`.
+    #[arg(long)]
     pub prefix: Option<String>,
     /// Overrides `[bus] root`.
+    #[arg(long)]
     pub root: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
+    #[arg(long)]
     pub best_effort: bool,
-    /// Published parameters act from this sample on; `u64::MAX`: never, the robot file's values stay.
-    pub adopt_from_seq: u64,
-    /// End with this process (for children of `rivet demo`).
+    /// Published parameters act from this sample number on; until then the robot file's values do.
+    #[arg(long, value_name = "SEQ", default_value_t = 0)]
+    pub adopt_from: u64,
+    /// Published parameters never act: the robot file's values stay.
+    #[arg(long)]
+    pub nominal: bool,
+    /// End with the process that started this one.
+    #[arg(long, hide = true)]
     pub die_with_parent: bool,
 }
 
