@@ -1,6 +1,7 @@
 //! The simulated robot: a pure plant core, motions to command it with, and the process that plays a robot controller.
 //!
-//! The plant core ([`Plant`], [`Truth`], [`closed_loop`]) and the motions ([`motion`]) know no clock, file or bus.
+//! The plant core ([`Plant`], [`Truth`], [`closed_loop`]), the motions ([`motion`]) and the stand-in's decisions
+//! ([`StandIn`]) know no clock, file or bus; [`process`] does.
 
 mod closed_loop;
 mod friction;
@@ -8,8 +9,10 @@ mod integrator;
 mod mechanics;
 pub mod motion;
 mod plant;
+pub mod process;
 mod random;
 mod sensors;
+mod stand_in;
 mod truth;
 
 pub use closed_loop::{Record, SetpointRef, closed_loop};
@@ -18,4 +21,5 @@ pub use mechanics::Vector;
 pub use plant::{Plant, PlantSettings};
 pub use random::Random;
 pub use sensors::{Measurement, Sensors};
+pub use stand_in::{BLOCK_S, Counts, Sample, StandIn, TrackingBlock};
 pub use truth::{Disturbances, Payload, Truth};

@@ -1,0 +1,17 @@
+//! The simulated robot controller as a process of its own.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Plays a robot controller's shared memory with a simulated arm: publishes joint-state and setpoint, takes command.
+#[derive(Parser)]
+#[command(name = "rivet-sim", version)]
+struct Line {
+    #[command(flatten)]
+    options: rivet_simulation::process::Options,
+}
+
+fn main() -> ExitCode {
+    rivet_simulation::process::main(&Line::parse().options)
+}

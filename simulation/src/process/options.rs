@@ -1,0 +1,220 @@
+//! What the user of `rivet-sim` may choose.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::friction::FrictionLaw;
+use crate::motion::{
+    Fourier, FourierSettings, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Standstill, Trajectory,
+    load_ratio,
+};
+use crate::plant::PlantSettings;
+use crate::sensors::Sensors;
+use crate::truth::{Disturbances, Payload};
+use rivet_config::Robot;
+use rivet_dynamics::Joints;
+
+/// Motions of the setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MotionKind {
+    /// Fourier series of all joints
+    Fourier,
+    /// Quintic moves between random poses, with dwells
+    PointToPoint,
+    /// 0.8 Hz on joint 1 and 1.1 Hz on joint 2, the others still
+    Paper,
+    /// Fourier series of one joint (--joint), the others still
+    SingleJoint,
+    /// No motion
+    Standstill,
+}
+
+/// Options of `rivet-sim` and `rivet sim`.
+#[derive(Clone, Debug, Args)]
+pub struct Options {
+    /// Robot file
+    pub robot: PathBuf,
+    /// Prefix of the bus, instead of the robot file's
+    #[arg(long)]
+    pub prefix: Option<String>,
+    /// Root directory of the bus, instead of the robot file's
+    #[arg(long)]
+    pub root: Option<PathBuf>,
+
+    /// Seconds of motion, counted from the first command; without it until SIGINT or SIGTERM
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// Seconds to wait for the first command before giving up; 0 waits for ever
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    pub patience: f64,
+    /// Simulated time waits up to this long for the command that answers the last sample [ms]; without it time goes on
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub lockstep: Option<f64>,
+    /// With --lockstep: go on as soon as the answer is there instead of keeping the sample rate
+    #[arg(long, requires = "lockstep")]
+    pub unpaced: bool,
+    /// Periods without a command after which the brakes close
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    pub stale_periods: u64,
+
+    /// Seed of noise, motion and drawn disturbances; the robot file's without it
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Motion of the setpoint
+    #[arg(long, value_enum, default_value_t = MotionKind::Fourier)]
+    pub motion: MotionKind,
+    /// The joint that moves in single-joint motion, from 1
+    #[arg(long, default_value_t = 1)]
+    pub joint: usize,
+    /// Share of the arm's speed limits that the motion may use, 0..1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.8, value_parser = share)]
+    pub velocity: f64,
+    /// Base frequency of the Fourier series [Hz]
+    #[arg(long, value_name = "HZ", default_value_t = FourierSettings::default().base_hz, value_parser = positive)]
+    pub base_hz: f64,
+    /// Harmonics of the Fourier series
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    pub harmonics: u64,
+
+    /// Factor on mass, first moment and inertia of every true body
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
+    pub bodies: f64,
+    /// Factor on every true rotor inertia
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative)]
+    pub rotor_inertia: f64,
+    /// Factor on all true friction
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative)]
+    pub friction: f64,
+    /// Relative spread of a further random factor for each body
+    #[arg(long, value_name = "STD", default_value_t = 0.0, value_parser = not_negative)]
+    pub bodies_spread: f64,
+    /// Relative spread of a further random factor for each rotor inertia
+    #[arg(long, value_name = "STD", default_value_t = 0.0, value_parser = not_negative)]
+    pub rotor_inertia_spread: f64,
+    /// Relative spread of a further random factor for each friction value
+    #[arg(long, value_name = "STD", default_value_t = 0.0, value_parser = not_negative)]
+    pub friction_spread: f64,
+    /// Mass carried by the last link [kg]
+    #[arg(long, value_name = "KG", value_parser = positive)]
+    pub payload: Option<f64>,
+    /// Centre of the payload in the frame of the last joint [m]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 3,
+        default_value = "0,0,0.1",
+        allow_negative_numbers = true
+    )]
+    pub payload_com: Vec<f64>,
+    /// Factor on the measurement noise of the robot file; 0 is none (encoders still count whole steps)
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative)]
+    pub noise: f64,
+    /// Friction as tanh(v/V) with this V [rad/s], instead of Coulomb's law with exact sticking
+    #[arg(long, value_name = "V", value_parser = positive)]
+    pub friction_velocity: Option<f64>,
+
+    /// Writes the true parameters to this file (JSON)
+    #[arg(long, value_name = "FILE")]
+    pub truth_out: Option<PathBuf>,
+    /// Writes what was published while the arm moved to this file (CSV)
+    #[arg(long, value_name = "FILE")]
+    pub log_out: Option<PathBuf>,
+    /// Writes the summary to this file (JSON)
+    #[arg(long, value_name = "FILE")]
+    pub summary_out: Option<PathBuf>,
+    /// Ends when the process that started this one does
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+}
+
+fn number(text: &str, rule: &str, fits: impl Fn(f64) -> bool) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
+    if value.is_finite() && fits(value) { Ok(value) } else { Err(rule.to_owned()) }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    number(text, "must be above 0", |x| x > 0.0)
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, "must not be negative", |x| x >= 0.0)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    number(text, "must lie above 0 and at most at 1", |x| x > 0.0 && x <= 1.0)
+}
+
+/// Nominal drive values of a robot file.
+pub fn nominal_joints(robot: &Robot) -> Joints {
+    let config = &robot.config;
+    Joints {
+        rotor_inertia: config.drive.rotor_inertia.clone(),
+        viscous: config.friction.viscous.clone(),
+        coulomb: config.friction.coulomb.clone(),
+        offset: config.friction.offset.clone(),
+        coupling: config.coupling.as_ref().map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
+    }
+}
+
+impl Options {
+    /// The seed in force.
+    pub fn seed(&self, robot: &Robot) -> u64 {
+        self.seed.unwrap_or(robot.config.simulation.seed)
+    }
+
+    pub(super) fn disturbances(&self, robot: &Robot) -> Disturbances {
+        let com = [self.payload_com[0], self.payload_com[1], self.payload_com[2]];
+        Disturbances {
+            bodies: self.bodies,
+            rotor_inertia: self.rotor_inertia,
+            friction: self.friction,
+            bodies_spread: self.bodies_spread,
+            rotor_inertia_spread: self.rotor_inertia_spread,
+            friction_spread: self.friction_spread,
+            payload: self.payload.map(|mass| Payload { mass, com }),
+            seed: self.seed(robot),
+        }
+    }
+
+    pub(super) fn sensors(&self, robot: &Robot) -> Sensors {
+        let simulation = &robot.config.simulation;
+        Sensors {
+            resolution: robot.config.drive.encoder_resolution.clone(),
+            position_noise: simulation.position_noise.clone(),
+            torque_noise: simulation.torque_noise.clone(),
+        }
+        .with_noise(self.noise)
+    }
+
+    pub(super) fn plant(&self, robot: &Robot) -> PlantSettings {
+        let mut settings = PlantSettings::new(robot.config.sample_period_s, &robot.config.drive.torque_limit);
+        if let Some(velocity) = self.friction_velocity {
+            settings.friction = FrictionLaw::Smooth { velocity };
+        }
+        settings
+    }
+
+    /// The motion, made for the nominal arm: the planner does not know the true one.
+    pub(super) fn trajectory(&self, robot: &Robot) -> Box<dyn Trajectory> {
+        let limits = MotionLimits::of(&robot.model.arm, self.velocity);
+        let mut load = load_ratio(&robot.model, &robot.nominal, &robot.config.drive.torque_limit);
+        let fourier = FourierSettings {
+            base_hz: self.base_hz,
+            harmonics: self.harmonics as usize,
+            seed: self.seed(robot),
+            only: (self.motion == MotionKind::SingleJoint).then(|| self.joint - 1),
+            ..FourierSettings::default()
+        };
+        match self.motion {
+            MotionKind::Fourier | MotionKind::SingleJoint => Box::new(Fourier::new(&limits, &fourier, &mut load)),
+            MotionKind::PointToPoint => {
+                let settings = PointToPointSettings { seed: self.seed(robot), ..PointToPointSettings::default() };
+                Box::new(PointToPoint::new(&limits, &settings, &mut load))
+            }
+            MotionKind::Paper => Box::new(PaperMotion::new(&limits, &mut load)),
+            MotionKind::Standstill => Box::new(Standstill { pose: limits.home }),
+        }
+    }
+}

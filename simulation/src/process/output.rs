@@ -1,0 +1,153 @@
+//! Files that `rivet-sim` leaves: the truth, the log, the summary. Each appears complete or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+
+use serde::Serialize;
+
+use super::SimError;
+use crate::stand_in::{Counts, Sample, TrackingBlock};
+use crate::truth::{Disturbances, Truth};
+use rivet_config::Robot;
+
+/// Where a file grows before it gets its name.
+fn growing(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    path.with_file_name(name)
+}
+
+pub(super) fn fails(path: &Path) -> impl FnOnce(io::Error) -> SimError {
+    let path = path.to_owned();
+    move |source| SimError::File { path, source }
+}
+
+/// Writes `value` as JSON, atomically.
+pub(super) fn json(path: &Path, value: &impl Serialize) -> Result<(), SimError> {
+    let text = serde_json::to_string_pretty(value).map_err(io::Error::other).map_err(fails(path))?;
+    let part = growing(path);
+    fs::write(&part, text + "\n").and_then(|()| fs::rename(&part, path)).map_err(fails(path))
+}
+
+/// A parameter of the true arm beside what the robot file says.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrueParameter {
+    /// Its name.
+    pub name: String,
+    /// True value, in the parameter's unit.
+    pub value: f64,
+    /// Nominal value.
+    pub nominal: f64,
+}
+
+/// Content of the file of `--truth-out`.
+#[derive(Clone, Debug, Serialize)]
+pub struct TruthFile {
+    /// Robot's name.
+    pub robot: String,
+    /// Hash of the model that the base parameters belong to, 16 hexadecimal digits.
+    pub model_hash: String,
+    /// Seed of noise, motion and drawn disturbances.
+    pub seed: u64,
+    /// Standard parameters, in the model's order.
+    pub standard: Vec<TrueParameter>,
+    /// Base parameters, in the order of the base set.
+    pub base: Vec<TrueParameter>,
+}
+
+impl TruthFile {
+    pub(super) fn new(robot: &Robot, truth: &Truth, disturbances: &Disturbances) -> Self {
+        let standard = truth.standard(&robot.model);
+        let base = robot.base.from_standard(&standard);
+        let row =
+            |name: String, (value, nominal): (&f64, &f64)| TrueParameter { name, value: *value, nominal: *nominal };
+        let names = robot.model.parameters.iter().map(|p| p.name(&robot.model.arm));
+        Self {
+            robot: robot.config.name.clone(),
+            model_hash: format!("{:016x}", robot.hash),
+            seed: disturbances.seed,
+            standard: names.zip(standard.iter().zip(&robot.nominal)).map(|(n, v)| row(n, v)).collect(),
+            base: (0..robot.base.len())
+                .map(|i| robot.base.name(&robot.model, i))
+                .zip(base.iter().zip(&robot.nominal_base))
+                .map(|(n, v)| row(n, v))
+                .collect(),
+        }
+    }
+}
+
+/// What a run came to; the file of `--summary-out` and the last line on standard output.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Robot's name.
+    pub robot: String,
+    /// Why it ended: `duration` or `signal`.
+    pub ended: &'static str,
+    /// How often what happened.
+    #[serde(flatten)]
+    pub counts: Counts,
+    /// Moving periods for which simulated time waited in vain (`--lockstep`).
+    pub lockstep_timeouts: u64,
+    /// Periods that the machine skipped: simulated time stood still.
+    pub overruns: u64,
+    /// Periods each drive spent at its torque limit.
+    pub saturated: Vec<u64>,
+    /// Tracking error by stretches of five seconds of motion.
+    pub tracking: Vec<TrackingBlock>,
+}
+
+/// Writes the log on a thread of its own, so that a slow disk does not stop the arm.
+pub(super) struct LogWriter {
+    rows: Sender<Sample>,
+    thread: JoinHandle<io::Result<()>>,
+    path: PathBuf,
+}
+
+impl LogWriter {
+    pub(super) fn create(path: &Path, dof: usize) -> Result<Self, SimError> {
+        let part = growing(path);
+        let mut file = BufWriter::new(File::create(&part).map_err(fails(path))?);
+        let (rows, queue) = channel::<Sample>();
+        let target = path.to_owned();
+        let thread = std::thread::spawn(move || {
+            let write = |file: &mut BufWriter<File>| -> io::Result<()> {
+                write!(file, "t")?;
+                for what in ["q", "tau", "q_des", "qd_des", "qdd_des"] {
+                    for j in 1..=dof {
+                        write!(file, ",{what}{j}")?;
+                    }
+                }
+                writeln!(file)?;
+                for s in queue {
+                    // Rounded to nanoseconds: multiples of a period that is no binary fraction are not pretty otherwise.
+                    write!(file, "{}", (s.t_s * 1e9).round() / 1e9)?;
+                    for x in [s.q, s.tau, s.q_des, s.qd_des, s.qdd_des].iter().flat_map(|v| &v[..dof]) {
+                        write!(file, ",{x}")?;
+                    }
+                    writeln!(file)?;
+                }
+                file.flush()
+            };
+            let written = write(&mut file).and_then(|()| fs::rename(&part, &target));
+            if written.is_err() {
+                let _ = fs::remove_file(&part);
+            }
+            written
+        });
+        Ok(Self { rows, thread, path: path.to_owned() })
+    }
+
+    pub(super) fn push(&self, sample: &Sample) {
+        // The writer ends early only when the disk fails; that is reported at the end.
+        let _ = self.rows.send(*sample);
+    }
+
+    pub(super) fn finish(self) -> Result<(), SimError> {
+        drop(self.rows);
+        let written = self.thread.join().unwrap_or_else(|_| Err(io::Error::other("the log's writer failed")));
+        written.map_err(fails(&self.path))
+    }
+}
