@@ -1,0 +1,259 @@
+//! From sampled positions to motion: finite impulse responses over one delay line that all signals share.
+//!
+//! This is the one place that knows about the delay of differentiation: whatever leaves [`Aligned`] (positions,
+//! velocities, accelerations, torques, setpoints) belongs to the same instant, `delay` samples ago.
+
+use crate::report::{Motion, Setpoint};
+use crate::settings::Differentiator;
+
+/// Weights over a window of `2m + 1` samples, oldest first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights {
+    /// Position \[1\].
+    pub position: Vec<f64>,
+    /// Velocity \[1/s\].
+    pub velocity: Vec<f64>,
+    /// Acceleration \[1/s²\].
+    pub acceleration: Vec<f64>,
+}
+
+impl Weights {
+    /// Weights for samples `period` \[s\] apart.
+    ///
+    /// ```text
+    /// central:  q̇ = (q₊ − q₋)/2T,  q̈ = (q₊ − 2q₀ + q₋)/T²
+    /// cubic over i = −m..m, with Sₖ = Σ iᵏ and N = 2m + 1 (Savitzky & Golay 1964, Anal. Chem. 36(8)):
+    ///   q ← Σ (S₄ − S₂i²)/(N·S₄ − S₂²)·qᵢ
+    ///   q̇ ← Σ (S₆i − S₄i³)/(S₂·S₆ − S₄²)·qᵢ/T
+    ///   q̈ ← Σ 2(N·i² − S₂)/(N·S₄ − S₂²)·qᵢ/T²
+    /// ```
+    #[must_use]
+    pub fn new(differentiator: Differentiator, period: f64) -> Weights {
+        let half = differentiator.delay();
+        if differentiator == Differentiator::Central {
+            let (v, a) = (0.5 / period, 1.0 / (period * period));
+            return Weights {
+                position: vec![0.0, 1.0, 0.0],
+                velocity: vec![-v, 0.0, v],
+                acceleration: vec![a, -2.0 * a, a],
+            };
+        }
+        let places: Vec<f64> = (0..=2 * half).map(|i| i as f64 - half as f64).collect();
+        let sum = |k: i32| places.iter().map(|i| i.powi(k)).sum::<f64>();
+        let (n, s2, s4, s6) = (places.len() as f64, sum(2), sum(4), sum(6));
+        let (even, odd) = (n * s4 - s2 * s2, s2 * s6 - s4 * s4);
+        Weights {
+            position: places.iter().map(|i| (s4 - s2 * i * i) / even).collect(),
+            velocity: places.iter().map(|i| (s6 * i - s4 * i.powi(3)) / (odd * period)).collect(),
+            acceleration: places.iter().map(|i| 2.0 * (n * i * i - s2) / (even * period * period)).collect(),
+        }
+    }
+}
+
+/// Delay line of several channels; each channel's samples lie contiguous, oldest first.
+#[derive(Clone, Debug)]
+struct Line {
+    length: usize,
+    /// Each sample is written twice, `length` apart, so that a whole window is always one slice.
+    data: Vec<f64>,
+    /// Where the next sample goes, below `length`.
+    head: usize,
+}
+
+impl Line {
+    fn new(channels: usize, length: usize) -> Line {
+        Line { length, data: vec![0.0; channels * 2 * length], head: 0 }
+    }
+
+    fn write(&mut self, channel: usize, value: f64) {
+        let at = channel * 2 * self.length + self.head;
+        self.data[at] = value;
+        self.data[at + self.length] = value;
+    }
+
+    fn advance(&mut self) {
+        self.head += 1;
+        if self.head == self.length {
+            self.head = 0;
+        }
+    }
+
+    fn window(&self, channel: usize) -> &[f64] {
+        let start = channel * 2 * self.length + self.head;
+        &self.data[start..start + self.length]
+    }
+}
+
+/// Everything measured at one instant, `delay` samples after it happened.
+#[derive(Clone, Debug)]
+pub(crate) struct Aligned {
+    dof: usize,
+    weights: Weights,
+    half: usize,
+    line: Line,
+    filled: usize,
+    pub(crate) q: Vec<f64>,
+    pub(crate) qd: Vec<f64>,
+    pub(crate) qdd: Vec<f64>,
+    pub(crate) tau: Vec<f64>,
+    desired: Vec<f64>,
+    has_setpoint: bool,
+}
+
+impl Aligned {
+    pub(crate) fn new(dof: usize, differentiator: Differentiator, period: f64) -> Aligned {
+        let half = differentiator.delay();
+        let zeros = vec![0.0; dof];
+        Aligned {
+            dof,
+            weights: Weights::new(differentiator, period),
+            half,
+            // q, tau, three of the setpoint, and whether there was one
+            line: Line::new(5 * dof + 1, 2 * half + 1),
+            filled: 0,
+            q: zeros.clone(),
+            qd: zeros.clone(),
+            qdd: zeros.clone(),
+            tau: zeros,
+            desired: vec![0.0; 3 * dof],
+            has_setpoint: false,
+        }
+    }
+
+    /// Forgets all samples.
+    pub(crate) fn restart(&mut self) {
+        self.filled = 0;
+    }
+
+    /// Takes in one sample; false until the line is full.
+    pub(crate) fn push(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> bool {
+        let n = self.dof;
+        for j in 0..n {
+            self.line.write(j, q[j]);
+            self.line.write(n + j, tau[j]);
+            let (q, qd, qdd) = setpoint.map_or((0.0, 0.0, 0.0), |s| (s.q[j], s.qd[j], s.qdd[j]));
+            self.line.write(2 * n + j, q);
+            self.line.write(3 * n + j, qd);
+            self.line.write(4 * n + j, qdd);
+        }
+        self.line.write(5 * n, f64::from(u8::from(setpoint.is_some())));
+        self.line.advance();
+        self.filled = (self.filled + 1).min(self.line.length);
+        if self.filled < self.line.length {
+            return false;
+        }
+        for j in 0..n {
+            let window = self.line.window(j);
+            self.q[j] = dot(&self.weights.position, window);
+            self.qd[j] = dot(&self.weights.velocity, window);
+            self.qdd[j] = dot(&self.weights.acceleration, window);
+            self.tau[j] = self.line.window(n + j)[self.half];
+        }
+        for (k, value) in self.desired.iter_mut().enumerate() {
+            *value = self.line.window(2 * n + k)[self.half];
+        }
+        self.has_setpoint = self.line.window(5 * n)[self.half] != 0.0;
+        true
+    }
+
+    /// Takes in motion that is known already: no delay, no differentiation.
+    pub(crate) fn set(&mut self, motion: Motion<'_>, tau: &[f64], setpoint: Option<Setpoint<'_>>) {
+        self.q.copy_from_slice(motion.q);
+        self.qd.copy_from_slice(motion.qd);
+        self.qdd.copy_from_slice(motion.qdd);
+        self.tau.copy_from_slice(tau);
+        self.has_setpoint = setpoint.is_some();
+        if let Some(s) = setpoint {
+            for (part, to) in [s.q, s.qd, s.qdd].iter().zip(self.desired.chunks_exact_mut(self.dof)) {
+                to.copy_from_slice(part);
+            }
+        }
+    }
+
+    /// The desired motion of the instant, if there was one.
+    pub(crate) fn setpoint(&self) -> Option<Setpoint<'_>> {
+        let n = self.dof;
+        let d = &self.desired;
+        self.has_setpoint.then(|| Motion { q: &d[..n], qd: &d[n..2 * n], qdd: &d[2 * n..] })
+    }
+}
+
+/// Sum of products. Four partial sums: a window of hundreds of samples must not wait for one addition after another.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (fours_a, fours_b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = fours_a.remainder().iter().zip(fours_b.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in fours_a.zip(fours_b) {
+        for k in 0..4 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cubic is its own best cubic: position, velocity and acceleration at the centre are exact.
+    #[test]
+    fn savitzky_golay_is_exact_on_cubics() {
+        let t = 0.002;
+        let cubic =
+            |x: f64| (0.3 - 1.1 * x + 0.7 * x * x - 2.3 * x.powi(3), -1.1 + 1.4 * x - 6.9 * x * x, 1.4 - 13.8 * x);
+        for half_width in [2, 10, 60] {
+            let mut line = Aligned::new(1, Differentiator::SavitzkyGolay { half_width }, t);
+            for i in 0..300 {
+                let full = line.push(&[cubic(f64::from(i) * t).0], &[f64::from(i)], None);
+                assert_eq!(full, i as usize >= 2 * half_width);
+                if full {
+                    let centre = f64::from(i) - half_width as f64;
+                    let (q, qd, qdd) = cubic(centre * t);
+                    assert!((line.q[0] - q).abs() < 1e-12, "{half_width}: {} vs {q}", line.q[0]);
+                    // Rounding of positions is amplified by 1/T and 1/T².
+                    assert!((line.qd[0] - qd).abs() < 1e-12 / t, "{half_width}: {} vs {qd}", line.qd[0]);
+                    assert!((line.qdd[0] - qdd).abs() < 1e-12 / (t * t), "{half_width}: {} vs {qdd}", line.qdd[0]);
+                    // The torque belongs to the same instant.
+                    assert_eq!(line.tau[0], centre);
+                }
+            }
+        }
+    }
+
+    /// Central difference of a sinusoid: gain sin(ωT)/ωT on velocity, (sin(ωT/2)/(ωT/2))² on acceleration.
+    #[test]
+    fn central_difference_has_its_known_gain() {
+        let (t, w) = (0.004, 25.0_f64);
+        let mut line = Aligned::new(1, Differentiator::Central, t);
+        for i in 0..200 {
+            if line.push(&[(w * f64::from(i) * t).sin()], &[0.0], None) {
+                let centre = (f64::from(i) - 1.0) * t;
+                let (half, whole) = (w * t / 2.0, w * t);
+                let qd = w * (w * centre).cos() * whole.sin() / whole;
+                let qdd = -w * w * (w * centre).sin() * (half.sin() / half).powi(2);
+                assert!((line.qd[0] - qd).abs() < 1e-9 && (line.qdd[0] - qdd).abs() < 1e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn setpoints_are_delayed_with_the_rest() {
+        let mut line = Aligned::new(2, Differentiator::SavitzkyGolay { half_width: 3 }, 0.001);
+        for i in 0..40 {
+            let s = f64::from(i);
+            let (q, qd, qdd) = ([s, -s], [s + 0.1, 0.0], [0.0, s + 0.2]);
+            let setpoint = (i % 5 != 0).then_some(Motion { q: &q, qd: &qd, qdd: &qdd });
+            if line.push(&[s, s], &[s, 2.0 * s], setpoint) {
+                let centre = s - 3.0;
+                assert_eq!(line.tau, [centre, 2.0 * centre]);
+                match line.setpoint() {
+                    None => assert_eq!((i - 3) % 5, 0),
+                    Some(d) => {
+                        assert_eq!((d.q, d.qd), (&[centre, -centre][..], &[centre + 0.1, 0.0][..]));
+                        assert_eq!(d.qdd, [0.0, centre + 0.2]);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,367 @@
+//! Rows in, parameters out: recursive instrumental variables in information form, recursive least squares beside them.
+//!
+//! ```text
+//! M = Σ λ^(N−i) w z dᵀ,   S = Σ λ^(N−i) w z zᵀ,   y = Σ λ^(N−i) w z τ      w = 1/σⱼ² of the row's joint
+//! held coordinates enter as known:   M_aa·δ_a = (y − M·x)_a,   x_a ← x_a + δ_a
+//! cov(x_a) = κ·σₑ²·M_aa⁻¹·S_aa·M_aa⁻ᵀ                                     (Söderström & Stoica 1983)
+//! ```
+//!
+//! The prior is not part of M: noise-free data give exact parameters. Rows are taken in at once; everything of order n³
+//! (judging the information, solving, standard deviations) runs in a cycle of bounded steps, see [`Estimator::work`].
+
+mod cycle;
+
+use crate::noise::Noise;
+use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
+use crate::scales::{Scales, Whitening};
+use crate::settings::{EstimatorKind, Prior, Supervision};
+use crate::supervision::{Columns, Directions, Judge};
+use crate::ud::UdFilter;
+use cycle::Cycle;
+
+/// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
+/// zero is not known exactly.
+const PRIOR_TORQUE_SHARE: f64 = 0.05;
+/// What is not identified yet moves when the window knows it better than this share of the prior's width. Not 1: the
+/// first standard deviations rest on few rows, and model errors are not white.
+const PRIOR_CAUTION: f64 = 0.3;
+/// Squares of rows larger than this would spoil the sums.
+const LARGEST_ROW: f64 = 1e60;
+
+/// What an [`Estimator`] is told about its work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EstimatorSettings {
+    /// Which estimator makes the values.
+    pub kind: EstimatorKind,
+    /// λ: weight of the past at each update, in (0, 1].
+    pub forgetting: f64,
+    /// Which parameters or directions may move.
+    pub supervision: Supervision,
+    /// How well the nominal parameters are known.
+    pub prior: Prior,
+    /// Whether `Scales::torque_noise` is the truth (else a first guess).
+    pub noise_known: bool,
+    /// Memory of the running estimate of noise \[rows\].
+    pub noise_memory: f64,
+    /// Memory of the reported residuals \[rows\].
+    pub residual_memory: f64,
+    /// κ: how many rows make one independent row ([`correlation_factor`](crate::filter::correlation_factor)).
+    pub correlation: f64,
+}
+
+/// The estimator: p rows (joints) at a time, n parameters.
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    n: usize,
+    settings: EstimatorSettings,
+    column: Vec<f64>,
+    whitening: Option<Whitening>,
+    nominal: Vec<f64>,
+    /// Prior standard deviation of each scaled parameter \[torque-noise sigma\].
+    prior: Vec<f64>,
+    noise: Noise,
+    ud: UdFilter,
+    /// M, S (lower triangle) and y in working coordinates.
+    m: Vec<f64>,
+    s: Vec<f64>,
+    y: Vec<f64>,
+    excited: Vec<f64>,
+    cycle: Cycle,
+    /// Scaled, weighted rows, and the same in working coordinates.
+    rows: Rows,
+    values: Vec<f64>,
+    std: Vec<f64>,
+    state: Vec<ParameterState>,
+    excitation: Vec<f64>,
+    rls_values: Vec<f64>,
+    residuals: Residuals,
+    verdict: Verdict,
+    updates: u64,
+    frozen: bool,
+    instrument: Instrument,
+}
+
+#[derive(Clone, Debug)]
+struct Rows {
+    d: Vec<f64>,
+    z: Vec<f64>,
+    tau: Vec<f64>,
+    scaled: Vec<f64>,
+}
+
+/// Windowed squares each joint.
+#[derive(Clone, Debug)]
+struct Residuals {
+    memory: f64,
+    square: [Vec<f64>; 3],
+    rms: [Vec<f64>; 3],
+    used: Vec<u64>,
+    left_out: Vec<u64>,
+}
+
+impl Estimator {
+    /// Starts at `nominal` (n values) with the given scales.
+    #[must_use]
+    pub fn new(nominal: &[f64], scales: &Scales, settings: &EstimatorSettings) -> Estimator {
+        let (n, p) = (nominal.len(), scales.torque_noise.len());
+        let least = PRIOR_TORQUE_SHARE * scales.torque;
+        let relative = settings.prior.relative_std;
+        let prior: Vec<f64> =
+            nominal.iter().zip(&scales.column).map(|(x, c)| relative * (x * c).abs().max(least)).collect();
+        let judge = match settings.supervision {
+            Supervision::Off => Judge::Off,
+            Supervision::Columns(columns) => Judge::Columns(Columns::new(n, columns)),
+            Supervision::Eigen(eigen) => Judge::Directions(Directions::new(n, eigen)),
+        };
+        let whitening = matches!(judge, Judge::Directions(_)).then(|| scales.whitening());
+        let scaled: Vec<f64> = nominal.iter().zip(&scales.column).map(|(x, c)| x * c).collect();
+        let variance: Vec<f64> = prior.iter().map(|std| std * std).collect();
+        let zeros = || vec![0.0; p];
+        let mut estimator = Estimator {
+            n,
+            settings: settings.clone(),
+            column: scales.column.clone(),
+            whitening,
+            nominal: nominal.to_vec(),
+            prior,
+            noise: Noise::new(&scales.torque_noise, settings.noise_known, settings.noise_memory),
+            ud: UdFilter::new(&scaled, &variance),
+            m: vec![0.0; n * n],
+            s: vec![0.0; n * n],
+            y: vec![0.0; n],
+            excited: vec![0.0; n],
+            cycle: Cycle::new(n, judge),
+            rows: Rows { d: vec![0.0; p * n], z: vec![0.0; p * n], tau: zeros(), scaled: vec![0.0; n] },
+            values: nominal.to_vec(),
+            std: vec![0.0; n],
+            state: vec![ParameterState::Unidentified; n],
+            excitation: vec![0.0; n],
+            rls_values: nominal.to_vec(),
+            residuals: Residuals {
+                memory: settings.residual_memory,
+                square: [zeros(), zeros(), zeros()],
+                rms: [zeros(), zeros(), zeros()],
+                used: vec![0; p],
+                left_out: vec![0; p],
+            },
+            verdict: Verdict::NONE,
+            updates: 0,
+            frozen: false,
+            instrument: Instrument::None,
+        };
+        estimator.reset();
+        estimator
+    }
+
+    /// Forgets everything; the nominal values stand again.
+    pub fn reset(&mut self) {
+        let nominal = std::mem::take(&mut self.nominal);
+        self.load(&nominal);
+        self.nominal = nominal;
+        self.noise.reset();
+        for values in self.residuals.square.iter_mut().chain(&mut self.residuals.rms) {
+            values.fill(0.0);
+        }
+        self.residuals.used.fill(0);
+        self.residuals.left_out.fill(0);
+        self.updates = 0;
+    }
+
+    /// Goes on from `values` (n, e.g. stored ones), as known as the nominal ones are; what the window had is forgotten.
+    pub fn load(&mut self, values: &[f64]) {
+        self.values.copy_from_slice(values);
+        for ((scaled, x), c) in self.rows.scaled.iter_mut().zip(values).zip(&self.column) {
+            *scaled = x * c;
+        }
+        self.ud.reset(&self.rows.scaled);
+        self.rls_values.copy_from_slice(values);
+        self.cycle.restart(&self.rows.scaled, &self.prior, self.whitening.as_ref());
+        for sums in [&mut self.m, &mut self.s, &mut self.y, &mut self.excited, &mut self.excitation] {
+            sums.fill(0.0);
+        }
+        for ((std, prior), c) in self.std.iter_mut().zip(&self.prior).zip(&self.column) {
+            *std = prior / c;
+        }
+        self.state.fill(ParameterState::Unidentified);
+        self.verdict = Verdict { of: self.n, ..Verdict::NONE };
+        self.instrument = Instrument::None;
+    }
+
+    /// Stops learning; residuals are still reported.
+    pub fn freeze(&mut self) {
+        self.frozen = true;
+    }
+
+    /// Learns again.
+    pub fn resume(&mut self) {
+        self.frozen = false;
+    }
+
+    /// Takes in the rows of one instant. Real-time safe.
+    ///
+    /// * `d`: regressor, p x n row-major; `tau`: p torques \[N·m\]
+    /// * `z`: instruments, p x n, and which they are; `None` when there are none. Not read by least squares.
+    /// * `used`: which of the p rows count
+    ///
+    /// Returns how many rows were used. Values change later, by [`work`](Self::work) or [`settle`](Self::settle).
+    ///
+    /// # Errors
+    /// Why nothing was learnt; the information is then as it was before.
+    pub fn update(
+        &mut self,
+        d: &[f64],
+        z: Option<(&[f64], Instrument)>,
+        tau: &[f64],
+        used: &[bool],
+    ) -> Result<usize, Skip> {
+        let n = self.n;
+        let count = used.iter().filter(|used| **used).count();
+        self.residuals.count(used);
+        if count == 0 {
+            return Err(Skip::Standstill);
+        }
+        let z = if self.settings.kind == EstimatorKind::Rls { Some((d, Instrument::Regressor)) } else { z };
+        let size = largest(d).max(largest(tau)).max(z.map_or(0.0, |(z, _)| largest(z)));
+        if !(size < LARGEST_ROW) {
+            return Err(Skip::NotFinite);
+        }
+        self.watch(d, tau, used);
+        if self.frozen {
+            return Err(Skip::Frozen);
+        }
+        let rows = &mut self.rows;
+        for j in 0..tau.len() {
+            let weight = if used[j] { 1.0 / self.noise.sigma[j] } else { 0.0 };
+            rows.tau[j] = tau[j] * weight;
+            scale_row(&d[j * n..(j + 1) * n], weight, &self.column, &mut rows.d[j * n..(j + 1) * n]);
+        }
+        self.ud.forget(self.settings.forgetting);
+        for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+            self.ud.update(row, rows.tau[j]);
+        }
+        for ((out, x), c) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.column) {
+            *out = x / c;
+        }
+        let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
+        self.instrument = instrument;
+        for j in 0..tau.len() {
+            let weight = if used[j] { 1.0 / self.noise.sigma[j] } else { 0.0 };
+            scale_row(&z[j * n..(j + 1) * n], weight, &self.column, &mut rows.z[j * n..(j + 1) * n]);
+        }
+        self.accumulate(used);
+        self.updates += 1;
+        self.cycle.fresh();
+        Ok(count)
+    }
+
+    /// Residuals of the rows with the values of the time, before they are learnt from.
+    fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool]) {
+        let n = self.n;
+        for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+            let residual = tau[j] - crate::linear::dot(row, &self.values);
+            let nominal = tau[j] - crate::linear::dot(row, &self.nominal);
+            self.residuals.add(j, [residual, nominal, tau[j]]);
+            if !self.frozen {
+                self.noise.add(j, residual);
+            }
+        }
+    }
+
+    /// `M ← λM + Σ z·dᵀ`, the lower triangle of `S ← λS + Σ z·zᵀ`, `y ← λy + Σ z·τ`.
+    fn accumulate(&mut self, used: &[bool]) {
+        let n = self.n;
+        let lambda = self.settings.forgetting;
+        let rows = &mut self.rows;
+        for v in &mut self.excited {
+            *v *= lambda;
+        }
+        for (j, z) in rows.z.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+            debug_assert!(j < rows.tau.len());
+            for (sum, z) in self.excited.iter_mut().zip(z) {
+                *sum += z * z;
+            }
+        }
+        if let Some(whitening) = &self.whitening {
+            for matrix in [&mut rows.d, &mut rows.z] {
+                for row in matrix.chunks_exact_mut(n) {
+                    rows.scaled.copy_from_slice(row);
+                    whitening.row(&rows.scaled, row);
+                }
+            }
+        }
+        if lambda < 1.0 {
+            for sums in [&mut self.m, &mut self.s, &mut self.y] {
+                for v in sums.iter_mut() {
+                    *v *= lambda;
+                }
+            }
+        }
+        for i in 0..n {
+            let (m, s) = (&mut self.m[i * n..(i + 1) * n], &mut self.s[i * n..i * n + i + 1]);
+            for j in (0..used.len()).filter(|&j| used[j]) {
+                let z = rows.z[j * n + i];
+                // Most entries of a base column are zero by structure, unless coordinates are mixed.
+                if z != 0.0 {
+                    crate::linear::axpy(z, &rows.d[j * n..(j + 1) * n], m);
+                    crate::linear::axpy(z, &rows.z[j * n..j * n + i + 1], s);
+                    self.y[i] += z * rows.tau[j];
+                }
+            }
+        }
+    }
+
+    /// What is known now.
+    #[must_use]
+    pub fn estimate(&self) -> Estimate<'_> {
+        let [residual_rms, nominal_residual_rms, torque_rms] = &self.residuals.rms;
+        Estimate {
+            values: &self.values,
+            std: &self.std,
+            state: &self.state,
+            excitation: &self.excitation,
+            rls_values: &self.rls_values,
+            torque_noise: &self.noise.sigma,
+            residual_rms,
+            nominal_residual_rms,
+            torque_rms,
+            rows_used: &self.residuals.used,
+            rows_left_out: &self.residuals.left_out,
+            instrument: self.instrument,
+            verdict: self.verdict,
+            updates: self.updates,
+            frozen: self.frozen,
+        }
+    }
+}
+
+impl Residuals {
+    fn count(&mut self, used: &[bool]) {
+        for ((yes, no), used) in self.used.iter_mut().zip(&mut self.left_out).zip(used) {
+            if *used {
+                *yes += 1;
+            } else {
+                *no += 1;
+            }
+        }
+    }
+
+    fn add(&mut self, j: usize, values: [f64; 3]) {
+        let rows = (self.used[j] as f64).clamp(1.0, self.memory);
+        for (k, value) in values.iter().enumerate() {
+            let square = &mut self.square[k][j];
+            *square += (value * value - *square) / rows;
+            self.rms[k][j] = square.sqrt();
+        }
+    }
+}
+
+fn scale_row(row: &[f64], weight: f64, column: &[f64], out: &mut [f64]) {
+    for ((out, x), c) in out.iter_mut().zip(row).zip(column) {
+        *out = x * weight / c;
+    }
+}
+
+/// Largest magnitude; NaN if any is NaN.
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m, x| if x.abs() <= m { m } else { x.abs() })
+}

@@ -1,0 +1,408 @@
+//! The slow part of the estimator, cut into steps: judge the information, solve, refresh standard deviations.
+//!
+//! A cycle works on a copy of the sums; what comes in meanwhile is for the next one. Its number of steps is bounded, and
+//! each step is bounded by `STEP_WORK`, so no period of the loop pays for more than one of them.
+
+use super::{Estimator, PRIOR_CAUTION};
+use crate::linear::{Lu, axpy, dot, items_per_step};
+use crate::report::{ParameterState, Verdict};
+use crate::scales::Whitening;
+use crate::settings::EstimatorKind;
+use crate::supervision::{Judge, Known};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// Waiting for rows.
+    Idle,
+    Judge,
+    /// Rows of `M·Vᵀ`, and which directions the instruments are relevant for.
+    Map {
+        row: usize,
+    },
+    /// Rows of the reduced matrix.
+    Reduce {
+        row: usize,
+    },
+    Factor,
+    Move,
+    Deviations,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Cycle {
+    stage: Stage,
+    fresh: bool,
+    judge: Judge,
+    /// Copies of the sums; S in full.
+    m: Vec<f64>,
+    s: Vec<f64>,
+    y: Vec<f64>,
+    /// The estimate in working coordinates.
+    x: Vec<f64>,
+    active: Vec<bool>,
+    index: Vec<usize>,
+    /// Row k: M·v_k.
+    mapped: Vec<f64>,
+    lu: Lu,
+    solved: bool,
+    step: Vec<f64>,
+    scratch: Vec<f64>,
+    verdict: Verdict,
+    /// Standard deviation of what is known of each scaled parameter, as thresholds count it.
+    belief: Vec<f64>,
+    /// κσₑ² of the cycle.
+    variance: f64,
+    next: usize,
+}
+
+impl Cycle {
+    pub(super) fn new(n: usize, judge: Judge) -> Cycle {
+        Cycle {
+            stage: Stage::Idle,
+            fresh: false,
+            judge,
+            m: vec![0.0; n * n],
+            s: vec![0.0; n * n],
+            y: vec![0.0; n],
+            x: vec![0.0; n],
+            active: vec![false; n],
+            index: Vec::with_capacity(n),
+            mapped: vec![0.0; n * n],
+            lu: Lu::new(n),
+            solved: false,
+            step: vec![0.0; n],
+            scratch: vec![0.0; n],
+            verdict: Verdict::NONE,
+            belief: vec![0.0; n],
+            variance: 1.0,
+            next: 0,
+        }
+    }
+
+    /// New rows came in.
+    pub(super) fn fresh(&mut self) {
+        self.fresh = true;
+    }
+
+    /// Begins anew at the scaled parameters `x`.
+    pub(super) fn restart(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
+        self.stage = Stage::Idle;
+        self.fresh = false;
+        self.solved = false;
+        self.active.fill(false);
+        self.next = 0;
+        match whitening {
+            Some(whitening) => whitening.coordinates(x, &mut self.x),
+            None => self.x.copy_from_slice(x),
+        }
+        for (belief, prior) in self.belief.iter_mut().zip(prior) {
+            *belief = PRIOR_CAUTION * prior;
+        }
+        if let Judge::Directions(scheme) = &mut self.judge {
+            scheme.forget_history();
+        }
+    }
+
+    /// Component k of the working basis: an eigenvector, or `None` for the coordinate itself.
+    fn direction(&self, k: usize) -> Option<&[f64]> {
+        let n = self.x.len();
+        match &self.judge {
+            Judge::Directions(scheme) => Some(&scheme.vectors()[k * n..(k + 1) * n]),
+            Judge::Off | Judge::Columns(_) => None,
+        }
+    }
+
+    /// Rows of M·v_k from `row` on, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
+    fn map(&mut self, row: usize) -> usize {
+        let n = self.x.len();
+        let Judge::Directions(scheme) = &self.judge else { return n };
+        let relevance = scheme.settings().relevance;
+        let end = (row + items_per_step(n * n)).min(n);
+        for k in row..end {
+            if !self.active[k] {
+                continue;
+            }
+            let v = &scheme.vectors()[k * n..(k + 1) * n];
+            let mapped = &mut self.mapped[k * n..(k + 1) * n];
+            for (out, m) in mapped.iter_mut().zip(self.m.chunks_exact(n)) {
+                *out = dot(m, v);
+            }
+            let ratio = dot(v, mapped) / scheme.values()[k];
+            self.active[k] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
+        }
+        end
+    }
+
+    /// The reduced system from `row` on. Returns the next row.
+    fn reduce(&mut self, row: usize) -> usize {
+        let n = self.x.len();
+        if row == 0 {
+            self.index.clear();
+            for k in 0..n {
+                if self.active[k] {
+                    self.index.push(k);
+                }
+            }
+            // y − M·x: held coordinates enter as known.
+            for (out, (m, y)) in self.scratch.iter_mut().zip(self.m.chunks_exact(n).zip(&self.y)) {
+                *out = y - dot(m, &self.x);
+            }
+        }
+        let size = self.index.len();
+        let end = (row + items_per_step(n * size)).min(size);
+        let Cycle { judge, lu, index, mapped, m, step, scratch, .. } = self;
+        let matrix = if row == 0 { lu.start(size) } else { lu.matrix() };
+        for a in row..end {
+            let out = &mut matrix[a * size..(a + 1) * size];
+            if let Judge::Directions(scheme) = &*judge {
+                let v = &scheme.vectors()[index[a] * n..(index[a] + 1) * n];
+                for (out, &k) in out.iter_mut().zip(index.iter()) {
+                    *out = dot(v, &mapped[k * n..(k + 1) * n]);
+                }
+                step[a] = dot(v, scratch);
+            } else {
+                for (out, &k) in out.iter_mut().zip(index.iter()) {
+                    *out = m[index[a] * n + k];
+                }
+                step[a] = scratch[index[a]];
+            }
+        }
+        end
+    }
+
+    /// Moves what is active; false if nothing moved.
+    fn take_step(&mut self) -> bool {
+        let n = self.x.len();
+        let size = self.index.len();
+        self.solved = size > 0 && !self.lu.is_singular();
+        if !self.solved {
+            self.active.fill(false);
+            return false;
+        }
+        self.lu.solve(&mut self.step[..size]);
+        self.scratch.copy_from_slice(&self.x);
+        for a in 0..size {
+            let k = self.index[a];
+            match &self.judge {
+                Judge::Directions(scheme) => {
+                    axpy(self.step[a], &scheme.vectors()[k * n..(k + 1) * n], &mut self.scratch);
+                }
+                Judge::Off | Judge::Columns(_) => self.scratch[k] += self.step[a],
+            }
+        }
+        if self.scratch.iter().all(|x| x.is_finite()) {
+            std::mem::swap(&mut self.x, &mut self.scratch);
+            true
+        } else {
+            self.solved = false;
+            self.active.fill(false);
+            false
+        }
+    }
+
+    /// Variances of scaled parameter i: of what moves, and of what is held.
+    fn variance_of(&mut self, i: usize, whitening: Option<&Whitening>) -> (f64, f64) {
+        let n = self.x.len();
+        // How the parameter depends on the working coordinates, then on the working directions.
+        if let Some(whitening) = whitening {
+            for k in 0..n {
+                self.scratch[k] = if k >= i { whitening.share(i, k) } else { 0.0 };
+            }
+        } else {
+            self.scratch.fill(0.0);
+            self.scratch[i] = 1.0;
+        }
+        let size = self.index.len();
+        let mut held = 0.0;
+        let mut a = 0;
+        for k in 0..n {
+            let share = self.direction(k).map_or(self.scratch[k], |v| dot(v, &self.scratch));
+            if a < size && self.index[a] == k {
+                self.step[a] = share;
+                a += 1;
+            } else if let Judge::Directions(scheme) = &self.judge {
+                held += share * share * scheme.belief(k);
+            } else if share != 0.0 {
+                held = f64::INFINITY;
+            }
+        }
+        let u = &mut self.step[..size];
+        self.lu.solve_transposed(u);
+        let moving: f64 = if let Judge::Directions(scheme) = &self.judge {
+            u.iter().zip(&self.index).map(|(u, &k)| u * u * scheme.values()[k]).sum()
+        } else {
+            let row = |&k: &usize| -> f64 { u.iter().zip(&self.index).map(|(u, &l)| u * self.s[k * n + l]).sum() };
+            u.iter().zip(&self.index).map(|(u, k)| u * row(k)).sum()
+        };
+        (self.variance * moving, held)
+    }
+}
+
+impl Estimator {
+    /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
+    ///
+    /// A cycle (judge, solve, a part of the standard deviations) takes 6 to 20 steps with 60 parameters.
+    pub fn work(&mut self) {
+        if self.plain_rls() {
+            self.follow_ud();
+            return;
+        }
+        let next = match self.cycle.stage {
+            Stage::Idle if !self.cycle.fresh => return,
+            Stage::Idle => {
+                self.begin();
+                Stage::Judge
+            }
+            Stage::Judge => {
+                if self.judge() {
+                    Stage::Map { row: 0 }
+                } else {
+                    Stage::Judge
+                }
+            }
+            Stage::Map { row } => {
+                let next = self.cycle.map(row);
+                if next < self.n { Stage::Map { row: next } } else { Stage::Reduce { row: 0 } }
+            }
+            Stage::Reduce { row } => {
+                let next = self.cycle.reduce(row);
+                if next < self.cycle.index.len() { Stage::Reduce { row: next } } else { Stage::Factor }
+            }
+            Stage::Factor => {
+                if self.cycle.lu.advance() {
+                    Stage::Move
+                } else {
+                    Stage::Factor
+                }
+            }
+            Stage::Move => {
+                self.finish_step();
+                Stage::Deviations
+            }
+            Stage::Deviations => {
+                let count = items_per_step(3 * self.n * self.n).min(self.n);
+                self.deviations(count);
+                Stage::Idle
+            }
+        };
+        self.cycle.stage = next;
+    }
+
+    /// Runs a whole cycle on all rows so far, and refreshes every standard deviation. For use off the real-time path.
+    pub fn settle(&mut self) {
+        if self.plain_rls() {
+            for _ in 0..self.n {
+                self.follow_ud();
+            }
+            return;
+        }
+        // Twice: the second solution refines the first, and judges with what the first has taught.
+        for _ in 0..2 {
+            self.cycle.stage = Stage::Idle;
+            self.cycle.fresh = true;
+            self.work();
+            while self.cycle.stage != Stage::Deviations {
+                self.work();
+            }
+            self.deviations(self.n);
+            self.cycle.stage = Stage::Idle;
+        }
+    }
+
+    fn plain_rls(&self) -> bool {
+        self.settings.kind == EstimatorKind::Rls && matches!(self.cycle.judge, Judge::Off)
+    }
+
+    fn begin(&mut self) {
+        let (n, cycle) = (self.n, &mut self.cycle);
+        cycle.fresh = false;
+        cycle.variance = self.settings.correlation * self.noise.equation_variance();
+        cycle.m.copy_from_slice(&self.m);
+        cycle.y.copy_from_slice(&self.y);
+        for i in 0..n {
+            for j in 0..=i {
+                let v = self.s[i * n + j];
+                cycle.s[i * n + j] = v;
+                cycle.s[j * n + i] = v;
+            }
+        }
+        let tolerance = cycle.judge.tolerance();
+        for (k, (out, information)) in self.excitation.iter_mut().zip(&self.excited).enumerate() {
+            *out = information * tolerance.max(cycle.belief[k]).powi(2) / cycle.variance;
+        }
+        let Cycle { judge, s, .. } = cycle;
+        judge.start(s);
+    }
+
+    fn judge(&mut self) -> bool {
+        let Cycle { judge, s, variance, belief, active, verdict, .. } = &mut self.cycle;
+        let known = Known { variance: *variance, belief, whitening: self.whitening.as_ref() };
+        judge.advance(s, known, active, verdict)
+    }
+
+    fn finish_step(&mut self) {
+        let cycle = &mut self.cycle;
+        let wanted = cycle.active.iter().any(|a| *a);
+        let moved = cycle.take_step();
+        if let Judge::Directions(scheme) = &mut cycle.judge {
+            scheme.remember(&cycle.active);
+        }
+        self.verdict = cycle.verdict;
+        self.verdict.active = cycle.active.iter().filter(|a| **a).count();
+        self.verdict.suspended |= wanted && !moved;
+        if moved {
+            match &self.whitening {
+                Some(whitening) => whitening.parameters(&cycle.x, &mut self.rows.scaled),
+                None => self.rows.scaled.copy_from_slice(&cycle.x),
+            }
+            for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
+                *out = x / c;
+            }
+        }
+    }
+
+    /// Refreshes standard deviation and state of the next `count` parameters.
+    fn deviations(&mut self, count: usize) {
+        let tolerance = self.cycle.judge.tolerance().powi(2);
+        for _ in 0..count {
+            let i = self.cycle.next;
+            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
+            let (moving, held) = if self.cycle.solved {
+                self.cycle.variance_of(i, self.whitening.as_ref())
+            } else {
+                (0.0, f64::INFINITY)
+            };
+            // Identified: what is held adds less than what is moved is uncertain by, or less than the tolerance.
+            if held <= moving.max(tolerance) && moving.is_finite() {
+                self.state[i] = ParameterState::Active;
+                let std = (moving + held).sqrt();
+                self.cycle.belief[i] = std;
+                self.std[i] = std / self.column[i];
+            } else if self.state[i] == ParameterState::Active {
+                self.state[i] = ParameterState::Held;
+            }
+        }
+    }
+
+    /// Unsupervised least squares: the UD filter's values and a few of its deviations.
+    fn follow_ud(&mut self) {
+        if !self.cycle.fresh && self.updates == 0 {
+            return;
+        }
+        self.values.copy_from_slice(&self.rls_values);
+        let variance = self.settings.correlation * self.noise.equation_variance();
+        for _ in 0..8.min(self.n) {
+            let i = self.cycle.next;
+            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
+            let std = (variance * self.ud.variance(i)).sqrt();
+            self.excitation[i] = self.excited[i] * self.prior[i].powi(2) / variance;
+            if std < 0.5 * self.prior[i] {
+                self.state[i] = ParameterState::Active;
+            } else if self.state[i] == ParameterState::Active {
+                self.state[i] = ParameterState::Held;
+            }
+            self.std[i] = std.min(self.prior[i]) / self.column[i];
+        }
+        self.verdict.active = self.state.iter().filter(|s| **s == ParameterState::Active).count();
+    }
+}

@@ -1,0 +1,199 @@
+//! The model filter: one Butterworth low-pass over many channels at once.
+//!
+//! A linear filter over every column of the regressor and over the torque leaves the model equation as it is (paper,
+//! 3.1.2), provided that it is the same filter with the same kind of initial state everywhere: here the state that a
+//! constant first sample would have left, which is linear in that sample as well.
+
+use std::f64::consts::PI;
+
+/// `[b0, b1, b2, a1, a2]` of `H(z) = (b0 + b1·z⁻¹ + b2·z⁻²)/(1 + a1·z⁻¹ + a2·z⁻²)`.
+pub type Section = [f64; 5];
+
+/// Low-pass of even order as second-order sections, each of unit gain at 0 Hz.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Butterworth {
+    /// The sections, in the order in which they are applied.
+    pub sections: Vec<Section>,
+}
+
+impl Butterworth {
+    /// Low-pass of `order` (even) with −3 dB at `cutoff_hz` for samples at `sample_hz`, by the bilinear transform with
+    /// the cut-off pre-warped: `K = tan(π·fc/fs)`, quality of section k `Q = 1/(2 sin(π(2k + 1)/2N))`.
+    ///
+    /// `cutoff_hz` must lie below half of `sample_hz`.
+    #[must_use]
+    pub fn low_pass(order: usize, cutoff_hz: f64, sample_hz: f64) -> Butterworth {
+        let k = (PI * cutoff_hz / sample_hz).tan();
+        let section = |i: usize| {
+            let inverse_q = 2.0 * (PI * (2 * i + 1) as f64 / (2 * order) as f64).sin();
+            let norm = 1.0 / (1.0 + k * inverse_q + k * k);
+            let b = k * k * norm;
+            [b, 2.0 * b, b, 2.0 * (k * k - 1.0) * norm, (1.0 - k * inverse_q + k * k) * norm]
+        };
+        Butterworth { sections: (0..order / 2).map(section).collect() }
+    }
+
+    /// Response to a single 1 until it has died out (below 1e-9 of its peak), at most `longest` samples.
+    #[must_use]
+    pub fn impulse_response(&self, longest: usize) -> Vec<f64> {
+        let mut bank = Bank::new(self.clone(), 1);
+        bank.start_at_rest();
+        let mut response = Vec::new();
+        let (mut peak, mut quiet) = (0.0_f64, 0);
+        while response.len() < longest && quiet < 200 {
+            let mut x = [f64::from(u8::from(response.is_empty()))];
+            bank.step(&mut x);
+            peak = peak.max(x[0].abs());
+            quiet = if x[0].abs() <= 1e-9 * peak && response.len() > 10 { quiet + 1 } else { 0 };
+            response.push(x[0]);
+        }
+        response
+    }
+}
+
+/// Variance of a mean over filtered, decimated white noise, relative to what it were if those samples were
+/// independent: `Σₖ r(kD) / r(0)` with the autocorrelation r of the response h.
+///
+/// This is what the model filter does to the variance of estimates from motion that is slow against its cut-off.
+#[must_use]
+pub fn correlation_factor(response: &[f64], decimation: usize) -> f64 {
+    let r = |lag: usize| response.iter().zip(response.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+    let tail: f64 = (1..).map(|k| k * decimation).take_while(|&lag| lag < response.len()).map(r).sum();
+    (1.0 + 2.0 * tail / r(0)).max(1e-3)
+}
+
+/// States smaller than this are set to zero: after a long rest the states would otherwise sink into denormal numbers,
+/// which cost a hundred times as much as others.
+const SILENCE: f64 = 1e-200;
+
+/// The same filter over many channels, direct form II transposed.
+#[derive(Clone, Debug)]
+pub(crate) struct Bank {
+    filter: Butterworth,
+    channels: usize,
+    /// Two states a section, all channels of one state together.
+    state: Vec<f64>,
+    primed: bool,
+}
+
+impl Bank {
+    pub(crate) fn new(filter: Butterworth, channels: usize) -> Bank {
+        let state = vec![0.0; 2 * filter.sections.len() * channels];
+        Bank { filter, channels, state, primed: false }
+    }
+
+    /// The next sample will be taken as the value that all channels had for ever.
+    pub(crate) fn restart(&mut self) {
+        self.primed = false;
+    }
+
+    /// All channels were 0 for ever.
+    pub(crate) fn start_at_rest(&mut self) {
+        self.state.fill(0.0);
+        self.primed = true;
+    }
+
+    /// Filters one sample of each channel in place.
+    pub(crate) fn step(&mut self, x: &mut [f64]) {
+        let n = self.channels;
+        if !self.primed {
+            self.primed = true;
+            // Every section has unit gain at rest, so each of them sees the same constant.
+            for (states, s) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
+                let (s1, s2) = states.split_at_mut(n);
+                for ((s1, s2), &x) in s1.iter_mut().zip(s2).zip(x.iter()) {
+                    *s1 = (1.0 - s[0]) * x;
+                    *s2 = (s[2] - s[4]) * x;
+                }
+            }
+        }
+        for (states, &[b0, b1, b2, a1, a2]) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
+            let (s1, s2) = states.split_at_mut(n);
+            for ((s1, s2), x) in s1.iter_mut().zip(s2).zip(x.iter_mut()) {
+                let y = b0 * *x + *s1;
+                let (next1, next2) = (b1 * *x - a1 * y + *s2, b2 * *x - a2 * y);
+                *s1 = if next1.abs() < SILENCE { 0.0 } else { next1 };
+                *s2 = if next2.abs() < SILENCE { 0.0 } else { next2 };
+                *x = y;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gain(order: usize, cutoff: f64, rate: f64, at: f64) -> f64 {
+        let mut bank = Bank::new(Butterworth::low_pass(order, cutoff, rate), 2);
+        let total = (400.0 * rate / at).ceil() as usize;
+        let (mut c, mut s, mut count) = (0.0, 0.0, 0.0);
+        for i in 0..total {
+            let phase = 2.0 * PI * at * i as f64 / rate;
+            let mut x = [phase.cos(), phase.sin()];
+            bank.step(&mut x);
+            if i > total / 2 {
+                // Output of cos and sin inputs: its modulus is the gain, whatever the phase.
+                c += x[0] * x[0];
+                s += x[1] * x[1];
+                count += 1.0;
+            }
+        }
+        ((c + s) / count).sqrt()
+    }
+
+    /// |H|² = 1/(1 + (tan(πf/fs)/tan(πfc/fs))^2N), the bilinear image of the analogue filter.
+    #[test]
+    fn frequency_response_is_butterworth() {
+        for order in [2, 4, 6, 8] {
+            for (cutoff, rate) in [(20.0, 1000.0), (6.0, 94.0), (50.0, 125.0)] {
+                assert!((gain(order, cutoff, rate, cutoff) - 0.5_f64.sqrt()).abs() < 1e-6, "{order} {cutoff}");
+                for at in [0.2 * cutoff, 0.9 * cutoff] {
+                    let ratio = (PI * at / rate).tan() / (PI * cutoff / rate).tan();
+                    let expected = 1.0 / (1.0 + ratio.powi(2 * order as i32)).sqrt();
+                    assert!((gain(order, cutoff, rate, at) - expected).abs() < 1e-6, "{order} {cutoff} {at}");
+                }
+            }
+        }
+    }
+
+    /// The first sample makes no step: a constant passes unchanged from the start, and after a restart.
+    #[test]
+    fn a_constant_passes_unchanged() {
+        let mut bank = Bank::new(Butterworth::low_pass(4, 20.0, 1000.0), 3);
+        for round in 0..2 {
+            for _ in 0..50 {
+                let mut x = [7.0, -3.0e5, 0.0];
+                bank.step(&mut x);
+                for (x, e) in x.iter().zip([7.0, -3.0e5, 0.0]) {
+                    // 1 − b0 and b2 − a2 lose digits to cancellation in the poles near 1
+                    assert!((x - e).abs() <= 1e-11 * f64::abs(e), "{round}: {x} vs {e}");
+                }
+            }
+            bank.restart();
+        }
+    }
+
+    /// Sum over all time of the response is the gain at 0 Hz.
+    #[test]
+    fn impulse_response_is_complete() {
+        let h = Butterworth::low_pass(4, 20.0, 1000.0).impulse_response(100_000);
+        assert!((h.iter().sum::<f64>() - 1.0).abs() < 1e-7);
+        // Uncorrelated samples: factor 1. Samples at 5 times the cut-off: close to fs/(2·1.026·fc) = 2.44.
+        assert!((correlation_factor(&[1.0], 1) - 1.0).abs() < 1e-15);
+        let factor = correlation_factor(&h, 10);
+        assert!((factor - 2.437).abs() < 0.02, "{factor}");
+    }
+
+    #[test]
+    fn rest_ends_in_zero_not_in_denormals() {
+        let mut bank = Bank::new(Butterworth::low_pass(4, 20.0, 1000.0), 1);
+        bank.step(&mut [1.0]);
+        for _ in 0..100_000 {
+            let mut x = [0.0];
+            bank.step(&mut x);
+            assert!(x[0] == 0.0 || x[0].is_normal());
+        }
+        assert!(bank.state.iter().all(|&s| s == 0.0));
+    }
+}

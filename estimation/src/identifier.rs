@@ -1,0 +1,286 @@
+//! The whole period: differentiate, regressor and instruments, model filter, decimate, weight, estimate, supervise.
+
+use crate::differentiate::Aligned;
+use crate::estimator::{Estimator, EstimatorSettings};
+use crate::filter::{Butterworth, correlation_factor};
+use crate::report::{Estimate, Instrument, Motion, Refusal, Setpoint, Step};
+use crate::scales::Scales;
+use crate::settings::{Instruments, Settings, SettingsError, Window, per_joint};
+use crate::signals::{Past, RowFilter};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use std::sync::Arc;
+
+/// No arm's position \[rad\] or speed \[rad/s\] is larger.
+const LARGEST_MOTION: f64 = 1e4;
+/// No arm's acceleration \[rad/s²\] or torque \[N·m\] is larger.
+const LARGEST_EFFORT: f64 = 1e6;
+/// A position that changes at more than this many times the joint's speed limit is a jump of the reading.
+const JUMP: f64 = 10.0;
+/// Speed limit of a joint that states none \[rad/s\].
+const DEFAULT_SPEED: f64 = 10.0;
+/// Rows reach the estimator once the filters have run for this many periods of the cut-off: until then the first
+/// sample's noise weighs too much. (The equation holds from the first sample on.)
+const SETTLING: f64 = 1.0;
+/// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
+const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
+/// Memory of reported residuals when nothing is forgotten \[s\].
+const RESIDUAL_MEMORY: f64 = 10.0;
+
+/// Identifies the base parameters of one arm, sample by sample.
+#[derive(Clone, Debug)]
+pub struct Identifier {
+    model: Arc<Model>,
+    base: Arc<BaseSet>,
+    dof: usize,
+    dead_zone: Vec<f64>,
+    decimation: usize,
+    instruments: Instruments,
+    /// Largest change of a position between two samples \[rad\].
+    jump: Vec<f64>,
+    previous: Option<[f64; MAX_JOINTS]>,
+    interrupted: bool,
+    settled: u64,
+    aligned: Aligned,
+    ws: Workspace,
+    measured: RowFilter,
+    desired: RowFilter,
+    past: Past,
+    phase: usize,
+    d: Vec<f64>,
+    z: Vec<f64>,
+    estimator: Estimator,
+}
+
+impl Identifier {
+    /// Allocates everything. `nominal_base`: base parameters to start from.
+    ///
+    /// # Errors
+    /// The first setting that cannot be used with this arm.
+    pub fn new(
+        model: Arc<Model>,
+        base: Arc<BaseSet>,
+        nominal_base: &[f64],
+        settings: &Settings,
+    ) -> Result<Identifier, SettingsError> {
+        let (dof, n) = (model.arm.dof(), base.len());
+        settings.check(dof)?;
+        per_joint("nominal_base", nominal_base, n, |_| true, "base order, finite")?;
+        let rate = 1.0 / settings.sample_period_s;
+        let filter = Butterworth::low_pass(settings.filter_order, settings.filter_hz, rate);
+        let response = filter.impulse_response((200.0 * rate / settings.filter_hz).ceil() as usize);
+        let scales = Scales::of_model(&model, &base, nominal_base, settings.torque_noise.as_deref());
+        let row = settings.row_period_s();
+        let (share, least, most) = NOISE_MEMORY;
+        let (noise_memory, residual_memory) = match settings.window {
+            Window::Exponential { seconds } => ((share * seconds).clamp(least, most), seconds),
+            Window::None => (most, RESIDUAL_MEMORY),
+        };
+        let estimator = EstimatorSettings {
+            kind: settings.estimator,
+            forgetting: settings.forgetting(),
+            supervision: settings.supervision,
+            prior: settings.prior,
+            noise_known: settings.torque_noise.is_some(),
+            noise_memory: noise_memory / row,
+            residual_memory: (residual_memory / row).max(1.0),
+            correlation: correlation_factor(&response, settings.decimation),
+        };
+        let speed = |joint: &rivet_dynamics::Joint| {
+            if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
+        };
+        let jump = model.arm.joints.iter().map(|j| JUMP * speed(j) * settings.sample_period_s).collect();
+        Ok(Identifier {
+            dof,
+            dead_zone: settings.dead_zone.clone(),
+            decimation: settings.decimation,
+            instruments: settings.instruments,
+            jump,
+            previous: None,
+            interrupted: false,
+            settled: (SETTLING * rate / settings.filter_hz).ceil() as u64,
+            aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
+            ws: Workspace::new(&model.arm),
+            // Torques, and which joints move, go through the same filter as the rows.
+            measured: RowFilter::new(&model, &base, &filter, 2 * dof),
+            desired: RowFilter::new(&model, &base, &filter, 0),
+            past: Past::new(dof * n, settings.delay_rows().unwrap_or(0)),
+            phase: 0,
+            d: vec![0.0; dof * n],
+            z: vec![0.0; dof * n],
+            estimator: Estimator::new(nominal_base, &scales, &estimator),
+            model,
+            base,
+        })
+    }
+
+    /// Takes in one sample: positions \[rad\], torques \[N·m\], and the setpoint of the same period if there is one.
+    ///
+    /// Real-time safe: bounded work; no allocation, lock, system call or panic.
+    pub fn push(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> Step {
+        if let Err(why) = self.check(Motion { q, qd: &[], qdd: &[] }, tau, setpoint) {
+            return self.refuse(why);
+        }
+        if self.interrupted {
+            self.restart_signals();
+        }
+        self.remember(q);
+        if !self.aligned.push(q, tau, setpoint) {
+            self.estimator.work();
+            return Step::WarmingUp;
+        }
+        self.process()
+    }
+
+    /// Like [`push`](Self::push) for an arm that measures velocity and acceleration itself: nothing is differentiated,
+    /// and nothing delayed.
+    pub fn push_motion(&mut self, motion: Motion<'_>, tau: &[f64], setpoint: Option<Setpoint<'_>>) -> Step {
+        let whole = motion.qd.len() == self.dof && motion.qdd.len() == self.dof;
+        let checked = if whole { self.check(motion, tau, setpoint) } else { Err(Refusal::NotFinite) };
+        if let Err(why) = checked {
+            return self.refuse(why);
+        }
+        if self.interrupted {
+            self.restart_signals();
+        }
+        self.remember(motion.q);
+        self.aligned.set(motion, tau, setpoint);
+        self.process()
+    }
+
+    /// Differentiator and filters start anew, after lost samples; what was learnt stays.
+    pub fn restart_signals(&mut self) {
+        self.interrupted = false;
+        self.previous = None;
+        self.aligned.restart();
+        self.measured.restart();
+        self.desired.restart();
+        self.past.restart();
+        self.phase = 0;
+    }
+
+    /// Stops learning; residuals are still reported.
+    pub fn freeze(&mut self) {
+        self.estimator.freeze();
+    }
+
+    /// Learns again.
+    pub fn resume(&mut self) {
+        self.estimator.resume();
+    }
+
+    /// Forgets everything; the nominal parameters stand again.
+    pub fn reset(&mut self) {
+        self.estimator.reset();
+    }
+
+    /// Goes on from stored base parameters, with nothing in the window; false, and nothing changed, if they are not
+    /// as many as there are base parameters or not finite.
+    pub fn load(&mut self, values: &[f64]) -> bool {
+        let fits = values.len() == self.base.len() && values.iter().all(|v| v.is_finite());
+        if fits {
+            self.estimator.load(values);
+        }
+        fits
+    }
+
+    /// What is known now.
+    #[must_use]
+    pub fn estimate(&self) -> Estimate<'_> {
+        self.estimator.estimate()
+    }
+
+    fn refuse(&mut self, why: Refusal) -> Step {
+        self.interrupted = true;
+        self.estimator.work();
+        Step::Refused(why)
+    }
+
+    fn remember(&mut self, q: &[f64]) {
+        let mut previous = [0.0; MAX_JOINTS];
+        previous[..self.dof].copy_from_slice(q);
+        self.previous = Some(previous);
+    }
+
+    fn check(&self, motion: Motion<'_>, tau: &[f64], setpoint: Option<Setpoint<'_>>) -> Result<(), Refusal> {
+        let n = self.dof;
+        let lengths = motion.q.len() == n
+            && tau.len() == n
+            && setpoint.is_none_or(|s| s.q.len() == n && s.qd.len() == n && s.qdd.len() == n);
+        if !lengths {
+            return Err(Refusal::NotFinite);
+        }
+        let desired = setpoint.unwrap_or(Motion { q: &[], qd: &[], qdd: &[] });
+        for (values, limit) in [
+            (motion.q, LARGEST_MOTION),
+            (motion.qd, LARGEST_MOTION),
+            (motion.qdd, LARGEST_EFFORT),
+            (tau, LARGEST_EFFORT),
+            (desired.q, LARGEST_MOTION),
+            (desired.qd, LARGEST_MOTION),
+            (desired.qdd, LARGEST_EFFORT),
+        ] {
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(Refusal::NotFinite);
+            }
+            if values.iter().any(|v| v.abs() > limit) {
+                return Err(Refusal::Implausible);
+            }
+        }
+        // After a refusal the signals start anew: a reading that has jumped for good is then as good as any.
+        if let Some(previous) = self.previous.filter(|_| !self.interrupted) {
+            let jumped = motion.q.iter().zip(&previous).zip(&self.jump).any(|((q, p), most)| (q - p).abs() > *most);
+            if jumped {
+                return Err(Refusal::Implausible);
+            }
+        }
+        Ok(())
+    }
+
+    fn process(&mut self) -> Step {
+        let Identifier { aligned, measured, desired, model, ws, dead_zone, .. } = self;
+        let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
+        let moving = aligned.qd.iter().zip(dead_zone).map(|(qd, zone)| f64::from(u8::from(qd.abs() >= *zone)));
+        measured.step(model, ws, motion, aligned.tau.iter().copied().chain(moving));
+        match aligned.setpoint() {
+            Some(setpoint) => desired.step(model, ws, setpoint, std::iter::empty()),
+            None => desired.restart(),
+        }
+        self.phase += 1;
+        let due = self.phase >= self.decimation;
+        if due {
+            self.phase = 0;
+        }
+        let step = if self.measured.age() < self.settled {
+            Step::WarmingUp
+        } else if due {
+            self.learn()
+        } else {
+            Step::Between
+        };
+        self.estimator.work();
+        step
+    }
+
+    fn learn(&mut self) -> Step {
+        self.measured.rows(&mut self.d);
+        let (tau, moving) = self.measured.extra().split_at(self.dof);
+        // The filter's own view: at least half of what it has let through came from a moving joint.
+        let mut used = [false; MAX_JOINTS];
+        for (used, moving) in used.iter_mut().zip(moving) {
+            *used = *moving >= 0.5;
+        }
+        let wants_setpoint = !matches!(self.instruments, Instruments::Delayed { .. });
+        let instruments = if wants_setpoint && self.desired.age() >= self.settled {
+            self.desired.rows(&mut self.z);
+            Some((&self.z[..], Instrument::Setpoint))
+        } else {
+            self.past.oldest().map(|rows| (rows, Instrument::Delayed))
+        };
+        let result = self.estimator.update(&self.d, instruments, tau, &used[..self.dof]);
+        self.past.store(&self.d);
+        match result {
+            Ok(rows) => Step::Updated { rows },
+            Err(why) => Step::Skipped(why),
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Units in which information can be judged: every parameter measured by the torque it makes.
+//!
+//! Thresholds and condition numbers of the information mean something only if all coordinates have one unit. Here the
+//! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
+//! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
+
+use crate::linear::{axpy, dot};
+use rivet_dynamics::{BaseSet, JointKind, Model, Workspace};
+
+/// States of the reference workload.
+const STATES: usize = 300;
+/// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
+const SPEED_SHARE: f64 = 0.5;
+const DEFAULT_SPEED: f64 = 2.0;
+/// Time in which a joint of the workload reaches its speed \[s\].
+const RISE_TIME: f64 = 0.3;
+/// First guess of the torque residual, as a share of the workload's torque.
+const NOISE_SHARE: f64 = 0.02;
+/// The whitening never amplifies a direction more than this allows (share of the mean eigenvalue).
+const WHITENING_FLOOR: f64 = 1e-6;
+
+/// Scales of columns and rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scales {
+    /// Rms over the workload of each column, all joints' rows together, in torque-noise sigmas a unit of the parameter.
+    pub column: Vec<f64>,
+    /// First guess of the standard deviation of each row's torque residual \[N·m\].
+    pub torque_noise: Vec<f64>,
+    /// Rms of the workload's torque with nominal parameters, all rows together \[torque-noise sigma\].
+    pub torque: f64,
+    /// Mean information of one workload state in scaled columns, n x n row-major: unit diagonal.
+    pub workload: Vec<f64>,
+}
+
+impl Scales {
+    /// No scaling: columns, rows and torque count as they are. For equations that are not an arm's.
+    #[must_use]
+    pub fn unit(rows: usize, columns: usize) -> Scales {
+        let mut workload = vec![0.0; columns * columns];
+        for i in 0..columns {
+            workload[i * columns + i] = 1.0;
+        }
+        Scales { column: vec![1.0; columns], torque_noise: vec![1.0; rows], torque: 1.0, workload }
+    }
+
+    /// Scales of `model` in `base` parameters, from seeded states. `torque_noise`: where it is known.
+    #[must_use]
+    pub fn of_model(model: &Model, base: &BaseSet, nominal_base: &[f64], torque_noise: Option<&[f64]>) -> Scales {
+        let (dof, n, full) = (model.arm.dof(), base.len(), model.len());
+        let mut ws = Workspace::new(&model.arm);
+        let (mut y, mut d) = (vec![0.0; dof * full], vec![0.0; dof * n]);
+        let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+        let mut seed = 0x7269_7665_7465_7374;
+        let mut rows = Vec::with_capacity(STATES * dof * n);
+        for _ in 0..STATES {
+            for (j, joint) in model.arm.joints.iter().enumerate() {
+                let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
+                let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
+                q[j] = low + (high - low) * unit(&mut seed);
+                let limit =
+                    if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED };
+                let speed = SPEED_SHARE * limit;
+                qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
+                qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
+            }
+            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+            base.select(&y, full, &mut d);
+            rows.extend_from_slice(&d);
+        }
+        let mut square = vec![0.0; dof];
+        for (k, row) in rows.chunks_exact(n).enumerate() {
+            square[k % dof] += dot(row, nominal_base).powi(2) / STATES as f64;
+        }
+        let largest = square.iter().fold(0.0_f64, |m, s| m.max(*s)).sqrt();
+        let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
+        let noise: Vec<f64> = match torque_noise {
+            Some(noise) => noise.to_vec(),
+            None => square.iter().map(|s| NOISE_SHARE * s.sqrt().max(least)).collect(),
+        };
+        let torque = square.iter().zip(&noise).map(|(s, noise)| s / (noise * noise)).sum::<f64>().sqrt();
+        let mut workload = vec![0.0; n * n];
+        for (k, row) in rows.chunks_exact(n).enumerate() {
+            let weight = 1.0 / (noise[k % dof].powi(2) * STATES as f64);
+            for i in 0..n {
+                if row[i] != 0.0 {
+                    axpy(weight * row[i], row, &mut workload[i * n..(i + 1) * n]);
+                }
+            }
+        }
+        let column: Vec<f64> = (0..n)
+            .map(|i| {
+                let rms = workload[i * n + i].sqrt();
+                if rms > 0.0 { rms } else { 1.0 }
+            })
+            .collect();
+        for i in 0..n {
+            for j in 0..n {
+                workload[i * n + j] /= column[i] * column[j];
+            }
+        }
+        Scales { column, torque_noise: noise, torque, workload }
+    }
+
+    /// Coordinates in which the workload's information is the identity: `x̃ = Lᵀx`, with L from the scaled workload.
+    pub(crate) fn whitening(&self) -> Whitening {
+        let n = self.column.len();
+        let floor = WHITENING_FLOOR * (0..n).map(|i| self.workload[i * n + i]).sum::<f64>() / n as f64;
+        let mut l = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let (row_i, row_j) = (&l[i * n..i * n + j], &l[j * n..j * n + j]);
+                let rest = self.workload[i * n + j] - dot(row_i, row_j);
+                l[i * n + j] = if i == j { (rest + floor).max(floor).sqrt() } else { rest / l[j * n + j] };
+            }
+        }
+        // Rows of T = L⁻¹ by forward substitution on unit vectors.
+        let mut t = vec![0.0; n * n];
+        for column in 0..n {
+            for i in column..n {
+                let sum: f64 = (column..i).map(|k| l[i * n + k] * t[k * n + column]).sum();
+                t[i * n + column] = (f64::from(u8::from(i == column)) - sum) / l[i * n + i];
+            }
+        }
+        Whitening { n, l, t }
+    }
+}
+
+/// The Cholesky factor L of the scaled workload, and its inverse T.
+#[derive(Clone, Debug)]
+pub(crate) struct Whitening {
+    n: usize,
+    l: Vec<f64>,
+    t: Vec<f64>,
+}
+
+impl Whitening {
+    /// A row of a regressor in these coordinates: `T·row`.
+    pub(crate) fn row(&self, row: &[f64], out: &mut [f64]) {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = dot(&self.t[i * self.n..i * self.n + i + 1], &row[..=i]);
+        }
+    }
+
+    /// Parameters in these coordinates: `Lᵀ·x`.
+    pub(crate) fn coordinates(&self, x: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (k, &x) in x.iter().enumerate() {
+            axpy(x, &self.l[k * self.n..k * self.n + k + 1], &mut out[..=k]);
+        }
+    }
+
+    /// Parameters back: `Tᵀ·x̃`.
+    pub(crate) fn parameters(&self, coordinates: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (k, &x) in coordinates.iter().enumerate() {
+            axpy(x, &self.t[k * self.n..k * self.n + k + 1], &mut out[..=k]);
+        }
+    }
+
+    /// A direction of these coordinates expressed as a covector on parameters: `L·v`, so that `v·x̃ = (L·v)·x`.
+    pub(crate) fn covector(&self, v: &[f64], out: &mut [f64]) {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = dot(&self.l[i * self.n..i * self.n + i + 1], &v[..=i]);
+        }
+    }
+
+    /// How coordinate k enters parameter i: `T[k][i]`.
+    pub(crate) fn share(&self, i: usize, k: usize) -> f64 {
+        self.t[k * self.n + i]
+    }
+}
+
+/// SplitMix64 (Steele, Lea & Flood 2014) on [0, 1): the same workload on every machine.
+fn unit(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}

@@ -1,0 +1,69 @@
+//! Which coordinates or directions the window identifies, decided from the information of the instruments.
+//!
+//! The threshold is the paper's eq. 23 in torque units, `λ > κσₑ²/tol²`. `tol` is the larger of the configured tolerance
+//! and of what is known about the direction already: a direction moves while the window says more about it than is
+//! known, and never later than at the tolerance. κ is the correlation that the model filter gives to the residuals.
+
+mod columns;
+mod directions;
+
+pub(crate) use columns::Columns;
+pub(crate) use directions::Directions;
+
+use crate::report::Verdict;
+use crate::scales::Whitening;
+
+/// What a scheme needs to know beside the information.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Known<'a> {
+    /// κ·σₑ²: variance of one equation, counting its correlation.
+    pub(crate) variance: f64,
+    /// Standard deviation of what is known of each scaled parameter \[torque-noise sigma\].
+    pub(crate) belief: &'a [f64],
+    /// Coordinates of the information, if they are not the scaled parameters themselves.
+    pub(crate) whitening: Option<&'a Whitening>,
+}
+
+/// The scheme in use.
+#[derive(Clone, Debug)]
+pub(crate) enum Judge {
+    /// Everything moves.
+    Off,
+    Columns(Columns),
+    Directions(Directions),
+}
+
+impl Judge {
+    /// Acceptable standard deviation \[torque-noise sigma\]; 1 where nothing is judged.
+    pub(crate) fn tolerance(&self) -> f64 {
+        match self {
+            Judge::Off => 1.0,
+            Judge::Columns(scheme) => scheme.tolerance(),
+            Judge::Directions(scheme) => scheme.settings().tolerance,
+        }
+    }
+
+    /// Begins to judge `s` (n x n, symmetric).
+    pub(crate) fn start(&mut self, s: &[f64]) {
+        match self {
+            Judge::Off => {}
+            Judge::Columns(scheme) => scheme.start(),
+            Judge::Directions(scheme) => scheme.start(s),
+        }
+    }
+
+    /// Does one step of work; true when `active` and the verdict are complete.
+    pub(crate) fn advance(&mut self, s: &[f64], known: Known<'_>, active: &mut [bool], verdict: &mut Verdict) -> bool {
+        match self {
+            Judge::Off => {
+                let n = active.len();
+                active.fill(true);
+                let trace = (0..n).map(|i| s[i * n + i]).sum();
+                *verdict = Verdict { active: n, of: n, trace, ..Verdict::NONE };
+                true
+            }
+            Judge::Columns(scheme) => scheme.advance(s, known, active, verdict),
+            Judge::Directions(scheme) => scheme.advance(known, active, verdict),
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! The paper's reference (3.2.2): every direction of the parameter space judged by its eigenvalue.
+
+use super::Known;
+use crate::eigen::SymmetricEigen;
+use crate::linear::{dot, items_per_step};
+use crate::report::Verdict;
+use crate::settings::EigenSettings;
+
+/// Eigenvalues below this share of the largest are rounding of the sums.
+const ROUNDING: f64 = 1e-13;
+
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    Decompose,
+    Weigh { row: usize },
+    Recognise { row: usize },
+}
+
+/// State of one judgement.
+#[derive(Clone, Debug)]
+pub(crate) struct Directions {
+    settings: EigenSettings,
+    stage: Stage,
+    eigen: SymmetricEigen,
+    /// Variance of what is known along each eigenvector \[torque-noise sigma²\].
+    belief: Vec<f64>,
+    covector: Vec<f64>,
+    /// Directions that moved before, one a row: hysteresis recognises them although the basis turns.
+    moved: Vec<f64>,
+    moved_count: usize,
+    moved_share: Vec<f64>,
+}
+
+impl Directions {
+    pub(crate) fn new(n: usize, settings: EigenSettings) -> Directions {
+        Directions {
+            settings,
+            stage: Stage::Decompose,
+            eigen: SymmetricEigen::new(n),
+            belief: vec![0.0; n],
+            covector: vec![0.0; n],
+            moved: vec![0.0; n * n],
+            moved_count: 0,
+            moved_share: vec![0.0; n],
+        }
+    }
+
+    pub(crate) fn settings(&self) -> EigenSettings {
+        self.settings
+    }
+
+    pub(crate) fn forget_history(&mut self) {
+        self.moved_count = 0;
+    }
+
+    pub(crate) fn start(&mut self, s: &[f64]) {
+        self.eigen.start(s);
+        self.stage = Stage::Decompose;
+    }
+
+    /// Eigenvectors as rows.
+    pub(crate) fn vectors(&self) -> &[f64] {
+        self.eigen.vectors()
+    }
+
+    pub(crate) fn values(&self) -> &[f64] {
+        self.eigen.values()
+    }
+
+    /// Variance of what is known along direction k, at least the tolerance's.
+    pub(crate) fn belief(&self, k: usize) -> f64 {
+        self.belief[k]
+    }
+
+    pub(crate) fn advance(&mut self, known: Known<'_>, active: &mut [bool], verdict: &mut Verdict) -> bool {
+        let n = active.len();
+        match self.stage {
+            Stage::Decompose => {
+                if !self.eigen.advance() {
+                    return false;
+                }
+                if !self.eigen.converged() {
+                    active.fill(false);
+                    *verdict = Verdict { of: n, suspended: true, ..Verdict::NONE };
+                    return true;
+                }
+                self.stage = Stage::Weigh { row: 0 };
+                false
+            }
+            Stage::Weigh { row } => {
+                let end = (row + items_per_step(n * n)).min(n);
+                for k in row..end {
+                    let v = &self.eigen.vectors()[k * n..(k + 1) * n];
+                    if let Some(whitening) = known.whitening {
+                        whitening.covector(v, &mut self.covector);
+                    } else {
+                        self.covector.copy_from_slice(v);
+                    }
+                    let variance: f64 = self.covector.iter().zip(known.belief).map(|(c, b)| (c * b).powi(2)).sum();
+                    self.belief[k] = variance.max(self.settings.tolerance.powi(2));
+                }
+                self.stage = if end < n { Stage::Weigh { row: end } } else { Stage::Recognise { row: 0 } };
+                false
+            }
+            Stage::Recognise { row } => {
+                let end = (row + items_per_step(n * n)).min(n);
+                for k in row..end {
+                    let v = &self.eigen.vectors()[k * n..(k + 1) * n];
+                    let moved = self.moved.chunks_exact(n).take(self.moved_count);
+                    self.moved_share[k] = moved.map(|old| dot(old, v).powi(2)).sum();
+                }
+                self.stage = Stage::Recognise { row: end };
+                if end == n {
+                    self.decide(known.variance, active, verdict);
+                }
+                end == n
+            }
+        }
+    }
+
+    fn decide(&self, variance: f64, active: &mut [bool], verdict: &mut Verdict) {
+        let values = self.eigen.values();
+        let largest = values.iter().fold(0.0_f64, |m, v| m.max(*v));
+        let mut smallest = f64::INFINITY;
+        let mut count = 0;
+        for (k, active) in active.iter_mut().enumerate() {
+            let threshold = variance / self.belief[k];
+            let threshold = if self.moved_share[k] > 0.5 { self.settings.hysteresis * threshold } else { threshold };
+            *active = values[k] > threshold && values[k] > ROUNDING * largest;
+            if *active {
+                smallest = smallest.min(values[k]);
+                count += 1;
+            }
+        }
+        *verdict = Verdict {
+            active: count,
+            of: active.len(),
+            suspended: false,
+            trace: values.iter().sum(),
+            log_determinant: values.iter().map(|v| v.max(f64::MIN_POSITIVE).ln()).sum(),
+            condition: if count > 0 { largest / smallest } else { f64::NAN },
+        };
+    }
+
+    /// Remembers which directions moved, after the relevance guard has had its say.
+    pub(crate) fn remember(&mut self, active: &[bool]) {
+        let n = active.len();
+        self.moved_count = 0;
+        for (v, _) in self.eigen.vectors().chunks_exact(n).zip(active).filter(|(_, active)| **active) {
+            self.moved[self.moved_count * n..(self.moved_count + 1) * n].copy_from_slice(v);
+            self.moved_count += 1;
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Recursive least squares in factored covariance form (Bierman 1977, Factorization Methods for Discrete Sequential
+//! Estimation, ch. V): the paper's RLS, and the comparison beside every other estimator.
+
+/// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
+#[derive(Clone, Debug)]
+pub struct UdFilter {
+    n: usize,
+    /// U transposed, row-major: row j holds column j of U up to its diagonal, so that the update runs along rows.
+    columns: Vec<f64>,
+    d: Vec<f64>,
+    x: Vec<f64>,
+    start: Vec<f64>,
+    largest: Vec<f64>,
+    gain: Vec<f64>,
+    v: Vec<f64>,
+}
+
+/// Covariances stop growing at this multiple of their start: forgetting without excitation grows them exponentially
+/// (wind-up), and an overflow would never heal.
+const WIND_UP_LIMIT: f64 = 1e8;
+
+impl UdFilter {
+    /// Starts at `x` with the diagonal covariance `variance` (over the noise variance), both of n entries.
+    #[must_use]
+    pub fn new(x: &[f64], variance: &[f64]) -> UdFilter {
+        let n = x.len();
+        let mut filter = UdFilter {
+            n,
+            columns: vec![0.0; n * n],
+            d: variance.to_vec(),
+            x: x.to_vec(),
+            start: variance.to_vec(),
+            largest: variance.iter().map(|v| v * WIND_UP_LIMIT).collect(),
+            gain: vec![0.0; n],
+            v: vec![0.0; n],
+        };
+        filter.reset(x);
+        filter
+    }
+
+    /// Back to the covariance of the start, at `x`.
+    pub fn reset(&mut self, x: &[f64]) {
+        self.x.copy_from_slice(x);
+        self.d.copy_from_slice(&self.start);
+        self.columns.fill(0.0);
+        for i in 0..self.n {
+            self.columns[i * self.n + i] = 1.0;
+        }
+    }
+
+    /// Gives the past the weight `lambda` in (0, 1].
+    pub fn forget(&mut self, lambda: f64) {
+        for (d, &largest) in self.d.iter_mut().zip(&self.largest) {
+            *d = (*d / lambda).min(largest);
+        }
+    }
+
+    /// Takes in one equation `y = rowᵀ·x + e` with noise variance 1. Real-time safe; returns the innovation.
+    ///
+    /// Bierman's update: with `f = Uᵀ·row`, `v = D·f`, `α₀ = 1`, for j = 1..n
+    ///
+    /// ```text
+    /// αⱼ = αⱼ₋₁ + fⱼ·vⱼ,  dⱼ ← dⱼ·αⱼ₋₁/αⱼ,  λ = −fⱼ/αⱼ₋₁
+    /// for i < j:  u = Uᵢⱼ,  Uᵢⱼ ← u + kᵢ·λ,  kᵢ ← kᵢ + u·vⱼ;   kⱼ = vⱼ
+    /// x ← x + k·(y − rowᵀx)/αₙ
+    /// ```
+    pub fn update(&mut self, row: &[f64], y: f64) -> f64 {
+        let n = self.n;
+        let innovation = y - super::linear::dot(row, &self.x);
+        let mut alpha = 1.0;
+        self.v.fill(0.0);
+        for j in 0..n {
+            let column = &mut self.columns[j * n..j * n + j];
+            let f = super::linear::dot(column, &row[..j]) + row[j];
+            let v = self.d[j] * f;
+            let next = alpha + f * v;
+            let lambda = -f / alpha;
+            self.d[j] *= alpha / next;
+            for (u, k) in column.iter_mut().zip(&mut self.gain[..j]) {
+                let old = *u;
+                *u = old + *k * lambda;
+                *k += old * v;
+            }
+            self.gain[j] = v;
+            alpha = next;
+        }
+        let step = innovation / alpha;
+        super::linear::axpy(step, &self.gain, &mut self.x);
+        innovation
+    }
+
+    /// The estimate.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// Variance of parameter `i` over the noise variance: `Σⱼ Uᵢⱼ²·dⱼ`.
+    #[must_use]
+    pub fn variance(&self, i: usize) -> f64 {
+        (i..self.n).map(|j| self.columns[j * self.n + i].powi(2) * self.d[j]).sum()
+    }
+
+    /// Whether every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.x.iter().chain(&self.d).all(|v| v.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::{Lu, axpy, tests::Random};
+
+    /// UD against the weighted normal equations with the prior: P⁻¹ = λᴺP₀⁻¹ + Σ λ^(N−i) d·dᵀ.
+    #[test]
+    fn ud_equals_batch() {
+        let (n, rows) = (12, 300);
+        for lambda in [1.0, 0.99] {
+            let mut random = Random(11);
+            let truth: Vec<f64> = (0..n).map(|_| 3.0 * random.normal()).collect();
+            let start: Vec<f64> = truth.iter().map(|t| 0.7 * t).collect();
+            let variance: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
+            let mut ud = UdFilter::new(&start, &variance);
+            let (mut info, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+            for i in 0..n {
+                info[i * n + i] = 1.0 / variance[i];
+                right[i] = start[i] / variance[i];
+            }
+            for _ in 0..rows {
+                let row: Vec<f64> = (0..n).map(|i| (1.0 + i as f64) * random.normal()).collect();
+                let y = crate::linear::dot(&row, &truth) + random.normal();
+                ud.forget(lambda);
+                ud.update(&row, y);
+                for v in info.iter_mut().chain(&mut right) {
+                    *v *= lambda;
+                }
+                for i in 0..n {
+                    axpy(row[i], &row, &mut info[i * n..(i + 1) * n]);
+                }
+                axpy(y, &row, &mut right);
+            }
+            let mut lu = Lu::new(n);
+            lu.start(n).copy_from_slice(&info);
+            while !lu.advance() {}
+            let mut batch = right.clone();
+            lu.solve(&mut batch);
+            for i in 0..n {
+                assert!((ud.values()[i] - batch[i]).abs() < 1e-9 * (1.0 + batch[i].abs()));
+                let mut unit = vec![0.0; n];
+                unit[i] = 1.0;
+                lu.solve(&mut unit);
+                assert!((ud.variance(i) - unit[i]).abs() < 1e-9 * unit[i]);
+            }
+        }
+    }
+
+    /// Forgetting without excitation winds the covariance up; here it stops while numbers are still usable.
+    #[test]
+    fn wind_up_is_bounded() {
+        let mut ud = UdFilter::new(&[1.0, 2.0], &[1.0, 1.0]);
+        for _ in 0..1_000_000 {
+            ud.forget(0.9);
+            ud.update(&[1.0, 0.0], 1.0);
+        }
+        assert!(ud.is_finite() && ud.variance(1) <= WIND_UP_LIMIT && ud.values() == [1.0, 2.0]);
+    }
+}
