@@ -137,7 +137,8 @@ impl Bus {
     /// # Errors
     /// A value that breaks a rule, or the bus cannot be joined.
     pub fn open(config: &BusConfig, robot: &RobotName, role: &str) -> Result<Self, BusError> {
-        set_log_level_from_env_or(LogLevel::Warn);
+        // Not warnings: they are dumps of internal state, made whenever a killed process is cleared away.
+        set_log_level_from_env_or(LogLevel::Error);
         let iceoryx = config.iceoryx()?;
         let node = config.join(&iceoryx, role)?;
         Ok(Self { node, iceoryx, config: config.clone(), robot: robot.clone(), role: role.to_owned() })

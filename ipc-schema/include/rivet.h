@@ -1,0 +1,347 @@
+/* rivet's messages for C and C++: the same bytes as the Rust structs in src/messages. A change there without one
+ * here fails the tests. The type names are what the bus compares; a new layout or meaning gets a new one.
+ *
+ * Services: rivet/<robot>/joint-state, setpoint, parameters, health (publish-subscribe), command and parameters
+ * (blackboards with one entry, key uint64_t 0, and the attribute rivet.type that names the type), control
+ * (request-response). Stamps are CLOCK_MONOTONIC [ns]. */
+#ifndef RIVET_H
+#define RIVET_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define RIVET_ASSERT(condition) static_assert(condition, #condition)
+#else
+#define RIVET_ASSERT(condition) _Static_assert(condition, #condition)
+#endif
+
+/* Most joints a message carries. */
+#define RIVET_MAX_JOINTS 8
+/* Most base parameters a message carries. */
+#define RIVET_MAX_PARAMETERS 128
+/* Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above. */
+#define RIVET_HISTOGRAM_BINS 32
+
+/* An encoder reading is not to be trusted. */
+#define RIVET_FAULT_ENCODER (UINT32_C(1) << 0)
+/* A torque (current) reading is not to be trusted. */
+#define RIVET_FAULT_TORQUE (UINT32_C(1) << 1)
+/* The drives are off or the brakes are closed: the torques do not belong to the motion. */
+#define RIVET_FAULT_STOPPED (UINT32_C(1) << 2)
+/* Any other reason of the robot's not to learn from this sample. */
+#define RIVET_FAULT_OTHER (UINT32_C(1) << 31)
+/* The estimator stands still for want of usable samples or excitation. */
+#define RIVET_FLAG_SUSPENDED (UINT32_C(1) << 0)
+/* The estimator was stopped by a control request. */
+#define RIVET_FLAG_FROZEN (UINT32_C(1) << 1)
+/* Too little data so far for the values to be used in a controller. */
+#define RIVET_FLAG_PROVISIONAL (UINT32_C(1) << 2)
+
+/* Which model the torque of a Command was computed with. */
+enum {
+    /* No torque is asked for: the robot uses its own control (tau is zero). */
+    RIVET_COMMAND_MODE_NONE = 0,
+    /* The nominal parameters of the robot file. */
+    RIVET_COMMAND_MODE_NOMINAL = 1,
+    /* The parameters published by the daemon. */
+    RIVET_COMMAND_MODE_IDENTIFIED = 2,
+};
+
+/* Where the instruments of the instrumental-variable estimator come from. */
+enum {
+    /* None: plain least squares. */
+    RIVET_INSTRUMENT_SOURCE_NONE = 0,
+    /* Regressor of the planned motion (service setpoint). */
+    RIVET_INSTRUMENT_SOURCE_SETPOINT = 1,
+    /* Regressor of the measured motion, delayed. */
+    RIVET_INSTRUMENT_SOURCE_DELAYED = 2,
+};
+
+/* What became of one parameter (Parameters::state). On the wire one byte. */
+enum {
+    /* Held at its nominal value: the data never said anything about it. */
+    RIVET_PARAMETER_STATE_UNIDENTIFIED = 0,
+    /* Follows the data. */
+    RIVET_PARAMETER_STATE_ACTIVE = 1,
+    /* Was identified; held since because the present motion does not excite it. */
+    RIVET_PARAMETER_STATE_HELD = 2,
+};
+
+/* What the daemon is doing (Health::mode). */
+enum {
+    /* Waiting for the first joint state, or filling the filters. */
+    RIVET_DAEMON_MODE_STARTING = 0,
+    /* Estimating. */
+    RIVET_DAEMON_MODE_ESTIMATING = 1,
+    /* Standing still by itself: no usable samples, a fault bit, or too little motion. */
+    RIVET_DAEMON_MODE_SUSPENDED = 2,
+    /* Stopped by a control request. */
+    RIVET_DAEMON_MODE_FROZEN = 3,
+};
+
+/* A wish to the daemon. */
+enum {
+    /* Keep the parameters as they are. */
+    RIVET_CONTROL_COMMAND_FREEZE = 0,
+    /* Learn again. */
+    RIVET_CONTROL_COMMAND_RESUME = 1,
+    /* Forget everything: nominal parameters, empty window. */
+    RIVET_CONTROL_COMMAND_RESET = 2,
+    /* Write the parameters to the store. */
+    RIVET_CONTROL_COMMAND_SAVE = 3,
+    /* Take the parameters from the store. */
+    RIVET_CONTROL_COMMAND_LOAD = 4,
+};
+
+/* How a ControlRequest ended. */
+enum {
+    /* Done, or handed to the loop that does it within the next period. */
+    RIVET_CONTROL_STATUS_DONE = 0,
+    /* Not possible in the present state. */
+    RIVET_CONTROL_STATUS_REFUSED = 1,
+    /* The command is not known to this daemon. */
+    RIVET_CONTROL_STATUS_UNKNOWN = 2,
+    /* Tried and failed (the store, say); the daemon's log has the reason. */
+    RIVET_CONTROL_STATUS_FAILED = 3,
+};
+
+/* The arm's measured state, one per control period, on service `rivet/<robot>/joint-state`. Joints run from base to
+ * flange. All joint quantities are on the output side of the gear. */
+#define RIVET_JOINT_STATE_TYPE_NAME "rivet.JointState.v1"
+typedef struct {
+    /* +1 each period; a jump is a lost sample. */
+    uint64_t seq;
+    /* When the encoders were latched, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Joint positions [rad, or m for a prismatic joint]. */
+    double q[RIVET_MAX_JOINTS];
+    /* Torque of each drive on its joint [N m, or N], positive about (along) the joint's axis; what the drive
+     * applies, not what it feels. */
+    double tau[RIVET_MAX_JOINTS];
+    /* Temperature of each drive [degC]; NaN where none is measured. */
+    double temperature[RIVET_MAX_JOINTS];
+    /* How many entries of the arrays are in use, 1..=8. */
+    uint32_t joints;
+    /* Fault bits (faults); zero means every field may be used. */
+    uint32_t faults;
+} rivet_joint_state_v1;
+RIVET_ASSERT(sizeof(rivet_joint_state_v1) == 216);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, q) == 16);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, tau) == 80);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, temperature) == 144);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, joints) == 208);
+RIVET_ASSERT(offsetof(rivet_joint_state_v1, faults) == 212);
+
+/* The planned motion of one period, on service `rivet/<robot>/setpoint`. It carries the seq of the joint state of the
+ * same period and is published *before* it, so that whoever takes in a joint state already holds its setpoint. */
+#define RIVET_SETPOINT_TYPE_NAME "rivet.Setpoint.v1"
+typedef struct {
+    /* seq of the joint state this plan belongs to. */
+    uint64_t seq;
+    /* The instant the plan is for, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Planned joint positions [rad, or m for a prismatic joint]. */
+    double q[RIVET_MAX_JOINTS];
+    /* Planned joint velocities [rad/s, m/s]. */
+    double qd[RIVET_MAX_JOINTS];
+    /* Planned joint accelerations [rad/s^2, m/s^2]. */
+    double qdd[RIVET_MAX_JOINTS];
+    /* How many entries of the arrays are in use, 1..=8. */
+    uint32_t joints;
+    /* Zero. No bit has a meaning yet; a reader ignores those it does not know. */
+    uint32_t flags;
+} rivet_setpoint_v1;
+RIVET_ASSERT(sizeof(rivet_setpoint_v1) == 216);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, q) == 16);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, qd) == 80);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, qdd) == 144);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, joints) == 208);
+RIVET_ASSERT(offsetof(rivet_setpoint_v1, flags) == 212);
+
+/* The torque the controller asks for, latest value on blackboard `rivet/<robot>/command`. A robot ignores a command
+ * whose stamp_ns is older than a few periods: a blackboard keeps the last value of a writer that has died. */
+#define RIVET_COMMAND_TYPE_NAME "rivet.Command.v1"
+typedef struct {
+    /* seq of the joint state this answers. */
+    uint64_t seq;
+    /* When the torque was computed, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Torque each drive shall apply to its joint [N m, or N], positive about (along) the joint's axis. */
+    double tau[RIVET_MAX_JOINTS];
+    /* How many entries of the array are in use, 1..=8. */
+    uint32_t joints;
+    /* A CommandMode. */
+    uint32_t mode;
+} rivet_command_v1;
+RIVET_ASSERT(sizeof(rivet_command_v1) == 88);
+RIVET_ASSERT(offsetof(rivet_command_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_command_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_command_v1, tau) == 16);
+RIVET_ASSERT(offsetof(rivet_command_v1, joints) == 80);
+RIVET_ASSERT(offsetof(rivet_command_v1, mode) == 84);
+
+/* The base parameters as estimated, on service `rivet/<robot>/parameters` and, latest value, on the blackboard of the
+ * same name. What parameter i means follows from the robot file; two processes whose model_hash is equal mean the
+ * same by it. Units are those of the parameter (kg, kg m, kg m^2, N m, N m s/rad, ...). */
+#define RIVET_PARAMETERS_TYPE_NAME "rivet.Parameters.v1"
+typedef struct {
+    /* +1 each publication of one daemon, from 1. */
+    uint64_t epoch;
+    /* seq of the last joint state that went in. */
+    uint64_t seq;
+    /* When the estimate was made, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Says what the numbers mean: kinematics, gravity, structure and base columns of the model. */
+    uint64_t model_hash;
+    /* How many entries of the parameter arrays are in use. */
+    uint32_t count;
+    /* How many entries of the joint arrays are in use, 1..=8. */
+    uint32_t joints;
+    /* Bits of parameter_flags. */
+    uint32_t flags;
+    /* An InstrumentSource. */
+    uint32_t instruments;
+    /* Estimated values; a parameter not identified keeps its nominal value. */
+    double values[RIVET_MAX_PARAMETERS];
+    /* Standard deviation (1 sigma) of each value. */
+    double std[RIVET_MAX_PARAMETERS];
+    /* How much the data of the window say about each parameter: share of its variance that was removed, 0
+     * (nothing) to 1 (all). */
+    double excitation[RIVET_MAX_PARAMETERS];
+    /* The same parameters by plain recursive least squares, for comparison. */
+    double reference[RIVET_MAX_PARAMETERS];
+    /* A ParameterState each. */
+    uint8_t state[RIVET_MAX_PARAMETERS];
+    /* Torque noise of each joint (1 sigma, after the model filter) that weighted its rows [N m, or N]. */
+    double torque_noise[RIVET_MAX_JOINTS];
+    /* RMS of the torque residual of each joint over the window [N m, or N]. */
+    double residual_rms[RIVET_MAX_JOINTS];
+} rivet_parameters_v1;
+RIVET_ASSERT(sizeof(rivet_parameters_v1) == 4400);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, epoch) == 0);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, seq) == 8);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, stamp_ns) == 16);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, model_hash) == 24);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, count) == 32);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, joints) == 36);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, flags) == 40);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, instruments) == 44);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, values) == 48);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, std) == 1072);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, excitation) == 2096);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, reference) == 3120);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, state) == 4144);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, torque_noise) == 4272);
+RIVET_ASSERT(offsetof(rivet_parameters_v1, residual_rms) == 4336);
+
+/* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
+ * start and never go back. */
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v1"
+typedef struct {
+    /* seq of the last joint state taken in. */
+    uint64_t seq;
+    /* When this was written, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Joint states taken into the estimator. */
+    uint64_t samples;
+    /* Joint states missing between sequence numbers. */
+    uint64_t lost;
+    /* Joint states refused because their sequence number or stamp did not go forward. */
+    uint64_t refused_stale;
+    /* Joint states refused because a value was not finite or the joint count was wrong. */
+    uint64_t refused_invalid;
+    /* Joint states not used because the robot set a fault bit. */
+    uint64_t rejected_faults;
+    /* Interruptions of the stream after which the filters started anew. */
+    uint64_t gaps;
+    /* Joint states without a setpoint of their own sequence number. */
+    uint64_t setpoints_missing;
+    /* Periods that ended with samples still queued: the bound on catching up was reached. */
+    uint64_t catch_up_limited;
+    /* Periods of the real-time thread. */
+    uint64_t periods;
+    /* Periods that were missed because the thread woke or finished too late. */
+    uint64_t overruns;
+    /* Messages the real-time thread could not hand to the publishing thread. */
+    uint64_t dropped_messages;
+    /* Parameters held at present. */
+    uint32_t held;
+    /* Parameters following the data at present. */
+    uint32_t active;
+    /* A DaemonMode. */
+    uint32_t mode;
+    /* An InstrumentSource. */
+    uint32_t instruments;
+    /* RMS torque residual of each joint with the estimated parameters over the window [N m, or N]. */
+    double residual_rms[RIVET_MAX_JOINTS];
+    /* The same with the nominal parameters [N m, or N]. */
+    double nominal_residual_rms[RIVET_MAX_JOINTS];
+    /* Lateness of the wake-ups, see HISTOGRAM_BINS. */
+    uint32_t wake_histogram[RIVET_HISTOGRAM_BINS];
+    /* Work of a period from wake-up to done, see HISTOGRAM_BINS. */
+    uint32_t work_histogram[RIVET_HISTOGRAM_BINS];
+    /* Latest wake-up [ns]. */
+    uint64_t worst_wake_ns;
+    /* Longest work of a period [ns]. */
+    uint64_t worst_work_ns;
+} rivet_health_v1;
+RIVET_ASSERT(sizeof(rivet_health_v1) == 520);
+RIVET_ASSERT(offsetof(rivet_health_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v1, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v1, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v1, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v1, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v1, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v1, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v1, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v1, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v1, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v1, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v1, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v1, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v1, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v1, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v1, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v1, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v1, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v1, wake_histogram) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v1, work_histogram) == 376);
+RIVET_ASSERT(offsetof(rivet_health_v1, worst_wake_ns) == 504);
+RIVET_ASSERT(offsetof(rivet_health_v1, worst_work_ns) == 512);
+
+/* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
+#define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"
+typedef struct {
+    /* A ControlCommand. */
+    uint32_t command;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
+    uint32_t reserved;
+} rivet_control_request_v1;
+RIVET_ASSERT(sizeof(rivet_control_request_v1) == 8);
+RIVET_ASSERT(offsetof(rivet_control_request_v1, command) == 0);
+RIVET_ASSERT(offsetof(rivet_control_request_v1, reserved) == 4);
+
+/* The daemon's answer to a ControlRequest. */
+#define RIVET_CONTROL_REPLY_TYPE_NAME "rivet.ControlReply.v1"
+typedef struct {
+    /* A ControlStatus. */
+    uint32_t status;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
+    uint32_t reserved;
+    /* Epoch of the parameters in force when the answer was given. */
+    uint64_t epoch;
+} rivet_control_reply_v1;
+RIVET_ASSERT(sizeof(rivet_control_reply_v1) == 16);
+RIVET_ASSERT(offsetof(rivet_control_reply_v1, status) == 0);
+RIVET_ASSERT(offsetof(rivet_control_reply_v1, reserved) == 4);
+RIVET_ASSERT(offsetof(rivet_control_reply_v1, epoch) == 8);
+
+#undef RIVET_ASSERT
+
+#endif

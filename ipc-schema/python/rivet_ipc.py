@@ -1,0 +1,355 @@
+"""rivet's messages for Python: the same bytes as the Rust structs in src/messages.
+
+A change there without one here fails the tests. With the `iceoryx2` package of the version that the workspace uses:
+
+    import iceoryx2 as iox2, rivet_ipc
+    config = iox2.config.global_config()
+    config.global_cfg.prefix = iox2.FileName.new("rivet_")            # [bus] prefix and root of the robot file
+    config.global_cfg.root_path = iox2.Path.new("/tmp/rivet")
+    node = (iox2.NodeBuilder.new().config(config)
+            .signal_handling_mode(iox2.SignalHandlingMode.Disabled).create(iox2.ServiceType.Ipc))
+    service = node.service_builder(iox2.ServiceName.new("rivet/ur10e/parameters"))
+    subscriber = service.publish_subscribe(rivet_ipc.Parameters).open().subscriber_builder().create()
+    sample = subscriber.receive()                                     # None, or a sample
+    parameters = sample.payload().contents
+
+Open services without requirements of your own, on the user account of the other processes. Stamps are
+CLOCK_MONOTONIC [ns]. Run this file to check the layout on this machine.
+"""
+
+import ctypes
+
+#: Most joints a message carries.
+MAX_JOINTS = 8
+#: Most base parameters a message carries.
+MAX_PARAMETERS = 128
+#: Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above.
+HISTOGRAM_BINS = 32
+
+#: An encoder reading is not to be trusted.
+FAULT_ENCODER = 1 << 0
+#: A torque (current) reading is not to be trusted.
+FAULT_TORQUE = 1 << 1
+#: The drives are off or the brakes are closed: the torques do not belong to the motion.
+FAULT_STOPPED = 1 << 2
+#: Any other reason of the robot's not to learn from this sample.
+FAULT_OTHER = 1 << 31
+#: The estimator stands still for want of usable samples or excitation.
+FLAG_SUSPENDED = 1 << 0
+#: The estimator was stopped by a control request.
+FLAG_FROZEN = 1 << 1
+#: Too little data so far for the values to be used in a controller.
+FLAG_PROVISIONAL = 1 << 2
+
+#: Which model the torque of a Command was computed with.
+COMMAND_MODE = {"none": 0, "nominal": 1, "identified": 2}
+#: Where the instruments of the instrumental-variable estimator come from.
+INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2}
+#: What became of one parameter (Parameters::state). On the wire one byte.
+PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
+#: What the daemon is doing (Health::mode).
+DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3}
+#: A wish to the daemon.
+CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4}
+#: How a ControlRequest ended.
+CONTROL_STATUS = {"done": 0, "refused": 1, "unknown": 2, "failed": 3}
+
+
+class _Message(ctypes.Structure):
+    TYPE_NAME = ""
+
+    @classmethod
+    def type_name(cls):
+        """The name that the bus compares; read by the iceoryx2 package."""
+        return cls.TYPE_NAME
+
+
+class JointState(_Message):
+    """The arm's measured state, one per control period, on service `rivet/<robot>/joint-state`. Joints run from
+    base to flange. All joint quantities are on the output side of the gear.
+    """
+
+    TYPE_NAME = "rivet.JointState.v1"
+    _fields_ = [
+        # +1 each period; a jump is a lost sample.
+        ("seq", ctypes.c_uint64),
+        # When the encoders were latched, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Joint positions [rad, or m for a prismatic joint].
+        ("q", ctypes.c_double * MAX_JOINTS),
+        # Torque of each drive on its joint [N m, or N], positive about (along) the joint's axis; what the
+        # drive applies, not what it feels.
+        ("tau", ctypes.c_double * MAX_JOINTS),
+        # Temperature of each drive [degC]; NaN where none is measured.
+        ("temperature", ctypes.c_double * MAX_JOINTS),
+        # How many entries of the arrays are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # Fault bits (faults); zero means every field may be used.
+        ("faults", ctypes.c_uint32),
+    ]
+
+
+class Setpoint(_Message):
+    """The planned motion of one period, on service `rivet/<robot>/setpoint`. It carries the seq of the joint
+    state of the same period and is published *before* it, so that whoever takes in a joint state already holds
+    its setpoint.
+    """
+
+    TYPE_NAME = "rivet.Setpoint.v1"
+    _fields_ = [
+        # seq of the joint state this plan belongs to.
+        ("seq", ctypes.c_uint64),
+        # The instant the plan is for, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Planned joint positions [rad, or m for a prismatic joint].
+        ("q", ctypes.c_double * MAX_JOINTS),
+        # Planned joint velocities [rad/s, m/s].
+        ("qd", ctypes.c_double * MAX_JOINTS),
+        # Planned joint accelerations [rad/s^2, m/s^2].
+        ("qdd", ctypes.c_double * MAX_JOINTS),
+        # How many entries of the arrays are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # Zero. No bit has a meaning yet; a reader ignores those it does not know.
+        ("flags", ctypes.c_uint32),
+    ]
+
+
+class Command(_Message):
+    """The torque the controller asks for, latest value on blackboard `rivet/<robot>/command`. A robot ignores a
+    command whose stamp_ns is older than a few periods: a blackboard keeps the last value of a writer that has
+    died.
+    """
+
+    TYPE_NAME = "rivet.Command.v1"
+    _fields_ = [
+        # seq of the joint state this answers.
+        ("seq", ctypes.c_uint64),
+        # When the torque was computed, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Torque each drive shall apply to its joint [N m, or N], positive about (along) the joint's axis.
+        ("tau", ctypes.c_double * MAX_JOINTS),
+        # How many entries of the array are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # A CommandMode.
+        ("mode", ctypes.c_uint32),
+    ]
+
+
+class Parameters(_Message):
+    """The base parameters as estimated, on service `rivet/<robot>/parameters` and, latest value, on the
+    blackboard of the same name. What parameter i means follows from the robot file; two processes whose
+    model_hash is equal mean the same by it. Units are those of the parameter (kg, kg m, kg m^2, N m, N m s/rad,
+    ...).
+    """
+
+    TYPE_NAME = "rivet.Parameters.v1"
+    _fields_ = [
+        # +1 each publication of one daemon, from 1.
+        ("epoch", ctypes.c_uint64),
+        # seq of the last joint state that went in.
+        ("seq", ctypes.c_uint64),
+        # When the estimate was made, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Says what the numbers mean: kinematics, gravity, structure and base columns of the model.
+        ("model_hash", ctypes.c_uint64),
+        # How many entries of the parameter arrays are in use.
+        ("count", ctypes.c_uint32),
+        # How many entries of the joint arrays are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # Bits of parameter_flags.
+        ("flags", ctypes.c_uint32),
+        # An InstrumentSource.
+        ("instruments", ctypes.c_uint32),
+        # Estimated values; a parameter not identified keeps its nominal value.
+        ("values", ctypes.c_double * MAX_PARAMETERS),
+        # Standard deviation (1 sigma) of each value.
+        ("std", ctypes.c_double * MAX_PARAMETERS),
+        # How much the data of the window say about each parameter: share of its variance that was removed, 0
+        # (nothing) to 1 (all).
+        ("excitation", ctypes.c_double * MAX_PARAMETERS),
+        # The same parameters by plain recursive least squares, for comparison.
+        ("reference", ctypes.c_double * MAX_PARAMETERS),
+        # A ParameterState each.
+        ("state", ctypes.c_uint8 * MAX_PARAMETERS),
+        # Torque noise of each joint (1 sigma, after the model filter) that weighted its rows [N m, or N].
+        ("torque_noise", ctypes.c_double * MAX_JOINTS),
+        # RMS of the torque residual of each joint over the window [N m, or N].
+        ("residual_rms", ctypes.c_double * MAX_JOINTS),
+    ]
+
+
+class Health(_Message):
+    """How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the
+    daemon's start and never go back.
+    """
+
+    TYPE_NAME = "rivet.Health.v1"
+    _fields_ = [
+        # seq of the last joint state taken in.
+        ("seq", ctypes.c_uint64),
+        # When this was written, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Joint states taken into the estimator.
+        ("samples", ctypes.c_uint64),
+        # Joint states missing between sequence numbers.
+        ("lost", ctypes.c_uint64),
+        # Joint states refused because their sequence number or stamp did not go forward.
+        ("refused_stale", ctypes.c_uint64),
+        # Joint states refused because a value was not finite or the joint count was wrong.
+        ("refused_invalid", ctypes.c_uint64),
+        # Joint states not used because the robot set a fault bit.
+        ("rejected_faults", ctypes.c_uint64),
+        # Interruptions of the stream after which the filters started anew.
+        ("gaps", ctypes.c_uint64),
+        # Joint states without a setpoint of their own sequence number.
+        ("setpoints_missing", ctypes.c_uint64),
+        # Periods that ended with samples still queued: the bound on catching up was reached.
+        ("catch_up_limited", ctypes.c_uint64),
+        # Periods of the real-time thread.
+        ("periods", ctypes.c_uint64),
+        # Periods that were missed because the thread woke or finished too late.
+        ("overruns", ctypes.c_uint64),
+        # Messages the real-time thread could not hand to the publishing thread.
+        ("dropped_messages", ctypes.c_uint64),
+        # Parameters held at present.
+        ("held", ctypes.c_uint32),
+        # Parameters following the data at present.
+        ("active", ctypes.c_uint32),
+        # A DaemonMode.
+        ("mode", ctypes.c_uint32),
+        # An InstrumentSource.
+        ("instruments", ctypes.c_uint32),
+        # RMS torque residual of each joint with the estimated parameters over the window [N m, or N].
+        ("residual_rms", ctypes.c_double * MAX_JOINTS),
+        # The same with the nominal parameters [N m, or N].
+        ("nominal_residual_rms", ctypes.c_double * MAX_JOINTS),
+        # Lateness of the wake-ups, see HISTOGRAM_BINS.
+        ("wake_histogram", ctypes.c_uint32 * HISTOGRAM_BINS),
+        # Work of a period from wake-up to done, see HISTOGRAM_BINS.
+        ("work_histogram", ctypes.c_uint32 * HISTOGRAM_BINS),
+        # Latest wake-up [ns].
+        ("worst_wake_ns", ctypes.c_uint64),
+        # Longest work of a period [ns].
+        ("worst_work_ns", ctypes.c_uint64),
+    ]
+
+
+class ControlRequest(_Message):
+    """What anyone may ask of the daemon, on service `rivet/<robot>/control`."""
+
+    TYPE_NAME = "rivet.ControlRequest.v1"
+    _fields_ = [
+        # A ControlCommand.
+        ("command", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
+        ("reserved", ctypes.c_uint32),
+    ]
+
+
+class ControlReply(_Message):
+    """The daemon's answer to a ControlRequest."""
+
+    TYPE_NAME = "rivet.ControlReply.v1"
+    _fields_ = [
+        # A ControlStatus.
+        ("status", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
+        ("reserved", ctypes.c_uint32),
+        # Epoch of the parameters in force when the answer was given.
+        ("epoch", ctypes.c_uint64),
+    ]
+
+
+#: Size and offsets [bytes] as the Rust side has them.
+LAYOUT = {
+    JointState: (216, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "q": 16,
+        "tau": 80,
+        "temperature": 144,
+        "joints": 208,
+        "faults": 212,
+    }),
+    Setpoint: (216, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "q": 16,
+        "qd": 80,
+        "qdd": 144,
+        "joints": 208,
+        "flags": 212,
+    }),
+    Command: (88, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "tau": 16,
+        "joints": 80,
+        "mode": 84,
+    }),
+    Parameters: (4400, {
+        "epoch": 0,
+        "seq": 8,
+        "stamp_ns": 16,
+        "model_hash": 24,
+        "count": 32,
+        "joints": 36,
+        "flags": 40,
+        "instruments": 44,
+        "values": 48,
+        "std": 1072,
+        "excitation": 2096,
+        "reference": 3120,
+        "state": 4144,
+        "torque_noise": 4272,
+        "residual_rms": 4336,
+    }),
+    Health: (520, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "samples": 16,
+        "lost": 24,
+        "refused_stale": 32,
+        "refused_invalid": 40,
+        "rejected_faults": 48,
+        "gaps": 56,
+        "setpoints_missing": 64,
+        "catch_up_limited": 72,
+        "periods": 80,
+        "overruns": 88,
+        "dropped_messages": 96,
+        "held": 104,
+        "active": 108,
+        "mode": 112,
+        "instruments": 116,
+        "residual_rms": 120,
+        "nominal_residual_rms": 184,
+        "wake_histogram": 248,
+        "work_histogram": 376,
+        "worst_wake_ns": 504,
+        "worst_work_ns": 512,
+    }),
+    ControlRequest: (8, {
+        "command": 0,
+        "reserved": 4,
+    }),
+    ControlReply: (16, {
+        "status": 0,
+        "reserved": 4,
+        "epoch": 8,
+    }),
+}
+
+
+def check():
+    """Raises AssertionError where ctypes lays a message out differently from Rust."""
+    for message, (size, offsets) in LAYOUT.items():
+        assert ctypes.sizeof(message) == size, message.TYPE_NAME
+        assert [name for name, _ in message._fields_] == list(offsets), message.TYPE_NAME
+        for name, offset in offsets.items():
+            assert getattr(message, name).offset == offset, f"{message.TYPE_NAME}: {name}"
+
+
+if __name__ == "__main__":
+    check()
+    print("layout ok:", ", ".join(message.TYPE_NAME for message in LAYOUT))
