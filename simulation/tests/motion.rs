@@ -7,7 +7,7 @@ use rivet_dynamics::{Arm, Workspace, inverse_dynamics, mass_matrix};
 use rivet_simulation::motion::{
     Fourier, FourierSettings, Governor, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Trajectory,
 };
-use rivet_simulation::{Plant, PlantSettings, closed_loop};
+use rivet_simulation::{Plant, PlantSettings, Sensors, closed_loop};
 
 /// Torque ratio of the rigid links and rotors of `six_axes`; friction is left to the reserve.
 fn load(arm: &Arm) -> impl FnMut(&[f64], &[f64], &[f64]) -> f64 {
@@ -200,4 +200,60 @@ fn a_closed_loop_follows_the_motion() {
     println!("largest tracking error {worst:.2e} rad");
     assert_eq!(count, 10_000);
     assert!(worst < 5e-3, "tracking error {worst} rad");
+}
+
+/// Position differences around a sample and the torque of that sample belong to the same instant: explained by the true
+/// parameters, what is left has no part along the torque's derivative, that is, no delay.
+#[test]
+fn torque_and_differences_are_of_one_instant() {
+    let model = six_model(0.0);
+    let mut drives = six_drives();
+    drives.coulomb.fill(0.0);
+    drives.coupling[2] = 0.0;
+    let truth = truth(&model, &drives);
+    let limits = MotionLimits::of(&model.arm, 0.8);
+    let motion = Fourier::new(&limits, &FourierSettings::default(), &mut load(&model.arm));
+    let (x, width) = (truth.standard(&model), model.len());
+    let delay = |latency: f64| {
+        let mut settings = PlantSettings::new(0.001, &SIX_LIMITS);
+        settings.latency = latency;
+        let mut plant = Plant::new(&truth, &Sensors::perfect(6), &settings, 2);
+        plant.place(&limits.home, &[0.0; 6]);
+        let (mut ws, mut y) = (Workspace::new(&model.arm), vec![0.0; 6 * width]);
+        let explain = |ws: &mut Workspace, y: &mut [f64], q: &[f64], qd: &[f64], qdd: &[f64]| -> [f64; 6] {
+            model.regressor(ws, q, qd, qdd, y);
+            core::array::from_fn(|j| (0..width).map(|p| y[j * width + p] * x[p]).sum())
+        };
+        let mut log: Vec<([f64; 6], [f64; 6])> = Vec::new();
+        closed_loop(
+            &mut plant,
+            &motion,
+            |m, s, command| {
+                let tau = explain(&mut ws, &mut y, s.q, s.qd, s.qdd);
+                for j in 0..6 {
+                    command[j] = tau[j] + 300.0 * drives.rotor_inertia[j] * (s.q[j] - m.q()[j]);
+                }
+            },
+            8000,
+            |r| log.push((core::array::from_fn(|j| r.measured.q()[j]), core::array::from_fn(|j| r.measured.tau()[j]))),
+        );
+        let (mut along, mut power) = (0.0, 0.0);
+        let (mut ws, mut y) = (Workspace::new(&model.arm), vec![0.0; 6 * width]);
+        for k in 1000..7999 {
+            let [a, b, c] = [log[k - 1].0, log[k].0, log[k + 1].0];
+            let qd: [f64; 6] = core::array::from_fn(|j| (c[j] - a[j]) / 0.002);
+            let qdd: [f64; 6] = core::array::from_fn(|j| (c[j] - 2.0 * b[j] + a[j]) / 1e-6);
+            let tau = explain(&mut ws, &mut y, &b, &qd, &qdd);
+            for j in 0..6 {
+                let slope = (log[k + 1].1[j] - log[k - 1].1[j]) / 0.002;
+                along += (tau[j] - log[k].1[j]) * slope;
+                power += slope * slope;
+            }
+        }
+        along / power // seconds by which the torque lags the motion
+    };
+    let (half, none) = (delay(0.5), delay(0.0));
+    println!("delay {half:.2e} s at half a period, {none:.2e} s without latency");
+    assert!(half.abs() < 2e-6, "delay {half} s");
+    assert!((none - 5e-4).abs() < 5e-5, "delay {none} s without latency");
 }
