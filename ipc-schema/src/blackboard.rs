@@ -98,7 +98,7 @@ impl<T: Stamped> fmt::Debug for BlackboardWriter<T> {
 /// Takes the exclusive lock that makes this program the writer; the kernel frees it when the process dies.
 fn lock(bus: &BusConfig, name: &ServiceName, robot: &RobotName, service: Service) -> Result<File, BusError> {
     let directory = bus.root.join(LOCK_DIRECTORY);
-    let path = directory.join(format!("{}{robot}.{service}.lock", bus.prefix));
+    let path = directory.join(format!("{}.{robot}.{service}.lock", bus.prefix));
     let fail = |source| BusError::File { path: path.clone(), source };
     fs::create_dir_all(&directory).map_err(fail)?;
     let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(fail)?;

@@ -65,42 +65,48 @@ pub fn purge(config: &BusConfig) -> Result<Leftovers, BusError> {
     Ok(Leftovers { dead_nodes, files: unlink_all(config)? })
 }
 
+/// Whether a file of the bus's belongs to `prefix`, and not to a longer prefix that begins alike: what follows
+/// is a hash or an id, to the next `_` or `.`.
+fn belongs(name: &[u8], prefix: &str) -> bool {
+    let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };
+    let id = rest.iter().take_while(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f')).count();
+    id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))
+}
+
 /// Unlinks the files of the bus, whoever may use them.
 fn unlink_all(config: &BusConfig) -> Result<usize, BusError> {
     config.check()?;
-    let fail = |path: &Path| {
-        let path = path.to_owned();
-        move |source| BusError::File { path, source }
-    };
-    let mut files = 0;
-    let mut unlink_below = |directory: &Path, prefix: &str| -> Result<(), BusError> {
-        let entries = match fs::read_dir(directory) {
-            Ok(entries) => entries,
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(e) => return Err(fail(directory)(e)),
-        };
-        for entry in entries.flatten() {
-            if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
-                let path = entry.path();
-                let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-                match removed {
-                    Ok(()) => files += 1,
-                    Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-                    Err(e) => return Err(fail(&path)(e)),
-                }
-            }
-        }
-        Ok(())
-    };
-    unlink_below(Path::new(SHARED_MEMORY), &config.prefix)?;
+    let lock_prefix = format!("{}.", config.prefix);
+    let locks = config.root.join(LOCK_DIRECTORY);
+    let mut files = unlink_below(Path::new(SHARED_MEMORY), |name| belongs(name, &config.prefix))?;
     // Only what the bus makes below its root, and of that only what bears the prefix: the root may be shared.
-    for directory in ["nodes", "services", LOCK_DIRECTORY] {
-        unlink_below(&config.root.join(directory), &config.prefix)?;
+    for directory in [config.root.join("nodes"), config.root.join("services"), config.root.clone()] {
+        files += unlink_below(&directory, |name| belongs(name, &config.prefix))?;
     }
-    unlink_below(&config.root, &config.prefix)?;
+    files += unlink_below(&locks, |name| name.starts_with(lock_prefix.as_bytes()))?;
     for directory in ["nodes", "services", LOCK_DIRECTORY, ""] {
         // Not empty means another prefix lives there.
         let _ = fs::remove_dir(config.root.join(directory));
+    }
+    Ok(files)
+}
+
+/// Unlinks the files of a directory whose names are `wanted`; counts them.
+fn unlink_below(directory: &Path, wanted: impl Fn(&[u8]) -> bool) -> Result<usize, BusError> {
+    let fail = |path: &Path, source| Err(BusError::File { path: path.to_owned(), source });
+    let entries = match fs::read_dir(directory) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(0),
+        Err(e) => return fail(directory, e),
+    };
+    let mut files = 0;
+    for entry in entries.flatten().filter(|entry| wanted(entry.file_name().as_encoded_bytes())) {
+        match fs::remove_file(entry.path()) {
+            Ok(()) => files += 1,
+            // Another process cleans up as well.
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+            Err(e) => return fail(&entry.path(), e),
+        }
     }
     Ok(files)
 }
@@ -135,5 +141,41 @@ impl Drop for PrivateBus {
         // The bus is private and its owner is done with it: whoever still maps a file loses only its name.
         let _ = sweep(&self.config);
         let _ = unlink_all(&self.config);
+        let _ = fs::remove_dir_all(&self.config.root);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prefix_does_not_own_the_files_of_a_longer_one() {
+        let hash = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5";
+        assert!(belongs(format!("rivet_{hash}_node.0_10_0.global_mgmt").as_bytes(), "rivet_"));
+        assert!(belongs(format!("rivet_{hash}.service").as_bytes(), "rivet_"));
+        assert!(belongs(b"rivet_237684936999141467275705456500.event", "rivet_"));
+        for other in ["rivet_demo12_", "rivet_a1_", "rivet_0123_", "rivet-"] {
+            assert!(!belongs(format!("{other}{hash}.service").as_bytes(), "rivet_"), "{other}");
+        }
+        assert!(!belongs(b"rivet_", "rivet_") && !belongs(b"", "rivet_"));
+    }
+
+    #[test]
+    fn purging_one_bus_leaves_its_neighbours_in_the_same_root_alone() {
+        use crate::{Bus, RobotName};
+        let private = PrivateBus::new("near");
+        let neighbour = BusConfig { prefix: format!("{}b_", private.config().prefix), ..private.config().clone() };
+        let robot = RobotName::new("arm").unwrap();
+        let bus = Bus::open(&neighbour, &robot, "neighbour").unwrap();
+        let writer = bus.command_writer().unwrap();
+        drop(Bus::open(private.config(), &robot, "short").unwrap().command_writer().unwrap());
+        purge(private.config()).unwrap();
+        writer.write(&crate::Command { stamp_ns: 1, ..Default::default() });
+        assert!(bus.command_reader().unwrap().latest().is_some());
+        assert!(bus.command_writer().is_err(), "the neighbour's lock is still there");
+        drop((writer, bus));
+        purge(&neighbour).unwrap();
+        assert!(!neighbour.root.exists());
     }
 }

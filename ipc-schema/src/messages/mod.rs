@@ -33,7 +33,7 @@ pub trait Message: Copy + core::fmt::Debug + ZeroCopySend + 'static {
     const VERSION: u32;
     /// `rivet.<NAME>.v<VERSION>`, as the bus stores and compares it.
     const TYPE_NAME: &'static str;
-    /// A message of zeros: every bit pattern of it is a valid, meaningless message (`seq` 0, `joints` 0).
+    /// The message that says nothing: zeros, and NaN where a field uses it for "none".
     const EMPTY: Self;
 }
 
