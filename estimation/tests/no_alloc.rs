@@ -1,0 +1,109 @@
+//! `Identifier::push` never allocates, whatever comes in; what is refused changes nothing that was learnt.
+#![allow(unsafe_code, reason = "a counting allocator")]
+
+mod common;
+
+use common::{Bench, Random, Wave};
+use rivet_estimation::{
+    ColumnsSettings, EigenSettings, EstimatorKind, Identifier, Motion, Refusal, Settings, Step, Supervision,
+};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+struct Counting;
+static CALLS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// One test in this file: the counter counts all threads.
+#[test]
+fn pushing_never_allocates() {
+    let Some(mut bench) = Bench::new("manutec-r3") else { return };
+    let n = bench.dof();
+    let truth = bench.truth.clone();
+    let mut wave = Wave::new(n, 1.0);
+    let mut samples = Vec::new();
+    for k in 0..20_000 {
+        let motion = wave.at(f64::from(k) * 0.001);
+        let tau = bench.torque(motion, &truth);
+        samples.push((motion.q.to_vec(), motion.qd.to_vec(), motion.qdd.to_vec(), tau));
+    }
+    let still = vec![0.0; n];
+    for (estimator, supervision) in [
+        (EstimatorKind::Riv, Supervision::Eigen(EigenSettings::default())),
+        (EstimatorKind::Riv, Supervision::Columns(ColumnsSettings::default())),
+        (EstimatorKind::Riv, Supervision::Off),
+        (EstimatorKind::Rls, Supervision::Off),
+    ] {
+        let settings = Settings { estimator, supervision, ..Settings::new(n, 0.001) };
+        let mut identifier =
+            Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings).expect("sound settings");
+        let mut random = Random(1);
+        let mut counts = [0_u64; 5];
+        let mut q = vec![0.0; n];
+        let mut before = Vec::with_capacity(bench.len());
+        let start = CALLS.load(Ordering::Relaxed);
+        for k in 0..110_000_usize {
+            let (sample, qd, qdd, tau) = &samples[k % samples.len()];
+            q.copy_from_slice(sample);
+            let setpoint = Motion { q: sample, qd, qdd };
+            let what = random.unit();
+            let step = if what < 0.0005 {
+                // Only `work` in progress may move the estimate, so compare what no step touches: the counts.
+                before.clear();
+                before.extend_from_slice(identifier.estimate().rls_values);
+                let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e5, f64::MAX][k % 6];
+                q[k % n] = bad;
+                let step = identifier.push(&q, tau, Some(setpoint));
+                assert!(matches!(step, Step::Refused(_)), "{bad}: {step:?}");
+                assert!(before == identifier.estimate().rls_values);
+                step
+            } else if what < 0.001 {
+                identifier.push(&q, &[f64::NAN; 8][..n], None)
+            } else if what < 0.0012 {
+                identifier.push(&q[1..], tau, None)
+            } else if (50_000..70_000).contains(&k) {
+                // Rest, with torques and speeds that are denormal.
+                q.fill(f64::MIN_POSITIVE * random.unit());
+                identifier.push(&q, &still, Some(Motion { q: &q, qd: &still, qdd: &still }))
+            } else {
+                identifier.push(&q, tau, (k % 7000 > 1500).then_some(setpoint))
+            };
+            counts[match step {
+                Step::WarmingUp => 0,
+                Step::Between => 1,
+                Step::Updated { .. } => 2,
+                Step::Skipped(_) => 3,
+                Step::Refused(Refusal::NotFinite | Refusal::Implausible) => 4,
+            }] += 1;
+            if k % 10_000 == 9999 {
+                identifier.freeze();
+                identifier.resume();
+                if k > 100_000 {
+                    identifier.reset();
+                }
+            }
+        }
+        let calls = CALLS.load(Ordering::Relaxed) - start;
+        println!("{estimator:?} {supervision:?}: warming, between, updated, skipped, refused = {counts:?}");
+        assert_eq!(calls, 0);
+        assert!(counts.iter().all(|c| *c > 10), "{counts:?}");
+        let estimate = identifier.estimate();
+        assert!(estimate.values.iter().chain(estimate.std).chain(estimate.rls_values).all(|v| v.is_finite()));
+    }
+}
