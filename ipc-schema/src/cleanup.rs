@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::{CallbackProgression, ipc};
@@ -14,6 +15,9 @@ use crate::error::BusError;
 
 /// Where POSIX shared memory lies.
 const SHARED_MEMORY: &str = "/dev/shm";
+
+/// How long to wait for another process that clears up the same party.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What was removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +34,8 @@ fn sweep(config: &BusConfig) -> Result<(usize, usize), BusError> {
     let (mut alive, mut freed) = (0, 0);
     let listed = Node::<ipc::Service>::list(&iceoryx, |state| {
         match state {
-            NodeState::Dead(view) => freed += usize::from(view.try_remove_stale_resources().is_ok()),
+            // Another process, or another thread of this one, may be clearing up at this moment: wait for it.
+            NodeState::Dead(view) => freed += usize::from(view.blocking_remove_stale_resources(PATIENCE).is_ok()),
             NodeState::Alive(_) | NodeState::Inaccessible(_) => alive += 1,
             NodeState::Undefined(_) => {}
         }
