@@ -156,6 +156,8 @@ fn a_controller_exchanges_two_thousand_periods() {
             "1.1",
             "--payload",
             "1.5",
+            "--payload-com",
+            "0.1,0,-0.05",
             "--truth-out",
             &truth,
             "--log-out",
@@ -232,6 +234,8 @@ fn a_controller_exchanges_two_thousand_periods() {
     assert!((ratio("l2.m") - 0.9).abs() < 1e-12 && (ratio("j1.viscous") - 1.1).abs() < 1e-12);
     let last = index("l6.m");
     assert!((standard[last] - 0.9 * robot.nominal[last] - 1.5).abs() < 1e-12, "payload");
+    let moment = index("l6.mcx");
+    assert!((standard[moment] - 0.9 * robot.nominal[moment] - 0.15).abs() < 1e-12, "payload's first moment");
 }
 
 /// Commands that stay away close the brakes, which hold; the next command opens them and the motion runs on.

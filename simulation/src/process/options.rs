@@ -48,7 +48,7 @@ pub struct Options {
     /// Seconds to wait for the first command before giving up; 0 waits for ever
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub patience: f64,
-    /// Simulated time waits up to this long for the command that answers the last sample [ms]; without it time goes on
+    /// Simulated time waits up to this long for the command that answers the last sample (ms); without it time goes on
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub lockstep: Option<f64>,
     /// With --lockstep: go on as soon as the answer is there instead of keeping the sample rate
@@ -70,7 +70,7 @@ pub struct Options {
     /// Share of the arm's speed limits that the motion may use, 0..1
     #[arg(long, value_name = "SHARE", default_value_t = 0.8, value_parser = share)]
     pub velocity: f64,
-    /// Base frequency of the Fourier series [Hz]
+    /// Base frequency of the Fourier series (Hz)
     #[arg(long, value_name = "HZ", default_value_t = FourierSettings::default().base_hz, value_parser = positive)]
     pub base_hz: f64,
     /// Harmonics of the Fourier series
@@ -95,23 +95,16 @@ pub struct Options {
     /// Relative spread of a further random factor for each friction value
     #[arg(long, value_name = "STD", default_value_t = 0.0, value_parser = not_negative)]
     pub friction_spread: f64,
-    /// Mass carried by the last link [kg]
+    /// Mass carried by the last link (kg)
     #[arg(long, value_name = "KG", value_parser = positive)]
     pub payload: Option<f64>,
-    /// Centre of the payload in the frame of the last joint [m]
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        value_delimiter = ',',
-        num_args = 3,
-        default_value = "0,0,0.1",
-        allow_negative_numbers = true
-    )]
-    pub payload_com: Vec<f64>,
+    /// Centre of the payload in the frame of the last joint (m)
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0.1", value_parser = point, allow_hyphen_values = true)]
+    pub payload_com: [f64; 3],
     /// Factor on the measurement noise of the robot file; 0 is none (encoders still count whole steps)
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative)]
     pub noise: f64,
-    /// Friction as tanh(v/V) with this V [rad/s], instead of Coulomb's law with exact sticking
+    /// Friction as tanh(v/V) with this V (rad/s), instead of Coulomb's law with exact sticking
     #[arg(long, value_name = "V", value_parser = positive)]
     pub friction_velocity: Option<f64>,
 
@@ -146,6 +139,12 @@ fn share(text: &str) -> Result<f64, String> {
     number(text, "must lie above 0 and at most at 1", |x| x > 0.0 && x <= 1.0)
 }
 
+fn point(text: &str) -> Result<[f64; 3], String> {
+    let values: Result<Vec<f64>, String> =
+        text.split(',').map(|x| number(x.trim(), "must be finite", |_| true)).collect();
+    values?.try_into().map_err(|v: Vec<f64>| format!("must be three numbers with commas between them, not {}", v.len()))
+}
+
 /// Nominal drive values of a robot file.
 pub fn nominal_joints(robot: &Robot) -> Joints {
     let config = &robot.config;
@@ -165,7 +164,6 @@ impl Options {
     }
 
     pub(super) fn disturbances(&self, robot: &Robot) -> Disturbances {
-        let com = [self.payload_com[0], self.payload_com[1], self.payload_com[2]];
         Disturbances {
             bodies: self.bodies,
             rotor_inertia: self.rotor_inertia,
@@ -173,7 +171,7 @@ impl Options {
             bodies_spread: self.bodies_spread,
             rotor_inertia_spread: self.rotor_inertia_spread,
             friction_spread: self.friction_spread,
-            payload: self.payload.map(|mass| Payload { mass, com }),
+            payload: self.payload.map(|mass| Payload { mass, com: self.payload_com }),
             seed: self.seed(robot),
         }
     }
