@@ -1,2 +1,78 @@
-//! rivet
-fn main() {}
+//! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
+
+mod check;
+mod children;
+mod demo;
+mod exit;
+mod identify;
+mod online;
+mod predict;
+mod progress;
+mod replay;
+mod runs;
+mod stream;
+mod summary;
+mod table;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Identifies a geared robot arm while it works, and shows what its simulator gets wrong.
+#[derive(Parser)]
+#[command(version, after_help = "Without a command: rivet demo")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Plant, daemon and controller at work on this machine, half a minute
+    Demo(demo::Args),
+    /// A log through shared memory into rivetd, as if live
+    Replay(replay::Args),
+    /// Base parameters from logs
+    Identify(identify::Args),
+    /// Torque that a model predicts for a log
+    Predict(predict::Args),
+    /// Whether a robot file is sound, and what it says
+    Check(check::Args),
+    /// The daemon, as rivetd
+    Daemon(rivet_daemon::Options),
+    /// The controller, as rivet-controller
+    Controller(rivet_controller::Options),
+    /// A simulated robot, as rivet-sim
+    Sim(rivet_simulation::process::Options),
+}
+
+fn main() -> ExitCode {
+    let command = Arguments::parse().command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
+    let result = match &command {
+        Command::Demo(args) => demo::run(args),
+        Command::Replay(args) => replay::run(args),
+        Command::Identify(args) => identify::run(args),
+        Command::Predict(args) => predict::run(args),
+        Command::Check(args) => check::run(args),
+        Command::Daemon(options) => return ended("rivetd", rivet_daemon::run(options), rivet_daemon::StartError::exit_code),
+        Command::Controller(options) => {
+            let result = rivet_controller::run(options);
+            return ended("rivet-controller", result, rivet_controller::StartError::exit_code);
+        }
+        Command::Sim(options) => return rivet_simulation::process::main(options),
+    };
+    result.unwrap_or_else(|why| {
+        eprintln!("rivet: {why:#}");
+        // A robot file that cannot be used is told apart, as by the daemon; so is a log.
+        ExitCode::from(exit::code(&why))
+    })
+}
+
+fn ended<E: std::fmt::Display>(name: &str, result: Result<(), E>, code: impl Fn(&E) -> u8) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("{name}: {why}");
+            ExitCode::from(code(&why))
+        }
+    }
+}

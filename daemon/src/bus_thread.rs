@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// What the loop hands over for publication.
 #[expect(clippy::large_enum_variant, reason = "both live in a preallocated ring; boxing would allocate in the loop")]
-pub enum Outbound {
+pub(crate) enum Outbound {
     /// A parameter set.
     Parameters(Parameters),
     /// A health message.
@@ -39,7 +39,7 @@ fn open(bus: &Bus) -> Result<Ports, BusError> {
 }
 
 /// Publishes until shut down, then what is left in the queue.
-pub fn run(
+pub(crate) fn run(
     config: &BusConfig,
     name: &RobotName,
     mut outbound: rtrb::Consumer<Outbound>,
@@ -64,7 +64,7 @@ pub fn run(
     let mut complained = false;
     loop {
         let stopping = shutdown.is_requested();
-        let result = turn(&ports, &mut outbound, &mut commands, progress, turns % TURNS_PER_REFRESH == 0);
+        let result = turn(&ports, &mut outbound, &mut commands, progress, turns.is_multiple_of(TURNS_PER_REFRESH));
         if let Err(why) = result
             && !complained
         {

@@ -2,7 +2,7 @@
 
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
-use rivet_estimation::{Identifier, InstrumentKind, ParameterState as Estimated, Setpoint as DesiredMotion, SettingsError, Step};
+use rivet_estimation::{Identifier, Instrument, Motion, ParameterState as Estimated, SettingsError, Step};
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Health, InstrumentSource, JointState, MAX_PARAMETERS, ParameterState, Parameters,
     Setpoint, parameter_flags,
@@ -53,6 +53,9 @@ pub struct Counts {
 /// Consecutive "old" samples, each one newer than the one before, after which the robot controller counts as restarted.
 const RESTART_RUN: u64 = 100;
 
+/// Seconds of motion before which the estimate is called provisional: a controller should not act on it yet.
+const PROVISIONAL_S: f64 = 2.0;
+
 /// The daemon between two samples. Everything is a function of the sample stream: a recorded run replays bit for bit.
 pub struct Core {
     identifier: Identifier,
@@ -68,7 +71,8 @@ pub struct Core {
     stale_run: u64,
     stale_seq: u64,
     setpoints_seen: bool,
-    frozen: bool,
+    /// Updates before which the estimate is called provisional.
+    provisional_updates: u64,
     counts: Counts,
 }
 
@@ -99,7 +103,7 @@ impl Core {
             stale_run: 0,
             stale_seq: 0,
             setpoints_seen: false,
-            frozen: false,
+            provisional_updates: (PROVISIONAL_S / settings.row_period_s()).ceil() as u64,
             counts: Counts::default(),
         })
     }
@@ -165,18 +169,13 @@ impl Core {
             self.counts.gaps += 1;
             self.identifier.restart_signals();
         }
-        let desired = setpoint.map(|s| DesiredMotion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
-        match self.identifier.push(&sample.q[..n], &sample.tau[..n], desired) {
-            Step::Rejected(_) => {
-                self.counts.invalid += 1;
-                self.interrupted = true;
-                Err(Refused::Invalid)
-            }
-            _ => {
-                self.counts.samples += 1;
-                Ok(())
-            }
+        let desired = setpoint.map(|s| Motion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
+        if let Step::Refused(_) = self.identifier.push(&sample.q[..n], &sample.tau[..n], desired) {
+            self.counts.invalid += 1;
+            return Err(Refused::Invalid);
         }
+        self.counts.samples += 1;
+        Ok(())
     }
 
     /// A controller that starts anew counts from the beginning: a long run of "old" but rising numbers.
@@ -190,14 +189,8 @@ impl Core {
     /// Executes a request of the control service; returns whether this core knows it.
     pub fn control(&mut self, command: ControlCommand) -> bool {
         match command {
-            ControlCommand::Freeze => {
-                self.identifier.freeze();
-                self.frozen = true;
-            }
-            ControlCommand::Resume => {
-                self.identifier.resume();
-                self.frozen = false;
-            }
+            ControlCommand::Freeze => self.identifier.freeze(),
+            ControlCommand::Resume => self.identifier.resume(),
             ControlCommand::Reset => self.identifier.reset(),
             ControlCommand::Save | ControlCommand::Load => return false,
         }
@@ -215,7 +208,7 @@ impl Core {
         out.model_hash = self.hash;
         out.count = n as u32;
         out.joints = m as u32;
-        out.instruments = source(estimate.instruments).into();
+        out.instruments = source(estimate.instrument).into();
         out.values[..n].copy_from_slice(&estimate.values[..n]);
         out.std[..n].copy_from_slice(&estimate.std[..n]);
         out.excitation[..n].copy_from_slice(&estimate.excitation[..n]);
@@ -230,9 +223,10 @@ impl Core {
         }
         out.torque_noise[..m].copy_from_slice(&estimate.torque_noise[..m]);
         out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
-        out.flags = if estimate.suspended { parameter_flags::SUSPENDED } else { 0 }
-            | if self.frozen { parameter_flags::FROZEN } else { 0 }
-            | if estimate.provisional { parameter_flags::PROVISIONAL } else { 0 };
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        out.flags = flag(estimate.verdict.suspended, parameter_flags::SUSPENDED)
+            | flag(estimate.frozen, parameter_flags::FROZEN)
+            | flag(estimate.updates < self.provisional_updates, parameter_flags::PROVISIONAL);
     }
 
     /// Writes the core's part of the health message; the shell adds its timing.
@@ -250,14 +244,14 @@ impl Core {
         out.setpoints_missing = self.counts.setpoints_missing;
         out.active = estimate.state.iter().filter(|s| **s == Estimated::Active).count() as u32;
         out.held = self.count as u32 - out.active;
-        out.instruments = source(estimate.instruments).into();
+        out.instruments = source(estimate.instrument).into();
         out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
         out.nominal_residual_rms[..m].copy_from_slice(&estimate.nominal_residual_rms[..m]);
-        out.mode = if self.frozen {
+        out.mode = if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {
             DaemonMode::Starting
-        } else if estimate.suspended {
+        } else if estimate.verdict.suspended {
             DaemonMode::Suspended
         } else {
             DaemonMode::Estimating
@@ -276,10 +270,10 @@ impl Core {
     }
 }
 
-fn source(kind: InstrumentKind) -> InstrumentSource {
+fn source(kind: Instrument) -> InstrumentSource {
     match kind {
-        InstrumentKind::None => InstrumentSource::None,
-        InstrumentKind::Setpoint => InstrumentSource::Setpoint,
-        InstrumentKind::Delayed => InstrumentSource::Delayed,
+        Instrument::None | Instrument::Regressor => InstrumentSource::None,
+        Instrument::Setpoint => InstrumentSource::Setpoint,
+        Instrument::Delayed => InstrumentSource::Delayed,
     }
 }

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// How the loop runs.
 #[derive(Clone, Debug)]
-pub struct LoopSettings {
+pub(crate) struct LoopSettings {
     /// Time between periods.
     pub period: Duration,
     /// What starts a period.
@@ -124,7 +124,7 @@ fn open(bus: &Bus, settings: &LoopSettings) -> Result<(Input, Pace), BusError> {
 }
 
 /// Runs the loop until shut down. Ports are opened and real time is entered before the first period.
-pub fn run(
+pub(crate) fn run(
     mut core: Core,
     settings: &LoopSettings,
     config: &BusConfig,

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Counters that the loop stores and others read; each is its own truth, they are not one snapshot.
 #[derive(Debug, Default)]
-pub struct Progress {
+pub(crate) struct Progress {
     periods: AtomicU64,
     samples: AtomicU64,
     lost: AtomicU64,
@@ -13,7 +13,7 @@ pub struct Progress {
 
 /// What [`Progress`] held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     /// Periods since the start.
     pub periods: u64,
     /// Samples used.
@@ -26,7 +26,7 @@ pub struct Snapshot {
 
 impl Progress {
     /// Stores; wait-free.
-    pub fn write(&self, now: Snapshot) {
+    pub(crate) fn write(&self, now: Snapshot) {
         self.samples.store(now.samples, Ordering::Relaxed);
         self.lost.store(now.lost, Ordering::Relaxed);
         self.epoch.store(now.epoch, Ordering::Relaxed);
@@ -34,7 +34,7 @@ impl Progress {
     }
 
     /// Reads.
-    pub fn read(&self) -> Snapshot {
+    pub(crate) fn read(&self) -> Snapshot {
         Snapshot {
             periods: self.periods.load(Ordering::Relaxed),
             samples: self.samples.load(Ordering::Relaxed),

@@ -107,7 +107,7 @@ fn run_threads(
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
         spawn("rivetd-loop", move || {
-            loop_thread::run(core, &settings, &bus, &name, outbound, commands_end, &progress, &shutdown, &ready)
+            loop_thread::run(core, &settings, &bus, &name, outbound, commands_end, &progress, &shutdown, &ready);
         })?
     };
 

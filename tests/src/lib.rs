@@ -1,1 +1,59 @@
-//! rivet-tests
+//! What the cross-crate tests share: the program under test, the folder of measured data, the robots.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// Root of the checkout.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this crate lies in the workspace")
+}
+
+/// `robots/<arm>/robot.toml`.
+pub fn robot(arm: &str) -> PathBuf {
+    root().join("robots").join(arm).join("robot.toml")
+}
+
+/// `../shared/<path>`, where measured data and reference arms lie; `None`, said aloud, where they do not. A test that
+/// gets `None` returns: it was skipped.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let found = root().join("../shared").join(path);
+    if found.exists() {
+        return Some(found);
+    }
+    eprintln!("SKIPPED: ../shared/{path} is not on this machine");
+    None
+}
+
+/// The `rivet` program of the profile these tests were built with, built on first use: a test run of this package alone
+/// does not build another package's program.
+pub fn rivet() -> Command {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    let program = PROGRAM.get_or_init(|| {
+        let this = std::env::current_exe().expect("a running test has a file");
+        // target/<profile>/deps/<test>
+        let folder = this.ancestors().nth(2).expect("tests lie in target/<profile>/deps").to_owned();
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--package", "rivet"]).current_dir(root());
+        build.arg("--target-dir").arg(folder.parent().expect("profiles lie in the target folder"));
+        if !cfg!(debug_assertions) {
+            build.arg("--release");
+        }
+        assert!(build.status().expect("cargo runs").success(), "the rivet program builds");
+        folder.join("rivet")
+    });
+    Command::new(program)
+}
+
+/// Runs a command to its end and returns what it printed; a failure is the test's, with everything that was said.
+pub fn succeed(command: &mut Command) -> Output {
+    let output = command.output().expect("the program starts");
+    assert!(
+        output.status.success(),
+        "{command:?} ended with {}\n--- stdout\n{}\n--- stderr\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}

@@ -1,0 +1,247 @@
+//! `rivet demo`: plant, daemon and controller as processes, one live screen, and a table at the end.
+
+mod reference;
+mod screen;
+mod table;
+mod tracking;
+
+use crate::children::Children;
+use anyhow::{Context, Result, bail};
+use reference::Reference;
+use rivet_config::Robot;
+use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};
+use rivet_realtime::Shutdown;
+use screen::{Frame, Screen};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use tracking::Tracking;
+
+/// Shows the whole loop on this machine: no robot, no privileges, half a minute.
+#[derive(clap::Args, Default)]
+pub(crate) struct Args {
+    /// The robot file; without one the Staubli TX40 that is built in.
+    robot: Option<PathBuf>,
+    /// Decides the true arm and the noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Keeps the working folder (logs of the processes, truth) here.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+}
+
+/// Length of the phase on nominal and of the phase on identified parameters \[s of motion\]: one period of the
+/// excitation each, so that both see the same motion.
+const PHASE_S: f64 = 10.0;
+
+/// Motion left out at the start of each phase \[s\]: the start from rest, and the change-over.
+const SETTLE_S: f64 = 2.0;
+
+/// Beyond this the machine is too slow or something hangs.
+const LONGEST: Duration = Duration::from_secs(58);
+
+const BUILT_IN_ROBOT: &str = include_str!("../../../robots/staubli-tx40/robot.toml");
+const BUILT_IN_URDF: &str = include_str!("../../../robots/staubli-tx40/robot.urdf");
+
+struct Ports {
+    states: Subscriber<JointState>,
+    setpoints: Subscriber<Setpoint>,
+    parameters: Subscriber<Parameters>,
+    health: Subscriber<Health>,
+}
+
+/// What has been heard so far.
+struct Heard {
+    tracking: Tracking,
+    parameters: Option<Parameters>,
+    health: Option<Health>,
+    samples: u64,
+}
+
+/// A folder for the run's files that is gone afterwards, unless it is to be kept.
+struct Folder {
+    path: PathBuf,
+    keep: bool,
+}
+
+impl Folder {
+    fn new(keep: Option<&Path>) -> Result<Folder> {
+        let path = match keep {
+            Some(path) => path.to_owned(),
+            None => std::env::temp_dir().join(format!("rivet-demo-{}", std::process::id())),
+        };
+        std::fs::create_dir_all(&path).with_context(|| format!("cannot make {}", path.display()))?;
+        Ok(Folder { path, keep: keep.is_some() })
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if !self.keep {
+            // Left-over files in the temporary folder are not worth an error at the very end.
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
+    let folder = Folder::new(args.keep.as_deref())?;
+    let robot_file = match &args.robot {
+        Some(path) => path.clone(),
+        None => unpack(&folder.path)?,
+    };
+    let robot = rivet_config::load(&robot_file)?;
+    let name = RobotName::new(&robot.config.name)?;
+    // Declared in this order, so that children end before their bus is swept away.
+    let private = PrivateBus::new("demo");
+    let mut children = Children::default();
+    let bus = Bus::open(private.config(), &name, "rivet-demo")?;
+    let ports = Ports {
+        states: bus.joint_state_subscriber()?,
+        setpoints: bus.setpoint_subscriber()?,
+        parameters: bus.parameters_subscriber()?,
+        health: bus.health_subscriber()?,
+    };
+    let truth_file = folder.path.join("truth.json");
+    start(&mut children, args, &robot, &robot_file, private.config(), &folder.path)?;
+
+    let truth = wait_for_truth(&truth_file, &robot, &mut children, &shutdown)?;
+    let reference = Reference::new(&robot, truth);
+    let heard = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
+    children.end();
+    let result = table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
+    println!("{result}");
+    Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn unpack(folder: &Path) -> Result<PathBuf> {
+    let robot = folder.join("robot.toml");
+    std::fs::write(&robot, BUILT_IN_ROBOT)
+        .and_then(|()| std::fs::write(folder.join("robot.urdf"), BUILT_IN_URDF))
+        .with_context(|| format!("cannot write to {}", folder.display()))?;
+    Ok(robot)
+}
+
+/// The true arm differs from the robot file: every body and friction value by a factor of its own, and a payload.
+fn start(
+    children: &mut Children,
+    args: &Args,
+    robot: &Robot,
+    robot_file: &Path,
+    bus: &BusConfig,
+    folder: &Path,
+) -> Result<()> {
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    let common = |command: &str| -> Vec<String> {
+        [command, &text(robot_file), "--prefix", &bus.prefix, "--root", &text(&bus.root)].map(str::to_owned).to_vec()
+    };
+    let log = |name: &str| -> Result<Option<File>> {
+        let path = folder.join(name);
+        Ok(Some(File::create(&path).with_context(|| format!("cannot write {}", path.display()))?))
+    };
+    let switch = ((PHASE_S + SETTLE_S) / robot.config.sample_period_s).round() as u64;
+
+    let mut daemon = common("daemon");
+    daemon.push("--best-effort".to_owned());
+    children.start(&daemon, log("daemon.log")?)?;
+    let mut controller = common("controller");
+    controller.extend(["--best-effort", "--adopt-from", &switch.to_string()].map(str::to_owned));
+    children.start(&controller, log("controller.log")?)?;
+    let mut sim = common("sim");
+    let seed = args.seed.to_string();
+    let truth = text(&folder.join("truth.json"));
+    sim.extend(
+        ["--motion", "fourier", "--lockstep", "20", "--seed", &seed, "--truth-out", &truth].map(str::to_owned),
+    );
+    sim.extend(
+        ["--friction", "1.6", "--bodies-spread", "0.2", "--friction-spread", "0.15", "--rotor-inertia-spread", "0.1"]
+            .map(str::to_owned),
+    );
+    sim.extend(["--payload", "1.0"].map(str::to_owned));
+    children.start(&sim, log("sim.log")?)
+}
+
+fn check(children: &mut Children, shutdown: &Shutdown, begin: Instant) -> Result<()> {
+    if shutdown.is_requested() {
+        bail!("interrupted; everything it started has been ended");
+    }
+    if let Some((name, status)) = children.ended() {
+        bail!("rivet {name} ended early ({status}); --keep DIR keeps what it said");
+    }
+    if begin.elapsed() > LONGEST {
+        bail!("not finished after {} s: this machine is too busy for the demonstration", LONGEST.as_secs());
+    }
+    Ok(())
+}
+
+/// True base parameters, as the plant wrote them.
+fn wait_for_truth(file: &Path, robot: &Robot, children: &mut Children, shutdown: &Shutdown) -> Result<Vec<f64>> {
+    let begin = Instant::now();
+    while !file.exists() {
+        check(children, shutdown, begin)?;
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let value: serde_json::Value = serde_json::from_str(&text).context("the plant's truth file is not JSON")?;
+    let base: Option<Vec<f64>> =
+        value["base"].as_array().and_then(|entries| entries.iter().map(|entry| entry["value"].as_f64()).collect());
+    let base = base.context("the truth file lacks base parameters")?;
+    if base.len() != robot.base.len() {
+        bail!("the plant has {} base parameters, the model {}", base.len(), robot.base.len());
+    }
+    Ok(base)
+}
+
+fn watch(
+    robot: &Robot,
+    reference: &Reference,
+    ports: &Ports,
+    children: &mut Children,
+    shutdown: &Shutdown,
+) -> Result<Heard> {
+    let period = robot.config.sample_period_s;
+    let phase = |from: f64, to: f64| (from / period).round() as u64..(to / period).round() as u64;
+    let switch = PHASE_S + SETTLE_S;
+    let total = switch + SETTLE_S + PHASE_S;
+    let tracking = Tracking::new(robot.model.arm.dof(), phase(SETTLE_S, switch), phase(switch + SETTLE_S, total));
+    let mut heard = Heard { tracking, parameters: None, health: None, samples: 0 };
+    let mut screen = Screen::new(robot);
+    let begin = Instant::now();
+    let end = (total / period).round() as u64;
+    while heard.samples < end {
+        std::thread::sleep(Duration::from_millis(20));
+        check(children, shutdown, begin)?;
+        heard.take(ports)?;
+        screen.show(&Frame {
+            motion_s: heard.samples as f64 * period,
+            total_s: total,
+            identified: heard.samples as f64 * period >= switch,
+            errors: heard.parameters.as_ref().map(|p| reference.errors(&p.values[..p.len()])),
+            health: heard.health.as_ref(),
+            tracking: &heard.tracking,
+        });
+    }
+    screen.end();
+    Ok(heard)
+}
+
+impl Heard {
+    fn take(&mut self, ports: &Ports) -> Result<()> {
+        while let Some(setpoint) = ports.setpoints.receive()? {
+            self.tracking.setpoint(&setpoint);
+        }
+        while let Some(state) = ports.states.receive()? {
+            self.samples = state.seq;
+            self.tracking.state(&state);
+        }
+        while let Some(parameters) = ports.parameters.receive()? {
+            self.parameters = Some(parameters);
+        }
+        while let Some(health) = ports.health.receive()? {
+            self.health = Some(health);
+        }
+        Ok(())
+    }
+}

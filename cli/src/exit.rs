@@ -1,0 +1,20 @@
+//! What a failed command tells the shell (the numbers of sysexits.h).
+
+use rivet_config::ConfigErrors;
+use rivet_logs::LogError;
+
+/// Bad input data.
+const DATA: u8 = 65;
+/// Bad configuration; systemd does not restart on it.
+const CONFIG: u8 = 78;
+
+/// The exit code of a failure: 78 for a robot file, 65 for a log, 1 for the rest.
+pub(crate) fn code(error: &anyhow::Error) -> u8 {
+    if error.chain().any(|why| why.is::<ConfigErrors>()) {
+        CONFIG
+    } else if error.chain().any(|why| why.is::<LogError>()) {
+        DATA
+    } else {
+        1
+    }
+}

@@ -1,0 +1,290 @@
+//! `rivet identify`: base parameters of a robot from whole logs.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use rivet_config::{EstimatorKind, Robot, write_identified};
+use rivet_estimation::offline::{
+    Determined, Fit, InstrumentSource, Method, OfflineError, Rows, fit, residual_percent,
+};
+use serde_json::{Value, json};
+
+use crate::progress::Progress;
+use crate::runs::{self, Piece};
+use crate::table::{Table, number, paragraph};
+
+/// Arguments of `rivet identify`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Robot file: kinematics, nominal parameters, [signal] and [estimator].
+    #[arg(value_name = "ROBOT.toml")]
+    robot: PathBuf,
+    /// Logs with positions and torque or current (Parquet or CSV). Each keeps its own edges.
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Also write the result as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write model.toml (robot file with the identified parameters) and robot.urdf into this folder.
+    #[arg(long, value_name = "DIR")]
+    export: Option<PathBuf>,
+}
+
+/// One stretch of a log and its rows.
+struct Run {
+    piece: Piece,
+    source: InstrumentSource,
+    rows: Rows,
+}
+
+/// Everything that was found.
+struct Findings {
+    runs: Vec<Run>,
+    least_squares: Fit,
+    instrumental: Fit,
+    /// Residuals per joint \[%\]: nominal, least squares, instrumental.
+    residuals: [Vec<f64>; 3],
+}
+
+impl Findings {
+    /// The fit that counts: instruments, unless the robot file asks for least squares.
+    fn chosen(&self, robot: &Robot) -> &Fit {
+        match robot.config.estimator.kind {
+            EstimatorKind::Riv => &self.instrumental,
+            EstimatorKind::Rls => &self.least_squares,
+        }
+    }
+}
+
+/// Identifies, prints, exports.
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let robot = rivet_config::load(&args.robot)?;
+    let result = identify(&robot, &args.logs)?;
+    print!("{}", text(&robot, &result));
+    if let Some(path) = &args.json {
+        let text = format!("{:#}\n", to_json(&robot, &result));
+        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        println!("result written to {}", path.display());
+    }
+    if let Some(folder) = &args.export {
+        export(&robot, result.chosen(&robot), folder)?;
+        println!("model written to {}", folder.join("model.toml").display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
+    let mut progress = Progress::new("identify: filtering", logs.len());
+    let mut all = Vec::new();
+    for (k, path) in logs.iter().enumerate() {
+        progress.set(k);
+        let log = runs::read_log(robot, path)?;
+        log.torque()?;
+        let settings = runs::settings(robot, log.q_des.is_some());
+        if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
+            bail!(
+                "{}: no q_des columns, but [estimator] instruments = \"setpoint\" in {}; \"auto\" takes delayed ones",
+                path.display(),
+                robot.config.path.display()
+            );
+        }
+        let mut still = None;
+        let before = all.len();
+        for piece in runs::pieces(&log, robot.config.sample_period_s)? {
+            let record = runs::record(&piece)?;
+            match Rows::new(&robot.model, &robot.base, &settings, &record) {
+                Ok(rows) => all.push(Run { piece, source: settings.instrument, rows }),
+                Err(why @ OfflineError::NoMotion { .. }) => still = Some(why),
+                Err(why) => return Err(why).with_context(|| path.display().to_string()),
+            }
+        }
+        if let Some(why) = still.filter(|_| all.len() == before) {
+            return Err(why).with_context(|| path.display().to_string());
+        }
+    }
+    progress.done();
+    let rows: Vec<Rows> = all.iter().map(|run| run.rows.clone()).collect();
+    let prior = robot.config.estimator.prior;
+    let least_squares = fit(&rows, &robot.nominal_base, prior, Method::LeastSquares)?;
+    let instrumental = fit(&rows, &robot.nominal_base, prior, Method::Instrumental)?;
+    let residuals = [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
+    Ok(Findings { runs: all, least_squares, instrumental, residuals })
+}
+
+/// Why these instruments, in words.
+fn instrument_text(run: &Run) -> String {
+    match run.source {
+        InstrumentSource::Desired => {
+            let lags: Vec<String> = run.rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
+            format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
+        }
+        InstrumentSource::Delayed(seconds) => {
+            let back = (seconds / run.piece.report.period_s).round();
+            let why = if run.piece.grid.q_des.is_none() {
+                "no desired trajectory in the log: delayed instruments"
+            } else {
+                "delayed instruments, as the robot file asks"
+            };
+            format!("{why}, k = {back} samples ({seconds} s)")
+        }
+    }
+}
+
+fn text(robot: &Robot, result: &Findings) -> String {
+    let (model, base) = (&robot.model, &robot.base);
+    let chosen = result.chosen(robot);
+    let signal = &robot.config.signal;
+    let mut out = format!(
+        "identify {}: {} joints, {} base parameters, model filter {} Hz (zero-phase)\n",
+        robot.config.name,
+        robot.dof(),
+        base.len(),
+        signal.model_filter_hz
+    );
+    for run in &result.runs {
+        let (grid, range) = (&run.piece.grid, &run.rows.moving);
+        out += &paragraph(
+            "  log         ",
+            &format!("{}: {}", runs::short_name(&grid.path), run.piece.report),
+        );
+        let left_out: Vec<String> = run.rows.left_out.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
+        let counts: Vec<String> = (0..robot.dof()).map(|j| run.rows.count(j).to_string()).collect();
+        out += &paragraph(
+            "  motion      ",
+            &format!(
+                "{:.2} s to {:.2} s; rows per joint {}, left out below the dead zone {} %",
+                grid.t[range.start],
+                grid.t[range.end - 1],
+                counts.join(" "),
+                left_out.join(" ")
+            ),
+        );
+        out += &paragraph("  instruments ", &instrument_text(run));
+    }
+    out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
+    let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
+    for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
+        let percent = |k: usize| format!("{:.1}", result.residuals[k][j]);
+        let (noise, correlation) = (number(chosen.noise[j], 3), format!("{:.1}", chosen.correlation[j]));
+        table.row([name, percent(0), percent(1), percent(2), noise, correlation]);
+    }
+    out += &table.text();
+    let by_prior = chosen.determined.iter().filter(|d| **d == Determined::ByPrior).count();
+    let (shift, at) = largest_shift(result);
+    out += &format!(
+        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)\n",
+        chosen.rank,
+        base.len(),
+        number(chosen.condition, 2),
+        base.len() - by_prior,
+        by_prior
+    );
+    out += &format!("largest difference IV - LS: {shift:.1} standard deviations ({})\n\n", base.name(model, at));
+    let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
+    let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
+    for i in 0..base.len() {
+        let decided = match chosen.determined[i] {
+            Determined::ByData => "data",
+            Determined::ByPrior => "prior",
+        };
+        table.row([
+            base.name(model, i),
+            number(chosen.values[i], 4),
+            number(chosen.std[i], 2),
+            decided.to_owned(),
+            number(result.least_squares.values[i], 4),
+            number(robot.nominal_base[i], 4),
+            base.parameter(model, i).unit(&model.arm).to_owned(),
+        ]);
+    }
+    out + &table.text()
+}
+
+/// The largest |IV - LS| over its standard deviation and the parameter it belongs to: noise in the regressor shows here.
+fn largest_shift(result: &Findings) -> (f64, usize) {
+    let (iv, ls) = (&result.instrumental, &result.least_squares);
+    let shift = |i: usize| (iv.values[i] - ls.values[i]).abs() / iv.std[i].max(f64::MIN_POSITIVE);
+    (0..iv.values.len()).map(|i| (shift(i), i)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
+}
+
+fn to_json(robot: &Robot, result: &Findings) -> Value {
+    let (model, base) = (&robot.model, &robot.base);
+    let chosen = result.chosen(robot);
+    let parameter = |i: usize| {
+        let regrouped: Vec<Value> = base
+            .regrouping(i)
+            .into_iter()
+            .map(|(k, factor)| json!({"name": model.parameters[k].name(&model.arm), "factor": factor}))
+            .collect();
+        json!({
+            "name": base.name(model, i),
+            "unit": base.parameter(model, i).unit(&model.arm),
+            "value": chosen.values[i],
+            "std": chosen.std[i],
+            "decided_by": if chosen.determined[i] == Determined::ByData { "data" } else { "prior" },
+            "instrumental": result.instrumental.values[i],
+            "least_squares": result.least_squares.values[i],
+            "nominal": robot.nominal_base[i],
+            "regrouped": regrouped,
+        })
+    };
+    let log = |run: &Run| {
+        let report = &run.piece.report;
+        let range = &run.rows.moving;
+        json!({
+            "file": run.piece.logged.path.display().to_string(),
+            "rows": report.rows_in,
+            "mean_rate_hz": report.mean_rate_hz,
+            "jitter_s": report.jitter_s,
+            "gaps": report.gaps.len(),
+            "period_s": report.period_s,
+            "resampling": report.to_string(),
+            "motion_s": [run.piece.grid.t[range.start], run.piece.grid.t[range.end - 1]],
+            "rows_per_joint": (0..robot.dof()).map(|j| run.rows.count(j)).collect::<Vec<_>>(),
+            "left_out": run.rows.left_out,
+            "instruments": match run.source {
+                InstrumentSource::Desired => json!({"kind": "desired", "lag_s": run.rows.lag_s}),
+                InstrumentSource::Delayed(delay_s) => json!({"kind": "delayed", "delay_s": delay_s}),
+            },
+        })
+    };
+    let per_joint = |j: usize| {
+        json!({
+            "joint": model.arm.joints[j].name,
+            "residual_percent": {
+                "nominal": result.residuals[0][j],
+                "least_squares": result.residuals[1][j],
+                "instrumental": result.residuals[2][j],
+            },
+            "noise": chosen.noise[j],
+            "rows_per_free_row": chosen.correlation[j],
+        })
+    };
+    let (shift, at) = largest_shift(result);
+    json!({
+        "robot": robot.config.name,
+        "model_hash": format!("{:016x}", robot.hash),
+        "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
+        "logs": result.runs.iter().map(log).collect::<Vec<_>>(),
+        "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
+        "rank": chosen.rank,
+        "base_parameters": base.len(),
+        "condition": chosen.condition,
+        "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
+        "parameters": (0..base.len()).map(parameter).collect::<Vec<_>>(),
+    })
+}
+
+/// `model.toml` and `robot.urdf` in `folder`; the model refers to the URDF beside it.
+fn export(robot: &Robot, fit: &Fit, folder: &Path) -> Result<()> {
+    let named = |path: &Path| path.display().to_string();
+    std::fs::create_dir_all(folder).with_context(|| named(folder))?;
+    let urdf = folder.join("robot.urdf");
+    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
+    runs::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
+    let mut moved = robot.clone();
+    moved.config.urdf = urdf;
+    let model = folder.join("model.toml");
+    write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
+}

@@ -1,0 +1,41 @@
+//! `rivet identify --online`: the daemon's core over a log, without processes: bit for bit what `rivet replay` gives.
+
+use crate::stream::{Recording, write_atomically, write_stream};
+use crate::summary::Summary;
+use anyhow::{Context, Result};
+use rivet_config::Robot;
+use rivet_daemon::Core;
+use rivet_ipc_schema::{Health, Parameters};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Ticks through the log and shows what the last parameter set says.
+pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: Option<&Path>) -> Result<ExitCode> {
+    let recording = Recording::read(robot, log)?;
+    eprintln!("{}", recording.report);
+    let mut core = Core::new(robot).context("the estimator refuses the settings")?;
+    let mut stream: Vec<Parameters> = Vec::new();
+    let mut progress = crate::progress::Progress::new("identifying", recording.len());
+    for k in 0..recording.len() {
+        let period = recording.period(k);
+        if core.tick(&period.state, period.setpoint.as_ref()).publish {
+            let mut parameters = Parameters::default();
+            core.write_parameters(&mut parameters);
+            stream.push(parameters);
+        }
+        progress.set(k + 1);
+    }
+    progress.done();
+    let mut health = Health::default();
+    core.write_health(&mut health);
+    if let Some(path) = stream_file {
+        write_stream(path, robot, &stream)?;
+    }
+    let last = stream.last().context(crate::replay::TOO_SHORT)?;
+    let summary = Summary::new(robot, &recording, last, &health);
+    println!("{summary}");
+    if let Some(path) = json {
+        write_atomically(path, summary.json().to_string().as_bytes())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,129 @@
+//! `rivet predict`: the torque a model expects along a log, on the log's own rows.
+
+use std::ops::Range;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use rivet_config::Robot;
+use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
+use rivet_logs::{interpolate, write_columns};
+
+use crate::runs::{self, Piece};
+use crate::table::{Table, paragraph};
+
+/// The prediction is smoothed at this many times the cut-off of the model filter: second differences of quantised
+/// positions are noise above it, and identification has seen nothing of the model there.
+const SMOOTH: f64 = 3.0;
+
+/// Arguments of `rivet predict`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Robot file; its identified parameters are used where it has some, the nominal ones otherwise.
+    #[arg(value_name = "MODEL.toml")]
+    model: PathBuf,
+    /// Log with positions (Parquet or CSV); torque is needed only to print errors.
+    log: PathBuf,
+    /// Where to write columns t and tau_pred1..N, one row each row of the log (Parquet).
+    #[arg(long, value_name = "PRED.parquet")]
+    out: PathBuf,
+}
+
+/// Sums of squares of one joint: error and torque, as measured and through the model filter.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    raw: [f64; 2],
+    filtered: [f64; 2],
+}
+
+/// Predicts and writes; prints errors when the log has torque.
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let robot = rivet_config::load(&args.model)?;
+    let log = runs::read_log(&robot, &args.log)?;
+    let pieces = runs::pieces(&log, log.median_step_s())?;
+    let rows: usize = pieces.iter().map(|p| p.logged.len()).sum();
+    if rows != log.len() {
+        bail!(
+            "{}: {} rows stand alone between holes in time; nothing can be said about motion there",
+            log.path.display(),
+            log.len() - rows
+        );
+    }
+    let n = robot.dof();
+    let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
+    let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
+    for piece in &pieces {
+        let predicted = predict_piece(&robot, piece)?;
+        if let Some(sums) = &mut sums {
+            compare(&robot, piece, &predicted, sums)?;
+        }
+        for (tau, grid) in tau.iter_mut().zip(&predicted) {
+            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged.t));
+        }
+    }
+    let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
+    let mut columns: Vec<(&str, &[f64])> = vec![("t", &log.t)];
+    columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
+    write_columns(&args.out, &columns)?;
+    print!("{}", report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()));
+    println!("{} rows written to {}", log.len(), args.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn predict_piece(robot: &Robot, piece: &Piece) -> Result<Vec<Vec<f64>>> {
+    let (signal, period) = (&robot.config.signal, piece.report.period_s);
+    let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
+    let motion = Trajectory::from_positions(&piece.grid.q, period);
+    predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
+        .with_context(|| piece.logged.path.display().to_string())
+}
+
+/// Adds the squares of a piece, from its first to its last motion and without the ends that the filter colours.
+fn compare(robot: &Robot, piece: &Piece, predicted: &[Vec<f64>], sums: &mut [Sums]) -> Result<()> {
+    let filter = runs::model_filter(robot, piece.report.period_s);
+    let edge = filter.edge();
+    let range = moving(robot, piece, edge);
+    let measured = piece.grid.torque()?;
+    for (j, sums) in sums.iter_mut().enumerate() {
+        let add = |to: &mut [f64; 2], tau: &[f64], predicted: &[f64]| {
+            for (tau, predicted) in tau[range.clone()].iter().zip(&predicted[range.clone()]) {
+                to[0] += (tau - predicted).powi(2);
+                to[1] += tau * tau;
+            }
+        };
+        add(&mut sums.raw, &measured[j], &predicted[j]);
+        let (mut tau, mut model) = (measured[j].clone(), predicted[j].clone());
+        filter.apply(&mut tau);
+        filter.apply(&mut model);
+        add(&mut sums.filtered, &tau, &model);
+    }
+    Ok(())
+}
+
+/// Samples of the grid between first and last motion of any joint.
+fn moving(robot: &Robot, piece: &Piece, edge: usize) -> Range<usize> {
+    let filter = runs::model_filter(robot, piece.report.period_s);
+    let mut speed = Trajectory::from_positions(&piece.grid.q, piece.report.period_s).qd;
+    speed.iter_mut().for_each(|speed| filter.apply(speed));
+    let rows = piece.grid.len();
+    rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, edge).unwrap_or(0..rows)
+}
+
+fn report(robot: &Robot, log: &str, piece: Option<&Piece>, sums: Option<&[Sums]>) -> String {
+    let kind = if robot.identified.is_some() { "identified" } else { "nominal (the file has no [identified])" };
+    let mut out = paragraph("", &format!("predict {}: {kind} parameters along {log}", robot.config.name));
+    if let Some(piece) = piece {
+        out += &paragraph("  ", &piece.report.to_string());
+    }
+    let Some(sums) = sums else {
+        out += "  no torque in the log: nothing to compare with\n";
+        return out;
+    };
+    let hz = robot.config.signal.model_filter_hz;
+    let mut table = Table::new(["100*|tau-pred|/|tau| [%]", "as logged", &format!("below {hz} Hz")]);
+    let percent = |[error, torque]: [f64; 2]| format!("{:.1}", 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt());
+    for (name, sums) in runs::joint_names(robot).into_iter().zip(sums) {
+        table.row([name, percent(sums.raw), percent(sums.filtered)]);
+    }
+    out + &table.text()
+}

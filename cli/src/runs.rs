@@ -1,0 +1,109 @@
+//! Logs of a robot as uniform records for off-line work.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use rivet_config::{Instruments, Robot};
+use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
+use rivet_logs::{Log, ReadOptions, ResampleReport, read};
+
+/// A step of time this long is a hole: nothing is made up across it.
+const HOLE_S: f64 = 0.1;
+/// A hole is also longer than this many usual steps.
+const HOLE_STEPS: f64 = 10.0;
+
+/// Reads a log of the robot: its joints, its zero, its drive gain.
+pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
+    let config = &robot.config;
+    let options = ReadOptions {
+        joints: robot.dof(),
+        drive_gain: config.drive.drive_gain.as_deref(),
+        joint_zero: Some(&config.log.joint_zero),
+    };
+    Ok(read(path, &options)?)
+}
+
+/// A stretch of a log without holes, on a uniform grid.
+pub(crate) struct Piece {
+    /// The rows as logged.
+    pub(crate) logged: Log,
+    /// The same stretch on the grid.
+    pub(crate) grid: Log,
+    /// What resampling did.
+    pub(crate) report: ResampleReport,
+}
+
+/// Cuts a log at its holes and puts each piece on a grid of `period_s`, or of the log's own usual step where that is
+/// longer: interpolation adds no knowledge.
+pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
+    let usual = log.median_step_s();
+    let period = if usual > 1.1 * period_s { usual } else { period_s };
+    let cut = log.split_at_gaps(HOLE_S.max(HOLE_STEPS * usual));
+    cut.into_iter()
+        .map(|logged| {
+            let (grid, report) = logged.resample(period)?;
+            Ok(Piece { logged, grid, report })
+        })
+        .collect()
+}
+
+/// The piece as a record with torque.
+pub(crate) fn record(piece: &Piece) -> Result<Record> {
+    let (log, period_s) = (&piece.grid, piece.report.period_s);
+    let measured = Trajectory::from_positions(&log.q, period_s);
+    let desired = log.q_des.as_ref().map(|q| {
+        let differences = Trajectory::from_positions(q, period_s);
+        Trajectory {
+            q: differences.q,
+            qd: log.qd_des.clone().unwrap_or(differences.qd),
+            qdd: log.qdd_des.clone().unwrap_or(differences.qdd),
+        }
+    });
+    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired })
+}
+
+/// How rows are made of a log of this robot; instruments as configured, desired motion only where the log has one.
+pub(crate) fn settings(robot: &Robot, has_desired: bool) -> OfflineSettings {
+    let (config, signal) = (&robot.config, &robot.config.signal);
+    let instrument = match config.estimator.instruments {
+        Instruments::Setpoint => InstrumentSource::Desired,
+        Instruments::Auto { .. } if has_desired => InstrumentSource::Desired,
+        Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => InstrumentSource::Delayed(delay_s),
+    };
+    OfflineSettings {
+        filter_hz: signal.model_filter_hz,
+        filter_order: signal.model_filter_order,
+        row_period_s: config.sample_period_s * signal.decimation as f64,
+        dead_zone: signal.dead_zone.clone(),
+        instrument,
+    }
+}
+
+/// The configured model filter, zero-phase, for records of a period.
+pub(crate) fn model_filter(robot: &Robot, period_s: f64) -> ZeroPhase {
+    let signal = &robot.config.signal;
+    ZeroPhase::new(signal.model_filter_hz, signal.model_filter_order, period_s)
+}
+
+/// A path's last part, for messages.
+pub(crate) fn short_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The joints' names in the URDF.
+pub(crate) fn joint_names(robot: &Robot) -> Vec<String> {
+    robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect()
+}
+
+/// `text` written beside `path` and renamed: the file is whole or absent.
+pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(format!(".{}.part", std::process::id()));
+    let temporary = PathBuf::from(temporary);
+    let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
+    if written.is_err() {
+        // The first error is the one to report.
+        let _ = std::fs::remove_file(&temporary);
+    }
+    written
+}

@@ -1,0 +1,136 @@
+//! What an on-line run identified, for people and for programs.
+
+use crate::stream::Recording;
+use rivet_config::Robot;
+use rivet_dynamics::ParameterGroup;
+use rivet_ipc_schema::{Health, InstrumentSource, ParameterState, Parameters};
+use serde_json::{Value, json};
+use std::fmt;
+
+/// The last parameter set of a run over a log, with what it left of the torque.
+pub(crate) struct Summary<'a> {
+    robot: &'a Robot,
+    parameters: &'a Parameters,
+    health: &'a Health,
+    samples: usize,
+    /// Windowed rms of each joint's torque \[N m\].
+    torque_rms: Vec<f64>,
+}
+
+impl<'a> Summary<'a> {
+    pub(crate) fn new(robot: &'a Robot, recording: &Recording, parameters: &'a Parameters, health: &'a Health) -> Self {
+        let window = robot.config.estimator.window_s;
+        let forget = window.map_or(1.0, |seconds| (-robot.config.sample_period_s / seconds).exp());
+        let rms = |tau: &Vec<f64>| {
+            let (mut square, mut weight) = (0.0, 0.0);
+            for t in tau {
+                square = forget * square + t * t;
+                weight = forget * weight + 1.0;
+            }
+            (square / f64::max(weight, 1.0)).sqrt()
+        };
+        let torque_rms = recording.log().tau.as_ref().map_or(Vec::new(), |(_, tau)| tau.iter().map(rms).collect());
+        Summary { robot, parameters, health, samples: recording.len(), torque_rms }
+    }
+
+    fn instruments(&self) -> &'static str {
+        match InstrumentSource::try_from(self.parameters.instruments) {
+            Ok(InstrumentSource::Setpoint) => "setpoint (the log has the desired motion)",
+            Ok(InstrumentSource::Delayed) => "delayed (no desired motion: the measured regressor some time ago)",
+            Ok(InstrumentSource::None) => "none (least squares)",
+            Err(_) => "unknown",
+        }
+    }
+
+    fn state(&self, i: usize) -> &'static str {
+        match ParameterState::try_from(self.parameters.state[i]) {
+            Ok(ParameterState::Active) => "active",
+            Ok(ParameterState::Held) => "held",
+            Ok(ParameterState::Unidentified) => "nominal",
+            Err(_) => "unknown",
+        }
+    }
+
+    /// Everything, under the same names as the text.
+    pub(crate) fn json(&self) -> Value {
+        let p = self.parameters;
+        let names = (0..p.len()).map(|i| self.robot.base.name(&self.robot.model, i));
+        let parameters: Vec<Value> = names
+            .enumerate()
+            .map(|(i, name)| {
+                json!({
+                    "name": name, "value": p.values[i], "std": p.std[i], "state": self.state(i),
+                    "least_squares": p.reference[i], "nominal": self.robot.nominal_base[i],
+                    "excitation": p.excitation[i],
+                })
+            })
+            .collect();
+        let joints: Vec<Value> = self
+            .robot
+            .model
+            .arm
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, joint)| {
+                json!({
+                    "joint": joint.name, "residual_rms": p.residual_rms[j],
+                    "nominal_residual_rms": self.health.nominal_residual_rms[j], "torque_rms": self.torque_rms[j],
+                    "torque_noise": p.torque_noise[j],
+                })
+            })
+            .collect();
+        json!({
+            "robot": self.robot.config.name, "samples": self.samples, "used": self.health.samples,
+            "lost": self.health.lost, "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
+            "instruments": self.instruments(), "parameters": parameters, "joints": joints,
+        })
+    }
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (p, model, base) = (self.parameters, &self.robot.model, &self.robot.base);
+        writeln!(f, "{}: {} samples, {} lost, epoch {}", self.robot.config.name, self.samples, self.health.lost, p.epoch)?;
+        writeln!(f, "instruments: {}", self.instruments())?;
+        let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
+        writeln!(
+            f,
+            "base parameters: {}, of them {} active, {} held, {} never identified (nominal value kept)\n",
+            p.len(),
+            count("active"),
+            count("held"),
+            count("nominal")
+        )?;
+        writeln!(f, "{:<24} {:>12} {:>12} {:>12} {:>12} {:>8}", "parameter", "value", "std", "least sq.", "nominal", "state")?;
+        for i in 0..p.len() {
+            let parameter = model.parameters[base.independent[i]];
+            if parameter.group() == ParameterGroup::Inertial {
+                continue;
+            }
+            writeln!(
+                f,
+                "{:<24} {:>12.5} {:>12.5} {:>12.5} {:>12.5} {:>8}  {}",
+                base.name(model, i),
+                p.values[i],
+                p.std[i],
+                p.reference[i],
+                self.robot.nominal_base[i],
+                self.state(i),
+                parameter.unit(&model.arm)
+            )?;
+        }
+        let inertial = (0..p.len()).filter(|&i| model.parameters[base.independent[i]].group() == ParameterGroup::Inertial);
+        writeln!(f, "and {} inertial base parameters (--json and --stream have all)\n", inertial.count())?;
+        writeln!(f, "{:<24} {:>14} {:>14} {:>14} {:>9}", "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]")?;
+        for (j, joint) in model.arm.joints.iter().enumerate() {
+            let left = 100.0 * p.residual_rms[j] / self.torque_rms[j].max(f64::MIN_POSITIVE);
+            writeln!(
+                f,
+                "{:<24} {:>14.3} {:>14.3} {:>14.3} {:>9.1}",
+                joint.name, p.residual_rms[j], self.health.nominal_residual_rms[j], self.torque_rms[j], left
+            )?;
+        }
+        write!(f, "residual: model-filtered torque not explained one step ahead, rms over the window")
+    }
+}
