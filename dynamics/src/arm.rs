@@ -49,28 +49,31 @@ impl Joint {
     }
 }
 
-/// A joint's pose as a function of its position, with the constants taken out:
-/// Rodrigues' formula `R(q) = R₀·(aaᵀ + sin q·[a]ₓ − cos q·[a]ₓ²)` for any axis costs 18 multiplications.
+/// A joint as the recursions use it: kinds differ only in numbers, so the inner loops have no branches.
+///
+/// The pose at position q has rotation `constant + sin q·of_sin + cos q·of_cos`, which is Rodrigues' formula
+/// `R₀·(aaᵀ + sin q·[a]ₓ − cos q·[a]ₓ²)` for an axis a in any direction, and origin `translation + q·R₀·slide`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointMotion {
-    pub(crate) revolute: bool,
-    pub(crate) axis: Vec3,
-    /// `R₀·aaᵀ` (revolute) or `R₀` (prismatic).
+    /// Angular velocity at unit joint speed, in the joint frame: the axis, or zero for a prismatic joint.
+    pub(crate) turn: Vec3,
+    /// Linear velocity at unit joint speed, in the joint frame: zero, or the axis for a prismatic joint.
+    pub(crate) slide: Vec3,
+    revolute: bool,
     constant: Mat3,
-    /// `R₀·[a]ₓ`; unused by a prismatic joint.
     of_sin: Mat3,
-    /// `−R₀·[a]ₓ²`; unused by a prismatic joint.
     of_cos: Mat3,
     translation: Vec3,
-    /// `R₀·a`, the direction of travel in the parent frame; zero for a revolute joint.
+    /// `R₀·slide`.
     travel: Vec3,
 }
 
 impl JointMotion {
     /// Fills the places of an arm with fewer than [`MAX_JOINTS`] joints.
     pub(crate) const UNUSED: JointMotion = JointMotion {
+        turn: [0.0; 3],
+        slide: [0.0; 3],
         revolute: false,
-        axis: [0.0; 3],
         constant: IDENTITY,
         of_sin: [[0.0; 3]; 3],
         of_cos: [[0.0; 3]; 3],
@@ -82,36 +85,29 @@ impl JointMotion {
         let (r0, a, translation) = (&joint.rotation, joint.axis, joint.translation);
         if joint.kind == JointKind::Prismatic {
             let travel = rotate(r0, &a);
-            return JointMotion { axis: a, constant: *r0, translation, travel, ..JointMotion::UNUSED };
+            return JointMotion { slide: a, constant: *r0, translation, travel, ..JointMotion::UNUSED };
         }
         let k = skew(&a);
-        let k_squared = multiply(&k, &k);
-        let outer = a.map(|x| scale(&a, x));
         JointMotion {
+            turn: a,
             revolute: true,
-            axis: a,
-            constant: multiply(r0, &outer),
+            constant: multiply(r0, &a.map(|x| scale(&a, x))),
             of_sin: multiply(r0, &k),
-            of_cos: multiply(r0, &k_squared.map(|row| scale(&row, -1.0))),
+            of_cos: multiply(r0, &multiply(&k, &k).map(|row| scale(&row, -1.0))),
             translation,
-            travel: [0.0; 3],
+            ..JointMotion::UNUSED
         }
     }
 
     /// Rotation (child to parent components) and origin in the parent frame \[m\] at position `q`.
     #[inline(always)]
     pub(crate) fn pose(&self, q: f64) -> (Mat3, Vec3) {
-        if !self.revolute {
-            return (self.constant, add(&self.translation, &scale(&self.travel, q)));
-        }
-        let (s, c) = q.sin_cos();
-        let mut r = self.constant;
-        for i in 0..3 {
-            for k in 0..3 {
-                r[i][k] += s * self.of_sin[i][k] + c * self.of_cos[i][k];
-            }
-        }
-        (r, self.translation)
+        let (s, c) = if self.revolute { q.sin_cos() } else { (0.0, 0.0) };
+        let row = |i: usize| {
+            let entry = |k: usize| self.constant[i][k] + s * self.of_sin[i][k] + c * self.of_cos[i][k];
+            [entry(0), entry(1), entry(2)]
+        };
+        ([row(0), row(1), row(2)], add(&self.translation, &scale(&self.travel, q)))
     }
 }
 

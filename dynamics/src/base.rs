@@ -11,17 +11,22 @@ use crate::model::Model;
 use crate::parameters::Parameter;
 use crate::rigid::Workspace;
 
-/// A column is spanned by the kept ones if less than this part of its norm is left. Exact dependence leaves 1e-15,
-/// geometry written with ten digits 1e-10; true independence leaves more than 1e-4 on any arm tried.
-const TOLERANCE: f64 = 1e-7;
+/// A column is spanned by the kept ones if less than this is left of it, in parts of the largest column of its kind.
+/// Exact dependence leaves 1e-14 and a right angle written as 1.5708 up to 4e-6; independent columns keep 1e-2 and
+/// more on the reference arms, 5e-5 on the worst of 2000 random ones.
+const TOLERANCE: f64 = 1e-5;
+/// A kind without any column larger than this part of the largest of all is measured by that part instead: otherwise
+/// the rounding errors of columns that are all zero would be measured by themselves.
+const SMALLEST_KIND: f64 = 1e-3;
 /// Smallest acceptable ratio between the last kept and the first dropped residual.
 const CLEAR_GAP: f64 = 1e4;
 /// Random states that the decision rests on.
 const STATES: usize = 200;
-/// Regrouping factors below this (with both columns scaled to norm one) are rounding.
+/// Regrouping factors below this, with both columns in parts of their kind's largest, are rounding.
 const ZERO_FACTOR: f64 = 1e-12;
 
-/// How clearly the kept columns differ from the dropped ones: residual norms, as part of the column's norm.
+/// How clearly the kept columns differ from the dropped ones: what the columns before it leave of a column, in parts
+/// of the largest column of its kind (masses, first moments, inertias, viscous friction, ...).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RankGap {
     /// Smallest residual of a kept column.
@@ -75,9 +80,8 @@ impl BaseSet {
     /// When the rank is not clear, with the residuals on both sides of the gap.
     pub fn new(model: &Model) -> Result<BaseSet, BaseError> {
         let mut columns = sample(model, STATES, 0x5eed);
-        let norms: Vec<f64> = columns.iter().map(|c| norm(c)).collect();
-        let largest = norms.iter().fold(0.0_f64, |a, &b| a.max(b));
-        if !largest.is_finite() || norms.iter().any(|n| !n.is_finite()) {
+        let scales = scales(model, &columns);
+        if scales.iter().any(|scale| !scale.is_finite()) {
             return Err(BaseError::NotFinite);
         }
         let mut found = BaseSet {
@@ -90,15 +94,10 @@ impl BaseSet {
         let mut directions: Vec<Vec<f64>> = Vec::new();
         let mut projections: Vec<Vec<f64>> = Vec::new();
         for c in visiting_order(model) {
-            if norms[c] <= TOLERANCE * largest {
-                let gap = &mut found.gap;
-                gap.largest_dropped = gap.largest_dropped.max(norms[c] / largest);
-                continue;
-            }
             let mut column = std::mem::take(&mut columns[c]);
             let mut along = orthogonalise(&mut column, &directions);
             let left = norm(&column);
-            let residual = left / norms[c];
+            let residual = left / scales[c];
             if residual > TOLERANCE {
                 found.gap.smallest_kept = found.gap.smallest_kept.min(residual);
                 for x in &mut column {
@@ -113,7 +112,7 @@ impl BaseSet {
                 found.gap.largest_dropped = found.gap.largest_dropped.max(residual);
                 back_substitute(&projections, &mut along);
                 for (k, &factor) in along.iter().enumerate() {
-                    if factor.abs() * norms[found.independent[k]] > ZERO_FACTOR * norms[c] {
+                    if factor.abs() * scales[found.independent[k]] > ZERO_FACTOR * scales[c] {
                         found.regrouping[k].push((c, factor));
                     }
                 }
@@ -177,6 +176,32 @@ fn visiting_order(model: &Model) -> Vec<usize> {
         Parameter::Link { link, .. } => 5 + model.arm.dof() - link,
     });
     order
+}
+
+/// For each column the norm of the largest of its kind: what a residual is measured by. Columns of one kind share a
+/// unit, so a millimetre of offset between two axes does not count as much as a metre.
+fn scales(model: &Model, columns: &[Vec<f64>]) -> Vec<f64> {
+    let kind = |c: usize| match model.parameters[c] {
+        Parameter::Link { entry: 0, .. } => 0,
+        Parameter::Link { entry: 1..=3, .. } => 1,
+        Parameter::Link { .. } => 2,
+        Parameter::RotorInertia(_) => 3,
+        Parameter::Viscous(_) => 4,
+        Parameter::Coulomb(_) => 5,
+        Parameter::Offset(_) => 6,
+        Parameter::CouplingInertia => 7,
+        Parameter::CouplingViscous => 8,
+        Parameter::CouplingCoulomb => 9,
+    };
+    // Not f64::max, which would lose a NaN.
+    let larger = |a: f64, b: f64| if a >= b { a } else { b };
+    let norms: Vec<f64> = columns.iter().map(|column| norm(column)).collect();
+    let floor = SMALLEST_KIND * norms.iter().copied().fold(0.0, larger);
+    let mut largest = [floor; 10];
+    for (c, &norm) in norms.iter().enumerate() {
+        largest[kind(c)] = larger(largest[kind(c)], norm);
+    }
+    (0..norms.len()).map(|c| largest[kind(c)]).collect()
 }
 
 /// Columns of the regressor stacked over random states. Positions fill the limits (±π rad or ±1 m where there are

@@ -82,13 +82,10 @@ impl Motion {
     fn next(&self, joint: &JointMotion, r: &Mat3, p: &Vec3, qd: f64, qdd: f64) -> Motion {
         let at_p = add(&add(&self.d, &cross(&self.dw, p)), &cross(&self.w, &cross(&self.w, p)));
         let (w, dw, d) = (rotate_back(r, &self.w), rotate_back(r, &self.dw), rotate_back(r, &at_p));
-        let (rate, change) = (scale(&joint.axis, qd), scale(&joint.axis, qdd));
-        if joint.revolute {
-            Motion { w: add(&w, &rate), dw: add(&add(&dw, &change), &cross(&w, &rate)), d }
-        } else {
-            let coriolis = scale(&cross(&w, &rate), 2.0);
-            Motion { w, dw, d: add(&add(&d, &change), &coriolis) }
-        }
+        let (rate, speed) = (scale(&joint.turn, qd), scale(&joint.slide, qd));
+        let turning = add(&scale(&joint.turn, qdd), &cross(&w, &rate));
+        let sliding = add(&scale(&joint.slide, qdd), &scale(&cross(&w, &speed), 2.0));
+        Motion { w: add(&w, &rate), dw: add(&dw, &turning), d: add(&d, &sliding) }
     }
 }
 
@@ -121,7 +118,7 @@ pub fn inverse_dynamics(
     }
     for i in (0..dof).rev() {
         let joint = &ws.motions[i];
-        tau[i] = dot(&joint.axis, if joint.revolute { &ws.n[i] } else { &ws.f[i] });
+        tau[i] = dot(&joint.turn, &ws.n[i]) + dot(&joint.slide, &ws.f[i]);
         if i > 0 {
             let (f, n) = wrench_in_parent(&ws.r[i], &ws.p[i], &ws.f[i], &ws.n[i]);
             ws.f[i - 1] = add(&ws.f[i - 1], &f);
@@ -151,16 +148,13 @@ pub fn mass_matrix(arm: &Arm, links: &[[f64; 10]], ws: &mut Workspace, q: &[f64]
         let (joint, body) = (&ws.motions[i], &ws.composite[i]);
         let h = [body[1], body[2], body[3]];
         // The wrench that accelerates joint i alone at unit rate, everything beyond it stiff.
-        let (mut f, mut n) = if joint.revolute {
-            (cross(&joint.axis, &h), rotate(&inertia_matrix(body), &joint.axis))
-        } else {
-            (scale(&joint.axis, body[0]), cross(&h, &joint.axis))
-        };
-        m[i * dof + i] = dot(&joint.axis, if joint.revolute { &n } else { &f });
+        let mut f = add(&scale(&joint.slide, body[0]), &cross(&joint.turn, &h));
+        let mut n = add(&rotate(&inertia_matrix(body), &joint.turn), &cross(&h, &joint.slide));
+        m[i * dof + i] = dot(&joint.turn, &n) + dot(&joint.slide, &f);
         for j in (0..i).rev() {
             (f, n) = wrench_in_parent(&ws.r[j + 1], &ws.p[j + 1], &f, &n);
             let carrier = &ws.motions[j];
-            let entry = dot(&carrier.axis, if carrier.revolute { &n } else { &f });
+            let entry = dot(&carrier.turn, &n) + dot(&carrier.slide, &f);
             m[i * dof + j] = entry;
             m[j * dof + i] = entry;
         }
@@ -204,21 +198,16 @@ pub(crate) fn regressor_rows(
         let (r, p) = joint.pose(q[i]);
         motion = motion.next(joint, &r, &p, qd[i], qdd[i]);
         let body = BodyRegressor::new(&motion);
-        for j in 0..i {
-            let v = add(&ws.slide[j], &cross(&ws.turn[j], &p));
-            let (u, v) = (rotate_back(&r, &ws.turn[j]), rotate_back(&r, &v));
-            (ws.turn[j], ws.slide[j]) = (u, v);
-            body.row(&u, &v, &mut y[j * stride + LINK_PARAMETERS * i..][..LINK_PARAMETERS]);
+        let columns = LINK_PARAMETERS * i..LINK_PARAMETERS * (i + 1);
+        for ((turn, slide), row) in ws.turn[..i].iter_mut().zip(&mut ws.slide[..i]).zip(y.chunks_exact_mut(stride)) {
+            let at_p = add(slide, &cross(turn, &p));
+            (*turn, *slide) = (rotate_back(&r, turn), rotate_back(&r, &at_p));
+            row[columns.clone()].copy_from_slice(&body.row(turn, slide));
         }
-        let zero = [0.0; 3];
-        (ws.turn[i], ws.slide[i]) = if joint.revolute { (joint.axis, zero) } else { (zero, joint.axis) };
-        y[i * stride..i * stride + LINK_PARAMETERS * i].fill(0.0);
-        let own = &mut y[i * stride + LINK_PARAMETERS * i..][..LINK_PARAMETERS];
-        if joint.revolute {
-            body.turning_row(&joint.axis, own);
-        } else {
-            body.row(&zero, &joint.axis, own);
-        }
+        let row = &mut y[i * stride..(i + 1) * stride];
+        row[..columns.start].fill(0.0);
+        row[columns].copy_from_slice(&body.row(&joint.turn, &joint.slide));
+        (ws.turn[i], ws.slide[i]) = (joint.turn, joint.slide);
     }
 }
 
@@ -252,21 +241,19 @@ impl BodyRegressor {
 
     /// `u·n + v·f`, ten columns.
     #[inline(always)]
-    fn row(&self, u: &Vec3, v: &Vec3, out: &mut [f64]) {
-        self.turning_row(u, out);
-        out[0] = dot(v, &self.d);
-        for k in 0..3 {
-            out[1 + k] += dot(v, &self.spread[k]);
-        }
-    }
-
-    /// `u·n`, ten columns: the row of a joint whose axis passes through the origin.
-    #[inline(always)]
-    fn turning_row(&self, u: &Vec3, out: &mut [f64]) {
-        out[0] = 0.0;
-        out[1..4].copy_from_slice(&cross(&self.d, u)); // u·(h×d) = h·(d×u)
-        for k in 0..6 {
-            out[4 + k] = dot(u, &self.moments[k]);
-        }
+    fn row(&self, u: &Vec3, v: &Vec3) -> [f64; LINK_PARAMETERS] {
+        let moment = cross(&self.d, u); // u·(h×d) = h·(d×u)
+        [
+            dot(v, &self.d),
+            moment[0] + dot(v, &self.spread[0]),
+            moment[1] + dot(v, &self.spread[1]),
+            moment[2] + dot(v, &self.spread[2]),
+            dot(u, &self.moments[0]),
+            dot(u, &self.moments[1]),
+            dot(u, &self.moments[2]),
+            dot(u, &self.moments[3]),
+            dot(u, &self.moments[4]),
+            dot(u, &self.moments[5]),
+        ]
     }
 }
