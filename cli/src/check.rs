@@ -5,6 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 
+use crate::table::show;
+
 /// Arguments of `rivet check`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -16,6 +18,6 @@ pub struct Args {
 /// Prints the resolved configuration, or every mistake.
 pub fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
-    print!("{}", robot.describe());
+    show(&robot.describe())?;
     Ok(ExitCode::SUCCESS)
 }

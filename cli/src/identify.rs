@@ -5,14 +5,16 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use rivet_config::{EstimatorKind, Robot, write_identified};
-use rivet_estimation::offline::{
-    Determined, Fit, InstrumentSource, Method, OfflineError, Rows, fit, residual_percent,
-};
+use rivet_estimation::offline::{Determined, Fit, InstrumentSource, Method, OfflineError, Rows, fit, residual_percent};
 use serde_json::{Value, json};
 
 use crate::progress::Progress;
 use crate::runs::{self, Piece};
-use crate::table::{Table, number, paragraph};
+use crate::table::{Table, number, paragraph, show};
+
+/// The prior counts so many times weaker than on line: a whole record is at hand, and nominal values that are wrong (a
+/// payload that the robot file does not know) must not pull for all of it. It settles what the motion leaves open.
+const WEAKER_PRIOR: f64 = 10.0;
 
 /// Arguments of `rivet identify`.
 #[derive(Debug, clap::Args)]
@@ -61,15 +63,15 @@ impl Findings {
 pub fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     let result = identify(&robot, &args.logs)?;
-    print!("{}", text(&robot, &result));
+    show(&text(&robot, &result))?;
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", to_json(&robot, &result));
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
-        println!("result written to {}", path.display());
+        show(&format!("result written to {}\n", path.display()))?;
     }
     if let Some(folder) = &args.export {
         export(&robot, result.chosen(&robot), folder)?;
-        println!("model written to {}", folder.join("model.toml").display());
+        show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -105,10 +107,11 @@ fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
     }
     progress.done();
     let rows: Vec<Rows> = all.iter().map(|run| run.rows.clone()).collect();
-    let prior = robot.config.estimator.prior;
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let least_squares = fit(&rows, &robot.nominal_base, prior, Method::LeastSquares)?;
     let instrumental = fit(&rows, &robot.nominal_base, prior, Method::Instrumental)?;
-    let residuals = [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
+    let residuals =
+        [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
     Ok(Findings { runs: all, least_squares, instrumental, residuals })
 }
 
@@ -144,10 +147,7 @@ fn text(robot: &Robot, result: &Findings) -> String {
     );
     for run in &result.runs {
         let (grid, range) = (&run.piece.grid, &run.rows.moving);
-        out += &paragraph(
-            "  log         ",
-            &format!("{}: {}", runs::short_name(&grid.path), run.piece.report),
-        );
+        out += &paragraph("  log         ", &format!("{}: {}", runs::short_name(&grid.path), run.piece.report));
         let left_out: Vec<String> = run.rows.left_out.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
         let counts: Vec<String> = (0..robot.dof()).map(|j| run.rows.count(j).to_string()).collect();
         out += &paragraph(

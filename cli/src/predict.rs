@@ -10,11 +10,11 @@ use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{interpolate, write_columns};
 
 use crate::runs::{self, Piece};
-use crate::table::{Table, paragraph};
+use crate::table::{Table, paragraph, show};
 
 /// The prediction is smoothed at this many times the cut-off of the model filter: second differences of quantised
 /// positions are noise above it, and identification has seen nothing of the model there.
-const SMOOTH: f64 = 3.0;
+const SMOOTH: f64 = 2.0;
 
 /// Arguments of `rivet predict`.
 #[derive(Debug, clap::Args)]
@@ -65,8 +65,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut columns: Vec<(&str, &[f64])> = vec![("t", &log.t)];
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
     write_columns(&args.out, &columns)?;
-    print!("{}", report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()));
-    println!("{} rows written to {}", log.len(), args.out.display());
+    show(&report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()))?;
+    show(&format!("{} rows written to {}\n", log.len(), args.out.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 

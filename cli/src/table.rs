@@ -1,9 +1,19 @@
 //! Plain tables and paragraphs of at most 100 columns.
 
 use std::fmt::Write as _;
+use std::io::{ErrorKind, Write as _};
 
 /// Widest line that is printed.
 pub(crate) const WIDTH: usize = 100;
+
+/// Writes to standard output. A reader that has seen enough (`| head`) is no failure.
+pub(crate) fn show(text: &str) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(why) if why.kind() == ErrorKind::BrokenPipe => Ok(()),
+        done => done,
+    }
+}
 
 /// Rows of text cells; the first column is left-aligned, the others right-aligned.
 pub(crate) struct Table {
@@ -22,7 +32,8 @@ impl Table {
     /// The table, indented by two, its first column shortened where the lines would be too long.
     pub(crate) fn text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let longest = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
+        let longest =
+            |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let mut widths: Vec<usize> = (0..columns).map(longest).collect();
         let others: usize = widths.iter().skip(1).map(|w| w + 2).sum();
         if let Some(first) = widths.first_mut() {
@@ -48,7 +59,11 @@ impl Table {
 /// The end of a text that is too long, after two dots.
 fn shortened(text: &str, width: usize) -> String {
     let count = text.chars().count();
-    if count <= width { text.to_owned() } else { format!("..{}", text.chars().skip(count + 2 - width).collect::<String>()) }
+    if count <= width {
+        text.to_owned()
+    } else {
+        format!("..{}", text.chars().skip(count + 2 - width).collect::<String>())
+    }
 }
 
 /// Breaks a text at spaces; the first line starts with `first`, the others with as many spaces.

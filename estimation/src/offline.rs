@@ -19,5 +19,5 @@ mod zero_phase;
 
 pub use fit::{Determined, Fit, Method, fit, residual_percent};
 pub use record::{OfflineError, Record, Trajectory, predict};
-pub use rows::{InstrumentSource, OfflineSettings, Rows};
+pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use zero_phase::ZeroPhase;

@@ -42,3 +42,4 @@ pub use error::{LogError, LogFault};
 pub use log::{Log, ReadOptions, Signals, TorqueSource, read};
 pub use parquet_file::write_columns;
 pub use resample::{Gap, Method, ResampleReport};
+pub use signal::interpolate;

@@ -40,6 +40,16 @@ pub(crate) fn spline(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
     })
 }
 
+/// A smooth curve (cubic spline) through `(t, x)`, `t` rising, at rising points; beyond the ends the end value holds.
+///
+/// # Panics
+/// If `t` and `x` differ in length or have fewer than two entries.
+pub fn interpolate(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
+    assert!(t.len() == x.len() && t.len() > 1, "{} times, {} values", t.len(), x.len());
+    let inside: Vec<f64> = at.iter().map(|at| at.clamp(t[0], t[t.len() - 1])).collect();
+    spline(t, x, &inside)
+}
+
 /// Straight lines through `(t, x)`, evaluated at `at` (rising, inside `t`).
 pub(crate) fn linear(t: &[f64], x: &[f64], at: &[f64]) -> Vec<f64> {
     each_interval(t, at, |k, from_left| x[k] + (x[k + 1] - x[k]) * from_left / (t[k + 1] - t[k]))

@@ -7,8 +7,9 @@ use super::rows::{JointRows, Rows};
 
 /// Rounds of weighting by the residual of the fit before.
 const ROUNDS: usize = 4;
-/// A parameter whose nominal value is small gets the prior width at which it alone makes this share of the torque.
-const PRIOR_TORQUE_SHARE: f64 = 0.05;
+/// A parameter whose nominal value is small or zero counts as large as the value that alone makes this share of the
+/// torque of some joint.
+const PRIOR_TORQUE_SHARE: f64 = 0.005;
 /// Directions of the data below this share of the strongest are rounding, not information.
 const RANK_TOLERANCE: f64 = 1e-7;
 
@@ -52,8 +53,8 @@ pub struct Fit {
 /// Fits base parameters to the rows of several records.
 ///
 /// * `nominal`: base parameters before, x₀
-/// * `prior`: standard deviation of x₀ as a share of each value (or, for a value near zero, of the value that would
-///   make a twentieth of the torque)
+/// * `prior`: standard deviation of x₀ as a multiple of each value (or, for a value near zero, of the value that alone
+///   would make 0.5 % of the torque of some joint)
 pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
     let n = rows.first().map_or(0, |r| r.joints.len());
@@ -184,13 +185,12 @@ impl Solution {
         let k = x0.len();
         let mut dd = DMatrix::zeros(k, k);
         let (mut zd, mut zz, mut zt) = (dd.clone(), dd.clone(), DVector::zeros(k));
-        let (mut torque, mut count) = (0.0, 0.0);
+        let mut count = 0.0;
         for (joint, w) in joints.iter().zip(weights) {
             dd += &joint.dd * *w;
             zd += &joint.zd * *w;
             zz += &joint.zz * *w;
             zt += &joint.zt * *w;
-            torque += joint.torque_square * *w;
             count += joint.count;
         }
         let size = DVector::from_fn(k, |i, _| dd[(i, i)].sqrt());
@@ -199,7 +199,9 @@ impl Solution {
         let scale = size.map(|s| 1.0 / if s > 1e-12 * strongest { s } else { strongest });
         let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(i, j)] * scale[i] * scale[j]);
         let width = DVector::from_fn(k, |i, _| {
-            let share = PRIOR_TORQUE_SHARE * torque.sqrt() * scale[i];
+            let alone = |joint: &Normal| (joint.torque_square / joint.dd[(i, i)]).sqrt();
+            let least = joints.iter().map(alone).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
+            let share = if least.is_finite() { PRIOR_TORQUE_SHARE * least } else { 0.0 };
             prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE)
         });
         let prior_information = width.zip_map(&scale, |width, scale| (scale / width).powi(2));

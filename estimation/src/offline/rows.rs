@@ -49,7 +49,7 @@ pub struct Rows {
     pub left_out: Vec<f64>,
     /// Samples of the record between the first and the last motion of any joint.
     pub moving: std::ops::Range<usize>,
-    /// Tracking lag that was found, per joint \[s\]; empty for delayed instruments.
+    /// Tracking lag that was found, per joint \[s\], negative where the arm leads; empty for delayed instruments.
     pub lag_s: Vec<f64>,
 }
 
@@ -124,7 +124,7 @@ impl Rows {
 
 /// From the first to the last sample at which any joint moves: faster than its dead zone and than a hundredth of its own
 /// top speed.
-fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Option<std::ops::Range<usize>> {
+pub fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Option<std::ops::Range<usize>> {
     let rows = speed.first()?.len();
     let least: Vec<f64> = speed
         .iter()
@@ -158,26 +158,30 @@ fn pick(columns: &[Vec<f64>], samples: impl Iterator<Item = usize>) -> Vec<f64> 
     samples.flat_map(|k| columns.iter().map(move |column| column[k])).collect()
 }
 
-/// Samples by which `actual` lags `commanded`: the largest cross-correlation within 0.3 s, refined by a parabola.
+/// Samples by which `actual` lags `commanded` (negative: leads it, which feed-forward can do): the largest
+/// cross-correlation within 0.3 s, refined by a parabola. The same stretch of `actual` counts for every shift.
 fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
     let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
-    let product = |shift: usize| -> f64 { actual[shift..].iter().zip(commanded).map(|(a, c)| a * c).sum() };
-    let products: Vec<f64> = (0..=most).map(product).collect();
-    let best = (0..=most).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(0);
-    if best == 0 || best == most || products[best] <= 0.0 {
-        return if products[best] > 0.0 { best as f64 } else { 0.0 };
+    let inner = &actual[most..actual.len() - most];
+    // Entry k belongs to a lag of most - k samples.
+    let product = |k: usize| -> f64 { inner.iter().zip(&commanded[k..]).map(|(a, c)| a * c).sum() };
+    let products: Vec<f64> = (0..=2 * most).map(product).collect();
+    let best = (0..products.len()).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(most);
+    let whole = most as f64 - best as f64;
+    if products[best] <= 0.0 || best == 0 || best + 1 == products.len() {
+        return 0.0; // nothing in common, or nothing that fits within the reach
     }
     let (before, at, after) = (products[best - 1], products[best], products[best + 1]);
     let bend = before - 2.0 * at + after;
-    best as f64 + if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
+    whole - if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
 }
 
-/// The motion, each joint later by its lag in samples (straight lines between samples).
+/// The motion, each joint later by its lag in samples (straight lines between samples; end values hold).
 fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
     let shift = |signals: &[Vec<f64>]| -> Vec<Vec<f64>> {
         let each = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
             let at = |k: usize| {
-                let place = (k as f64 - lag).max(0.0);
+                let place = (k as f64 - lag).clamp(0.0, (x.len() - 1) as f64);
                 let before = (place.floor() as usize).min(x.len() - 1);
                 let after = (before + 1).min(x.len() - 1);
                 x[before] + (place - before as f64) * (x[after] - x[before])
@@ -197,7 +201,7 @@ mod tests {
     fn tracking_lag_is_found_to_a_fraction_of_a_sample() {
         let wave = |k: f64| (0.02 * k).sin() + 0.5 * (0.037 * k).cos();
         let commanded: Vec<f64> = (0..2000).map(|k| wave(f64::from(k))).collect();
-        for late in [0.0, 3.0, 17.4] {
+        for late in [0.0, 3.0, 17.4, -12.6] {
             let actual: Vec<f64> = (0..2000).map(|k| wave(f64::from(k) - late)).collect();
             let found = lag(&actual, &commanded, 0.004);
             assert!((found - late).abs() < 0.7, "{late}: {found}");
