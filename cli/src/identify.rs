@@ -31,6 +31,12 @@ pub struct Args {
     /// Write model.toml (robot file with the identified parameters) and robot.urdf into this folder.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
+    /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
+    #[arg(long, conflicts_with = "export")]
+    online: bool,
+    /// With --online: write every published parameter set (CSV).
+    #[arg(long, value_name = "FILE", requires = "online")]
+    stream: Option<PathBuf>,
 }
 
 /// One stretch of a log and its rows.
@@ -62,6 +68,10 @@ impl Findings {
 /// Identifies, prints, exports.
 pub fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    if args.online {
+        let [log] = args.logs.as_slice() else { bail!("--online takes one log; {} are given", args.logs.len()) };
+        return crate::online::run(&robot, log, args.stream.as_deref(), args.json.as_deref());
+    }
     let result = identify(&robot, &args.logs)?;
     show(&text(&robot, &result))?;
     if let Some(path) = &args.json {
