@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use crate::columns::{Table, is_known};
+use crate::columns::Table;
 use crate::error::{LogError, LogFault};
 
-/// Reads the columns of the contract from a CSV file.
-pub(crate) fn read(path: &Path) -> Result<Table, LogError> {
+/// Reads the columns that `wanted` picks by name from a CSV file.
+pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
@@ -16,7 +16,7 @@ pub(crate) fn read(path: &Path) -> Result<Table, LogError> {
     let mut known: Vec<(usize, Vec<f64>)> = Vec::new();
     let mut table = Table::default();
     for (k, name) in names.iter().enumerate() {
-        if !is_known(name) {
+        if !wanted(name) {
             table.unused.push(name.clone());
         } else if names[..k].contains(name) {
             return Err(LogFault::TwiceColumn { column: name.clone() }.at(path));

@@ -39,7 +39,7 @@ mod resample;
 mod signal;
 
 pub use error::{LogError, LogFault};
-pub use log::{Log, ReadOptions, Signals, TorqueSource, read};
+pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
 pub use parquet_file::write_columns;
 pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::columns::{Group, Table};
+use crate::columns::{Group, Table, is_known};
 use crate::error::{LogError, LogFault};
 use crate::{csv_file, parquet_file};
 
@@ -74,18 +74,40 @@ pub struct Log {
 /// Reads a log, Parquet or CSV; what the file starts with decides, not its name.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions<'_>) -> Result<Log, LogError> {
     let path = path.as_ref();
+    let table = read_table(path, is_known)?;
+    Log::from_table(path, table, options).map_err(|fault| fault.at(path))
+}
+
+/// Reads columns by name from a Parquet or CSV file that need not be a log, such as a prediction. All are there, of one
+/// length, and every value is finite.
+pub fn read_columns(path: impl AsRef<Path>, names: &[&str]) -> Result<Vec<Vec<f64>>, LogError> {
+    let path = path.as_ref();
+    let mut table = read_table(path, |name| names.contains(&name))?;
+    let mut columns: Vec<Vec<f64>> = Vec::with_capacity(names.len());
+    for name in names {
+        let column = table.columns.remove(*name).ok_or_else(|| {
+            let rule = format!("{} are asked for", names.join(", "));
+            LogFault::MissingColumn { column: (*name).to_owned(), rule }.at(path)
+        })?;
+        let rows = columns.first().map_or(column.len(), Vec::len);
+        check_values(name, &column, rows).map_err(|fault| fault.at(path))?;
+        columns.push(column);
+    }
+    Ok(columns)
+}
+
+fn read_table(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
     let mut magic = [0_u8; 8];
     let head = File::open(path).and_then(|mut f| f.read(&mut magic));
     let head = head.map_err(|e| LogFault::Io(e).at(path))?;
-    let table = if magic[..head].starts_with(b"PAR1") {
-        parquet_file::read(path)?
+    if magic[..head].starts_with(b"PAR1") {
+        parquet_file::read(path, wanted)
     } else if magic[..head].contains(&0) || magic[..head].starts_with(b"\x89MCAP") {
         let why = "it is neither Parquet nor text".to_owned();
-        return Err(LogFault::Format { format: "a log", why }.at(path));
+        Err(LogFault::Format { format: "a log", why }.at(path))
     } else {
-        csv_file::read(path)?
-    };
-    Log::from_table(path, table, options).map_err(|fault| fault.at(path))
+        csv_file::read(path, wanted)
+    }
 }
 
 impl Log {

@@ -14,18 +14,18 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::columns::{Table, is_known};
+use crate::columns::Table;
 use crate::error::{LogError, LogFault};
 
-/// Reads the columns of the contract from a Parquet file.
-pub(crate) fn read(path: &Path) -> Result<Table, LogError> {
+/// Reads the columns that `wanted` picks by name from a Parquet file.
+pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
     let file = File::open(path).map_err(|e| LogFault::Io(e).at(path))?;
     let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut table = Table::default();
     for (k, column) in schema.columns().iter().enumerate() {
         let name = column.path().string();
-        if !is_known(&name) {
+        if !wanted(&name) {
             table.unused.push(name);
             continue;
         }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use rivet_logs::{ReadOptions, TorqueSource, read, write_columns};
+use rivet_logs::{ReadOptions, TorqueSource, read, read_columns, write_columns};
 
 const ROWS: usize = 20;
 
@@ -197,6 +197,17 @@ fn unequal_lines_and_foreign_files_are_refused() {
     let short = write_columns(&none, &[("t", &[0.0, 1.0][..]), ("q1", &[0.0][..])]);
     assert!(short.expect_err("unequal").to_string().contains("column q1 has 1 rows"));
     assert!(!none.exists());
+}
+
+#[test]
+fn columns_of_any_name_are_read_back() {
+    let folder = folder();
+    let path = folder.path().join("prediction.parquet");
+    write_columns(&path, &[("t", &[0.0, 0.1][..]), ("tau_pred1", &[1.0, -2.0][..])]).expect("written");
+    let columns = read_columns(&path, &["tau_pred1", "t"]).expect("there");
+    assert_eq!(columns, [[1.0, -2.0], [0.0, 0.1]]);
+    let why = read_columns(&path, &["t", "tau_pred2"]).expect_err("absent").to_string();
+    assert!(why.ends_with("column tau_pred2 is missing; t, tau_pred2 are asked for"), "{why}");
 }
 
 /// The measured logs other people made; read in place, never copied.
