@@ -13,24 +13,11 @@ pub(crate) struct Summary<'a> {
     parameters: &'a Parameters,
     health: &'a Health,
     samples: usize,
-    /// Windowed rms of each joint's torque \[N m\].
-    torque_rms: Vec<f64>,
 }
 
 impl<'a> Summary<'a> {
     pub(crate) fn new(robot: &'a Robot, recording: &Recording, parameters: &'a Parameters, health: &'a Health) -> Self {
-        let window = robot.config.estimator.window_s;
-        let forget = window.map_or(1.0, |seconds| (-robot.config.sample_period_s / seconds).exp());
-        let rms = |tau: &Vec<f64>| {
-            let (mut square, mut weight) = (0.0, 0.0);
-            for t in tau {
-                square = forget * square + t * t;
-                weight = forget * weight + 1.0;
-            }
-            (square / f64::max(weight, 1.0)).sqrt()
-        };
-        let torque_rms = recording.log().tau.as_ref().map_or(Vec::new(), |(_, tau)| tau.iter().map(rms).collect());
-        Summary { robot, parameters, health, samples: recording.len(), torque_rms }
+        Summary { robot, parameters, health, samples: recording.len() }
     }
 
     fn instruments(&self) -> &'static str {
@@ -75,7 +62,7 @@ impl<'a> Summary<'a> {
             .map(|(j, joint)| {
                 json!({
                     "joint": joint.name, "residual_rms": p.residual_rms[j],
-                    "nominal_residual_rms": self.health.nominal_residual_rms[j], "torque_rms": self.torque_rms[j],
+                    "nominal_residual_rms": self.health.nominal_residual_rms[j], "torque_rms": self.health.torque_rms[j],
                     "torque_noise": p.torque_noise[j],
                 })
             })
@@ -124,11 +111,11 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "and {} inertial base parameters (--json and --stream have all)\n", inertial.count())?;
         writeln!(f, "{:<24} {:>14} {:>14} {:>14} {:>9}", "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]")?;
         for (j, joint) in model.arm.joints.iter().enumerate() {
-            let left = 100.0 * p.residual_rms[j] / self.torque_rms[j].max(f64::MIN_POSITIVE);
+            let left = 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
             writeln!(
                 f,
                 "{:<24} {:>14.3} {:>14.3} {:>14.3} {:>9.1}",
-                joint.name, p.residual_rms[j], self.health.nominal_residual_rms[j], self.torque_rms[j], left
+                joint.name, p.residual_rms[j], self.health.nominal_residual_rms[j], self.health.torque_rms[j], left
             )?;
         }
         write!(f, "residual: model-filtered torque not explained one step ahead, rms over the window")

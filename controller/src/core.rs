@@ -6,7 +6,7 @@ use crate::output::{Limits, Output};
 use crate::velocity::VelocityFilter;
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
-use rivet_ipc_schema::{Command, CommandMode, JointState, MAX_PARAMETERS, Parameters, Setpoint};
+use rivet_ipc_schema::{Command, CommandMode, JointState, MAX_PARAMETERS, Parameters, Setpoint, faults};
 use std::sync::Arc;
 
 /// Why a sample got no command.
@@ -54,9 +54,12 @@ pub struct Core {
     last_refusal: Refusal,
     desired: Option<Desired>,
     desired_seq: u64,
+    /// Whether `desired` is a planner's, not the place where the arm is held.
+    following: bool,
     adopt_from_seq: u64,
     last_seq: Option<u64>,
     stale_run: u64,
+    stale_periods: u64,
     counts: Counts,
 }
 
@@ -98,9 +101,11 @@ impl Core {
             last_refusal: Refusal::None,
             desired: None,
             desired_seq: 0,
+            following: false,
             adopt_from_seq,
             last_seq: None,
             stale_run: 0,
+            stale_periods: settings.stale_periods as u64,
             counts: Counts::default(),
         }
     }
@@ -109,10 +114,11 @@ impl Core {
     pub fn offer_setpoint(&mut self, setpoint: &Setpoint) {
         let n = self.dof;
         let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
-        let newer = self.desired.is_none() || setpoint.seq > self.desired_seq;
+        let newer = !self.following || setpoint.seq > self.desired_seq;
         if newer && finite(&setpoint.q) && finite(&setpoint.qd) && finite(&setpoint.qdd) {
             self.desired = Some(Desired { q: setpoint.q, qd: setpoint.qd, qdd: setpoint.qdd });
             self.desired_seq = setpoint.seq;
+            self.following = true;
         }
     }
 
@@ -150,15 +156,28 @@ impl Core {
             self.last_seq = None;
             self.parameters_seq = 0;
             self.desired = None;
+            self.following = false;
         }
         self.stale_run = 0;
-        if sample.faults != 0 || sample.count() != n || !sample.q[..n].iter().all(|q| q.is_finite()) {
+        // An arm that stands in its brakes is answered: the brakes open when there is a command.
+        let faults = sample.faults & !faults::STOPPED;
+        if faults != 0 || sample.count() != n || !sample.q[..n].iter().all(|q| q.is_finite()) {
             self.counts.invalid += 1;
             return Err(Skipped::Invalid);
         }
         let periods = self.last_seq.map_or(1, |last| sample.seq - last);
         self.counts.passed_over += periods - 1;
         self.last_seq = Some(sample.seq);
+        if periods > self.stale_periods {
+            // The robot's own watchdog has stopped the arm meanwhile: start as at first, from zero torque.
+            self.output.restart();
+            self.velocity.restart();
+        }
+        if self.following && self.desired_seq.saturating_add(self.stale_periods) < sample.seq {
+            // Nobody plans any more: the arm is held where it is.
+            self.desired = None;
+            self.following = false;
+        }
 
         let qd = *self.velocity.update(&sample.q[..n], periods);
         let desired = *self.desired.get_or_insert(Desired { q: sample.q, ..Desired::default() });

@@ -44,9 +44,9 @@ impl Output {
         broken
     }
 
-    /// The last command \[N·m\].
-    pub fn last(&self) -> &[f64; MAX_JOINTS] {
-        &self.last
+    /// Starts again from zero torque.
+    pub fn restart(&mut self) {
+        self.last = [0.0; MAX_JOINTS];
     }
 }
 

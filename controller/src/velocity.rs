@@ -20,6 +20,12 @@ impl VelocityFilter {
         VelocityFilter { period_s, weight, last: None, velocity: [0.0; MAX_JOINTS] }
     }
 
+    /// Forgets the motion: the next positions are the first.
+    pub(crate) fn restart(&mut self) {
+        self.last = None;
+        self.velocity = [0.0; MAX_JOINTS];
+    }
+
     /// Takes in positions that are `periods` sample periods younger than the last ones (1 without losses).
     pub(crate) fn update(&mut self, q: &[f64], periods: u64) -> &[f64; MAX_JOINTS] {
         let mut now = [0.0; MAX_JOINTS];

@@ -4,7 +4,7 @@ use rivet_config::Robot;
 use rivet_controller::gate::Refusal;
 use rivet_controller::{Core, Skipped};
 use rivet_dynamics::{Model, Workspace, inverse_dynamics};
-use rivet_ipc_schema::{CommandMode, JointState, Parameters, Setpoint, parameter_flags};
+use rivet_ipc_schema::{CommandMode, JointState, Parameters, Setpoint, faults, parameter_flags};
 use std::path::Path;
 
 fn robot() -> Robot {
@@ -74,6 +74,21 @@ fn without_a_setpoint_the_arm_is_held_where_it_is() {
     }
 }
 
+/// A plan that ends without a word is not followed into the past: the arm stays where it is.
+#[test]
+fn when_nobody_plans_any_more_the_arm_is_held() {
+    let robot = robot();
+    let mut core = Core::new(&robot, 0);
+    let away: Vec<f64> = Q.iter().map(|q| q + 0.05).collect();
+    core.offer_setpoint(&setpoint(1, &away, &[0.0; 6], &[0.0; 6]));
+    let mut held = Core::new(&robot, 0);
+    let last = 2000;
+    let commands: Vec<_> = (1..=last).map(|seq| core.tick(&state(seq, &Q)).expect("a sound sample").tau).collect();
+    let still: Vec<_> = (1..=last).map(|seq| held.tick(&state(seq, &Q)).expect("a sound sample").tau).collect();
+    assert_ne!(commands[10], still[10], "at first the plan is followed");
+    assert_eq!(commands[last as usize - 1], still[last as usize - 1]);
+}
+
 #[test]
 fn samples_that_say_nothing_about_the_arm_get_no_command() {
     let robot = robot();
@@ -81,11 +96,12 @@ fn samples_that_say_nothing_about_the_arm_get_no_command() {
     core.tick(&state(5, &Q)).expect("a sound sample");
     assert_eq!(core.tick(&state(5, &Q)), Err(Skipped::Stale));
     assert_eq!(core.tick(&state(6, &Q[..5])), Err(Skipped::Invalid));
-    assert_eq!(core.tick(&JointState { faults: 1, ..state(7, &Q) }), Err(Skipped::Invalid));
+    assert_eq!(core.tick(&JointState { faults: faults::ENCODER, ..state(7, &Q) }), Err(Skipped::Invalid));
     let mut broken = state(8, &Q);
     broken.q[3] = f64::NAN;
     assert_eq!(core.tick(&broken), Err(Skipped::Invalid));
     core.tick(&state(9, &Q)).expect("the next sound sample is answered");
+    core.tick(&JointState { faults: faults::STOPPED, ..state(10, &Q) }).expect("the brakes wait for a command");
     assert_eq!(core.counts().invalid, 3);
 }
 

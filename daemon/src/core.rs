@@ -247,6 +247,7 @@ impl Core {
         out.instruments = source(estimate.instrument).into();
         out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
         out.nominal_residual_rms[..m].copy_from_slice(&estimate.nominal_residual_rms[..m]);
+        out.torque_rms[..m].copy_from_slice(&estimate.torque_rms[..m]);
         out.mode = if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {

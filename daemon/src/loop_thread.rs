@@ -6,7 +6,7 @@ use crate::error::StartError;
 use crate::progress::{Progress, Snapshot};
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, Health, JointState, Listener, Parameters, RobotName, Setpoint, Subscriber,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, Listener, Parameters, RobotName, Setpoint, Subscriber,
 };
 use rivet_realtime::{LogHistogram, PeriodTimer, RealTimeSettings, Shutdown, now_ns};
 use std::sync::mpsc::Sender;
@@ -157,6 +157,7 @@ pub(crate) fn run(
     }
     let mut timing = Timing::default();
     let (mut since_health, mut idle) = (0_u64, 0_u64);
+    let mut last_sample_ns: Option<u64> = None;
     let (mut parameters, mut health) = (Parameters::default(), Health::default());
     while !shutdown.is_requested() {
         let wake = pace.wait();
@@ -179,6 +180,9 @@ pub(crate) fn run(
         timing.wake.record(wake.lateness_ns);
         timing.work.record(now_ns().saturating_sub(start));
         since_health += taken as u64;
+        if taken > 0 {
+            last_sample_ns = Some(start);
+        }
         idle = if taken == 0 { idle + 1 } else { 0 };
         // The last samples of a stream that stopped are reported too, soon after it went quiet.
         let went_quiet = idle == QUIET_PERIODS && since_health > 0;
@@ -186,6 +190,10 @@ pub(crate) fn run(
             since_health = 0;
             core.write_health(&mut health);
             timing.write(&mut health);
+            health.stamp_ns = start;
+            if last_sample_ns.is_some_and(|last| start.saturating_sub(last) > settings.stale_ns) {
+                health.mode = DaemonMode::Stale.into();
+            }
             timing.dropped += u64::from(outbound.push(Outbound::Health(health)).is_err());
         }
         let counts = core.counts();

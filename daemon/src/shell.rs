@@ -86,6 +86,7 @@ fn run_threads(
         trigger: options.trigger.unwrap_or(realtime.trigger),
         catch_up: realtime.catch_up,
         health_every: robot.config.publish.health_every as u64,
+        stale_ns: (realtime.stale_periods as f64 * robot.config.sample_period_s * 1e9) as u64,
         realtime: RealTimeSettings {
             priority: realtime.priority,
             cpu: realtime.cpu,

@@ -78,6 +78,8 @@ enum {
     RIVET_DAEMON_MODE_SUSPENDED = 2,
     /* Stopped by a control request. */
     RIVET_DAEMON_MODE_FROZEN = 3,
+    /* Samples were flowing and have stopped: no joint state for `[realtime] stale_periods`. */
+    RIVET_DAEMON_MODE_STALE = 4,
 };
 
 /* A wish to the daemon. */
@@ -281,6 +283,8 @@ typedef struct {
     double residual_rms[RIVET_MAX_JOINTS];
     /* The same with the nominal parameters [N m, or N]. */
     double nominal_residual_rms[RIVET_MAX_JOINTS];
+    /* RMS filtered torque of each joint over the same rows [N m, or N]. */
+    double torque_rms[RIVET_MAX_JOINTS];
     /* Lateness of the wake-ups, see HISTOGRAM_BINS. */
     uint32_t wake_histogram[RIVET_HISTOGRAM_BINS];
     /* Work of a period from wake-up to done, see HISTOGRAM_BINS. */
@@ -290,7 +294,7 @@ typedef struct {
     /* Longest work of a period [ns]. */
     uint64_t worst_work_ns;
 } rivet_health_v1;
-RIVET_ASSERT(sizeof(rivet_health_v1) == 520);
+RIVET_ASSERT(sizeof(rivet_health_v1) == 584);
 RIVET_ASSERT(offsetof(rivet_health_v1, seq) == 0);
 RIVET_ASSERT(offsetof(rivet_health_v1, stamp_ns) == 8);
 RIVET_ASSERT(offsetof(rivet_health_v1, samples) == 16);
@@ -310,10 +314,11 @@ RIVET_ASSERT(offsetof(rivet_health_v1, mode) == 112);
 RIVET_ASSERT(offsetof(rivet_health_v1, instruments) == 116);
 RIVET_ASSERT(offsetof(rivet_health_v1, residual_rms) == 120);
 RIVET_ASSERT(offsetof(rivet_health_v1, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v1, wake_histogram) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v1, work_histogram) == 376);
-RIVET_ASSERT(offsetof(rivet_health_v1, worst_wake_ns) == 504);
-RIVET_ASSERT(offsetof(rivet_health_v1, worst_work_ns) == 512);
+RIVET_ASSERT(offsetof(rivet_health_v1, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v1, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v1, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v1, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v1, worst_work_ns) == 576);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

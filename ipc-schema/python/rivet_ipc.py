@@ -48,7 +48,7 @@ INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2}
 #: What became of one parameter (Parameters::state). On the wire one byte.
 PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
-DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3}
+DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4}
 #: A wish to the daemon.
 CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4}
 #: How a ControlRequest ended.
@@ -223,6 +223,8 @@ class Health(_Message):
         ("residual_rms", ctypes.c_double * MAX_JOINTS),
         # The same with the nominal parameters [N m, or N].
         ("nominal_residual_rms", ctypes.c_double * MAX_JOINTS),
+        # RMS filtered torque of each joint over the same rows [N m, or N].
+        ("torque_rms", ctypes.c_double * MAX_JOINTS),
         # Lateness of the wake-ups, see HISTOGRAM_BINS.
         ("wake_histogram", ctypes.c_uint32 * HISTOGRAM_BINS),
         # Work of a period from wake-up to done, see HISTOGRAM_BINS.
@@ -304,7 +306,7 @@ LAYOUT = {
         "torque_noise": 4272,
         "residual_rms": 4336,
     }),
-    Health: (520, {
+    Health: (584, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -324,10 +326,11 @@ LAYOUT = {
         "instruments": 116,
         "residual_rms": 120,
         "nominal_residual_rms": 184,
-        "wake_histogram": 248,
-        "work_histogram": 376,
-        "worst_wake_ns": 504,
-        "worst_work_ns": 512,
+        "torque_rms": 248,
+        "wake_histogram": 312,
+        "work_histogram": 440,
+        "worst_wake_ns": 568,
+        "worst_work_ns": 576,
     }),
     ControlRequest: (8, {
         "command": 0,

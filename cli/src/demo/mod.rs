@@ -21,7 +21,7 @@ use tracking::Tracking;
 /// Shows the whole loop on this machine: no robot, no privileges, half a minute.
 #[derive(clap::Args, Default)]
 pub(crate) struct Args {
-    /// The robot file; without one the Staubli TX40 that is built in.
+    /// The robot file; without one the Manutec r3 that is built in.
     robot: Option<PathBuf>,
     /// Decides the true arm and the noise.
     #[arg(long, default_value_t = 1)]
@@ -41,8 +41,8 @@ const SETTLE_S: f64 = 2.0;
 /// Beyond this the machine is too slow or something hangs.
 const LONGEST: Duration = Duration::from_secs(58);
 
-const BUILT_IN_ROBOT: &str = include_str!("../../../robots/staubli-tx40/robot.toml");
-const BUILT_IN_URDF: &str = include_str!("../../../robots/staubli-tx40/robot.urdf");
+const BUILT_IN_ROBOT: &str = include_str!("../../../robots/manutec-r3/robot.toml");
+const BUILT_IN_URDF: &str = include_str!("../../../robots/manutec-r3/robot.urdf");
 
 struct Ports {
     states: Subscriber<JointState>,
@@ -105,6 +105,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         health: bus.health_subscriber()?,
     };
     let truth_file = folder.path.join("truth.json");
+    // A kept folder may hold the truth of an earlier run.
+    if truth_file.exists() {
+        std::fs::remove_file(&truth_file).with_context(|| format!("cannot remove {}", truth_file.display()))?;
+    }
     start(&mut children, args, &robot, &robot_file, private.config(), &folder.path)?;
 
     let truth = wait_for_truth(&truth_file, &robot, &mut children, &shutdown)?;

@@ -53,6 +53,8 @@ pub struct Health {
     pub residual_rms: [f64; MAX_JOINTS],
     /// The same with the nominal parameters \[N m, or N\].
     pub nominal_residual_rms: [f64; MAX_JOINTS],
+    /// RMS filtered torque of each joint over the same rows \[N m, or N\].
+    pub torque_rms: [f64; MAX_JOINTS],
     /// Lateness of the wake-ups, see [`HISTOGRAM_BINS`].
     pub wake_histogram: [u32; HISTOGRAM_BINS],
     /// Work of a period from wake-up to done, see [`HISTOGRAM_BINS`].
@@ -74,20 +76,22 @@ wire_enum!(
         Suspended = 2,
         /// Stopped by a control request.
         Frozen = 3,
+        /// Samples were flowing and have stopped: no joint state for `[realtime] stale_periods`.
+        Stale = 4,
     }
 );
 
-message!(Health v 1, size 520 align 8, empty Health {
+message!(Health v 1, size 584 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
-    residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS],
+    residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS], torque_rms: [0.0; MAX_JOINTS],
     wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
     held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
-    wake_histogram @ 248, work_histogram @ 376, worst_wake_ns @ 504, worst_work_ns @ 512,
+    torque_rms @ 248, wake_histogram @ 312, work_histogram @ 440, worst_wake_ns @ 568, worst_work_ns @ 576,
 });
 
 impl Stamped for Health {
