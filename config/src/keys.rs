@@ -305,7 +305,7 @@ pub const KEYS: &[Key] = &[
     key("controller", "rate_limit", PerJointOrOne, "N m/s", Above(0.0, 1e9), Absent,
         "Fastest change of the commanded torque. Without it: full torque in 0.1 s, 10*torque_limit a second."),
     key("controller", "stale_periods", Integer, "periods", Within(1.0, 1000.0), Fallback::Integer(10),
-        "Periods without a new sample after which the command ramps to the torque that holds the last known pose."),
+        "Age at which a setpoint is no longer followed and the arm is held where it is; after a gap of as many samples the torque rises from zero again."),
 
     key("simulation", "torque_noise", PerJointOrOne, "N m", Within(0.0, 1e5), Fallback::Number(0.0),
         "Standard deviation of the white noise on the published torque."),
