@@ -21,5 +21,5 @@ pub use mechanics::Vector;
 pub use plant::{Plant, PlantSettings};
 pub use random::Random;
 pub use sensors::{Measurement, Sensors};
-pub use stand_in::{BLOCK_S, Counts, Sample, StandIn, TrackingBlock};
+pub use stand_in::{BLOCK_S, BUILD_UP_S, Counts, Sample, StandIn, TrackingBlock};
 pub use truth::{Disturbances, Payload, Truth};

@@ -58,6 +58,11 @@ pub struct TrackingBlock {
     pub rms: Vec<f64>,
 }
 
+/// Time for which commands must have come before the brakes open \[s\]: the torque builds up against closed brakes, as in a
+/// real drive. A controller that ramps its torque up, or takes its time to start, has then reached the same state whenever
+/// it appeared, and the run repeats bit for bit.
+pub const BUILD_UP_S: f64 = 0.2;
+
 /// Length of a tracking block \[s\].
 pub const BLOCK_S: f64 = 5.0;
 
@@ -75,6 +80,9 @@ pub struct StandIn {
     period_s: f64,
     /// Periods without a command after which the brakes close.
     stale_periods: u64,
+    /// Periods with commands after which they open, and how many there were in a row.
+    build_up: u64,
+    alive_for: u64,
     seed: u64,
     seq: u64,
     command: Vector,
@@ -96,6 +104,8 @@ impl StandIn {
             governor,
             period_s,
             stale_periods: stale_periods.max(1),
+            build_up: (BUILD_UP_S / period_s).ceil() as u64,
+            alive_for: 0,
             seed,
             seq: 1,
             command: [0.0; MAX_JOINTS],
@@ -135,6 +145,11 @@ impl StandIn {
         self.plant.braked()
     }
 
+    /// Whether any command has come so far.
+    pub fn commanded(&self) -> bool {
+        self.answered > 0
+    }
+
     /// Whether `command` answers the sample last latched.
     pub fn is_answer(&self, command: &Command) -> bool {
         command.seq == self.seq && command.mode != u32::from(CommandMode::None)
@@ -143,7 +158,7 @@ impl StandIn {
     /// Ends the period: the newest `command` acts, the plan and the plant go on.
     ///
     /// A command may be older than the sample (it then counts as late) by less than the stale periods; without one that new
-    /// the brakes close and stay closed until one comes.
+    /// the brakes close, and stay closed until commands have come again for [`BUILD_UP_S`].
     pub fn advance(&mut self, command: Option<&Command>) {
         let fresh = command.filter(|c| self.acceptable(c));
         if let Some(c) = fresh
@@ -156,7 +171,8 @@ impl StandIn {
         // Counted as its sample was published: in the period of the release the sample still says braked.
         let moved = !self.plant.braked();
         let alive = self.answered > 0 && self.seq - self.answered < self.stale_periods;
-        if alive && self.plant.braked() {
+        self.alive_for = if alive { self.alive_for + 1 } else { 0 };
+        if self.plant.braked() && self.alive_for > self.build_up {
             self.plant.set_brake(false);
             self.governor.release();
         } else if !alive && !self.plant.braked() {

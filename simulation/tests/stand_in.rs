@@ -5,7 +5,7 @@ mod common;
 use common::{ideal, pendulum, truth};
 use rivet_ipc_schema::{Command, CommandMode, MAX_JOINTS};
 use rivet_simulation::motion::{Governor, Standstill};
-use rivet_simulation::{Plant, PlantSettings, Sensors, StandIn};
+use rivet_simulation::{BUILD_UP_S, Plant, PlantSettings, Sensors, StandIn};
 
 const STALE: u64 = 4;
 
@@ -16,6 +16,18 @@ fn stand_in() -> StandIn {
     StandIn::new(plant, Governor::new(Box::new(Standstill { pose: vec![0.3] })), 0.001, STALE, 1)
 }
 
+/// Answers every sample with `tau` until the brakes open; returns in how many periods.
+fn build_up(arm: &mut StandIn, tau: f64) -> u64 {
+    for periods in 1..1000 {
+        let seq = arm.latch().seq;
+        arm.advance(Some(&command(seq, tau)));
+        if !arm.braked() {
+            return periods;
+        }
+    }
+    panic!("the brakes stay closed");
+}
+
 fn command(seq: u64, tau: f64) -> Command {
     let mut all = [0.0; MAX_JOINTS];
     all[0] = tau;
@@ -23,41 +35,55 @@ fn command(seq: u64, tau: f64) -> Command {
 }
 
 #[test]
-fn the_first_command_opens_the_brakes_and_acts_from_the_next_sample_on() {
+fn the_brakes_open_once_commands_have_come_for_a_while() {
     let mut arm = stand_in();
     for seq in 1..=3 {
         let sample = arm.latch();
         assert_eq!((sample.seq, sample.braked, sample.q[0]), (seq, true, 0.3));
         arm.advance(None);
     }
-    let sample = arm.latch();
-    assert!(sample.braked);
-    arm.advance(Some(&command(sample.seq, 7.0)));
+    let while_s = build_up(&mut arm, 7.0) as f64 * 0.001;
+    assert!((while_s - BUILD_UP_S).abs() < 0.0015, "opened after {while_s} s");
+    assert_eq!(arm.counts().moving, 0, "the period of the release was published as braked");
     let sample = arm.latch();
     assert_eq!((sample.braked, sample.tau[0]), (false, 7.0));
-    assert_eq!(arm.counts().moving, 0, "the period of the release was published as braked");
     arm.advance(Some(&command(sample.seq, 8.0)));
-    assert_eq!((arm.counts().samples, arm.counts().moving, arm.counts().late_commands), (5, 1, 0));
+    assert_eq!((arm.counts().moving, arm.counts().late_commands), (1, 0));
+}
+
+/// An interruption while the torque builds up starts the wait anew.
+#[test]
+fn commands_must_come_without_a_gap() {
+    let mut arm = stand_in();
+    for _ in 0..150 {
+        let seq = arm.latch().seq;
+        arm.advance(Some(&command(seq, 7.0)));
+    }
+    for _ in 0..STALE {
+        arm.latch();
+        arm.advance(None);
+    }
+    assert!(build_up(&mut arm, 7.0) as f64 * 0.001 > BUILD_UP_S - 0.0015);
 }
 
 #[test]
 fn an_old_command_acts_as_late_until_it_is_stale() {
     let mut arm = stand_in();
-    let first = arm.latch().seq;
-    arm.advance(Some(&command(first, 5.0)));
+    build_up(&mut arm, 5.0);
+    let last = arm.latch().seq - 1;
     for late in 1..STALE {
         let sample = arm.latch();
         assert_eq!((sample.braked, sample.tau[0]), (false, 5.0), "{late} periods late");
-        arm.advance(Some(&command(first, 5.0)));
+        arm.advance(Some(&command(last, 5.0)));
     }
     assert_eq!((arm.counts().late_commands, arm.counts().brake_engagements), (STALE - 1, 0));
     assert!(!arm.latch().braked);
-    arm.advance(Some(&command(first, 5.0)));
+    arm.advance(Some(&command(last, 5.0)));
     let sample = arm.latch();
     assert_eq!((sample.braked, sample.tau[0]), (true, 0.0), "the drives of a braked arm are off");
     assert_eq!(arm.counts().brake_engagements, 1);
-    arm.advance(Some(&command(sample.seq, 6.0)));
-    assert!(!arm.latch().braked, "a fresh command opens them again");
+    build_up(&mut arm, 6.0);
+    assert!(!arm.latch().braked, "fresh commands open them again");
 }
 
 #[test]
@@ -80,9 +106,10 @@ fn unsound_commands_do_not_act() {
 #[test]
 fn tracking_is_summed_in_blocks() {
     let mut arm = stand_in();
-    for _ in 0..5302 {
+    let braked = build_up(&mut arm, 0.0);
+    for _ in 0..5301 {
         let seq = arm.latch().seq;
-        let identified = seq > 1 + 2500;
+        let identified = seq > braked + 2500;
         let mode = if identified { CommandMode::Identified } else { CommandMode::Nominal };
         arm.advance(Some(&Command { mode: mode.into(), ..command(seq, 0.0) }));
     }

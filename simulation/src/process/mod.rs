@@ -186,7 +186,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
         "rivet-sim",
     )?;
     let ports = Ports::open(&bus)?;
-    eprintln!("rivet-sim: {name}: ready, brakes closed until the first command");
+    eprintln!("rivet-sim: {name}: ready, brakes closed until commands come");
     let summary = exchange(stand_in, ports, log.as_ref(), options, shutdown, period_s);
     // Written also when the bus failed: what was seen until then is worth having.
     let logged = log.map_or(Ok(()), LogWriter::finish);
@@ -219,7 +219,7 @@ fn exchange(
             break "duration";
         }
         let waited_s = (now_ns() - begin_ns) as f64 * 1e-9;
-        if options.patience > 0.0 && stand_in.counts().moving == 0 && waited_s > options.patience {
+        if options.patience > 0.0 && !stand_in.commanded() && waited_s > options.patience {
             return Err(SimError::NoCommand(options.patience));
         }
         // A braked arm has nobody to wait for, and an arm in lockstep may go faster than its clock.

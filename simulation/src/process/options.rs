@@ -42,7 +42,7 @@ pub struct Options {
     #[arg(long)]
     pub root: Option<PathBuf>,
 
-    /// Seconds of motion, counted from the first command; without it until SIGINT or SIGTERM
+    /// Seconds of motion, counted from the opening of the brakes; without it until SIGINT or SIGTERM
     #[arg(long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// Seconds to wait for the first command before giving up; 0 waits for ever
@@ -54,7 +54,7 @@ pub struct Options {
     /// With --lockstep: go on as soon as the answer is there instead of keeping the sample rate
     #[arg(long, requires = "lockstep")]
     pub unpaced: bool,
-    /// Periods without a command after which the brakes close
+    /// Periods without a command after which the brakes close; they open after 0.2 s of commands
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     pub stale_periods: u64,
 
