@@ -23,6 +23,8 @@ pub(crate) struct LoopSettings {
     pub catch_up: usize,
     /// Samples between health messages.
     pub health_every: u64,
+    /// Without a sample for this long the input counts as stale \[ns\].
+    pub(crate) stale_ns: u64,
     /// Scheduling and memory.
     pub realtime: RealTimeSettings,
 }
