@@ -9,14 +9,14 @@ use crate::table::show;
 
 /// Arguments of `rivet check`.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Robot file.
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
 }
 
 /// Prints the resolved configuration, or every mistake.
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     show(&robot.describe())?;
     Ok(ExitCode::SUCCESS)

@@ -18,7 +18,7 @@ const WEAKER_PRIOR: f64 = 10.0;
 
 /// Arguments of `rivet identify`.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Robot file: kinematics, nominal parameters, [signal] and [estimator].
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
@@ -66,7 +66,7 @@ impl Findings {
 }
 
 /// Identifies, prints, exports.
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     if args.online {
         let [log] = args.logs.as_slice() else { bail!("--online takes one log; {} are given", args.logs.len()) };

@@ -18,7 +18,7 @@ const SMOOTH: f64 = 2.0;
 
 /// Arguments of `rivet predict`.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Robot file; its identified parameters are used where it has some, the nominal ones otherwise.
     #[arg(value_name = "MODEL.toml")]
     model: PathBuf,
@@ -37,7 +37,7 @@ struct Sums {
 }
 
 /// Predicts and writes; prints errors when the log has torque.
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
     let log = runs::read_log(&robot, &args.log)?;
     let pieces = runs::pieces(&log, log.median_step_s())?;

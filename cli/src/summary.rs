@@ -33,7 +33,7 @@ impl<'a> Summary<'a> {
         match ParameterState::try_from(self.parameters.state[i]) {
             Ok(ParameterState::Active) => "active",
             Ok(ParameterState::Held) => "held",
-            Ok(ParameterState::Unidentified) => "nominal",
+            Ok(ParameterState::Unidentified) => "open",
             Err(_) => "unknown",
         }
     }
@@ -83,11 +83,11 @@ impl fmt::Display for Summary<'_> {
         let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
         writeln!(
             f,
-            "base parameters: {}, of them {} active, {} held, {} never identified (nominal value kept)\n",
+            "base parameters: {}, of them {} active, {} held, {} open (not identified one by one)\n",
             p.len(),
             count("active"),
             count("held"),
-            count("nominal")
+            count("open")
         )?;
         writeln!(f, "{:<24} {:>12} {:>12} {:>12} {:>12} {:>8}", "parameter", "value", "std", "least sq.", "nominal", "state")?;
         for i in 0..p.len() {

@@ -1,0 +1,192 @@
+//! The daemon's decisions, on the two-link arm.
+
+use rivet_config::Robot;
+use rivet_daemon::{Core, Output, Refused};
+use rivet_dynamics::Workspace;
+use rivet_ipc_schema::{ControlCommand, DaemonMode, Health, JointState, Parameters, Setpoint, faults, parameter_flags};
+use std::path::Path;
+
+fn robot() -> Robot {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.toml");
+    rivet_config::load(file).expect("the robot file is sound")
+}
+
+/// Sinusoids at 0.8 and 1.1 Hz with the torque of the nominal model, sampled every millisecond.
+struct Motion {
+    robot: Robot,
+    workspace: Workspace,
+    rows: Vec<f64>,
+}
+
+impl Motion {
+    fn new() -> Motion {
+        let robot = robot();
+        let workspace = Workspace::new(&robot.model.arm);
+        let rows = vec![0.0; 2 * robot.model.len()];
+        Motion { robot, workspace, rows }
+    }
+
+    fn at(&mut self, seq: u64) -> (JointState, Setpoint) {
+        let t = seq as f64 * 0.001;
+        let wave = |a: f64, f: f64| {
+            let w = std::f64::consts::TAU * f;
+            [a * (w * t).sin(), a * w * (w * t).cos(), -a * w * w * (w * t).sin()]
+        };
+        let (one, two) = (wave(0.5, 0.8), wave(0.8, 1.1));
+        let motion = |d: usize| [one[d], two[d]];
+        let n = self.robot.model.len();
+        self.robot.model.regressor(&mut self.workspace, &motion(0), &motion(1), &motion(2), &mut self.rows);
+        let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
+        let mut setpoint = Setpoint { seq, stamp_ns: state.stamp_ns, joints: 2, ..Setpoint::default() };
+        state.q[..2].copy_from_slice(&motion(0));
+        for j in 0..2 {
+            state.tau[j] = self.rows[j * n..(j + 1) * n].iter().zip(&self.robot.nominal).map(|(y, x)| y * x).sum();
+        }
+        setpoint.q[..2].copy_from_slice(&motion(0));
+        setpoint.qd[..2].copy_from_slice(&motion(1));
+        setpoint.qdd[..2].copy_from_slice(&motion(2));
+        (state, setpoint)
+    }
+}
+
+fn run(core: &mut Core, motion: &mut Motion, seqs: impl Iterator<Item = u64>) -> Vec<Output> {
+    seqs.map(|seq| {
+        let (state, setpoint) = motion.at(seq);
+        core.tick(&state, Some(&setpoint))
+    })
+    .collect()
+}
+
+fn parameters(core: &Core) -> Parameters {
+    let mut parameters = Parameters::default();
+    core.write_parameters(&mut parameters);
+    parameters
+}
+
+fn health(core: &Core) -> Health {
+    let mut health = Health::default();
+    core.write_health(&mut health);
+    health
+}
+
+#[test]
+fn every_so_many_samples_parameters_are_published_with_the_next_epoch() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    let every = motion.robot.config.publish.every;
+    let outputs = run(&mut core, &mut motion, 1..=3 * every as u64);
+    let published: Vec<usize> = (0..outputs.len()).filter(|&k| outputs[k].publish).collect();
+    assert_eq!(published, [every - 1, 2 * every - 1, 3 * every - 1]);
+    let set = parameters(&core);
+    assert_eq!((set.epoch, set.seq, set.stamp_ns), (3, 3 * every as u64, 3 * every as u64 * 1_000_000));
+    assert_eq!(set.model_hash, motion.robot.hash);
+    assert_ne!(set.flags & parameter_flags::PROVISIONAL, 0, "three tenths of a second are not enough to act on");
+}
+
+#[test]
+fn lost_samples_are_counted_by_sequence_number_and_restart_the_signals() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    run(&mut core, &mut motion, 1..=2000);
+    let before = parameters(&core);
+    run(&mut core, &mut motion, 2010..=2020);
+    let counts = core.counts();
+    assert_eq!((counts.lost, counts.gaps, counts.samples), (9, 1, 2011));
+    // While the differentiator and the filters fill again nothing new is learnt; a solution that was under way, spread
+    // over several samples, is finished.
+    let settled = parameters(&core);
+    for i in 0..before.len() {
+        let scale = motion.robot.nominal_base[i].abs().max(0.05);
+        assert!((settled.values[i] - before.values[i]).abs() < 1e-4 * scale, "parameter {i}");
+    }
+    run(&mut core, &mut motion, 2021..=2040);
+    assert_eq!(parameters(&core).values, settled.values);
+    run(&mut core, &mut motion, 2041..=6000);
+    assert_eq!(core.counts().lost, 9);
+}
+
+/// A hole in the samples must not look like a jump of the arm: the estimate after it is as good as without.
+#[test]
+fn holes_in_the_stream_do_not_spoil_the_estimate() {
+    let mut motion = Motion::new();
+    let (mut whole, mut holed) =
+        (Core::new(&motion.robot).expect("sound"), Core::new(&motion.robot).expect("sound"));
+    run(&mut whole, &mut motion, 1..=20_000);
+    run(&mut holed, &mut motion, (1..=20_000).filter(|seq| seq % 1500 > 3));
+    let (a, b) = (parameters(&whole), parameters(&holed));
+    for i in 0..a.len() {
+        let scale = motion.robot.nominal_base[i].abs().max(0.05);
+        assert!((a.values[i] - b.values[i]).abs() < 0.02 * scale, "parameter {i}: {} and {}", a.values[i], b.values[i]);
+    }
+}
+
+#[test]
+fn samples_that_cannot_be_used_are_refused_and_counted() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    run(&mut core, &mut motion, 1..=500);
+    let (state, _) = motion.at(500);
+    assert_eq!(core.tick(&state, None).taken, Err(Refused::Stale));
+    let spoilt = |seq: u64, motion: &mut Motion, spoil: &dyn Fn(&mut JointState)| {
+        let (mut state, _) = motion.at(seq);
+        spoil(&mut state);
+        state
+    };
+    let cases: [(&dyn Fn(&mut JointState), Refused); 5] = [
+        (&|s| s.q[1] = f64::NAN, Refused::Invalid),
+        (&|s| s.tau[0] = f64::INFINITY, Refused::Invalid),
+        (&|s| s.joints = 3, Refused::Invalid),
+        (&|s| s.joints = u32::MAX, Refused::Invalid),
+        (&|s| s.faults = faults::ENCODER, Refused::Fault),
+    ];
+    for (k, (spoil, why)) in cases.into_iter().enumerate() {
+        let state = spoilt(501 + k as u64, &mut motion, spoil);
+        assert_eq!(core.tick(&state, None), Output { publish: false, taken: Err(why) });
+    }
+    let counts = core.counts();
+    assert_eq!((counts.stale, counts.invalid, counts.faults, counts.lost), (1, 4, 1, 0));
+    assert_eq!(run(&mut core, &mut motion, 506..=506)[0].taken, Ok(()));
+}
+
+#[test]
+fn a_robot_controller_that_starts_anew_is_followed() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    run(&mut core, &mut motion, 1..=1000);
+    let taken = run(&mut core, &mut motion, 1..=500).iter().filter(|output| output.taken.is_ok()).count();
+    assert_eq!(taken, 401, "from the hundredth old sample on");
+    assert_eq!((core.counts().restarts, core.counts().lost), (1, 0));
+}
+
+#[test]
+fn a_setpoint_of_another_period_is_not_used() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    for seq in 1..=100 {
+        let ((state, setpoint), (_, other)) = (motion.at(seq), motion.at(seq + 1));
+        core.tick(&state, Some(if seq <= 50 { &setpoint } else { &other }));
+    }
+    assert_eq!(core.counts().setpoints_missing, 50);
+}
+
+#[test]
+fn frozen_it_keeps_its_values_and_says_so() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    run(&mut core, &mut motion, 1..=3000);
+    assert!(core.control(ControlCommand::Freeze));
+    // A solution that was under way, spread over several samples, is finished.
+    run(&mut core, &mut motion, 3001..=3050);
+    let before = parameters(&core);
+    run(&mut core, &mut motion, 3051..=5000);
+    let after = parameters(&core);
+    assert_eq!(after.values, before.values);
+    assert_ne!(after.flags & parameter_flags::FROZEN, 0);
+    assert_eq!(health(&core).mode, u32::from(DaemonMode::Frozen));
+    assert!(core.control(ControlCommand::Resume));
+    run(&mut core, &mut motion, 5001..=8000);
+    assert_ne!(parameters(&core).values, before.values);
+    assert!(core.control(ControlCommand::Reset));
+    assert_eq!(parameters(&core).values[..motion.robot.base.len()], motion.robot.nominal_base);
+    assert!(!core.control(ControlCommand::Save), "nothing is stored yet");
+}
