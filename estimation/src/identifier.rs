@@ -1,8 +1,9 @@
 //! The whole period: differentiate, regressor and instruments, model filter, decimate, weight, estimate, supervise.
 
+use crate::dead_zone::slides;
 use crate::differentiate::Aligned;
-use crate::estimator::{Estimator, EstimatorSettings};
-use crate::filter::{Butterworth, correlation_factor};
+use crate::estimator::{Correlation, Estimator, EstimatorSettings};
+use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::report::{Estimate, Instrument, Motion, Refusal, Setpoint, Step};
 use crate::scales::Scales;
 use crate::settings::{Instruments, Settings, SettingsError, Window, per_joint};
@@ -23,6 +24,9 @@ const DEFAULT_SPEED: f64 = 10.0;
 const SETTLING: f64 = 1.0;
 /// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
 const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
+/// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
+/// million rows.
+const OUTLIER: f64 = 5.0;
 /// Memory of reported residuals when nothing is forgotten \[s\].
 const RESIDUAL_MEMORY: f64 = 10.0;
 
@@ -82,8 +86,12 @@ impl Identifier {
             prior: settings.prior,
             noise_known: settings.torque_noise.is_some(),
             noise_memory: noise_memory / row,
+            outlier: OUTLIER,
             residual_memory: (residual_memory / row).max(1.0),
-            correlation: correlation_factor(&response, settings.decimation),
+            correlation: Correlation {
+                factor: correlation_factor(&response, settings.decimation),
+                neighbour: neighbour_correlation(&response, settings.decimation),
+            },
         };
         let speed = |joint: &rivet_dynamics::Joint| {
             if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
@@ -239,7 +247,9 @@ impl Identifier {
     fn process(&mut self) -> Step {
         let Identifier { aligned, measured, desired, model, ws, dead_zone, .. } = self;
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
-        let moving = aligned.qd.iter().zip(dead_zone).map(|(qd, zone)| f64::from(u8::from(qd.abs() >= *zone)));
+        let structure = &model.structure;
+        let moving =
+            (0..dead_zone.len()).map(|j| f64::from(u8::from(slides(structure, dead_zone, |j| aligned.qd[j], j))));
         measured.step(model, ws, motion, aligned.tau.iter().copied().chain(moving));
         match aligned.setpoint() {
             Some(setpoint) => desired.step(model, ws, setpoint, std::iter::empty()),

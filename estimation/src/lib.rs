@@ -1,4 +1,19 @@
-//! Estimation of an arm's base parameters while it works.
+//! Estimation of an arm's base parameters, while it works ([`Identifier`]) or from whole records ([`offline`]).
+//!
+//! Pure: no file, clock or bus; everything is a function of the samples. [`Identifier::push`] allocates nothing.
+//!
+//! ```text
+//! q, tau, setpoint -> differentiate        one delay for all signals
+//!                  -> regressor D, instruments Z
+//!                  -> model filter         the same low-pass over every column of D and Z and over tau
+//!                  -> decimate, weigh      rows in units of their noise, columns in units of torque
+//!                  -> M, S, y              windowed sums; UD least squares beside them
+//!                  -> judge, solve         one step of bounded work a sample
+//! ```
+//!
+//! The method is that of Schmidt & Pruefer, "Parameter identification in robot control"; numbers of sections and
+//! equations refer to it.
+mod dead_zone;
 pub mod differentiate;
 pub mod eigen;
 mod estimator;
@@ -13,7 +28,7 @@ mod settings;
 mod signals;
 mod supervision;
 pub mod ud;
-pub use estimator::{Estimator, EstimatorSettings};
+pub use estimator::{Correlation, Estimator, EstimatorSettings};
 pub use identifier::Identifier;
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;

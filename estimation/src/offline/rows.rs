@@ -1,5 +1,6 @@
 //! Filtered rows of one record: regressor, instruments and torque, joint by joint.
 
+use crate::dead_zone::slides;
 use rivet_dynamics::{BaseSet, Model, Workspace};
 
 use super::record::{OfflineError, Record, Trajectory, check};
@@ -71,7 +72,9 @@ impl Rows {
         }
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
         let mut speed = record.measured.qd.clone();
-        speed.iter_mut().for_each(|speed| filter.apply(speed));
+        for speed in &mut speed {
+            filter.apply(speed);
+        }
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
         let (instrument, delay, lag_s) = match (settings.instrument, &record.desired) {
@@ -94,16 +97,23 @@ impl Rows {
         let mut result =
             Rows { columns: base.len(), joints: Vec::with_capacity(n), left_out: Vec::with_capacity(n), moving, lag_s };
         for j in 0..n {
-            let used: Vec<usize> =
-                kept.iter().copied().filter(|k| speed[j][*k].abs() >= settings.dead_zone[j]).collect();
+            let used: Vec<usize> = kept
+                .iter()
+                .copied()
+                .filter(|k| slides(&model.structure, &settings.dead_zone, |j| speed[j][*k], j))
+                .collect();
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
             let mut columns = joint_columns(model, base, j, &record.measured);
-            columns.iter_mut().for_each(|column| filter.apply(column));
+            for column in &mut columns {
+                filter.apply(column);
+            }
             let d = pick(&columns, used.iter().copied());
             let z = match &instrument {
                 Some(motion) => {
                     let mut columns = joint_columns(model, base, j, motion);
-                    columns.iter_mut().for_each(|column| filter.apply(column));
+                    for column in &mut columns {
+                        filter.apply(column);
+                    }
                     pick(&columns, used.iter().copied())
                 }
                 None => pick(&columns, used.iter().map(|k| k - delay)),

@@ -107,7 +107,10 @@ pub(super) struct LogWriter {
 }
 
 impl LogWriter {
-    pub(super) fn create(path: &Path, dof: usize) -> Result<Self, SimError> {
+    /// `joint_zero` is the robot file's: logs carry positions in the log's zero, so that reading them gives back the
+    /// model's.
+    pub(super) fn create(path: &Path, joint_zero: &[f64]) -> Result<Self, SimError> {
+        let (dof, joint_zero) = (joint_zero.len(), joint_zero.to_vec());
         let part = growing(path);
         let mut file = BufWriter::new(File::create(&part).map_err(fails(path))?);
         let (rows, queue) = channel::<Sample>();
@@ -121,7 +124,11 @@ impl LogWriter {
                     }
                 }
                 writeln!(file)?;
-                for s in queue {
+                for mut s in queue {
+                    for (j, zero) in joint_zero.iter().enumerate() {
+                        s.q[j] -= zero;
+                        s.q_des[j] -= zero;
+                    }
                     // Rounded to nanoseconds: multiples of a period that is no binary fraction are not pretty otherwise.
                     write!(file, "{}", (s.t_s * 1e9).round() / 1e9)?;
                     for x in [s.q, s.tau, s.q_des, s.qd_des, s.qdd_des].iter().flat_map(|v| &v[..dof]) {
