@@ -1,5 +1,7 @@
 //! What a failed command tells the shell (the numbers of sysexits.h).
 
+use std::error::Error;
+
 use rivet_config::ConfigErrors;
 use rivet_logs::LogError;
 
@@ -10,9 +12,9 @@ const CONFIG: u8 = 78;
 
 /// The exit code of a failure: 78 for a robot file, 65 for a log, 1 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
-    if error.chain().any(|why| why.is::<ConfigErrors>()) {
+    if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
-    } else if error.chain().any(|why| why.is::<LogError>()) {
+    } else if error.chain().any(<dyn Error>::is::<LogError>) {
         DATA
     } else {
         1

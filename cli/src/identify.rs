@@ -1,5 +1,6 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -182,15 +183,17 @@ fn text(robot: &Robot, result: &Findings) -> String {
     out += &table.text();
     let by_prior = chosen.determined.iter().filter(|d| **d == Determined::ByPrior).count();
     let (shift, at) = largest_shift(result);
-    out += &format!(
-        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)\n",
+    // Writing to a String cannot fail, here and below.
+    let _ = writeln!(
+        out,
+        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)",
         chosen.rank,
         base.len(),
         number(chosen.condition, 2),
         base.len() - by_prior,
         by_prior
     );
-    out += &format!("largest difference IV - LS: {shift:.1} standard deviations ({})\n\n", base.name(model, at));
+    let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})\n", base.name(model, at));
     let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
     let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
     for i in 0..base.len() {

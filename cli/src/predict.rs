@@ -104,7 +104,9 @@ fn compare(robot: &Robot, piece: &Piece, predicted: &[Vec<f64>], sums: &mut [Sum
 fn moving(robot: &Robot, piece: &Piece, edge: usize) -> Range<usize> {
     let filter = runs::model_filter(robot, piece.report.period_s);
     let mut speed = Trajectory::from_positions(&piece.grid.q, piece.report.period_s).qd;
-    speed.iter_mut().for_each(|speed| filter.apply(speed));
+    for speed in &mut speed {
+        filter.apply(speed);
+    }
     let rows = piece.grid.len();
     rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, edge).unwrap_or(0..rows)
 }

@@ -93,7 +93,9 @@ impl LowPass {
         };
         let mut taps: Vec<f64> = (-half..=half).map(tap).collect();
         let sum: f64 = taps.iter().sum();
-        taps.iter_mut().for_each(|tap| *tap /= sum);
+        for tap in &mut taps {
+            *tap /= sum;
+        }
         LowPass { taps }
     }
 
@@ -124,6 +126,7 @@ pub struct Rows {
 
 impl Rows {
     /// The rows as an exponential window sees them that ends with the record: weight e^(-age/`seconds`).
+    #[must_use]
     pub fn windowed(mut self, seconds: f64) -> Rows {
         let end = self.t.iter().flatten().fold(f64::MIN, |end, t| end.max(*t));
         for j in 0..self.t.len() {

@@ -148,6 +148,8 @@ pub fn predict(
             tau[row] = d[j * k..(j + 1) * k].iter().zip(x).map(|(d, x)| d * x).sum();
         }
     }
-    tau.iter_mut().for_each(|tau| smooth.apply(tau));
+    for tau in &mut tau {
+        smooth.apply(tau);
+    }
     Ok(tau)
 }
