@@ -1,6 +1,6 @@
 //! From sampled positions to motion: finite impulse responses over one delay line that all signals share.
 //!
-//! This is the one place that knows about the delay of differentiation: whatever leaves [`Aligned`] (positions,
+//! This is the one place that knows about the delay of differentiation: whatever leaves `Aligned` (positions,
 //! velocities, accelerations, torques, setpoints) belongs to the same instant, `delay` samples ago.
 
 use crate::report::{Motion, Setpoint};

@@ -1,9 +1,9 @@
 //! Rows in, parameters out: recursive instrumental variables in information form, recursive least squares beside them.
 //!
 //! ```text
-//! M = Σ λ^(N−i) w z dᵀ,   S = Σ λ^(N−i) w z zᵀ,   y = Σ λ^(N−i) w z τ      w = 1/σⱼ² of the row's joint
+//! M = Σ λ^(N−i) w z dᵀ,   S = Σ λ^(N−i) w z zᵀ,   y = Σ λ^(N−i) w z τ      w ~ 1/σⱼ² of the row's joint
 //! held coordinates enter as known:   M_aa·δ_a = (y − M·x)_a,   x_a ← x_a + δ_a
-//! cov(x_a) = κ·σₑ²·M_aa⁻¹·S_aa·M_aa⁻ᵀ                                     (Söderström & Stoica 1983)
+//! cov(x_a) = v·M_aa⁻¹·S_aa·M_aa⁻ᵀ,  v = κ·σₑ²·Σλ^2(N−i)/Σλ^(N−i)          (after Söderström & Stoica 1983)
 //! ```
 //!
 //! The prior is not part of M: noise-free data give exact parameters. Rows are taken in at once; everything of order n³
@@ -22,9 +22,13 @@ use cycle::Cycle;
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
 /// zero is not known exactly.
 const PRIOR_TORQUE_SHARE: f64 = 0.05;
-/// What is not identified yet moves when the window knows it better than this share of the prior's width. Not 1: the
-/// first standard deviations rest on few rows, and model errors are not white.
-const PRIOR_CAUTION: f64 = 0.3;
+/// What is not identified yet moves when the window knows it better than this share of the prior's width. Far from 1: a
+/// direction mixes many parameters, and if each were let in as soon as it beats the prior, their errors would add up
+/// to a torque as uncertain as the prior's. 0.3 lets the first second of a real log (6R, delayed instruments) spoil the
+/// rest; 0.03 to 0.1 do not.
+const PRIOR_CAUTION: f64 = 0.05;
+/// Coloured residuals count for at most this many times fewer rows than white ones.
+const MOST_COLOUR: f64 = 4.0;
 /// Squares of rows larger than this would spoil the sums.
 const LARGEST_ROW: f64 = 1e60;
 
@@ -43,10 +47,32 @@ pub struct EstimatorSettings {
     pub noise_known: bool,
     /// Memory of the running estimate of noise \[rows\].
     pub noise_memory: f64,
+    /// Rows whose residual is beyond this many sigmas lose weight; infinite weighs all alike.
+    pub outlier: f64,
     /// Memory of the reported residuals \[rows\].
     pub residual_memory: f64,
-    /// κ: how many rows make one independent row ([`correlation_factor`](crate::filter::correlation_factor)).
-    pub correlation: f64,
+    /// How rows of white noise are correlated.
+    pub correlation: Correlation,
+}
+
+/// Correlation of the residuals of one joint. Rows of white noise are correlated by the model filter; what real
+/// residuals have beyond that is estimated while running and adds to κ, how many rows make one independent row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correlation {
+    /// κ of white noise ([`correlation_factor`](crate::filter::correlation_factor)); 1 for rows that are independent.
+    pub factor: f64,
+    /// Correlation of neighbouring rows of white noise; 0 for rows that are independent.
+    pub neighbour: f64,
+}
+
+impl Correlation {
+    /// κ for residuals whose neighbours correlate by `measured`: as an AR(1) process would have it, relative to white
+    /// noise. Between once and [`MOST_COLOUR`] times the factor of white noise: beyond that, everything would be held.
+    fn factor(&self, measured: f64) -> f64 {
+        let rows = |rho: f64| (1.0 + rho) / (1.0 - rho);
+        let colour = rows(measured.clamp(-0.99, 0.99)) / rows(self.neighbour.clamp(-0.99, 0.99));
+        self.factor * colour.clamp(1.0, MOST_COLOUR)
+    }
 }
 
 /// The estimator: p rows (joints) at a time, n parameters.
@@ -66,6 +92,8 @@ pub struct Estimator {
     s: Vec<f64>,
     y: Vec<f64>,
     excited: Vec<f64>,
+    /// Σ λ^(N−i) and Σ λ^2(N−i).
+    count: [f64; 2],
     cycle: Cycle,
     /// Scaled, weighted rows, and the same in working coordinates.
     rows: Rows,
@@ -86,6 +114,7 @@ struct Rows {
     d: Vec<f64>,
     z: Vec<f64>,
     tau: Vec<f64>,
+    weight: Vec<f64>,
     scaled: Vec<f64>,
 }
 
@@ -124,14 +153,21 @@ impl Estimator {
             whitening,
             nominal: nominal.to_vec(),
             prior,
-            noise: Noise::new(&scales.torque_noise, settings.noise_known, settings.noise_memory),
+            noise: Noise::new(&scales.torque_noise, settings.noise_known, settings.noise_memory, settings.outlier),
             ud: UdFilter::new(&scaled, &variance),
             m: vec![0.0; n * n],
             s: vec![0.0; n * n],
             y: vec![0.0; n],
             excited: vec![0.0; n],
+            count: [0.0; 2],
             cycle: Cycle::new(n, judge),
-            rows: Rows { d: vec![0.0; p * n], z: vec![0.0; p * n], tau: zeros(), scaled: vec![0.0; n] },
+            rows: Rows {
+                d: vec![0.0; p * n],
+                z: vec![0.0; p * n],
+                tau: zeros(),
+                weight: zeros(),
+                scaled: vec![0.0; n],
+            },
             values: nominal.to_vec(),
             std: vec![0.0; n],
             state: vec![ParameterState::Unidentified; n],
@@ -184,6 +220,7 @@ impl Estimator {
         }
         self.state.fill(ParameterState::Unidentified);
         self.verdict = Verdict { of: self.n, ..Verdict::NONE };
+        self.count = [0.0; 2];
         self.instrument = Instrument::None;
     }
 
@@ -222,7 +259,8 @@ impl Estimator {
         }
         let z = if self.settings.kind == EstimatorKind::Rls { Some((d, Instrument::Regressor)) } else { z };
         let size = largest(d).max(largest(tau)).max(z.map_or(0.0, |(z, _)| largest(z)));
-        if !(size < LARGEST_ROW) {
+        let usable = size < LARGEST_ROW;
+        if !usable {
             return Err(Skip::NotFinite);
         }
         self.watch(d, tau, used);
@@ -231,9 +269,8 @@ impl Estimator {
         }
         let rows = &mut self.rows;
         for j in 0..tau.len() {
-            let weight = if used[j] { 1.0 / self.noise.sigma[j] } else { 0.0 };
-            rows.tau[j] = tau[j] * weight;
-            scale_row(&d[j * n..(j + 1) * n], weight, &self.column, &mut rows.d[j * n..(j + 1) * n]);
+            rows.tau[j] = tau[j] * rows.weight[j];
+            scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.d[j * n..(j + 1) * n]);
         }
         self.ud.forget(self.settings.forgetting);
         for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
@@ -245,26 +282,36 @@ impl Estimator {
         let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
         self.instrument = instrument;
         for j in 0..tau.len() {
-            let weight = if used[j] { 1.0 / self.noise.sigma[j] } else { 0.0 };
-            scale_row(&z[j * n..(j + 1) * n], weight, &self.column, &mut rows.z[j * n..(j + 1) * n]);
+            scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.z[j * n..(j + 1) * n]);
         }
         self.accumulate(used);
+        let lambda = self.settings.forgetting;
+        self.count[0] = lambda * self.count[0] + 1.0;
+        self.count[1] = lambda * lambda * self.count[1] + 1.0;
         self.updates += 1;
         self.cycle.fresh();
         Ok(count)
     }
 
-    /// Residuals of the rows with the values of the time, before they are learnt from.
+    /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
     fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool]) {
         let n = self.n;
+        self.rows.weight.fill(0.0);
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
             let residual = tau[j] - crate::linear::dot(row, &self.values);
             let nominal = tau[j] - crate::linear::dot(row, &self.nominal);
             self.residuals.add(j, [residual, nominal, tau[j]]);
+            // Noise is what the better of the two predictors leaves: values that are wrong (held, or a payload ago) must
+            // not pass for noise, or the threshold would rise and hold them for ever.
+            let beside = tau[j] - crate::linear::dot(row, &self.rls_values);
+            let noise = if beside.abs() < residual.abs() { beside } else { residual };
+            // By the noise as it was before this row: no row excuses itself.
+            self.rows.weight[j] = self.noise.weight(j, noise);
             if !self.frozen {
-                self.noise.add(j, residual);
+                self.noise.add(j, noise);
             }
         }
+        self.noise.balance();
     }
 
     /// `M ← λM + Σ z·dᵀ`, the lower triangle of `S ← λS + Σ z·zᵀ`, `y ← λy + Σ z·τ`.
@@ -297,17 +344,24 @@ impl Estimator {
             }
         }
         for i in 0..n {
-            let (m, s) = (&mut self.m[i * n..(i + 1) * n], &mut self.s[i * n..i * n + i + 1]);
+            let (m, s) = (&mut self.m[i * n..(i + 1) * n], &mut self.s[i * n..=i * n + i]);
             for j in (0..used.len()).filter(|&j| used[j]) {
                 let z = rows.z[j * n + i];
                 // Most entries of a base column are zero by structure, unless coordinates are mixed.
                 if z != 0.0 {
                     crate::linear::axpy(z, &rows.d[j * n..(j + 1) * n], m);
-                    crate::linear::axpy(z, &rows.z[j * n..j * n + i + 1], s);
+                    crate::linear::axpy(z, &rows.z[j * n..=j * n + i], s);
                     self.y[i] += z * rows.tau[j];
                 }
             }
         }
+    }
+
+    /// Variance that, over the information, is the variance of an estimate: `κσₑ²·Σλ^2(N−i)/Σλ^(N−i)`. A row of weight
+    /// λᵏ brings noise of weight λ²ᵏ: an exponential window holds twice as many rows as its information says.
+    fn row_variance(&self) -> f64 {
+        let share = if self.count[0] > 0.0 { self.count[1] / self.count[0] } else { 1.0 };
+        share * self.settings.correlation.factor(self.noise.correlation()) * self.noise.equation_variance()
     }
 
     /// What is known now.

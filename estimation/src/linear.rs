@@ -92,7 +92,8 @@ impl Lu {
                 }
             }
             let pivot = a[p * n + k];
-            if !(pivot.abs() > self.smallest_allowed) {
+            let usable = pivot.abs() > self.smallest_allowed;
+            if !usable {
                 self.singular = true;
                 break;
             }

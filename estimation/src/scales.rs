@@ -16,7 +16,8 @@ const DEFAULT_SPEED: f64 = 2.0;
 const RISE_TIME: f64 = 0.3;
 /// First guess of the torque residual, as a share of the workload's torque.
 const NOISE_SHARE: f64 = 0.02;
-/// The whitening never amplifies a direction more than this allows (share of the mean eigenvalue).
+/// What a column leaves when those before it are taken out counts as at least this share of the mean: the whitening
+/// amplifies nothing beyond that.
 const WHITENING_FLOOR: f64 = 1e-6;
 
 /// Scales of columns and rows.
@@ -110,7 +111,7 @@ impl Scales {
             for j in 0..=i {
                 let (row_i, row_j) = (&l[i * n..i * n + j], &l[j * n..j * n + j]);
                 let rest = self.workload[i * n + j] - dot(row_i, row_j);
-                l[i * n + j] = if i == j { (rest + floor).max(floor).sqrt() } else { rest / l[j * n + j] };
+                l[i * n + j] = if i == j { rest.max(floor).sqrt() } else { rest / l[j * n + j] };
             }
         }
         // Rows of T = L⁻¹ by forward substitution on unit vectors.
@@ -137,7 +138,7 @@ impl Whitening {
     /// A row of a regressor in these coordinates: `T·row`.
     pub(crate) fn row(&self, row: &[f64], out: &mut [f64]) {
         for (i, out) in out.iter_mut().enumerate() {
-            *out = dot(&self.t[i * self.n..i * self.n + i + 1], &row[..=i]);
+            *out = dot(&self.t[i * self.n..=i * self.n + i], &row[..=i]);
         }
     }
 
@@ -145,7 +146,7 @@ impl Whitening {
     pub(crate) fn coordinates(&self, x: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for (k, &x) in x.iter().enumerate() {
-            axpy(x, &self.l[k * self.n..k * self.n + k + 1], &mut out[..=k]);
+            axpy(x, &self.l[k * self.n..=k * self.n + k], &mut out[..=k]);
         }
     }
 
@@ -153,14 +154,14 @@ impl Whitening {
     pub(crate) fn parameters(&self, coordinates: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for (k, &x) in coordinates.iter().enumerate() {
-            axpy(x, &self.t[k * self.n..k * self.n + k + 1], &mut out[..=k]);
+            axpy(x, &self.t[k * self.n..=k * self.n + k], &mut out[..=k]);
         }
     }
 
     /// A direction of these coordinates expressed as a covector on parameters: `L·v`, so that `v·x̃ = (L·v)·x`.
     pub(crate) fn covector(&self, v: &[f64], out: &mut [f64]) {
         for (i, out) in out.iter_mut().enumerate() {
-            *out = dot(&self.l[i * self.n..i * self.n + i + 1], &v[..=i]);
+            *out = dot(&self.l[i * self.n..=i * self.n + i], &v[..=i]);
         }
     }
 

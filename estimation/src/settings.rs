@@ -232,7 +232,7 @@ impl Settings {
             require("half_width", half_width, fits, "it must lie in 2..=500 samples: a cubic needs four")?;
         }
         let order = self.filter_order;
-        let even = order >= 2 && order <= MAX_FILTER_ORDER && order.is_multiple_of(2);
+        let even = (2..=MAX_FILTER_ORDER).contains(&order) && order.is_multiple_of(2);
         require("filter_order", order, even, "it must be 2, 4, 6 or 8")?;
         require("decimation", self.decimation, (1..=100_000).contains(&self.decimation), "it must lie in 1..=100000")?;
         let highest = 0.45 / self.row_period_s();

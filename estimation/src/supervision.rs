@@ -18,7 +18,7 @@ use crate::scales::Whitening;
 pub(crate) struct Known<'a> {
     /// κ·σₑ²: variance of one equation, counting its correlation.
     pub(crate) variance: f64,
-    /// Standard deviation of what is known of each scaled parameter \[torque-noise sigma\].
+    /// Standard deviation of what is known of each scaled parameter, as thresholds count it \[torque-noise sigma\].
     pub(crate) belief: &'a [f64],
     /// Coordinates of the information, if they are not the scaled parameters themselves.
     pub(crate) whitening: Option<&'a Whitening>,

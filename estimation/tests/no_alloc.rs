@@ -51,8 +51,8 @@ fn pushing_never_allocates() {
         (EstimatorKind::Rls, Supervision::Off),
     ] {
         let settings = Settings { estimator, supervision, ..Settings::new(n, 0.001) };
-        let mut identifier =
-            Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings).expect("sound settings");
+        let mut identifier = Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings)
+            .expect("sound settings");
         let mut random = Random(1);
         let mut counts = [0_u64; 5];
         let mut q = vec![0.0; n];

@@ -10,6 +10,14 @@ use crate::scales::Whitening;
 use crate::settings::EstimatorKind;
 use crate::supervision::{Judge, Known};
 
+/// How often a cycle may find that it promised too much; then it holds everything.
+const MOST_ROUNDS: usize = 4;
+/// A parameter counts as identified when what is held leaves it at most this share of its prior's width (or the
+/// tolerance, or less than the uncertainty of what moves).
+const HELD_SHARE: f64 = 0.25;
+/// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
+const VARIANCE_SLACK: f64 = 2.0;
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Waiting for rows.
@@ -24,6 +32,10 @@ enum Stage {
         row: usize,
     },
     Factor,
+    /// Whether what is to move would be known as well as promised, direction by direction.
+    Verify {
+        row: usize,
+    },
     Move,
     Deviations,
 }
@@ -45,11 +57,17 @@ pub(super) struct Cycle {
     mapped: Vec<f64>,
     lu: Lu,
     solved: bool,
+    /// Verification took something out, and how often it has done so in this cycle.
+    excess: bool,
+    rounds: usize,
     step: Vec<f64>,
     scratch: Vec<f64>,
+    unseen: Vec<f64>,
     verdict: Verdict,
     /// Standard deviation of what is known of each scaled parameter, as thresholds count it.
     belief: Vec<f64>,
+    /// The same without that caution: the prior's width, or the last standard deviation.
+    width: Vec<f64>,
     /// κσₑ² of the cycle.
     variance: f64,
     next: usize,
@@ -70,10 +88,14 @@ impl Cycle {
             mapped: vec![0.0; n * n],
             lu: Lu::new(n),
             solved: false,
+            excess: false,
+            rounds: 0,
             step: vec![0.0; n],
             scratch: vec![0.0; n],
+            unseen: vec![0.0; n],
             verdict: Verdict::NONE,
             belief: vec![0.0; n],
+            width: vec![0.0; n],
             variance: 1.0,
             next: 0,
         }
@@ -98,17 +120,9 @@ impl Cycle {
         for (belief, prior) in self.belief.iter_mut().zip(prior) {
             *belief = PRIOR_CAUTION * prior;
         }
+        self.width.copy_from_slice(prior);
         if let Judge::Directions(scheme) = &mut self.judge {
             scheme.forget_history();
-        }
-    }
-
-    /// Component k of the working basis: an eigenvector, or `None` for the coordinate itself.
-    fn direction(&self, k: usize) -> Option<&[f64]> {
-        let n = self.x.len();
-        match &self.judge {
-            Judge::Directions(scheme) => Some(&scheme.vectors()[k * n..(k + 1) * n]),
-            Judge::Off | Judge::Columns(_) => None,
         }
     }
 
@@ -170,6 +184,54 @@ impl Cycle {
         end
     }
 
+    /// Compares the variance of every direction, `κσₑ²·(A⁻¹SA⁻ᵀ)ₖₖ`, with what it may be, from `row` on; takes out what
+    /// exceeds it. The information of the instruments bounds this variance only while M ≈ S: with delayed instruments,
+    /// or with few rows, M can be nearly singular where S is not. Returns the next row.
+    fn verify(&mut self, row: usize) -> usize {
+        let size = self.index.len();
+        if matches!(self.judge, Judge::Off) {
+            return size;
+        }
+        if self.lu.is_singular() || self.rounds >= MOST_ROUNDS {
+            // Nothing can be promised.
+            self.index.clear();
+            self.active.fill(false);
+            return 0;
+        }
+        let cost = if matches!(self.judge, Judge::Directions(_)) { size * size } else { 2 * size * size };
+        let end = (row + items_per_step(cost)).min(size);
+        for a in row..end {
+            let mut unit = std::mem::take(&mut self.scratch);
+            unit[..size].fill(0.0);
+            unit[a] = 1.0;
+            let u = &mut unit[..size];
+            self.lu.solve_transposed(u);
+            let variance = self.variance * self.spread(u);
+            self.scratch = unit;
+            let k = self.index[a];
+            let allowed = match &self.judge {
+                Judge::Directions(scheme) => scheme.belief(k),
+                Judge::Off | Judge::Columns(_) => self.judge.tolerance().max(self.belief[k]).powi(2),
+            };
+            let kept = variance <= VARIANCE_SLACK * allowed;
+            if !kept {
+                self.active[k] = false;
+                self.excess = true;
+            }
+        }
+        end
+    }
+
+    /// `uᵀ·S·u` over the active directions.
+    fn spread(&self, u: &[f64]) -> f64 {
+        let n = self.x.len();
+        if let Judge::Directions(scheme) = &self.judge {
+            return u.iter().zip(&self.index).map(|(u, &k)| u * u * scheme.values()[k]).sum();
+        }
+        let row = |&k: &usize| -> f64 { u.iter().zip(&self.index).map(|(u, &l)| u * self.s[k * n + l]).sum() };
+        u.iter().zip(&self.index).map(|(u, k)| u * row(k)).sum()
+    }
+
     /// Moves what is active; false if nothing moved.
     fn take_step(&mut self) -> bool {
         let n = self.x.len();
@@ -201,40 +263,38 @@ impl Cycle {
     }
 
     /// Variances of scaled parameter i: of what moves, and of what is held.
+    ///
+    /// With a the parameter as a covector on working coordinates and V its active directions, these are
+    /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of a that V does
+    /// not see, taken back to parameters.
     fn variance_of(&mut self, i: usize, whitening: Option<&Whitening>) -> (f64, f64) {
         let n = self.x.len();
-        // How the parameter depends on the working coordinates, then on the working directions.
-        if let Some(whitening) = whitening {
-            for k in 0..n {
-                self.scratch[k] = if k >= i { whitening.share(i, k) } else { 0.0 };
-            }
-        } else {
-            self.scratch.fill(0.0);
-            self.scratch[i] = 1.0;
-        }
         let size = self.index.len();
-        let mut held = 0.0;
-        let mut a = 0;
-        for k in 0..n {
-            let share = self.direction(k).map_or(self.scratch[k], |v| dot(v, &self.scratch));
-            if a < size && self.index[a] == k {
-                self.step[a] = share;
-                a += 1;
-            } else if let Judge::Directions(scheme) = &self.judge {
-                held += share * share * scheme.belief(k);
-            } else if share != 0.0 {
-                held = f64::INFINITY;
+        let Cycle { judge, index, scratch, step, unseen, width, lu, .. } = self;
+        let held = if let Judge::Directions(scheme) = &*judge {
+            match whitening {
+                Some(whitening) => (0..n).for_each(|k| scratch[k] = if k >= i { whitening.share(i, k) } else { 0.0 }),
+                None => (0..n).for_each(|k| scratch[k] = f64::from(u8::from(k == i))),
             }
-        }
-        let u = &mut self.step[..size];
-        self.lu.solve_transposed(u);
-        let moving: f64 = if let Judge::Directions(scheme) = &self.judge {
-            u.iter().zip(&self.index).map(|(u, &k)| u * u * scheme.values()[k]).sum()
+            unseen.copy_from_slice(scratch);
+            for (share, &k) in step.iter_mut().zip(index.iter()) {
+                let v = &scheme.vectors()[k * n..(k + 1) * n];
+                *share = dot(v, scratch);
+                axpy(-*share, v, unseen);
+            }
+            match whitening {
+                Some(whitening) => whitening.covector(unseen, scratch),
+                None => scratch.copy_from_slice(unseen),
+            }
+            scratch.iter().zip(width.iter()).map(|(h, w)| (h * w).powi(2)).sum()
         } else {
-            let row = |&k: &usize| -> f64 { u.iter().zip(&self.index).map(|(u, &l)| u * self.s[k * n + l]).sum() };
-            u.iter().zip(&self.index).map(|(u, k)| u * row(k)).sum()
+            for (share, &k) in step.iter_mut().zip(index.iter()) {
+                *share = f64::from(u8::from(k == i));
+            }
+            if self.active[i] { 0.0 } else { f64::INFINITY }
         };
-        (self.variance * moving, held)
+        lu.solve_transposed(&mut step[..size]);
+        (self.variance * self.spread(&self.step[..size]), held)
     }
 }
 
@@ -261,6 +321,7 @@ impl Estimator {
                 }
             }
             Stage::Map { row } => {
+                self.cycle.rounds = 0;
                 let next = self.cycle.map(row);
                 if next < self.n { Stage::Map { row: next } } else { Stage::Reduce { row: 0 } }
             }
@@ -270,9 +331,21 @@ impl Estimator {
             }
             Stage::Factor => {
                 if self.cycle.lu.advance() {
-                    Stage::Move
+                    self.cycle.excess = false;
+                    Stage::Verify { row: 0 }
                 } else {
                     Stage::Factor
+                }
+            }
+            Stage::Verify { row } => {
+                let next = self.cycle.verify(row);
+                if next < self.cycle.index.len() {
+                    Stage::Verify { row: next }
+                } else if self.cycle.excess {
+                    self.cycle.rounds += 1;
+                    Stage::Reduce { row: 0 }
+                } else {
+                    Stage::Move
                 }
             }
             Stage::Move => {
@@ -280,7 +353,7 @@ impl Estimator {
                 Stage::Deviations
             }
             Stage::Deviations => {
-                let count = items_per_step(3 * self.n * self.n).min(self.n);
+                let count = items_per_step(4 * self.n * self.n).min(self.n);
                 self.deviations(count);
                 Stage::Idle
             }
@@ -314,9 +387,10 @@ impl Estimator {
     }
 
     fn begin(&mut self) {
+        let variance = self.row_variance();
         let (n, cycle) = (self.n, &mut self.cycle);
+        cycle.variance = variance;
         cycle.fresh = false;
-        cycle.variance = self.settings.correlation * self.noise.equation_variance();
         cycle.m.copy_from_slice(&self.m);
         cycle.y.copy_from_slice(&self.y);
         for i in 0..n {
@@ -372,13 +446,18 @@ impl Estimator {
             } else {
                 (0.0, f64::INFINITY)
             };
-            // Identified: what is held adds less than what is moved is uncertain by, or less than the tolerance.
-            if held <= moving.max(tolerance) && moving.is_finite() {
+            let std = (moving + held).sqrt();
+            let small = tolerance.max((HELD_SHARE * self.prior[i]).powi(2));
+            if held <= moving.max(small) && std.is_finite() {
                 self.state[i] = ParameterState::Active;
-                let std = (moving + held).sqrt();
-                self.cycle.belief[i] = std;
+                // Only ever downwards: else a window that runs dry would loosen its own threshold.
+                self.cycle.belief[i] = self.cycle.belief[i].min(std);
+                self.cycle.width[i] = std;
                 self.std[i] = std / self.column[i];
-            } else if self.state[i] == ParameterState::Active {
+            } else if self.state[i] == ParameterState::Unidentified {
+                // Partly seen: better known than before, if not well.
+                self.std[i] = std.min(self.prior[i]) / self.column[i];
+            } else {
                 self.state[i] = ParameterState::Held;
             }
         }
@@ -390,7 +469,7 @@ impl Estimator {
             return;
         }
         self.values.copy_from_slice(&self.rls_values);
-        let variance = self.settings.correlation * self.noise.equation_variance();
+        let variance = self.row_variance();
         for _ in 0..8.min(self.n) {
             let i = self.cycle.next;
             self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };

@@ -1,7 +1,7 @@
 //! Arms, motions and noise shared by the tests of this crate.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
-use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, WristCoupling, Workspace};
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, Workspace, WristCoupling};
 use rivet_estimation::Motion;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,7 +20,8 @@ pub struct Bench {
 /// The arm's URDF from `robots/`, else from the data beside the project; `None` (said aloud) when there is neither.
 pub fn urdf(arm: &str) -> Option<String> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
-    let places = [root.join(format!("robots/{arm}/robot.urdf")), root.join(format!("../shared/robots/{arm}/{arm}.urdf"))];
+    let places =
+        [root.join(format!("robots/{arm}/robot.urdf")), root.join(format!("../shared/robots/{arm}/{arm}.urdf"))];
     let text = places.iter().find_map(|place| std::fs::read_to_string(place).ok());
     if text.is_none() {
         eprintln!("SKIPPED: no URDF of {arm} in robots/ or ../shared/robots/");
@@ -32,8 +33,8 @@ impl Bench {
     /// `arm` with drives like its own in size; nominal parameters are off by up to a third, alternating.
     pub fn new(arm: &str) -> Option<Bench> {
         let arm = Arm::from_urdf(&urdf(arm)?, [0.0, 0.0, -9.81]).expect("a sound URDF");
-        let coupling = (arm.name.contains("tx40") || arm.name.contains("TX40"))
-            .then_some(WristCoupling { driving: 4, driven: 5 });
+        let coupling =
+            (arm.name.contains("tx40") || arm.name.contains("TX40")).then_some(WristCoupling { driving: 4, driven: 5 });
         Some(Bench::of(arm, Structure { offset: true, coupling, sign_velocity: 0.05 }))
     }
 
