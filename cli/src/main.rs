@@ -42,7 +42,7 @@ enum Command {
     /// The controller, as rivet-controller
     Controller(rivet_controller::Options),
     /// A simulated robot, as rivet-sim
-    Sim(rivet_simulation::process::Options),
+    Sim(Box<rivet_simulation::process::Options>),
 }
 
 fn main() -> ExitCode {
@@ -53,7 +53,9 @@ fn main() -> ExitCode {
         Command::Identify(args) => identify::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Check(args) => check::run(args),
-        Command::Daemon(options) => return ended("rivetd", rivet_daemon::run(options), rivet_daemon::StartError::exit_code),
+        Command::Daemon(options) => {
+            return ended("rivetd", rivet_daemon::run(options), rivet_daemon::StartError::exit_code);
+        }
         Command::Controller(options) => {
             let result = rivet_controller::run(options);
             return ended("rivet-controller", result, rivet_controller::StartError::exit_code);

@@ -43,16 +43,6 @@ impl Recording {
         self.log.len()
     }
 
-    /// The resampled log.
-    pub(crate) fn log(&self) -> &Log {
-        &self.log
-    }
-
-    /// Whether the log says what the arm was asked to do (positions, velocities and accelerations).
-    pub(crate) fn has_setpoints(&self) -> bool {
-        self.log.q_des.is_some() && self.log.qd_des.is_some() && self.log.qdd_des.is_some()
-    }
-
     /// Period `k`. Stamps count from the log's start, so that two replays send the same bytes.
     pub(crate) fn period(&self, k: usize) -> Period {
         let seq = k as u64 + 1;

@@ -78,7 +78,11 @@ impl<'a> Summary<'a> {
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (p, model, base) = (self.parameters, &self.robot.model, &self.robot.base);
-        writeln!(f, "{}: {} samples, {} lost, epoch {}", self.robot.config.name, self.samples, self.health.lost, p.epoch)?;
+        writeln!(
+            f,
+            "{}: {} samples, {} lost, epoch {}",
+            self.robot.config.name, self.samples, self.health.lost, p.epoch
+        )?;
         writeln!(f, "instruments: {}", self.instruments())?;
         let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
         writeln!(
@@ -89,7 +93,11 @@ impl fmt::Display for Summary<'_> {
             count("held"),
             count("open")
         )?;
-        writeln!(f, "{:<24} {:>12} {:>12} {:>12} {:>12} {:>8}", "parameter", "value", "std", "least sq.", "nominal", "state")?;
+        writeln!(
+            f,
+            "{:<24} {:>12} {:>12} {:>12} {:>12} {:>8}",
+            "parameter", "value", "std", "least sq.", "nominal", "state"
+        )?;
         for i in 0..p.len() {
             let parameter = model.parameters[base.independent[i]];
             if parameter.group() == ParameterGroup::Inertial {
@@ -107,9 +115,14 @@ impl fmt::Display for Summary<'_> {
                 parameter.unit(&model.arm)
             )?;
         }
-        let inertial = (0..p.len()).filter(|&i| model.parameters[base.independent[i]].group() == ParameterGroup::Inertial);
+        let inertial =
+            (0..p.len()).filter(|&i| model.parameters[base.independent[i]].group() == ParameterGroup::Inertial);
         writeln!(f, "and {} inertial base parameters (--json and --stream have all)\n", inertial.count())?;
-        writeln!(f, "{:<24} {:>14} {:>14} {:>14} {:>9}", "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]")?;
+        writeln!(
+            f,
+            "{:<24} {:>14} {:>14} {:>14} {:>9}",
+            "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]"
+        )?;
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let left = 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
             writeln!(

@@ -190,7 +190,8 @@ impl Core {
             self.counts.broken += 1;
         }
         self.counts.commands += 1;
-        let mode = if self.epoch > 0 || self.counts.adopted > 0 { CommandMode::Identified } else { CommandMode::Nominal };
+        let mode =
+            if self.epoch > 0 || self.counts.adopted > 0 { CommandMode::Identified } else { CommandMode::Nominal };
         Ok(Command { seq: sample.seq, stamp_ns: sample.stamp_ns, tau, joints: sample.joints, mode: mode.into() })
     }
 

@@ -53,10 +53,7 @@ impl Gate {
     /// `independent` lists the standard column of each base parameter.
     pub fn new(model: &Model, independent: &[usize], hash: u64) -> Gate {
         let is_friction = |column: &usize| {
-            matches!(
-                model.parameters.get(*column),
-                Some(Parameter::Viscous(_) | Parameter::Coulomb(_))
-            )
+            matches!(model.parameters.get(*column), Some(Parameter::Viscous(_) | Parameter::Coulomb(_)))
         };
         let friction = (0..independent.len()).filter(|&i| is_friction(&independent[i])).collect();
         Gate { hash, friction, count: independent.len().min(MAX_PARAMETERS) }

@@ -111,7 +111,11 @@ fn hand_over(commands: &mut rtrb::Producer<ControlCommand>, command: ControlComm
         // Nothing is stored yet that could be saved or loaded.
         ControlCommand::Save | ControlCommand::Load => ControlStatus::Refused,
         ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset => {
-            if commands.push(command).is_ok() { ControlStatus::Done } else { ControlStatus::Failed }
+            if commands.push(command).is_ok() {
+                ControlStatus::Done
+            } else {
+                ControlStatus::Failed
+            }
         }
     }
 }

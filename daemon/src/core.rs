@@ -83,12 +83,8 @@ impl Core {
     /// Settings of the robot file that the estimator cannot work with.
     pub fn new(robot: &Robot) -> Result<Core, SettingsError> {
         let settings = robot.config.estimation_settings();
-        let identifier = Identifier::new(
-            Arc::clone(&robot.model),
-            Arc::clone(&robot.base),
-            &robot.nominal_base,
-            &settings,
-        )?;
+        let identifier =
+            Identifier::new(Arc::clone(&robot.model), Arc::clone(&robot.base), &robot.nominal_base, &settings)?;
         Ok(Core {
             identifier,
             dof: robot.model.arm.dof(),
@@ -156,9 +152,8 @@ impl Core {
             self.interrupted = true;
             return Err(Refused::Invalid);
         }
-        let setpoint = setpoint.filter(|s| {
-            s.seq == sample.seq && s.count() == n && finite(&s.q) && finite(&s.qd) && finite(&s.qdd)
-        });
+        let setpoint = setpoint
+            .filter(|s| s.seq == sample.seq && s.count() == n && finite(&s.q) && finite(&s.qd) && finite(&s.qdd));
         self.setpoints_seen |= setpoint.is_some();
         if self.setpoints_seen && setpoint.is_none() {
             self.counts.setpoints_missing += 1;

@@ -6,7 +6,8 @@ use crate::error::StartError;
 use crate::progress::{Progress, Snapshot};
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, Listener, Parameters, RobotName, Setpoint, Subscriber,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, Listener, Parameters, RobotName,
+    Setpoint, Subscriber,
 };
 use rivet_realtime::{LogHistogram, PeriodTimer, RealTimeSettings, Shutdown, now_ns};
 use std::sync::mpsc::Sender;
@@ -47,7 +48,7 @@ struct Input {
 
 enum Pace {
     Timer(PeriodTimer),
-    Sample(Listener),
+    Sample(Box<Listener>),
 }
 
 struct Wake {
@@ -120,7 +121,7 @@ fn open(bus: &Bus, settings: &LoopSettings) -> Result<(Input, Pace), BusError> {
     let input = Input { states: bus.joint_state_subscriber()?, setpoints: bus.setpoint_subscriber()?, pending: None };
     let pace = match settings.trigger {
         Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period)),
-        Trigger::Sample => Pace::Sample(bus.joint_state_listener()?),
+        Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
     };
     Ok((input, pace))
 }

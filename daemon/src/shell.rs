@@ -112,7 +112,8 @@ fn run_threads(
         })?
     };
 
-    let started = (0..2).try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
+    let started =
+        (0..2).try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
     if started.is_ok() {
         eprintln!("rivetd: {}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
         watch(&progress, shutdown, &[&publisher, &estimator]);

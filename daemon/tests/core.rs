@@ -109,8 +109,7 @@ fn lost_samples_are_counted_by_sequence_number_and_restart_the_signals() {
 #[test]
 fn holes_in_the_stream_do_not_spoil_the_estimate() {
     let mut motion = Motion::new();
-    let (mut whole, mut holed) =
-        (Core::new(&motion.robot).expect("sound"), Core::new(&motion.robot).expect("sound"));
+    let (mut whole, mut holed) = (Core::new(&motion.robot).expect("sound"), Core::new(&motion.robot).expect("sound"));
     run(&mut whole, &mut motion, 1..=20_000);
     run(&mut holed, &mut motion, (1..=20_000).filter(|seq| seq % 1500 > 3));
     let (a, b) = (parameters(&whole), parameters(&holed));
@@ -132,7 +131,8 @@ fn samples_that_cannot_be_used_are_refused_and_counted() {
         spoil(&mut state);
         state
     };
-    let cases: [(&dyn Fn(&mut JointState), Refused); 5] = [
+    type Spoil<'a> = &'a dyn Fn(&mut JointState);
+    let cases: [(Spoil<'_>, Refused); 5] = [
         (&|s| s.q[1] = f64::NAN, Refused::Invalid),
         (&|s| s.tau[0] = f64::INFINITY, Refused::Invalid),
         (&|s| s.joints = 3, Refused::Invalid),

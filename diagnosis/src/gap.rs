@@ -17,7 +17,8 @@ impl Gap {
     /// If the two differ in joints or rows.
     pub fn new<T: AsRef<[f64]>, M: AsRef<[f64]>>(tau: &[T], modelled: &[M]) -> Gap {
         assert_eq!(tau.len(), modelled.len(), "as many joints modelled as measured");
-        let per_joint: Vec<f64> = tau.iter().zip(modelled).map(|(t, m)| relative_error(t.as_ref(), m.as_ref())).collect();
+        let per_joint: Vec<f64> =
+            tau.iter().zip(modelled).map(|(t, m)| relative_error(t.as_ref(), m.as_ref())).collect();
         let (mut square, mut joints) = (0.0, 0.0);
         for gap in per_joint.iter().filter(|gap| !gap.is_nan()) {
             square += gap * gap;

@@ -50,7 +50,8 @@ fn beside_batch(arm: &str, log: &Path, result: &Value) -> (Vec<f64>, Vec<f64>) {
     let grid = Grid::new(&read(log, &options).expect("a sound log"), config.sample_period_s);
     let filter = LowPass::new(config.signal.model_filter_hz, config.sample_period_s);
     let window = config.estimator.window_s.expect("an exponential window");
-    let record = rows(&robot.model, &grid, &filter, &config.signal.dead_zone, config.signal.decimation).windowed(window);
+    let record =
+        rows(&robot.model, &grid, &filter, &config.signal.dead_zone, config.signal.decimation).windowed(window);
     let records = [record];
     let ours = standard(&robot, &list(result, "parameters", "value"));
     (percent(&records, &ours), percent(&records, &least_squares(&records)))
@@ -63,7 +64,8 @@ fn tx40_friction_comes_out_of_the_daemon_as_published() {
     let parameters = result["parameters"].as_array().expect("parameters");
     for (joint, reference) in [8.05, 5.53, 1.97, 1.11, 1.86].into_iter().enumerate() {
         let name = format!("j{}.viscous", joint + 1);
-        let found = parameters.iter().find(|p| p["name"] == name.as_str()).expect("viscous friction is a base parameter");
+        let found =
+            parameters.iter().find(|p| p["name"] == name.as_str()).expect("viscous friction is a base parameter");
         let found = found["value"].as_f64().expect("a number");
         println!("viscous {}: {found:.3}, published {reference}", joint + 1);
         assert!((found - reference).abs() <= 0.12 * reference, "joint {}: {found} against {reference}", joint + 1);

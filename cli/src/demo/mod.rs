@@ -115,7 +115,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let reference = Reference::new(&robot, truth);
     let heard = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
     children.end();
-    let result = table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
+    let result =
+        table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
     println!("{result}");
     Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -156,9 +157,7 @@ fn start(
     let mut sim = common("sim");
     let seed = args.seed.to_string();
     let truth = text(&folder.join("truth.json"));
-    sim.extend(
-        ["--motion", "fourier", "--lockstep", "20", "--seed", &seed, "--truth-out", &truth].map(str::to_owned),
-    );
+    sim.extend(["--motion", "fourier", "--lockstep", "20", "--seed", &seed, "--truth-out", &truth].map(str::to_owned));
     sim.extend(
         ["--friction", "1.6", "--bodies-spread", "0.2", "--friction-spread", "0.15", "--rotor-inertia-spread", "0.1"]
             .map(str::to_owned),

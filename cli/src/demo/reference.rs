@@ -36,7 +36,8 @@ impl Reference {
         let mut rows = Vec::with_capacity(STATES * dof);
         for state in 0..STATES {
             // A Halton-like lattice: spread evenly, the same every time.
-            let at = |axis: usize| ((state + 1) as f64 * (0.618_033_988_749_895 + axis as f64 * 0.137)).fract() * 2.0 - 1.0;
+            let at =
+                |axis: usize| ((state + 1) as f64 * (0.618_033_988_749_895 + axis as f64 * 0.137)).fract() * 2.0 - 1.0;
             let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
             for (j, joint) in model.arm.joints.iter().enumerate() {
                 let (low, high) = (joint.lower.max(-3.0), joint.upper.min(3.0));

@@ -5,7 +5,8 @@ use super::tracking::Tracking;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
 use rivet_realtime::LogHistogram;
-use std::io::{IsTerminal, Write};
+use std::fmt::Write as _;
+use std::io::{IsTerminal, Write as _};
 use std::time::{Duration, Instant};
 
 /// What one look shows.
@@ -88,16 +89,16 @@ impl Screen {
             _ => out.push("  waiting for the first parameter set".to_owned()),
         }
         out.push(String::new());
-        out.push(format!("{:<22}{}", "", self.joints.iter().map(|j| format!("{:>11}", shorten(j))).collect::<String>()));
+        out.push(format!("{:<22}{}", "", cells(self.joints.iter().map(|joint| shorten(joint)))));
         if let Some(health) = frame.health {
             let row = |what: &str, values: &[f64]| {
-                let cells: String = values[..self.joints.len()].iter().map(|v| format!("{v:>11.3}")).collect();
+                let cells = cells(values[..self.joints.len()].iter().map(|v| format!("{v:.3}")));
                 format!("{what:<22}{cells}")
             };
             out.push(row("residual nominal [Nm]", &health.nominal_residual_rms));
             out.push(row("residual now     [Nm]", &health.residual_rms));
         }
-        let tracking: String = (0..self.joints.len()).map(|j| format!("{:>11.3}", 1e3 * frame.tracking.now.rms(j))).collect();
+        let tracking: String = cells((0..self.joints.len()).map(|j| format!("{:.3}", 1e3 * frame.tracking.now.rms(j))));
         out.push(format!("{:<22}{tracking}", "tracking error [mrad]"));
         out.push(String::new());
         out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
@@ -105,6 +106,16 @@ impl Screen {
         text.push('\n');
         text
     }
+}
+
+/// One right-aligned cell a joint.
+fn cells(values: impl Iterator<Item = String>) -> String {
+    let mut line = String::new();
+    for value in values {
+        // Writing to a string cannot fail.
+        let _ = write!(line, "{value:>11}");
+    }
+    line
 }
 
 fn shorten(joint: &str) -> String {
@@ -138,7 +149,8 @@ fn timing(health: &Health) -> String {
 
 fn line(frame: &Frame<'_>) -> String {
     let all = frame.errors.as_ref().and_then(|errors| errors.last().copied());
-    let all = all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of torque limits"));
+    let all =
+        all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of torque limits"));
     let tracking = 1e3 * frame.tracking.now.rms_all(frame.tracking.dof);
     let phase = if frame.identified { "identified" } else { "nominal" };
     format!("{:5.1} s  {phase:<10}  {all}  tracking error {tracking:.3} mrad rms\n", frame.motion_s)

@@ -67,8 +67,8 @@ impl<'a> Table<'a> {
         let (model, base) = (&self.robot.model, &self.robot.base);
         writeln!(
             f,
-            "{:<24} {:>11} {:>11} {:>11} {:>11} {:>8}  {}",
-            "parameter", "robot file", "truth", "identified", "std", "off/std", "unit"
+            "{:<24} {:>11} {:>11} {:>11} {:>11} {:>8}  unit",
+            "parameter", "robot file", "truth", "identified", "std", "off/std"
         )?;
         for i in 0..p.len() {
             let parameter = base.parameter(model, i);

@@ -82,7 +82,7 @@ impl Tracking {
         if self.identified_phase.contains(&state.seq) {
             self.identified.add(&setpoint.q, &state.q);
         }
-        if state.seq % RECENT == 0 {
+        if state.seq.is_multiple_of(RECENT) {
             self.now = Square::default();
         }
         self.now.add(&setpoint.q, &state.q);
