@@ -12,6 +12,11 @@ pub fn root() -> &'static Path {
 }
 
 /// `robots/<arm>/robot.toml`.
+///
+/// ```
+/// let text = std::fs::read_to_string(rivet_tests::robot("ur10e")).expect("the arm is there");
+/// assert!(text.contains("sample_period_s"));
+/// ```
 pub fn robot(arm: &str) -> PathBuf {
     root().join("robots").join(arm).join("robot.toml")
 }
