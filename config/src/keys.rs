@@ -282,7 +282,7 @@ pub const KEYS: &[Key] = &[
         "Samples from one health message to the next."),
 
     key("realtime", "trigger", Choice(&["timer", "sample"]), "", Bounds::None, Fallback::Text("timer"),
-        "What starts a period: an absolute timer, or the arrival of a sample."),
+        "What starts a period: an absolute timer, or the arrival of a sample. The timer makes one system call a period; waiting for a sample makes several, and can allocate."),
     key("realtime", "priority", Integer, "-", Within(0.0, 98.0), Fallback::Integer(80),
         "SCHED_FIFO priority; 0 leaves the scheduler alone."),
     key("realtime", "cpu", Integer, "-", Within(0.0, 1023.0), Absent,
