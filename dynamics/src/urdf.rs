@@ -1,5 +1,7 @@
 //! From a URDF file to an [`Arm`]: checks that it is a serial chain of physical bodies, and merges fixed joints.
 
+mod write;
+
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Matrix3;
@@ -7,7 +9,10 @@ use urdf_rs::{JointType, Pose};
 
 use crate::arm::{Arm, Joint, JointKind, MAX_JOINTS};
 use crate::parameters::{LINK_PARAMETERS, LinkParameters, assemble, body_in_frame, inertia_matrix};
+use crate::pseudo_inertia::com_from_body;
 use crate::spatial::{IDENTITY, Mat3, Vec3, add, dot, from_roll_pitch_yaw, multiply, rotate, scale};
+
+pub use write::{WrittenUrdf, write_urdf};
 
 /// By how much of the largest principal moment the triangle inequality may be missed: a plate's moments rounded to
 /// three digits miss it by about this much.
@@ -337,15 +342,7 @@ fn check_moving_body(name: &str, body: &LinkParameters) -> Result<(), UrdfError>
     if m <= 0.0 {
         return Err(UrdfError::NoMass { link });
     }
-    let com = [body[1] / m, body[2] / m, body[3] / m];
-    // Back to the centre of mass: I = I_origin - m (c.c 1 - c c').
-    let mut about_com = inertia_matrix(body);
-    for a in 0..3 {
-        about_com[a][a] -= m * dot(&com, &com);
-        for b in 0..3 {
-            about_com[a][b] += m * com[a] * com[b];
-        }
-    }
+    let (_, com, about_com) = com_from_body(body);
     let moments = principal_moments(&about_com);
     // Below this, what is left of the moment is rounding of the shift to the joint frame and back.
     let rounding = 16.0 * f64::EPSILON * (m * dot(&com, &com) + moments[2].abs());
