@@ -12,11 +12,13 @@
 //!
 //! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
+mod bias;
 mod fit;
 mod record;
 mod rows;
 mod zero_phase;
 
+pub use bias::{Bias, bias};
 pub use fit::{Determined, Fit, Method, fit, residual_percent};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};

@@ -38,6 +38,8 @@ pub struct Fit {
     pub values: Vec<f64>,
     /// Standard deviations; residuals are coloured, which counts as fewer rows.
     pub std: Vec<f64>,
+    /// Covariance of the values, row-major K×K; the squares of `std` are its diagonal.
+    pub covariance: Vec<f64>,
     /// What decided each value.
     pub determined: Vec<Determined>,
     /// Standard deviation of the residual per joint \[N m\].
@@ -84,9 +86,13 @@ pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result
         solved = Some(solution);
     }
     let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
-    let (std, determined) = solution.certainty(method);
+    let scaled = solution.covariance(method);
+    let (std, determined) = solution.certainty(&scaled);
+    let scale = &solution.scale;
+    let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
     let (rank, condition) = solution.conditioning();
-    Ok(Fit { values: solution.x.as_slice().to_vec(), std, determined, noise, correlation, rank, condition })
+    let values = solution.x.as_slice().to_vec();
+    Ok(Fit { values, std, covariance, determined, noise, correlation, rank, condition })
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
@@ -120,7 +126,7 @@ fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
 }
 
 /// Sums of one joint over all records.
-struct Normal {
+pub(super) struct Normal {
     count: f64,
     torque_square: f64,
     /// DᵀD
@@ -132,7 +138,7 @@ struct Normal {
 }
 
 impl Normal {
-    fn new(rows: &[Rows], joint: usize, k: usize, method: Method) -> Normal {
+    pub(super) fn new(rows: &[Rows], joint: usize, k: usize, method: Method) -> Normal {
         let zeros = || DMatrix::zeros(k, k);
         let mut sum =
             Normal { count: 0.0, torque_square: 0.0, dd: zeros(), zd: zeros(), zz: zeros(), zt: DVector::zeros(k) };
@@ -161,9 +167,9 @@ impl Normal {
 }
 
 /// The solved equations, columns scaled to one: `scale` times a scaled value is the value.
-struct Solution {
-    x: DVector<f64>,
-    scale: DVector<f64>,
+pub(super) struct Solution {
+    pub(super) x: DVector<f64>,
+    pub(super) scale: DVector<f64>,
     /// Σ w DᵀD, scaled, without the prior.
     information: DMatrix<f64>,
     /// Inverse of (Σ w ZᵀD + P⁻¹), scaled.
@@ -175,7 +181,7 @@ struct Solution {
 }
 
 impl Solution {
-    fn new(
+    pub(super) fn new(
         joints: &[Normal],
         weights: &[f64],
         x0: &DVector<f64>,
@@ -224,20 +230,23 @@ impl Solution {
         Ok(Solution { x, scale, information, inverse, spread, prior: prior_information })
     }
 
-    /// Standard deviations and what decided each value.
+    /// Covariance, scaled.
     ///
-    /// Least squares: covariance (Σ w DᵀD + P⁻¹)⁻¹. Instruments: A⁻¹ (Σ w ZᵀZ + P⁻¹) A⁻ᵀ with A = Σ w ZᵀD + P⁻¹.
-    fn certainty(&self, method: Method) -> (Vec<f64>, Vec<Determined>) {
+    /// Least squares: (Σ w DᵀD + P⁻¹)⁻¹. Instruments: A⁻¹ (Σ w ZᵀZ + P⁻¹) A⁻ᵀ with A = Σ w ZᵀD + P⁻¹.
+    pub(super) fn covariance(&self, method: Method) -> DMatrix<f64> {
+        if method == Method::LeastSquares {
+            return self.inverse.clone();
+        }
+        let mut middle = self.spread.clone();
+        for i in 0..self.x.len() {
+            middle[(i, i)] += self.prior[i];
+        }
+        &self.inverse * middle * self.inverse.transpose()
+    }
+
+    /// Standard deviations and what decided each value, from the scaled covariance.
+    fn certainty(&self, covariance: &DMatrix<f64>) -> (Vec<f64>, Vec<Determined>) {
         let k = self.x.len();
-        let covariance = if method == Method::LeastSquares {
-            self.inverse.clone()
-        } else {
-            let mut middle = self.spread.clone();
-            for i in 0..k {
-                middle[(i, i)] += self.prior[i];
-            }
-            &self.inverse * middle * self.inverse.transpose()
-        };
         let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let determined = |i: usize| {
             if std(i) * self.prior[i].sqrt() < 0.5 { Determined::ByData } else { Determined::ByPrior }

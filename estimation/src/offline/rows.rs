@@ -1,5 +1,6 @@
 //! Filtered rows of one record: regressor, instruments and torque, joint by joint.
 
+use crate::consistency::Reference;
 use crate::dead_zone::slides;
 use rivet_dynamics::{BaseSet, Model, Workspace};
 
@@ -124,6 +125,16 @@ impl Rows {
             result.joints.push(JointRows { d, z, tau });
         }
         Ok(result)
+    }
+
+    /// The rows of several records as sums, to judge parameters by.
+    pub fn reference(records: &[Rows]) -> Reference {
+        let (joints, columns) = records.first().map_or((0, 0), |r| (r.joints.len(), r.columns));
+        let mut reference = Reference::new(joints, columns);
+        for (j, rows) in records.iter().flat_map(|r| r.joints.iter().enumerate()) {
+            reference.add(j, &rows.d, &rows.tau);
+        }
+        reference
     }
 
     /// Number of rows of joint `joint` (from 0).

@@ -1,0 +1,258 @@
+//! Is least squares biased, and can the instruments be trusted?
+//!
+//! Noise in the positions is noise in the regressor, which pulls least squares but not instrumental variables. If there
+//! is none, both estimate the same and only torque noise sets them apart (Durbin 1954, Wu 1973, Hausman 1978):
+//!
+//! ```text
+//! H = (x_IV − x_LS)ᵀ·[cov_IV − cov_LS]⁺·(x_IV − x_LS)  ~  χ²(rank)
+//! ```
+//!
+//! Both with the same weights: then the difference of the covariances cannot be negative.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::{Fit, Method, Normal, Solution};
+use super::record::OfflineError;
+use super::rows::{JointRows, Rows};
+
+/// Directions in which instruments cost less than this share of the variance say nothing: regressor and instruments
+/// are the same there, and what is left is rounding.
+const SAME: f64 = 1e-6;
+
+/// What sets least squares and instruments apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bias {
+    /// H.
+    pub hausman: f64,
+    /// Directions in which regressor and instruments differ.
+    pub degrees: usize,
+    /// Probability of an H as large as this if the regressor has no noise and the model is complete.
+    pub p_value: f64,
+    /// Per joint: the largest element of E{(d−d*)(d−d*)ᵀ} over that of E{(d−d*)·d*ᵀ}, columns in units of torque (times
+    /// the identified values). What noise in the regressor puts on least squares, over what is left of it with instruments; near 1 the
+    /// instruments see the noise as well. Empty with delayed instruments, which differ from the regressor by motion.
+    pub ratio: Vec<f64>,
+}
+
+/// Compares both methods on the same rows, weighed by the noise of `fit`.
+///
+/// * `nominal`, `prior`: as for [`fit`](super::fit())
+///
+/// # Errors
+/// When the equations of one method have no solution.
+pub fn bias(rows: &[Rows], nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bias, OfflineError> {
+    let k = nominal.len();
+    let x0 = DVector::from_column_slice(nominal);
+    let weights: Vec<f64> = fit.noise.iter().zip(&fit.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
+    let solve = |method| -> Result<(DVector<f64>, DMatrix<f64>), OfflineError> {
+        let joints: Vec<Normal> = (0..weights.len()).map(|j| Normal::new(rows, j, k, method)).collect();
+        let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
+        // The scale is that of the regressor, so it is the same for both.
+        Ok((solution.x.component_div(&solution.scale), solution.covariance(method)))
+    };
+    let (least_squares, own) = solve(Method::LeastSquares)?;
+    let (instrumental, other) = solve(Method::Instrumental)?;
+    let (hausman, degrees) = statistic(&(instrumental - least_squares), &own, &other)?;
+    let delayed = rows.iter().any(|r| r.lag_s.is_empty());
+    let ratio = if delayed { Vec::new() } else { (0..weights.len()).map(|j| ratio(rows, j, &fit.values)).collect() };
+    Ok(Bias { hausman, degrees, p_value: chi_square_above(hausman, degrees), ratio })
+}
+
+/// H and its degrees of freedom, in coordinates in which the covariance of least squares is 1.
+fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> Result<(f64, usize), OfflineError> {
+    let singular = OfflineError::Singular { method: "Durbin-Wu-Hausman" };
+    let symmetric = |m: &DMatrix<f64>| (m + m.transpose()) * 0.5;
+    let root = symmetric(own).cholesky().ok_or_else(|| singular.clone())?.l();
+    let inverse = root.try_inverse().ok_or(singular)?;
+    let shift = &inverse * shift;
+    let eigen = symmetric(&(&inverse * other * inverse.transpose())).symmetric_eigen();
+    let along = eigen.eigenvectors.transpose() * shift;
+    let seen = eigen.eigenvalues.iter().zip(along.iter()).filter(|(value, _)| **value - 1.0 > SAME);
+    Ok(seen.fold((0.0, 0), |(sum, count), (value, along)| (sum + along * along / (value - 1.0), count + 1)))
+}
+
+/// Ratio of the dominant elements for one joint, columns times `values`; infinite when regressor and instruments are the
+/// same.
+fn ratio(records: &[Rows], joint: usize, values: &[f64]) -> f64 {
+    let k = values.len();
+    let (mut own, mut cross) = (DMatrix::zeros(k, k), DMatrix::zeros(k, k));
+    for JointRows { d, z, tau } in records.iter().map(|r| &r.joints[joint]) {
+        let z = DMatrix::from_column_slice(k, tau.len(), z);
+        let off = DMatrix::from_column_slice(k, tau.len(), d) - &z;
+        own += &off * off.transpose();
+        cross += &off * z.transpose();
+    }
+    let entry = |m: &DMatrix<f64>, at: usize| (m[(at / k, at % k)] * values[at / k] * values[at % k]).abs();
+    let largest = |m: &DMatrix<f64>| (0..k * k).map(|at| entry(m, at)).fold(0.0_f64, f64::max);
+    let (own, cross) = (largest(&own), largest(&cross));
+    if cross > 0.0 { own / cross } else { f64::INFINITY }
+}
+
+/// Probability that a χ² variable with `degrees` degrees of freedom exceeds `x`: the upper incomplete gamma function
+/// Q(degrees/2, x/2), by its series or its continued fraction (Abramowitz & Stegun 6.5.29, 6.5.31).
+fn chi_square_above(x: f64, degrees: usize) -> f64 {
+    if degrees == 0 || x <= 0.0 {
+        return 1.0;
+    }
+    let (a, x) = (0.5 * degrees as f64, 0.5 * x);
+    let front = (a * x.ln() - x - ln_gamma(degrees)).exp();
+    let value = if x < a + 1.0 {
+        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
+        while term > sum * 1e-16 {
+            n += 1.0;
+            term *= x / n;
+            sum += term;
+        }
+        1.0 - front * sum
+    } else {
+        // Lentz' method; x > a + 1, so no denominator vanishes.
+        let mut b = x + 1.0 - a;
+        let (mut c, mut d) = (f64::INFINITY, 1.0 / b);
+        let mut fraction = d;
+        for i in 1..10_000 {
+            let an = -f64::from(i) * (f64::from(i) - a);
+            b += 2.0;
+            d = 1.0 / (an * d + b);
+            c = b + an / c;
+            fraction *= c * d;
+            if (c * d - 1.0).abs() < 1e-15 {
+                break;
+            }
+        }
+        front * fraction
+    };
+    value.clamp(0.0, 1.0)
+}
+
+/// ln Γ(degrees/2), from Γ(1) = 1 or Γ(1/2) = √π up.
+fn ln_gamma(degrees: usize) -> f64 {
+    let start = if degrees.is_multiple_of(2) { 0.0 } else { 0.5 * std::f64::consts::PI.ln() };
+    let first = if degrees.is_multiple_of(2) { 2 } else { 1 };
+    (first..degrees).step_by(2).fold(start, |sum, twice| sum + (0.5 * twice as f64).ln())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+    use std::path::PathBuf;
+
+    use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
+
+    use super::*;
+    use crate::linear::tests::Random;
+    use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};
+
+    /// Table 26.8 of Abramowitz & Stegun.
+    #[test]
+    fn chi_square_tail_matches_tables() {
+        for (x, degrees, p) in [
+            (3.841459, 1, 0.05),
+            (5.991465, 2, 0.05),
+            (18.307038, 10, 0.05),
+            (29.588298, 10, 0.001),
+            (55.758479, 40, 0.05),
+            (4.865182, 10, 0.9),
+        ] {
+            let found = chi_square_above(x, degrees);
+            assert!((found - p).abs() < 1e-6, "{x} {degrees}: {found}");
+        }
+        assert!(chi_square_above(1e5, 50) < 1e-300 && chi_square_above(1.0, 0) == 1.0);
+    }
+
+    /// Two joints and five columns; `noise` on the regressor, instruments off by as much as a tenth of the signal.
+    fn rows(noise: f64, random: &mut Random) -> (Vec<Rows>, Vec<f64>) {
+        let x = vec![3.0, -1.0, 0.5, 2.0, 1.0];
+        let mut joints = Vec::new();
+        for _ in 0..2 {
+            let mut joint = JointRows::default();
+            for _ in 0..300 {
+                let exact: Vec<f64> = (0..5).map(|_| random.normal()).collect();
+                joint.tau.push(exact.iter().zip(&x).map(|(d, x)| d * x).sum::<f64>() + 0.3 * random.normal());
+                joint.d.extend(exact.iter().map(|d| d + noise * random.normal()));
+                joint.z.extend(exact.iter().map(|d| d + 0.1 * random.normal()));
+            }
+            joints.push(joint);
+        }
+        (vec![Rows { columns: 5, joints, left_out: vec![0.0; 2], moving: 0..300, lag_s: vec![0.0; 2] }], x)
+    }
+
+    fn judge(noise: f64, seed: u64) -> Bias {
+        let (rows, x) = rows(noise, &mut Random(seed));
+        let found = fit(&rows, &x, 10.0, Method::Instrumental).expect("solved");
+        bias(&rows, &x, 10.0, &found).expect("judged")
+    }
+
+    #[test]
+    fn without_regressor_noise_p_values_are_uniform() {
+        let count = 500;
+        let mut p: Vec<f64> = (0..count).map(|seed| judge(0.0, 1000 + seed).p_value).collect();
+        p.sort_by(f64::total_cmp);
+        // Kolmogorov-Smirnov distance; above 1.63/sqrt(count) in one of a hundred samples.
+        let off = |(i, p): (usize, &f64)| {
+            let (below, above) = (i as f64 / count as f64, (i + 1) as f64 / count as f64);
+            (p - below).abs().max((p - above).abs())
+        };
+        let distance = p.iter().enumerate().map(off).fold(0.0_f64, f64::max);
+        println!("Kolmogorov-Smirnov distance {distance:.4} of {:.4}", 1.63 / (count as f64).sqrt());
+        assert!(distance < 1.63 / (count as f64).sqrt(), "{distance}");
+    }
+
+    #[test]
+    fn regressor_noise_is_found() {
+        let found: Vec<Bias> = (0..50).map(|seed| judge(0.2, seed)).collect();
+        let rejected = found.iter().filter(|b| b.p_value < 0.01).count();
+        assert!(rejected >= 48, "{rejected} of 50");
+        assert!(found.iter().all(|b| b.degrees == 5));
+    }
+
+    /// The two-link direct-drive arm at 0.8 and 1.1 Hz and 1 ms, unfiltered, with encoders of the resolution that makes
+    /// acceleration noise exceed its signal, behind critically damped position loops. The paper has 65 to 300; it
+    /// depends on how far the arm is from the command.
+    #[test]
+    fn instruments_take_out_what_the_paper_says() {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.urdf");
+        let text = std::fs::read_to_string(path).expect("a URDF of the project");
+        let arm = Arm::from_urdf(&text, [0.0, 0.0, -9.81]).expect("an arm");
+        let model = Model::new(arm, Structure { offset: false, coupling: None, sign_velocity: 0.0 });
+        let base = BaseSet::new(&model).expect("a base");
+        let drives = Joints {
+            rotor_inertia: vec![0.0; 2],
+            viscous: vec![2.288, 0.175],
+            coulomb: vec![7.17, 1.734],
+            ..Joints::default()
+        };
+        let values = base.from_standard(&model.nominal(&drives));
+        let (period, loop_hz) = (1e-3, [3.0, 8.0]);
+        for quantum in [3e-5, 4e-5] {
+            let mut desired = Trajectory { q: vec![vec![]; 2], qd: vec![vec![]; 2], qdd: vec![vec![]; 2] };
+            let mut read = vec![Vec::new(); 2];
+            for k in 0..10_000 {
+                for (j, hz) in [0.8, 1.1].into_iter().enumerate() {
+                    let w = TAU * hz;
+                    let at = w * period * f64::from(k);
+                    desired.q[j].push(0.6 * at.sin());
+                    desired.qd[j].push(0.6 * w * at.cos());
+                    desired.qdd[j].push(-0.6 * w * w * at.sin());
+                    // 1/(1 + s/w0)^2
+                    let slow: f64 = hz / loop_hz[j];
+                    let q: f64 = 0.6 / (1.0 + slow * slow) * (at - 2.0 * slow.atan()).sin();
+                    read[j].push((q / quantum).round() * quantum);
+                }
+            }
+            let measured = Trajectory::from_positions(&read, period);
+            let tau = vec![vec![1.0; 10_000]; 2];
+            let record = Record { period_s: period, measured, tau, desired: Some(desired) };
+            let settings = OfflineSettings {
+                filter_hz: 450.0,
+                filter_order: 2,
+                row_period_s: period,
+                dead_zone: vec![0.0; 2],
+                instrument: InstrumentSource::Desired,
+            };
+            let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
+            let found: Vec<f64> = (0..2).map(|j| ratio(&rows, j, &values)).collect();
+            println!("quantum {quantum:e} rad: ratios {found:.0?}");
+            assert!(found.iter().all(|r| (30.0..1000.0).contains(r)), "{quantum}: {found:?}");
+        }
+    }
+}
