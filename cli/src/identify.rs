@@ -1,14 +1,18 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use rivet_config::{EstimatorKind, Robot, write_identified};
-use rivet_estimation::offline::{Determined, Fit, InstrumentSource, Method, OfflineError, Rows, fit, residual_percent};
+use rivet_config::{EstimatorKind, Robot};
+use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
+use rivet_estimation::offline::{
+    Bias, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent,
+};
 use serde_json::{Value, json};
 
+use crate::export::export;
 use crate::progress::Progress;
 use crate::runs::{self, Piece};
 use crate::table::{Table, number, paragraph, show};
@@ -29,7 +33,8 @@ pub(crate) struct Args {
     /// Also write the result as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write model.toml (robot file with the identified parameters) and robot.urdf into this folder.
+    /// Write model.toml (robot file with the identified parameters), robot.urdf (physically consistent bodies) and
+    /// not-expressible.md into this folder.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
     /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
@@ -54,15 +59,25 @@ struct Findings {
     instrumental: Fit,
     /// Residuals per joint \[%\]: nominal, least squares, instrumental.
     residuals: [Vec<f64>; 3],
+    /// What sets least squares and instruments apart.
+    bias: Bias,
+    /// All rows as sums.
+    reference: Reference,
+    /// Physically consistent parameters near those of the fit that counts.
+    consistent: Result<Projection, ConsistencyError>,
 }
 
 impl Findings {
     /// The fit that counts: instruments, unless the robot file asks for least squares.
     fn chosen(&self, robot: &Robot) -> &Fit {
-        match robot.config.estimator.kind {
-            EstimatorKind::Riv => &self.instrumental,
-            EstimatorKind::Rls => &self.least_squares,
-        }
+        choose(robot, &self.least_squares, &self.instrumental)
+    }
+}
+
+fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &'a Fit {
+    match robot.config.estimator.kind {
+        EstimatorKind::Riv => instrumental,
+        EstimatorKind::Rls => least_squares,
     }
 }
 
@@ -81,7 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&format!("result written to {}\n", path.display()))?;
     }
     if let Some(folder) = &args.export {
-        export(&robot, result.chosen(&robot), folder)?;
+        export(&robot, result.chosen(&robot), &result.consistent, &result.reference, folder)?;
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -123,7 +138,11 @@ fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
     let instrumental = fit(&rows, &robot.nominal_base, prior, Method::Instrumental)?;
     let residuals =
         [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
-    Ok(Findings { runs: all, least_squares, instrumental, residuals })
+    let chosen = choose(robot, &least_squares, &instrumental);
+    let bias = bias(&rows, &robot.nominal_base, prior, chosen)?;
+    let reference = Rows::reference(&rows);
+    let consistent = project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference);
+    Ok(Findings { runs: all, least_squares, instrumental, residuals, bias, reference, consistent })
 }
 
 /// Why these instruments, in words.
@@ -193,7 +212,10 @@ fn text(robot: &Robot, result: &Findings) -> String {
         base.len() - by_prior,
         by_prior
     );
-    let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})\n", base.name(model, at));
+    let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
+    out += &crate::evidence::bias_text(&result.bias);
+    out += &crate::evidence::consistency_text(&result.consistent);
+    out.push('\n');
     let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
     let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
     for i in 0..base.len() {
@@ -285,19 +307,8 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         "base_parameters": base.len(),
         "condition": chosen.condition,
         "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
+        "bias": crate::evidence::bias_json(&result.bias),
+        "consistent": crate::evidence::consistency_json(robot, &result.consistent),
         "parameters": (0..base.len()).map(parameter).collect::<Vec<_>>(),
     })
-}
-
-/// `model.toml` and `robot.urdf` in `folder`; the model refers to the URDF beside it.
-fn export(robot: &Robot, fit: &Fit, folder: &Path) -> Result<()> {
-    let named = |path: &Path| path.display().to_string();
-    std::fs::create_dir_all(folder).with_context(|| named(folder))?;
-    let urdf = folder.join("robot.urdf");
-    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
-    runs::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
-    let mut moved = robot.clone();
-    moved.config.urdf = urdf;
-    let model = folder.join("model.toml");
-    write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
 }

@@ -3,7 +3,9 @@
 mod check;
 mod children;
 mod demo;
+mod evidence;
 mod exit;
+mod export;
 mod identify;
 mod online;
 mod predict;

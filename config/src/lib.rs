@@ -21,4 +21,4 @@ pub use sections::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Log, Publish, Realtime, RobotConfig, Signal, Simulation,
     Trigger,
 };
-pub use write::write_identified;
+pub use write::{write_consistent, write_identified};

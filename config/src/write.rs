@@ -5,6 +5,8 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Component, Path, PathBuf};
 
+use rivet_dynamics::Joints;
+
 use crate::describe::{number_text, value_text};
 use crate::load::Robot;
 use crate::reader::{Origin, Value};
@@ -19,6 +21,38 @@ use crate::reader::{Origin, Value};
 /// If the lengths are not that of the base set, a value is not finite, a standard deviation is negative, or the file
 /// cannot be written.
 pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
+    write_with(robot, "", values, std, path)
+}
+
+/// As [`write_identified`], with the drives' values of a physically consistent set in the place of those that the
+/// robot's own file gave; with its bodies in the URDF, the nominal values of the written file are that set. `[identified]`
+/// holds the unconstrained base parameters beside it, and the file says which are which.
+///
+/// # Errors
+/// As [`write_identified`].
+pub fn write_consistent(robot: &Robot, drives: &Joints, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
+    let mut changed = robot.clone();
+    for r in &mut changed.config.resolved {
+        let value = match (r.key.section, r.key.name) {
+            ("drive", "rotor_inertia") => Value::Numbers(drives.rotor_inertia.clone()),
+            ("friction", "viscous") => Value::Numbers(drives.viscous.clone()),
+            ("friction", "coulomb") => Value::Numbers(drives.coulomb.clone()),
+            ("friction", "offset") => Value::Numbers(drives.offset.clone()),
+            ("coupling", "rotor_inertia") => Value::Number(drives.coupling[0]),
+            ("coupling", "viscous") => Value::Number(drives.coupling[1]),
+            ("coupling", "coulomb") => Value::Number(drives.coupling[2]),
+            _ => continue,
+        };
+        if r.value != Value::Absent {
+            r.value = value;
+        }
+    }
+    let note = "# URDF, [drive], [friction] and [coupling] hold the physically consistent set (bodies that can be built);\n\
+                # [identified] holds base parameters as the data gave them, without that constraint. rivet uses the latter.\n";
+    write_with(&changed, note, values, std, path)
+}
+
+fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
     let invalid = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
     let wanted = robot.base.len();
     if values.len() != wanted || std.len() != wanted {
@@ -38,7 +72,7 @@ pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path)
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     };
-    let text = model_text(robot, values, std, &relative(&robot.config.urdf, folder)?);
+    let text = model_text(robot, note, values, std, &relative(&robot.config.urdf, folder)?);
     let temporary = path.with_extension(format!("tmp{}", std::process::id()));
     let written = File::create(&temporary).and_then(|mut file| {
         file.write_all(text.as_bytes())?;
@@ -52,11 +86,12 @@ pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path)
     written
 }
 
-fn model_text(robot: &Robot, values: &[f64], std: &[f64], urdf: &Path) -> String {
+fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Path) -> String {
     let mut out = format!(
         "# {} with identified base parameters; written by rivet. Keys: docs/robot-toml.md.\n",
         robot.config.name
     );
+    out += note;
     let mut section = "";
     let given = robot.config.resolved.iter().filter(|r| matches!(r.origin, Origin::Line(_)));
     for r in given.filter(|r| r.key.section != "identified" && r.value != Value::Absent) {

@@ -1,0 +1,139 @@
+//! `--export DIR`: model.toml, robot.urdf and what the URDF cannot carry.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rivet_config::{Robot, write_consistent, write_identified};
+use rivet_dynamics::{Joints, LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, WrittenUrdf, write_urdf};
+use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
+use rivet_estimation::offline::Fit;
+
+use crate::runs;
+use crate::table::number;
+
+/// Writes `model.toml`, `robot.urdf` and `not-expressible.md` into `folder`; the model refers to the URDF beside it.
+///
+/// The URDF gets the physically consistent bodies and friction, the model keeps the unconstrained base parameters.
+/// Without a consistent set the URDF keeps its nominal values, and `not-expressible.md` says so.
+pub(crate) fn export(
+    robot: &Robot,
+    fit: &Fit,
+    consistent: &Result<Projection, ConsistencyError>,
+    reference: &Reference,
+    folder: &Path,
+) -> Result<()> {
+    let named = |path: &Path| path.display().to_string();
+    std::fs::create_dir_all(folder).with_context(|| named(folder))?;
+    let (urdf, model, notes) =
+        (folder.join("robot.urdf"), folder.join("model.toml"), folder.join("not-expressible.md"));
+    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
+    let mut moved = robot.clone();
+    moved.config.urdf.clone_from(&urdf);
+    match consistent {
+        Ok(found) => {
+            let drives = drives(robot, &found.standard);
+            let links: Vec<LinkParameters> = bodies(robot, &found.standard);
+            let written = write_urdf(&text, &links, &drives.viscous, &drives.coulomb)
+                .with_context(|| named(&robot.config.urdf))?;
+            runs::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
+            let report = not_expressible(robot, found, &written, reference);
+            runs::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            write_consistent(&moved, &drives, &fit.values, &fit.std, &model).with_context(|| named(&model))
+        }
+        Err(why) => {
+            runs::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
+            let report = format!(
+                "# {}: what robot.urdf does not carry\n\nAll identified values: no physically consistent set was found \
+                 ({why}), so robot.urdf has its nominal bodies. The identified base parameters are in model.toml.\n",
+                robot.config.name
+            );
+            runs::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
+        }
+    }
+}
+
+fn bodies(robot: &Robot, standard: &[f64]) -> Vec<LinkParameters> {
+    let entry = |link: usize| std::array::from_fn(|k| standard[link * LINK_PARAMETERS + k]);
+    (0..robot.dof()).map(entry).collect()
+}
+
+/// The drive values of a standard vector; offsets that the model does not have stay as the file gives them.
+fn drives(robot: &Robot, standard: &[f64]) -> Joints {
+    let mut joints = robot.config.nominal_joints();
+    for (parameter, &value) in robot.model.parameters.iter().zip(standard) {
+        match *parameter {
+            Parameter::Link { .. } => {}
+            Parameter::RotorInertia(j) => joints.rotor_inertia[j] = value,
+            Parameter::Viscous(j) => joints.viscous[j] = value,
+            Parameter::Coulomb(j) => joints.coulomb[j] = value,
+            Parameter::Offset(j) => joints.offset[j] = value,
+            Parameter::CouplingInertia => joints.coupling[0] = value,
+            Parameter::CouplingViscous => joints.coupling[1] = value,
+            Parameter::CouplingCoulomb => joints.coupling[2] = value,
+        }
+    }
+    joints
+}
+
+/// What robot.urdf cannot say and what it costs: torque that a reader of the URDF misses on the identified log.
+fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, reference: &Reference) -> String {
+    let (model, base) = (&robot.model, &robot.base);
+    let cost = |groups: &[ParameterGroup]| {
+        let part: Vec<f64> = model
+            .parameters
+            .iter()
+            .zip(&found.standard)
+            .map(|(p, x)| if groups.contains(&p.group()) { *x } else { 0.0 })
+            .collect();
+        reference.rms(&base.from_standard(&part))
+    };
+    let mut out = format!(
+        "# {}: what robot.urdf does not carry\n\n\
+         robot.urdf has the physically consistent set: masses, centres of mass and inertias of bodies that can be\n\
+         built, nearest to what was identified, and viscous and Coulomb friction as `<dynamics damping friction>`.\n\
+         model.toml has the identified base parameters without that constraint in `[identified]` (rivet uses these)\n\
+         and the drive values of the physically consistent set in `[drive]`, `[friction]` and `[coupling]`.\n\n\
+         Cost: torque that is missed, root mean square over the identified log after the model filter [N m; N for a\n\
+         prismatic joint].\n\n| not in the URDF | where it is |",
+        robot.config.name
+    );
+    // Writing to a String cannot fail, here and below.
+    for name in runs::joint_names(robot) {
+        let _ = write!(out, " {name} |");
+    }
+    let _ = write!(out, "\n|---|---|{}\n", "---:|".repeat(robot.dof()));
+    let mut row = |what: &str, place: &str, rms: &[f64]| {
+        let cells: Vec<String> = rms.iter().map(|r| number(*r, 3)).collect();
+        let _ = writeln!(out, "| {what} | {place} | {} |", cells.join(" | "));
+    };
+    use ParameterGroup::{Coupling, Friction, Offset, RotorInertia};
+    row("rotor inertia behind the gear", "model.toml [drive]", &cost(&[RotorInertia]));
+    if model.structure.offset {
+        row("torque offset", "model.toml [friction]", &cost(&[Offset]));
+    }
+    if model.structure.coupling.is_some() {
+        row("coupled wrist motor: inertia and friction", "model.toml [coupling]", &cost(&[Coupling]));
+    }
+    let mut all = vec![RotorInertia, Offset, Coupling];
+    row("all of these", "", &cost(&all));
+    all.push(Friction);
+    row("all of these, for a reader that ignores `<dynamics>`", "", &cost(&all));
+    row("unconstrained instead of physically consistent values", "model.toml [identified]", &found.torque_rms);
+    if model.structure.sign_velocity > 0.0 {
+        let _ = write!(
+            out,
+            "\nCoulomb friction changes sign as tanh(speed/{} rad/s) in the model; in a URDF its slope is the reader's.\n",
+            model.structure.sign_velocity
+        );
+    }
+    if !written.merged.is_empty() {
+        out += "\nA torque tells only the mass of all that moves as one. So these links lost their own `<inertial>` to the\n\
+                moving link that carries them:\n\n";
+        for (link, carrier) in &written.merged {
+            let _ = writeln!(out, "* `{link}` into `{carrier}`");
+        }
+    }
+    out + "\nWhat torque cannot tell (mass of the first link, splits between neighbouring links) comes from the nominal URDF.\n"
+}
