@@ -75,7 +75,7 @@ const SILENCE: f64 = 1e-200;
 
 /// The same filter over many channels, direct form II transposed.
 #[derive(Clone, Debug)]
-pub(crate) struct Bank {
+pub struct Bank {
     filter: Butterworth,
     channels: usize,
     /// Two states a section, all channels of one state together.
@@ -84,24 +84,26 @@ pub(crate) struct Bank {
 }
 
 impl Bank {
-    pub(crate) fn new(filter: Butterworth, channels: usize) -> Bank {
+    /// Room for so many channels; the first sample will be taken as what they had for ever.
+    #[must_use]
+    pub fn new(filter: Butterworth, channels: usize) -> Bank {
         let state = vec![0.0; 2 * filter.sections.len() * channels];
         Bank { filter, channels, state, primed: false }
     }
 
     /// The next sample will be taken as the value that all channels had for ever.
-    pub(crate) fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.primed = false;
     }
 
     /// All channels were 0 for ever.
-    pub(crate) fn start_at_rest(&mut self) {
+    pub fn start_at_rest(&mut self) {
         self.state.fill(0.0);
         self.primed = true;
     }
 
     /// Filters one sample of each channel in place.
-    pub(crate) fn step(&mut self, x: &mut [f64]) {
+    pub fn step(&mut self, x: &mut [f64]) {
         let n = self.channels;
         if !self.primed {
             self.primed = true;

@@ -1,0 +1,206 @@
+//! `rivet-peer`: rivet beside the same work in C++ (Pinocchio and Eigen) and Python (numpy and Pinocchio).
+//!
+//! Both sides run alternately, pinned to one core, within one run; only ratios are reported against goals. What is
+//! missing on this machine is named, and the Rust side is measured all the same.
+
+mod cpp;
+mod offline;
+mod problem;
+mod table;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clap::Parser;
+use rivet_benches::{Kernel, Workload, kernel};
+
+use table::{Item, print};
+
+/// What a call costs beside the same work in C++ and Python.
+#[derive(Parser)]
+#[command(name = "rivet-peer")]
+struct Args {
+    /// Virtual environment with `pip install pin numpy scipy`; else the Python on the path.
+    #[arg(long, value_name = "DIR")]
+    venv: Option<PathBuf>,
+    /// Eigen's headers.
+    #[arg(long, value_name = "DIR", default_value = "/usr/include/eigen3")]
+    eigen: PathBuf,
+    /// Core that everything is pinned to.
+    #[arg(long, default_value_t = 1)]
+    cpu: usize,
+    /// How often both sides run, one after the other; the median counts.
+    #[arg(long, default_value_t = 5)]
+    repeats: usize,
+    /// Time for each kernel in each run [s].
+    #[arg(long, default_value_t = 0.3)]
+    seconds: f64,
+    /// Leaves out the off-line identification.
+    #[arg(long)]
+    no_offline: bool,
+    /// Measures the Rust side alone, once, and prints it as lines of `name nanoseconds`.
+    #[arg(long, hide = true)]
+    measure: bool,
+}
+
+/// Named figures of one run.
+type Figures = BTreeMap<String, f64>;
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    if args.measure {
+        return measure(args.seconds);
+    }
+    let workload = Workload::new()?;
+    let folder = tempfile::tempdir()?;
+    let problem = folder.path().join("problem.txt");
+    problem::write(&workload, &problem)?;
+    println!("{}, {} base parameters; rust {}", rivet_benches::workload::ROBOT, workload.robot.base.len(), target());
+    println!("{}", machine());
+    let peer = cpp::build(args.venv.as_deref(), &args.eigen);
+    if let Err(why) = &peer {
+        println!("no C++ peer: {why:#}");
+    }
+    let own = std::env::current_exe().context("path of this program")?;
+    let seconds = args.seconds.to_string();
+    let (mut rust, mut other) = (Vec::new(), Vec::new());
+    for _ in 0..args.repeats.max(1) {
+        rust.push(run(Command::new(&own).args(["--measure", "--seconds", &seconds]), args.cpu)?);
+        if let Ok(peer) = &peer {
+            other.push(run(Command::new(peer).arg(&problem).arg(&seconds), args.cpu)?);
+        }
+    }
+    let (rust, other) = (median(&rust), median(&other));
+    let checks = problem::checks(&workload);
+    for (name, value) in &checks {
+        if let Some(theirs) = other.get(name)
+            && (value - theirs).abs() > 1e-9 * value.abs()
+        {
+            bail!("the two sides did not do the same work: {name} is {value:e} here and {theirs:e} there");
+        }
+    }
+    print("item [ns]", &items(&workload, &rust, &other));
+    if !args.no_offline {
+        let items = offline::compare(args.venv.as_deref(), args.cpu, args.repeats.min(3), folder.path())?;
+        print("60 s at 1 kHz, off-line [ms]", &items);
+    }
+    Ok(())
+}
+
+/// Rows of the table: what is compared with what, and the goal of the ratio.
+fn items(workload: &Workload, rust: &Figures, other: &Figures) -> Vec<Item> {
+    let decimation = workload.robot.config.signal.decimation as f64;
+    let peer = |name: &str| other.get(name).copied();
+    let mean = |slow: &str| Some(peer("front")? + (peer(slow)? - peer("front")?) / decimation);
+    let row = |name: &str, kernel: Kernel, peer: Option<f64>, goal: Option<(f64, f64)>| Item {
+        name: name.to_owned(),
+        rivet: rust.get(kernel.name()).copied(),
+        peer,
+        goal,
+    };
+    vec![
+        row("regressor", Kernel::Regressor, peer("regressor"), Some((3.0, 5.0))),
+        row("model filter, one period", Kernel::Filter, peer("filter"), None),
+        row("period without rows", Kernel::Front, peer("front"), None),
+        row("period, unsupervised", Kernel::Plain, peer("plain"), None),
+        row("period, supervised", Kernel::Supervised, peer("supervised"), Some((5.0, 10.0))),
+        row(&format!("the same, rows 1 in {decimation}"), Kernel::Default, mean("supervised"), None),
+        row("period, eigen (sliced)", Kernel::Eigen, peer("supervised"), None),
+        row("period, columns", Kernel::Columns, None, None),
+        row("period, least squares (UD)", Kernel::LeastSquares, None, None),
+        row("inverse dynamics", Kernel::InverseDynamics, None, None),
+    ]
+}
+
+/// Prints the median time of every kernel.
+fn measure(seconds: f64) -> Result<()> {
+    let workload = Workload::new()?;
+    for item in Kernel::ALL {
+        let mut call = kernel(&workload, item)?;
+        println!("{} {:.6}", item.name(), time(seconds, &mut call));
+    }
+    Ok(())
+}
+
+/// Median over batches of at least 0.5 ms of the time of one call [ns].
+fn time(seconds: f64, call: &mut dyn FnMut()) -> f64 {
+    let mut count = 1_u32;
+    let batch = |count: u32, call: &mut dyn FnMut()| {
+        let start = Instant::now();
+        (0..count).for_each(|_| call());
+        start.elapsed().as_secs_f64()
+    };
+    let mut once = batch(count, call);
+    while once < 5e-4 {
+        count *= 2;
+        once = batch(count, call);
+    }
+    let batches = ((seconds / once) as usize).max(11);
+    let mut times: Vec<f64> = (0..batches).map(|_| batch(count, call) / f64::from(count) * 1e9).collect();
+    times.sort_by(f64::total_cmp);
+    times[batches / 2]
+}
+
+/// Runs a side on one core and reads its figures.
+fn run(command: &mut Command, cpu: usize) -> Result<Figures> {
+    pin(cpu)?;
+    let output = command.output().with_context(|| format!("{}", command.get_program().display()))?;
+    if !output.status.success() {
+        let name = command.get_program().display();
+        bail!("{name}: {}\n{}", output.status, String::from_utf8_lossy(&output.stderr));
+    }
+    let text = String::from_utf8(output.stdout)?;
+    let figure = |line: &str| -> Option<(String, f64)> {
+        let (name, value) = line.rsplit_once(' ')?;
+        Some((name.to_owned(), value.parse().ok()?))
+    };
+    Ok(text.lines().filter_map(figure).collect())
+}
+
+/// This process, and those it starts, on one core.
+fn pin(cpu: usize) -> Result<()> {
+    let mut set = rustix::thread::CpuSet::new();
+    set.set(cpu);
+    rustix::thread::sched_setaffinity(None, &set).with_context(|| format!("core {cpu}"))
+}
+
+fn median(runs: &[Figures]) -> Figures {
+    let Some(first) = runs.first() else { return Figures::new() };
+    let each = |name: &String| {
+        let mut values: Vec<f64> = runs.iter().filter_map(|run| run.get(name).copied()).collect();
+        values.sort_by(f64::total_cmp);
+        (name.clone(), values[values.len() / 2])
+    };
+    first.keys().map(each).collect()
+}
+
+fn target() -> &'static str {
+    if cfg!(target_feature = "avx512f") {
+        "built for AVX-512"
+    } else if cfg!(target_feature = "avx2") {
+        "built for AVX2"
+    } else {
+        "built for the default target"
+    }
+}
+
+/// Processor and load, in one line.
+fn machine() -> String {
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    let info = read("/proc/cpuinfo");
+    let field = |name: &str| {
+        let line = info.lines().find(|line| line.starts_with(name)).and_then(|line| line.split(':').nth(1));
+        line.unwrap_or("?").trim().to_owned()
+    };
+    let load = read("/proc/loadavg");
+    format!(
+        "{} (family {}, model {}), load {}",
+        field("model name"),
+        field("cpu family"),
+        field("model\t"),
+        load.split(' ').next().unwrap_or("?")
+    )
+}
