@@ -260,6 +260,11 @@ impl Core {
         self.counts
     }
 
+    /// How often the arm was seen to change: a payload grasped or let go of.
+    pub fn changes(&self) -> u64 {
+        self.identifier.estimate().changes
+    }
+
     /// Number of the last publication; 0 before the first.
     pub fn epoch(&self) -> u64 {
         self.epoch

@@ -11,6 +11,7 @@
 
 mod cycle;
 
+use crate::change::Change;
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::scales::{Scales, Whitening};
@@ -53,6 +54,9 @@ pub struct EstimatorSettings {
     pub residual_memory: f64,
     /// How rows of white noise are correlated.
     pub correlation: Correlation,
+    /// Time between rows \[s\], if a changed arm (a payload) is to be noticed and the window begun anew; needs
+    /// forgetting.
+    pub change_row_s: Option<f64>,
 }
 
 /// Correlation of the residuals of one joint. Rows of white noise are correlated by the model filter; what real
@@ -104,6 +108,8 @@ pub struct Estimator {
     rls_values: Vec<f64>,
     residuals: Residuals,
     verdict: Verdict,
+    /// `None` when nothing is forgotten: the arm is then taken to be one and the same.
+    change: Option<Change>,
     updates: u64,
     frozen: bool,
     instrument: Instrument,
@@ -181,6 +187,10 @@ impl Estimator {
                 left_out: vec![0; p],
             },
             verdict: Verdict::NONE,
+            change: settings
+                .change_row_s
+                .filter(|_| settings.forgetting < 1.0)
+                .map(|row_s| Change::new(p, row_s, 1.0 / (1.0 - settings.forgetting))),
             updates: 0,
             frozen: false,
             instrument: Instrument::None,
@@ -206,6 +216,13 @@ impl Estimator {
     /// Goes on from `values` (n, e.g. stored ones), as known as the nominal ones are; what the window had is forgotten.
     pub fn load(&mut self, values: &[f64]) {
         self.values.copy_from_slice(values);
+        if let Some(change) = &mut self.change {
+            change.restart();
+        }
+        self.reload(values);
+    }
+
+    fn reload(&mut self, values: &[f64]) {
         for ((scaled, x), c) in self.rows.scaled.iter_mut().zip(values).zip(&self.column) {
             *scaled = x * c;
         }
@@ -263,9 +280,12 @@ impl Estimator {
         if !usable {
             return Err(Skip::NotFinite);
         }
-        self.watch(d, tau, used);
+        let changed = self.watch(d, tau, used);
         if self.frozen {
             return Err(Skip::Frozen);
+        }
+        if changed {
+            self.begin_window();
         }
         let rows = &mut self.rows;
         for j in 0..tau.len() {
@@ -294,9 +314,14 @@ impl Estimator {
     }
 
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
-    fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool]) {
+    /// Returns whether the arm has changed.
+    fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool]) -> bool {
         let n = self.n;
         self.rows.weight.fill(0.0);
+        let values = &self.values;
+        let residual = |(j, row): (usize, &[f64])| (j, tau[j] - crate::linear::dot(row, values));
+        let moving = || d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]);
+        let changed = self.change.as_mut().is_some_and(|change| change.add(moving().map(residual)));
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
             let residual = tau[j] - crate::linear::dot(row, &self.values);
             let nominal = tau[j] - crate::linear::dot(row, &self.nominal);
@@ -312,6 +337,14 @@ impl Estimator {
             }
         }
         self.noise.balance();
+        changed
+    }
+
+    /// Goes on from the values of now with nothing in the window.
+    fn begin_window(&mut self) {
+        let values = std::mem::take(&mut self.values);
+        self.reload(&values);
+        self.values = values;
     }
 
     /// `M ← λM + Σ z·dᵀ`, the lower triangle of `S ← λS + Σ z·zᵀ`, `y ← λy + Σ z·τ`.
@@ -382,6 +415,7 @@ impl Estimator {
             rows_left_out: &self.residuals.left_out,
             instrument: self.instrument,
             verdict: self.verdict,
+            changes: self.change.as_ref().map_or(0, Change::seen),
             updates: self.updates,
             frozen: self.frozen,
         }

@@ -88,6 +88,7 @@ impl Identifier {
             noise_memory: noise_memory / row,
             outlier: OUTLIER,
             residual_memory: (residual_memory / row).max(1.0),
+            change_row_s: Some(row),
             correlation: Correlation {
                 factor: correlation_factor(&response, settings.decimation),
                 neighbour: neighbour_correlation(&response, settings.decimation),

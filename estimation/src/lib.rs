@@ -13,6 +13,7 @@
 //!
 //! The method is that of Schmidt & Pruefer, "Parameter identification in robot control"; numbers of sections and
 //! equations refer to it.
+mod change;
 pub mod consistency;
 mod dead_zone;
 pub mod differentiate;

@@ -136,6 +136,8 @@ pub struct Estimate<'a> {
     pub instrument: Instrument,
     /// What the supervision saw last.
     pub verdict: Verdict,
+    /// How often the arm was seen to change (a payload grasped or let go of), which empties the window.
+    pub changes: u64,
     /// Updates of the estimator since construction or reset.
     pub updates: u64,
     /// Learning is switched off.

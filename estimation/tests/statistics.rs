@@ -20,6 +20,7 @@ fn settings(kind: EstimatorKind, supervision: Supervision) -> EstimatorSettings 
         noise_memory: 1000.0,
         outlier: f64::INFINITY,
         residual_memory: 1000.0,
+        change_row_s: None,
         correlation: Correlation { factor: 1.0, neighbour: 0.0 },
     }
 }

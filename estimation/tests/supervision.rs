@@ -24,6 +24,7 @@ fn settings(supervision: Supervision) -> EstimatorSettings {
         noise_memory: 100.0,
         outlier: f64::INFINITY,
         residual_memory: 100.0,
+        change_row_s: None,
         correlation: Correlation { factor: 1.0, neighbour: 0.0 },
     }
 }

@@ -108,6 +108,12 @@ impl Plant {
         self.readout = Readout::new(&self.sensors, self.coupling, seed);
     }
 
+    /// The arm becomes `truth` where it stands or moves: it has grasped or let go of a payload. Position and velocity stay,
+    /// as if the payload had moved along already; dry friction keeps the levels the plant was made with.
+    pub fn become_loaded(&mut self, truth: &Truth) {
+        self.mechanics = Mechanics::new(truth);
+    }
+
     /// Closes or opens the brakes of all joints. A closed brake is dry friction of twice the drive's limit; the drives of a
     /// braked arm are off.
     pub fn set_brake(&mut self, closed: bool) {

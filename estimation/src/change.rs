@@ -1,0 +1,114 @@
+//! Notices that the arm has become another one: a payload grasped or let go of while moving.
+//!
+//! A window that holds rows of two arms fits neither, and its parameters are wrong by far more than their deviations say
+//! until the old rows are forgotten (the paper's footnote 6: the window must be as short as parameters change). A change is
+//! seen long before that: the residuals of all joints rise at once and stay.
+
+/// Memory of the short-term mean \[s\]: longer than a collision's peak, short beside a window.
+const SHORT_S: f64 = 0.3;
+/// The baseline counts a row at most as this many times its own level: a change must not become the baseline at once.
+const BASELINE_CAP: f64 = 4.0;
+/// A row counts at most as this many times the baseline, so that one joint's peak is no change.
+const ROW_CAP: f64 = 25.0;
+/// Ratio of the short-term mean square to the baseline that is a change: three times the usual residual, in the mean of
+/// all joints that move. Payloads that matter to a controller give more than ten times; the residuals of measured arms
+/// vary by up to twice between motions.
+const CHANGE: f64 = 9.0;
+/// Rows of a joint before its baseline is believed, as a share of the window.
+const SETTLE_SHARE: f64 = 0.25;
+
+/// Compares recent residuals with those of the window, joint by joint.
+#[derive(Clone, Debug)]
+pub(crate) struct Change {
+    short: f64,
+    memory: f64,
+    settle: f64,
+    baseline: Vec<f64>,
+    rows: Vec<f64>,
+    recent: f64,
+    seen: u64,
+}
+
+impl Change {
+    /// `row_s`: time between rows \[s\]; `window`: rows of the window.
+    pub(crate) fn new(joints: usize, row_s: f64, window: f64) -> Change {
+        Change {
+            short: (SHORT_S / row_s).max(5.0),
+            memory: (0.5 * window).max(20.0),
+            settle: (SETTLE_SHARE * window).max(20.0),
+            baseline: vec![0.0; joints],
+            rows: vec![0.0; joints],
+            recent: 1.0,
+            seen: 0,
+        }
+    }
+
+    /// Forgets what residuals were like; counts on.
+    pub(crate) fn restart(&mut self) {
+        self.baseline.fill(0.0);
+        self.rows.fill(0.0);
+        self.recent = 1.0;
+    }
+
+    /// Takes in the residual of every joint whose row counts, as `(joint, residual)`; true when the arm has changed.
+    pub(crate) fn add(&mut self, residuals: impl Iterator<Item = (usize, f64)>) -> bool {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (j, residual) in residuals {
+            let square = residual * residual;
+            if self.rows[j] >= self.settle && self.baseline[j] > 0.0 {
+                sum += (square / self.baseline[j]).min(ROW_CAP);
+                count += 1.0;
+            }
+            self.rows[j] += 1.0;
+            let known = self.rows[j] > 0.5 * self.settle;
+            let square = if known { square.min(BASELINE_CAP * self.baseline[j]) } else { square };
+            self.baseline[j] += (square - self.baseline[j]) / self.rows[j].min(self.memory);
+        }
+        if count == 0.0 {
+            return false;
+        }
+        self.recent += (sum / count - self.recent) / self.short;
+        let changed = self.recent > CHANGE;
+        if changed {
+            self.seen += 1;
+            self.restart();
+        }
+        changed
+    }
+
+    /// How many changes were seen.
+    pub(crate) fn seen(&self) -> u64 {
+        self.seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Change;
+
+    /// Reproducible noise, roughly normal.
+    fn noise(state: &mut u64) -> f64 {
+        let mut uniform = || {
+            *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (*state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        (0..12).map(|_| uniform()).sum()
+    }
+
+    fn run(change: &mut Change, rows: usize, scale: impl Fn(usize) -> f64, state: &mut u64) -> Option<usize> {
+        (0..rows).find(|&k| change.add((0..6).map(|j| (j, scale(k) * noise(state))).collect::<Vec<_>>().into_iter()))
+    }
+
+    #[test]
+    fn a_lasting_rise_is_a_change_and_a_peak_or_busier_motion_is_none() {
+        let mut state = 7;
+        let mut change = Change::new(6, 0.01, 1000.0);
+        assert_eq!(run(&mut change, 3000, |_| 0.3, &mut state), None, "steady");
+        assert_eq!(run(&mut change, 500, |k| if k % 100 < 5 { 30.0 } else { 0.3 }, &mut state), None, "peaks of 50 ms");
+        assert_eq!(run(&mut change, 500, |k| if k % 200 < 100 { 0.6 } else { 0.3 }, &mut state), None, "twice as busy");
+        let found = run(&mut change, 500, |_| 3.0, &mut state).expect("ten times the residual");
+        assert!(found < 50, "after {found} rows");
+        assert_eq!(change.seen(), 1);
+        assert_eq!(run(&mut change, 2000, |_| 3.0, &mut state), None, "the new level is the baseline from then on");
+    }
+}
