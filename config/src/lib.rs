@@ -18,7 +18,7 @@ pub use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Supervisi
 pub use load::{Identified, Robot, load, parse};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
-    Bus, Controller, Coupling, Drive, Estimator, Friction, Log, Publish, Realtime, RobotConfig, Signal, Simulation,
-    Trigger,
+    Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Publish, Realtime, RobotConfig, Signal,
+    Simulation, StopReaction, Trigger,
 };
 pub use write::{write_consistent, write_identified};

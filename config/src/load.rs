@@ -91,7 +91,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let supervision = supervision(&mut reader);
     let publish = sections::publish(&mut reader);
     let realtime = sections::realtime(&mut reader);
-    let controller = sections::controller(&mut reader, sample_period_s);
+    let controller = sections::controller(&mut reader, sample_period_s, publish.every);
     let simulation = sections::simulation(&mut reader);
     let bus = sections::bus(&mut reader);
     let given = reader.has_section("identified").then(|| {

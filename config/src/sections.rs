@@ -200,19 +200,53 @@ pub struct Realtime {
     pub stale_periods: usize,
 }
 
+/// `[controller] law`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// Feedback linearisation: feedback acts through the inertia matrix.
+    ComputedTorque,
+    /// Feed-forward of the planned motion with constant PD gains.
+    FeedForwardPd,
+}
+
+/// `[controller] stop_reaction`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReaction {
+    /// The torque that holds the last known pose.
+    Hold,
+    /// The last torque, going to zero.
+    Ramp,
+    /// The torque that brakes the last known motion, then holds.
+    Damp,
+}
+
 /// `[controller]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller {
+    /// Which control law.
+    pub law: Law,
     /// Bandwidth of the closed position loop \[Hz\].
     pub bandwidth_hz: Vec<f64>,
     /// Damping ratio.
     pub damping: f64,
+    /// Corner of the integral action \[Hz\]; 0 is none.
+    pub integral_hz: f64,
     /// Cut-off of the velocity's low-pass \[Hz\].
     pub velocity_filter_hz: f64,
     /// Fastest change of the torque \[N m/s\].
     pub rate_limit: Option<Vec<f64>>,
-    /// Periods without a sample until the controller stops following the setpoint.
+    /// Periods without a sample until the stop reaction, and without a setpoint until the arm is held.
     pub stale_periods: usize,
+    /// What happens when joint states stop.
+    pub stop_reaction: StopReaction,
+    /// How long ramp and damp take \[s\].
+    pub stop_time_s: f64,
+    /// Largest change of the present torque by a new parameter set, as a share of the torque limit.
+    pub torque_change: f64,
+    /// Without an acceptable parameter set for this long, published parameters give way to the last good ones \[s\].
+    pub parameter_timeout_s: f64,
+    /// Acceptable sets in a row after which published parameters act again.
+    pub return_after: usize,
 }
 
 /// `[simulation]`
@@ -422,7 +456,11 @@ pub(crate) fn realtime(reader: &mut Reader<'_>) -> Realtime {
     }
 }
 
-pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64) -> Controller {
+pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64, publish_every: usize) -> Controller {
+    let law = chosen(
+        &reader.text("controller", "law"),
+        &[("computed-torque", Law::ComputedTorque), ("feed-forward-pd", Law::FeedForwardPd)],
+    );
     reader.derive("controller", "bandwidth_hz", (0.02 / sample_period_s).min(5.0));
     reader.derive("controller", "velocity_filter_hz", (0.2 / sample_period_s).min(100.0));
     let bandwidth_hz = reader.numbers("controller", "bandwidth_hz");
@@ -440,12 +478,50 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64) -> Contr
             reader.reject("controller", "velocity_filter_hz", rule, "lower the cut-off");
         }
     }
+    let damping = reader.number("controller", "damping");
+    let integral_hz = reader.number("controller", "integral_hz");
+    let slowest = bandwidth_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    // s³ + 2ζω·s² + ω²·s + ω²·ωi is stable for ωi < 2ζω (Routh); half of that keeps some damping.
+    let keys = [("controller", "integral_hz"), ("controller", "bandwidth_hz"), ("controller", "damping")];
+    if reader.good(&keys) && integral_hz > damping * slowest {
+        let rule = format!("must be at most damping times the lowest bandwidth, here {} Hz", short(damping * slowest));
+        reader.reject(
+            "controller",
+            "integral_hz",
+            rule,
+            "the closed loop would swing; a tenth of the bandwidth is usual",
+        );
+    }
+    let rate_limit = reader.optional_numbers("controller", "rate_limit");
+    let stale_periods = reader.count("controller", "stale_periods");
+    let stop_reaction = chosen(
+        &reader.text("controller", "stop_reaction"),
+        &[("damp", StopReaction::Damp), ("hold", StopReaction::Hold), ("ramp", StopReaction::Ramp)],
+    );
+    let stop_time_s = reader.number("controller", "stop_time_s");
+    let torque_change = reader.number("controller", "torque_change");
+    let between = sample_period_s * publish_every as f64;
+    reader.derive("controller", "parameter_timeout_s", (5.0 * between).max(1.0));
+    let parameter_timeout_s = reader.number("controller", "parameter_timeout_s");
+    let keys = [("controller", "parameter_timeout_s"), ("publish", "every"), ("", "sample_period_s")];
+    if reader.good(&keys) && parameter_timeout_s < 2.0 * between {
+        let rule = format!("must be at least two publications, here {} s", short(2.0 * between));
+        reader.reject("controller", "parameter_timeout_s", rule, "lengthen it or lower publish.every");
+    }
+    let return_after = reader.count("controller", "return_after");
     Controller {
+        law,
         bandwidth_hz,
-        damping: reader.number("controller", "damping"),
+        damping,
+        integral_hz,
         velocity_filter_hz,
-        rate_limit: reader.optional_numbers("controller", "rate_limit"),
-        stale_periods: reader.count("controller", "stale_periods"),
+        rate_limit,
+        stale_periods,
+        stop_reaction,
+        stop_time_s,
+        torque_change,
+        parameter_timeout_s,
+        return_after,
     }
 }
 

@@ -1,12 +1,20 @@
 //! Every decision of the controller, with no clock, bus or thread in it.
 
-use crate::gate::{Gate, Refusal};
-use crate::law::{ComputedTorque, Desired, Gains};
+use crate::gate::{Gate, Newest, Refusal};
+use crate::law::{ControlLaw, Desired, Gains};
+use crate::limits::SetpointLimits;
 use crate::output::{Limits, Output};
+use crate::recent::{Recent, Verdict};
+use crate::source::{Sources, Values};
+use crate::stop::{LastSeen, Stop};
 use crate::velocity::VelocityFilter;
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
-use rivet_ipc_schema::{Command, CommandMode, JointState, MAX_PARAMETERS, Parameters, Setpoint, faults};
+use rivet_estimation::SettingsError;
+use rivet_ipc_schema::{
+    Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, ParameterSource, Parameters,
+    REFUSALS, Setpoint, faults,
+};
 use std::sync::Arc;
 
 /// Why a sample got no command.
@@ -29,121 +37,259 @@ pub struct Counts {
     pub stale: u64,
     /// Invalid samples.
     pub invalid: u64,
-    /// Parameter sets adopted.
-    pub adopted: u64,
-    /// Parameter sets refused.
+    /// Parameter sets that passed the gate.
+    pub accepted: u64,
+    /// Parameter sets that did not.
     pub refused: u64,
     /// Commands in which the law gave a torque that is not finite.
     pub broken: u64,
+    /// Commands in which a joint was at its torque limit.
+    pub saturated: u64,
+    /// Commands in which a joint was held back by its rate limit.
+    pub rate_limited: u64,
+    /// Setpoints beyond a joint's limits.
+    pub setpoints_limited: u64,
+    /// Times the stop reaction began.
+    pub stops: u64,
 }
 
 /// The controller's state between two periods.
 pub struct Core {
-    law: ComputedTorque,
+    law: ControlLaw,
     gate: Gate,
+    recent: Recent,
+    sources: Sources,
     output: Output,
     velocity: VelocityFilter,
+    limits: SetpointLimits,
+    stop: Stop,
     dof: usize,
     count: usize,
-    /// Parameters that act now; move towards `target` so that a switch is no torque step.
-    acting: [f64; MAX_PARAMETERS],
-    target: [f64; MAX_PARAMETERS],
+    period_s: f64,
+    /// Parameters that act now; they move towards those of the source, so that a switch is no torque step.
+    acting: Values,
     blend: f64,
-    epoch: u64,
-    parameters_seq: u64,
+    newest: Newest,
     last_refusal: Refusal,
-    desired: Option<Desired>,
-    desired_seq: u64,
-    /// Whether `desired` is a planner's, not the place where the arm is held.
+    refusals: [u64; REFUSALS],
+    plan: Option<(u64, Desired)>,
+    /// Whether the plan is followed; else the arm is held at `held`.
     following: bool,
+    held: Option<[f64; MAX_JOINTS]>,
     adopt_from_seq: u64,
     last_seq: Option<u64>,
+    observed_seq: Option<u64>,
     stale_run: u64,
     stale_periods: u64,
+    seen: LastSeen,
+    joints: u32,
+    /// The torque at which the stop reaction began, while it acts.
+    stopping: Option<[f64; MAX_JOINTS]>,
+    tracking: [f64; MAX_JOINTS],
     counts: Counts,
 }
 
-/// Time constant with which acting parameters follow adopted ones \[s\]: short beside the motion, long beside a period.
+/// Time constant with which acting parameters follow those of the source \[s\]: short beside the motion, long beside a
+/// period.
 const BLEND_S: f64 = 0.05;
 
 /// Consecutive old samples after which the robot controller counts as restarted.
 const RESTART_RUN: u64 = 100;
 
+/// A plan further than this from the arm is not joined \[rad\]: the way there is the planner's to plan.
+const REJOIN: f64 = 0.2;
+
+/// Memory of the tracking error that is reported \[s\].
+const TRACKING_S: f64 = 1.0;
+
 impl Core {
-    /// Starts on the nominal parameters of the robot file. `adopt_from_seq`: published parameters act only from that
-    /// sample on (0: at once; `u64::MAX`: never, the nominal model stays).
-    pub fn new(robot: &Robot, adopt_from_seq: u64) -> Core {
+    /// Starts on the parameters of the robot file. `adopt_from_seq`: published parameters act only from that sample on
+    /// (0: at once; `u64::MAX`: never, the robot file's stay).
+    ///
+    /// # Errors
+    /// Settings of the signal chain that cannot be used with this arm.
+    pub fn new(robot: &Robot, adopt_from_seq: u64) -> Result<Core, SettingsError> {
         let settings = &robot.config.controller;
-        let dof = robot.model.arm.dof();
-        let gains = Gains::from_bandwidth(&settings.bandwidth_hz, settings.damping);
-        let law = ComputedTorque::new(Arc::clone(&robot.model), Arc::clone(&robot.base), gains);
-        let period = robot.config.sample_period_s;
+        let dof = robot.dof();
+        let start = robot.base_parameters();
+        let count = start.len().min(MAX_PARAMETERS);
+        let mut nominal = [0.0; MAX_PARAMETERS];
+        nominal[..count].copy_from_slice(&start[..count]);
+        let period_s = robot.config.sample_period_s;
+        let gains = Gains::from_bandwidth(&settings.bandwidth_hz, settings.damping, settings.integral_hz);
+        let (model, base) = (Arc::clone(&robot.model), Arc::clone(&robot.base));
+        let mut law = ControlLaw::new(settings.law, model, base, start, gains, period_s);
         // Without a limit in the file: from nothing to full torque in a tenth of a second.
         let rates = settings.rate_limit.clone();
         let rates = rates.unwrap_or_else(|| robot.config.drive.torque_limit.iter().map(|limit| 10.0 * limit).collect());
-        let step = rates.iter().map(|rate| rate * period).collect();
-        let mut acting = [0.0; MAX_PARAMETERS];
-        let start = robot.base_parameters();
-        let count = start.len().min(MAX_PARAMETERS);
-        acting[..count].copy_from_slice(&start[..count]);
-        Core {
+        let step = rates.iter().map(|rate| rate * period_s).collect();
+        let timeout = (settings.parameter_timeout_s / period_s).ceil() as u64;
+        Ok(Core {
+            gate: Gate::new(robot, &mut law),
             law,
-            gate: Gate::new(&robot.model, &robot.base.independent, robot.hash),
+            recent: Recent::new(robot)?,
+            sources: Sources::new(&nominal, timeout, settings.return_after as u32, period_s),
             output: Output::new(Limits { torque: robot.config.drive.torque_limit.clone(), step }),
-            velocity: VelocityFilter::new(period, settings.velocity_filter_hz),
+            velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
+            limits: SetpointLimits::of(&robot.model.arm),
+            stop: Stop { reaction: settings.stop_reaction, time_s: settings.stop_time_s },
             dof,
             count,
-            acting,
-            target: acting,
-            blend: 1.0 - (-period / BLEND_S).exp(),
-            epoch: 0,
-            parameters_seq: 0,
+            period_s,
+            acting: nominal,
+            blend: 1.0 - (-period_s / BLEND_S).exp(),
+            newest: Newest::default(),
             last_refusal: Refusal::None,
-            desired: None,
-            desired_seq: 0,
+            refusals: [0; REFUSALS],
+            plan: None,
             following: false,
+            held: None,
             adopt_from_seq,
             last_seq: None,
+            observed_seq: None,
             stale_run: 0,
             stale_periods: settings.stale_periods as u64,
+            seen: LastSeen::default(),
+            joints: dof as u32,
+            stopping: None,
+            tracking: [0.0; MAX_JOINTS],
             counts: Counts::default(),
+        })
+    }
+
+    /// Before the first sample: starts on `values`, the last good parameters of an earlier run, instead of the robot
+    /// file's.
+    ///
+    /// # Errors
+    /// Why they may not act; the robot file's stay.
+    pub fn recall(&mut self, values: &[f64]) -> Result<(), Refusal> {
+        if values.len() != self.count {
+            return Err(Refusal::WrongCount);
         }
+        self.gate.check_physics(values, None, &mut self.law)?;
+        let mut stored = [0.0; MAX_PARAMETERS];
+        stored[..self.count].copy_from_slice(values);
+        self.sources.recall(&stored);
+        self.acting = stored;
+        Ok(())
     }
 
     /// Takes in a setpoint; the newest with valid numbers stays.
     pub fn offer_setpoint(&mut self, setpoint: &Setpoint) {
         let n = self.dof;
         let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
-        let newer = !self.following || setpoint.seq > self.desired_seq;
-        if newer && finite(&setpoint.q) && finite(&setpoint.qd) && finite(&setpoint.qdd) {
-            self.desired = Some(Desired { q: setpoint.q, qd: setpoint.qd, qdd: setpoint.qdd });
-            self.desired_seq = setpoint.seq;
-            self.following = true;
+        let newer = !self.following || self.plan.is_none_or(|(seq, _)| setpoint.seq > seq);
+        if newer && setpoint.count() == n && finite(&setpoint.q) && finite(&setpoint.qd) && finite(&setpoint.qdd) {
+            let mut desired = Desired { q: setpoint.q, qd: setpoint.qd, qdd: setpoint.qdd };
+            self.counts.setpoints_limited += u64::from(self.limits.apply(&mut desired));
+            self.plan = Some((setpoint.seq, desired));
         }
     }
 
-    /// Takes in a published parameter set, which is used if it passes the gate at the pose of `sample`.
+    /// Takes in a published parameter set at the pose of `sample`; whether it passes the gate is returned and counted.
+    ///
+    /// Real-time safe: bounded work.
     pub fn offer_parameters(&mut self, set: &Parameters, sample: &JointState) -> Refusal {
         if sample.seq < self.adopt_from_seq {
             return Refusal::None;
         }
-        let refusal = self.gate.check(set, self.parameters_seq, &sample.q[..self.dof], &mut self.law);
+        let refusal = self.judge(set, sample).err().unwrap_or(Refusal::None);
         if refusal == Refusal::None {
-            self.target[..self.count].copy_from_slice(&set.values[..self.count]);
-            self.epoch = set.epoch;
-            self.parameters_seq = set.seq;
-            self.counts.adopted += 1;
+            let mut values = [0.0; MAX_PARAMETERS];
+            values[..self.count].copy_from_slice(&set.values[..self.count]);
+            self.sources.accept(&values);
+            self.newest = Newest { epoch: set.epoch, seq: set.seq, alive: true };
+            self.counts.accepted += 1;
         } else {
+            self.sources.refuse();
             self.counts.refused += 1;
+        }
+        if let Some(count) = self.refusals.get_mut(u32::from(refusal) as usize) {
+            *count += 1;
         }
         self.last_refusal = refusal;
         refusal
     }
 
-    /// Answers one sample. Without any setpoint so far the arm is held where it is.
+    fn judge(&mut self, set: &Parameters, sample: &JointState) -> Result<(), Refusal> {
+        let n = self.dof;
+        let newest = Newest { alive: self.sources.alive(), ..self.newest };
+        self.gate.check_message(set, newest, sample.seq)?;
+        let q = &sample.q[..n];
+        if sample.count() != n || !q.iter().all(|q| q.is_finite()) {
+            return Err(Refusal::NotJudged);
+        }
+        let values = &set.values[..self.count];
+        self.gate.check_physics(values, Some(q), &mut self.law)?;
+        let target = self.sources.target();
+        let same = values == &target[..self.count];
+        let desired = match self.plan.filter(|_| self.following) {
+            Some((_, desired)) => desired,
+            None => Desired { q: sample.q, ..Desired::default() },
+        };
+        self.gate.check_change(values, &target[..self.count], &desired, &mut self.law)?;
+        if same {
+            // A daemon that holds says the same again and again: nothing to judge, and no reason to mistrust it.
+            return Ok(());
+        }
+        let candidate = self.recent.predict(values);
+        for reference in [Some(target), self.sources.last_good(), Some(self.sources.nominal())].into_iter().flatten() {
+            match self.recent.compare(&candidate, &self.recent.predict(&reference[..self.count])) {
+                Verdict::NoWorse => {}
+                Verdict::Worse => return Err(Refusal::PredictsWorse),
+                Verdict::Unknown => return Err(Refusal::NotJudged),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in a sample that will not be answered, because a newer one is at hand: the torques in it are still worth
+    /// remembering.
+    pub fn observe(&mut self, sample: &JointState) {
+        let n = self.dof;
+        if self.sound(sample) && sample.faults == 0 {
+            if self.observed_seq.is_some_and(|last| last.checked_add(1) != Some(sample.seq)) {
+                self.recent.restart_signals();
+            }
+            if self.recent.push(&sample.q[..n], &sample.tau[..n]) {
+                self.reconsider();
+            }
+        }
+        self.observed_seq = Some(sample.seq);
+    }
+
+    /// Asks recent torques whether the right parameters act.
+    fn reconsider(&mut self) {
+        let periods = self.recent.periods_between();
+        let of = |values: &Values| self.recent.predict(&values[..self.count]);
+        let (acting, nominal) = (of(self.sources.target()), of(self.sources.nominal()));
+        let last_good = self.sources.last_good().map(of);
+        let change = match (self.sources.source(), &last_good) {
+            (ParameterSource::Nominal, Some(stored)) => self.recent.compare(&nominal, stored) == Verdict::Worse,
+            (ParameterSource::Nominal, None) => false,
+            _ => self.recent.compare(&acting, &nominal) == Verdict::Worse,
+        };
+        let proven = last_good.is_none_or(|stored| self.recent.compare(&acting, &stored) == Verdict::NoWorse)
+            && self.recent.compare(&acting, &nominal) == Verdict::NoWorse;
+        if proven {
+            self.sources.keep();
+        }
+        self.sources.compare(change, periods);
+    }
+
+    fn sound(&self, sample: &JointState) -> bool {
+        // An arm that stands in its brakes is answered: the brakes open when there is a command.
+        sample.faults & !faults::STOPPED == 0
+            && sample.count() == self.dof
+            && sample.q[..self.dof].iter().all(|q| q.is_finite())
+    }
+
+    /// Answers one sample. Without a plan near the arm, that is held where it is.
+    ///
+    /// Real-time safe: bounded work; no allocation, lock, system call or panic.
     ///
     /// # Errors
-    /// Why there is no command for this sample; the robot's own watchdog acts if that goes on.
+    /// Why there is no command for this sample; the stop reaction follows if that goes on ([`missing`](Self::missing)).
     pub fn tick(&mut self, sample: &JointState) -> Result<Command, Skipped> {
         let n = self.dof;
         if self.last_seq.is_some_and(|last| sample.seq <= last) {
@@ -154,45 +300,165 @@ impl Core {
             }
             // So long a run of old numbers is a robot controller that was started anew.
             self.last_seq = None;
-            self.parameters_seq = 0;
-            self.desired = None;
-            self.following = false;
+            self.newest = Newest::default();
+            self.recent.restart();
+            self.begin_anew();
         }
         self.stale_run = 0;
-        // An arm that stands in its brakes is answered: the brakes open when there is a command.
-        let faults = sample.faults & !faults::STOPPED;
-        if faults != 0 || sample.count() != n || !sample.q[..n].iter().all(|q| q.is_finite()) {
+        if !self.sound(sample) {
             self.counts.invalid += 1;
             return Err(Skipped::Invalid);
         }
+        self.observe(sample);
         let periods = self.last_seq.map_or(1, |last| sample.seq - last);
         self.counts.passed_over += periods - 1;
         self.last_seq = Some(sample.seq);
-        if periods > self.stale_periods {
-            // The robot's own watchdog has stopped the arm meanwhile: start as at first, from zero torque.
-            self.output.restart();
-            self.velocity.restart();
+        if self.stopping.take().is_some() || periods > self.stale_periods {
+            self.begin_anew();
         }
-        if self.following && self.desired_seq.saturating_add(self.stale_periods) < sample.seq {
-            // Nobody plans any more: the arm is held where it is.
-            self.desired = None;
-            self.following = false;
-        }
+        self.sources.advance(periods);
 
         let qd = *self.velocity.update(&sample.q[..n], periods);
-        let desired = *self.desired.get_or_insert(Desired { q: sample.q, ..Desired::default() });
-        for i in 0..self.count {
-            self.acting[i] += self.blend * (self.target[i] - self.acting[i]);
-        }
+        self.seen = LastSeen { q: sample.q, qd };
+        let desired = self.desired(sample);
+        self.blend_parameters();
         let mut tau = [0.0; MAX_JOINTS];
         self.law.torque(&sample.q[..n], &qd[..n], &desired, &self.acting[..self.count], &mut tau[..n]);
-        if self.output.apply(&mut tau[..n]) {
-            self.counts.broken += 1;
+        let memory = self.period_s / TRACKING_S;
+        for j in 0..n {
+            self.tracking[j] += memory * ((desired.q[j] - sample.q[j]).powi(2) - self.tracking[j]);
         }
+        Ok(self.give(sample.seq, sample.stamp_ns, tau, true))
+    }
+
+    /// No usable sample has come for `periods` periods. From the configured number on the stop reaction acts: a command
+    /// for each period, with the number of the last sample answered.
+    ///
+    /// Real-time safe as [`tick`](Self::tick) is.
+    pub fn missing(&mut self, periods: u64) -> Option<Command> {
+        let seq = self.last_seq?;
+        if periods < self.stale_periods {
+            return None;
+        }
+        let n = self.dof;
+        if self.stopping.is_none() {
+            self.counts.stops += 1;
+            self.stopping = Some(*self.output.last());
+        }
+        self.sources.advance(1);
+        self.blend_parameters();
+        let last = self.stopping.unwrap_or_default();
+        let (since, stopping) = (periods as f64, (periods - self.stale_periods + 1) as f64);
+        let mut tau = [0.0; MAX_JOINTS];
+        self.stop.torque(
+            &mut self.law,
+            &self.acting[..self.count],
+            &self.seen,
+            &last[..n],
+            since * self.period_s,
+            stopping * self.period_s,
+            &mut tau[..n],
+        );
+        Some(self.give(seq, 0, tau, false))
+    }
+
+    /// The arm was not under control meanwhile: velocity, integral and plan are those of another time. The output goes on
+    /// from the last command, so that even this is no step.
+    fn begin_anew(&mut self) {
+        self.velocity.restart();
+        self.law.restart();
+        self.following = false;
+        self.held = None;
+    }
+
+    /// What the arm is to do now: the plan if there is a fresh one near by, else stand where it is.
+    fn desired(&mut self, sample: &JointState) -> Desired {
+        let n = self.dof;
+        let fresh = self.plan.filter(|(seq, _)| seq.saturating_add(self.stale_periods) >= sample.seq);
+        let Some((_, plan)) = fresh else {
+            self.following = false;
+            return self.hold(sample);
+        };
+        let near = || (0..n).all(|j| (plan.q[j] - sample.q[j]).abs() <= REJOIN);
+        if self.following || near() {
+            self.following = true;
+            self.held = None;
+            plan
+        } else {
+            self.hold(sample)
+        }
+    }
+
+    fn hold(&mut self, sample: &JointState) -> Desired {
+        Desired { q: *self.held.get_or_insert(sample.q), ..Desired::default() }
+    }
+
+    fn blend_parameters(&mut self) {
+        let target = self.sources.target();
+        for i in 0..self.count {
+            self.acting[i] += self.blend * (target[i] - self.acting[i]);
+        }
+    }
+
+    fn give(&mut self, seq: u64, stamp_ns: u64, mut tau: [f64; MAX_JOINTS], integrate: bool) -> Command {
+        let n = self.dof;
+        let applied = self.output.apply(&mut tau[..n]);
+        if integrate {
+            self.law.integrate(&applied.limited[..n]);
+        }
+        self.counts.broken += u64::from(applied.broken);
+        self.counts.saturated += u64::from(applied.saturated);
+        self.counts.rate_limited += u64::from(applied.rate_limited);
         self.counts.commands += 1;
-        let mode =
-            if self.epoch > 0 || self.counts.adopted > 0 { CommandMode::Identified } else { CommandMode::Nominal };
-        Ok(Command { seq: sample.seq, stamp_ns: sample.stamp_ns, tau, joints: sample.joints, mode: mode.into() })
+        let mode = match self.sources.source() {
+            ParameterSource::Nominal => CommandMode::Nominal,
+            ParameterSource::LastGood | ParameterSource::Live => CommandMode::Identified,
+        };
+        Command { seq, stamp_ns, tau, joints: self.joints, mode: mode.into() }
+    }
+
+    /// Writes the core's health; the shell stamps it.
+    pub fn write_health(&self, out: &mut ControllerHealth) {
+        let n = self.dof;
+        let c = &self.counts;
+        *out = ControllerHealth {
+            seq: self.last_seq.unwrap_or(0),
+            commands: c.commands,
+            passed_over: c.passed_over,
+            refused_stale: c.stale,
+            refused_invalid: c.invalid,
+            stops: c.stops,
+            broken: c.broken,
+            saturated: c.saturated,
+            rate_limited: c.rate_limited,
+            setpoints_limited: c.setpoints_limited,
+            accepted: c.accepted,
+            switches: self.sources.switches(),
+            epoch: self.newest.epoch,
+            parameters_seq: self.newest.seq,
+            refusals: self.refusals,
+            source: self.sources.source().into(),
+            source_reason: self.sources.reason().into(),
+            last_refusal: self.last_refusal.into(),
+            state: self.state().into(),
+            joints: self.joints,
+            largest_step: *self.output.largest_step(),
+            ..ControllerHealth::default()
+        };
+        for (out, square) in out.tracking_rms[..n].iter_mut().zip(&self.tracking) {
+            *out = square.sqrt();
+        }
+        out.prediction_rms = self.recent.predict(&self.sources.target()[..self.count]).rms;
+        out.nominal_prediction_rms = self.recent.predict(&self.sources.nominal()[..self.count]).rms;
+    }
+
+    fn state(&self) -> ControllerState {
+        match (self.last_seq, self.stopping.is_some(), self.following) {
+            (None, ..) => ControllerState::Waiting,
+            (_, true, _) => ControllerState::Stopping,
+            (_, _, true) => ControllerState::Following,
+            _ => ControllerState::Holding,
+        }
     }
 
     /// What happened so far.
@@ -205,8 +471,23 @@ impl Core {
         self.last_refusal
     }
 
-    /// Epoch of the set adopted last; 0 while the nominal values act.
+    /// Whose parameters act.
+    pub fn source(&self) -> ParameterSource {
+        self.sources.source()
+    }
+
+    /// Base parameters that act in this period.
+    pub fn acting(&self) -> &[f64] {
+        &self.acting[..self.count]
+    }
+
+    /// Epoch of the set accepted last; 0 before the first.
     pub fn epoch(&self) -> u64 {
-        self.epoch
+        self.newest.epoch
+    }
+
+    /// The setpoint that the last sample was answered with, if the plan was followed.
+    pub fn plan(&self) -> Option<&Desired> {
+        self.plan.as_ref().filter(|_| self.following).map(|(_, desired)| desired)
     }
 }

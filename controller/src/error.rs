@@ -8,6 +8,9 @@ pub enum StartError {
     /// The robot file or its URDF.
     #[error("{0}")]
     Config(#[from] rivet_config::ConfigErrors),
+    /// Settings that are sound one by one but not together.
+    #[error("the signal chain refuses the settings: {0}")]
+    Settings(#[from] rivet_estimation::SettingsError),
     /// The bus.
     #[error("{0}")]
     Bus(#[from] rivet_ipc_schema::BusError),
@@ -23,7 +26,7 @@ impl StartError {
     /// Exit status as in sysexits.h; the systemd unit does not restart on 77 and 78.
     pub fn exit_code(&self) -> u8 {
         match self {
-            StartError::Config(_) => 78,
+            StartError::Config(_) | StartError::Settings(_) => 78,
             StartError::RealTime(_) => 77,
             StartError::Bus(_) => 69,
             StartError::Signals(_) => 71,

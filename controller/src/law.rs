@@ -1,5 +1,7 @@
-//! The control law: computed torque from published base parameters, and nothing else.
+//! The control laws: torque from published base parameters, and nothing else.
 
+use crate::inertia::inertia_of;
+use rivet_config::Law;
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
@@ -21,116 +23,148 @@ pub struct Gains {
     pub position: Vec<f64>,
     /// \[1/s\].
     pub velocity: Vec<f64>,
+    /// \[1/s³\]; zero is no integral action.
+    pub integral: Vec<f64>,
 }
 
 impl Gains {
-    /// Gains that give every linearised joint the error dynamics `ë + 2ζω·ė + ω²·e = 0`.
+    /// Gains that give every linearised joint the error dynamics `ë + 2ζω·ė + ω²·(e + 2π·fᵢ·∫e) = 0`.
     ///
-    /// `bandwidth_hz` is ω/2π of each joint, `damping` is ζ.
-    pub fn from_bandwidth(bandwidth_hz: &[f64], damping: f64) -> Gains {
+    /// `bandwidth_hz` is ω/2π of each joint, `damping` is ζ, `integral_hz` is fᵢ.
+    pub fn from_bandwidth(bandwidth_hz: &[f64], damping: f64, integral_hz: f64) -> Gains {
         let omega = |f: &f64| std::f64::consts::TAU * f;
         Gains {
             position: bandwidth_hz.iter().map(|f| omega(f).powi(2)).collect(),
             velocity: bandwidth_hz.iter().map(|f| 2.0 * damping * omega(f)).collect(),
+            integral: bandwidth_hz.iter().map(|f| omega(f).powi(2) * omega(&integral_hz)).collect(),
         }
     }
 }
 
-/// Feedback linearisation with the identified model: `τ = Y(q, q̇_d, v)·x`, `v = q̈_d + Kd·(q̇_d − q̇) + Kp·(q_d − q)`.
+/// Torque from the model that the base parameters `x` make, in one of two ways:
+///
+/// ```text
+/// computed torque       τ = Y(q, q̇_d, v)·x,         v = q̈_d + a
+/// feed-forward and PD   τ = Y(q_d, q̇_d, q̈_d)·x + m∘a
+/// a = Kd·(q̇_d − q̇) + Kp·(q_d − q) + Ki·∫(q_d − q)dt
+/// ```
 ///
 /// Friction and velocity products are taken at the DESIRED velocity: the measured one is differentiated from an encoder
-/// and would chatter through `sign(q̇)`. Everything is linear in the base parameters `x`, so only published numbers act.
-pub struct ComputedTorque {
+/// and would chatter through `sign(q̇)`. Everything is linear in `x`, so only published numbers act. `m` is the diagonal of
+/// the nominal inertia matrix at the middle of the joint ranges: a constant gain, whatever is published.
+pub struct ControlLaw {
+    kind: Law,
     model: Arc<Model>,
     base: Arc<BaseSet>,
     gains: Gains,
+    period_s: f64,
     workspace: Workspace,
     full: Vec<f64>,
     rows: Vec<f64>,
-    zero: [f64; MAX_JOINTS],
-    unit: [f64; MAX_JOINTS],
-    mass: Vec<f64>,
+    inertia: [f64; MAX_JOINTS],
+    integral: [f64; MAX_JOINTS],
+    /// Error that the integral would take in, once the output has said that it was not at a limit.
+    pending: [f64; MAX_JOINTS],
 }
 
-impl ComputedTorque {
-    /// Allocates all scratch; nothing allocates later.
-    pub fn new(model: Arc<Model>, base: Arc<BaseSet>, gains: Gains) -> ComputedTorque {
+/// The integral is bounded to the acceleration that an error of this size makes \[rad\].
+const INTEGRAL_REACH: f64 = 0.1;
+
+impl ControlLaw {
+    /// Allocates all scratch; nothing allocates later. `nominal` are base parameters, `period_s` the time between samples.
+    pub fn new(
+        kind: Law,
+        model: Arc<Model>,
+        base: Arc<BaseSet>,
+        nominal: &[f64],
+        gains: Gains,
+        period_s: f64,
+    ) -> ControlLaw {
         let dof = model.arm.dof();
-        ComputedTorque {
+        let mut law = ControlLaw {
+            kind,
             workspace: Workspace::new(&model.arm),
             full: vec![0.0; dof * model.len()],
             rows: vec![0.0; dof * base.len()],
-            zero: [0.0; MAX_JOINTS],
-            unit: [0.0; MAX_JOINTS],
-            mass: vec![0.0; dof * dof],
+            inertia: [0.0; MAX_JOINTS],
+            integral: [0.0; MAX_JOINTS],
+            pending: [0.0; MAX_JOINTS],
             model,
             base,
             gains,
+            period_s,
+        };
+        let middle: Vec<f64> = law.model.arm.joints.iter().map(|j| crate::limits::middle(j.lower, j.upper)).collect();
+        let mut mass = vec![0.0; dof * dof];
+        inertia_of(&mut law, &middle, nominal, &mut mass);
+        for j in 0..dof {
+            law.inertia[j] = mass[j * dof + j].max(0.0);
         }
+        law
     }
 
     /// Torque \[N·m\] that makes the arm follow `desired` from the measured `q`, `qd`, with base parameters `x`.
     ///
-    /// Real-time safe. Not yet saturated.
+    /// Real-time safe. Not yet limited.
     pub fn torque(&mut self, q: &[f64], qd: &[f64], desired: &Desired, x: &[f64], tau: &mut [f64]) {
         let dof = self.model.arm.dof();
-        let mut v = [0.0; MAX_JOINTS];
+        let mut a = [0.0; MAX_JOINTS];
         for j in 0..dof {
-            v[j] = desired.qdd[j]
-                + self.gains.velocity[j] * (desired.qd[j] - qd[j])
-                + self.gains.position[j] * (desired.q[j] - q[j]);
+            let error = desired.q[j] - q[j];
+            self.pending[j] = error;
+            a[j] = self.gains.velocity[j] * (desired.qd[j] - qd[j])
+                + self.gains.position[j] * error
+                + self.gains.integral[j] * self.integral[j];
         }
-        self.multiply(q, &desired.qd[..dof], &v[..dof], x, tau);
-    }
-
-    /// Whether the inertia matrix that `x` implies at `q` is positive definite: a model without that must not act.
-    ///
-    /// Column j of M is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`; then Cholesky. Real-time safe.
-    pub fn inertia_is_positive(&mut self, q: &[f64], x: &[f64]) -> bool {
-        let dof = self.model.arm.dof();
-        let zero = self.zero;
-        let mut bias = [0.0; MAX_JOINTS];
-        self.multiply(q, &zero[..dof], &zero[..dof], x, &mut bias);
-        for j in 0..dof {
-            let mut column = [0.0; MAX_JOINTS];
-            let mut unit = self.unit;
-            unit[j] = 1.0;
-            self.multiply(q, &zero[..dof], &unit[..dof], x, &mut column);
-            for i in 0..dof {
-                self.mass[i * dof + j] = column[i] - bias[i];
+        match self.kind {
+            Law::ComputedTorque => {
+                let mut v = desired.qdd;
+                for j in 0..dof {
+                    v[j] += a[j];
+                }
+                self.model_torque(q, &desired.qd[..dof], &v[..dof], x, tau);
+            }
+            Law::FeedForwardPd => {
+                self.model_torque(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], x, tau);
+                for j in 0..dof {
+                    tau[j] += self.inertia[j] * a[j];
+                }
             }
         }
-        cholesky_succeeds(&mut self.mass, dof)
     }
 
-    fn multiply(&mut self, q: &[f64], qd: &[f64], qdd: &[f64], x: &[f64], tau: &mut [f64]) {
-        self.model.regressor(&mut self.workspace, q, qd, qdd, &mut self.full);
-        self.base.select(&self.full, self.model.len(), &mut self.rows);
-        for (row, out) in self.rows.chunks_exact(self.base.len()).zip(tau.iter_mut()) {
+    /// Takes the last error into the integral of every joint whose torque was not at a limit (no wind-up).
+    pub fn integrate(&mut self, limited: &[bool]) {
+        for (j, limited) in limited.iter().enumerate() {
+            if *limited || self.gains.integral[j] == 0.0 {
+                continue;
+            }
+            let most = INTEGRAL_REACH * self.gains.position[j] / self.gains.integral[j];
+            self.integral[j] = (self.integral[j] + self.period_s * self.pending[j]).clamp(-most, most);
+        }
+    }
+
+    /// Empties the integral.
+    pub fn restart(&mut self) {
+        self.integral = [0.0; MAX_JOINTS];
+    }
+
+    /// `Y(q, q̇, q̈)·x` \[N·m\]: what the model with base parameters `x` needs for a motion. Real-time safe.
+    pub fn model_torque(&mut self, q: &[f64], qd: &[f64], qdd: &[f64], x: &[f64], tau: &mut [f64]) {
+        for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
             *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
         }
     }
-}
 
-/// In-place Cholesky of a symmetric `n` x `n` row-major matrix; false when a pivot is not positive (or not a number).
-fn cholesky_succeeds(a: &mut [f64], n: usize) -> bool {
-    for j in 0..n {
-        let mut pivot = a[j * n + j];
-        for k in 0..j {
-            pivot -= a[j * n + k] * a[j * n + k];
-        }
-        if pivot.is_nan() || pivot <= 0.0 {
-            return false;
-        }
-        let root = pivot.sqrt();
-        a[j * n + j] = root;
-        for i in j + 1..n {
-            let mut sum = a[i * n + j];
-            for k in 0..j {
-                sum -= a[i * n + k] * a[j * n + k];
-            }
-            a[i * n + j] = sum / root;
-        }
+    /// Rows of `Y(q, q̇, q̈)`, one a joint.
+    pub(crate) fn regressor(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> std::slice::ChunksExact<'_, f64> {
+        self.model.regressor(&mut self.workspace, q, qd, qdd, &mut self.full);
+        self.base.select(&self.full, self.model.len(), &mut self.rows);
+        self.rows.chunks_exact(self.base.len())
     }
-    true
+
+    /// Joint count.
+    pub(crate) fn dof(&self) -> usize {
+        self.model.arm.dof()
+    }
 }

@@ -1,4 +1,4 @@
-//! `rivet-controller`: computed torque from the parameters that `rivetd` publishes.
+//! `rivet-controller`: torque from the parameters that `rivetd` publishes, as far as they can be trusted.
 //!
 //! [`Core`] is pure: samples, setpoints and parameter sets in, commands out. [`shell`] puts it between the clock and the
 //! bus.
@@ -6,9 +6,14 @@
 mod core;
 mod error;
 pub mod gate;
+mod inertia;
 pub mod law;
+mod limits;
 pub mod output;
+mod recent;
 pub mod shell;
+mod source;
+mod stop;
 mod velocity;
 
 pub use crate::core::{Core, Counts, Skipped};

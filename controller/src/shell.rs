@@ -2,7 +2,7 @@
 
 use crate::core::Core;
 use crate::error::StartError;
-use crate::gate::Refusal;
+use crate::gate::{Refusal, refusal_text};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
     BlackboardWriter, Bus, BusConfig, BusError, Command, JointState, Listener, Parameters, RobotName, Setpoint,
@@ -76,7 +76,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         prefix: options.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
-    let mut core = Core::new(&robot, if options.nominal { u64::MAX } else { options.adopt_from });
+    let mut core = Core::new(&robot, if options.nominal { u64::MAX } else { options.adopt_from })?;
     let bus = Bus::open(&config, &name, "rivet-controller")?;
     let mut ports = open(&bus)?;
     let granted = rivet_realtime::enter(&realtime(&robot, options))?;
@@ -90,13 +90,13 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         let refusal = core.last_refusal();
         if refusal != said {
             said = refusal;
-            eprintln!("rivet-controller: parameters: {}", refusal.text());
+            eprintln!("rivet-controller: parameters: {}", refusal_text(refusal));
         }
     }
     let counts = core.counts();
     eprintln!(
         "rivet-controller: stopped after {} commands; {} parameter sets adopted, {} refused",
-        counts.commands, counts.adopted, counts.refused
+        counts.commands, counts.accepted, counts.refused
     );
     Ok(())
 }

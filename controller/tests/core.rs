@@ -1,98 +1,169 @@
-//! The controller's decisions, on the manutec r3.
+//! The controller's decisions on samples and setpoints, on the manutec r3.
 
-use rivet_config::Robot;
-use rivet_controller::gate::Refusal;
-use rivet_controller::{Core, Skipped};
-use rivet_dynamics::{Model, Workspace, inverse_dynamics};
-use rivet_ipc_schema::{CommandMode, JointState, Parameters, Setpoint, faults, parameter_flags};
-use std::path::Path;
+mod common;
 
-fn robot() -> Robot {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/manutec-r3/robot.toml");
-    rivet_config::load(file).expect("the robot file is sound")
-}
-
-fn state(seq: u64, q: &[f64]) -> JointState {
-    let mut state = JointState { seq, joints: q.len() as u32, ..JointState::default() };
-    state.q[..q.len()].copy_from_slice(q);
-    state
-}
-
-fn setpoint(seq: u64, q: &[f64], qd: &[f64], qdd: &[f64]) -> Setpoint {
-    let mut setpoint = Setpoint { seq, joints: q.len() as u32, ..Setpoint::default() };
-    setpoint.q[..q.len()].copy_from_slice(q);
-    setpoint.qd[..q.len()].copy_from_slice(qd);
-    setpoint.qdd[..q.len()].copy_from_slice(qdd);
-    setpoint
-}
-
-fn published(robot: &Robot, seq: u64) -> Parameters {
-    let mut set = Parameters {
-        epoch: seq / 100,
-        seq,
-        model_hash: robot.hash,
-        count: robot.base.len() as u32,
-        joints: robot.dof() as u32,
-        ..Parameters::default()
-    };
-    set.values[..robot.base.len()].copy_from_slice(&robot.nominal_base);
-    set
-}
+use common::{core, robot, robot_with, setpoint, state};
+use rivet_controller::Skipped;
+use rivet_dynamics::{Workspace, inverse_dynamics};
+use rivet_ipc_schema::{CommandMode, ControllerHealth, ControllerState, JointState, faults};
 
 const Q: [f64; 6] = [0.3, -0.4, 0.8, 0.2, -0.7, 0.1];
 
-/// Standing where it should stand, the arm gets exactly the torque of its rigid bodies at rest: the law adds nothing.
+fn state_of(core: &rivet_controller::Core) -> ControllerState {
+    let mut health = ControllerHealth::default();
+    core.write_health(&mut health);
+    ControllerState::try_from(health.state).expect("a known state")
+}
+
+/// Standing where it should stand, the arm gets exactly the torque of its rigid bodies at rest: both laws add nothing.
 #[test]
 fn at_the_setpoint_the_command_is_the_models_torque() {
-    let robot = robot();
-    let mut core = Core::new(&robot, 0);
-    core.offer_setpoint(&setpoint(1, &Q, &[0.0; 6], &[0.0; 6]));
-    let arm = &robot.model.arm;
-    let mut tau = [0.0; 6];
-    inverse_dynamics(arm, &arm.links, &mut Workspace::new(arm), &Q, &[0.0; 6], &[0.0; 6], &mut tau);
-    let mut command = None;
-    // The rate limit lets the torque grow from zero: it takes a while to arrive.
-    for seq in 1..=400 {
-        command = Some(core.tick(&state(seq, &Q)).expect("a sound sample"));
+    let law = ("[controller]\n", "[controller]\nlaw = \"feed-forward-pd\"\n");
+    for robot in [robot(), robot_with("manutec-r3", &[law])] {
+        let mut core = core(&robot);
+        let arm = &robot.model.arm;
+        let mut tau = [0.0; 6];
+        inverse_dynamics(arm, &arm.links, &mut Workspace::new(arm), &Q, &[0.0; 6], &[0.0; 6], &mut tau);
+        let mut command = None;
+        // The rate limit lets the torque grow from zero: it takes a while to arrive.
+        for seq in 1..=400 {
+            core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+            command = Some(core.tick(&state(seq, &Q)).expect("a sound sample"));
+        }
+        let command = command.expect("commands were made");
+        for j in 0..6 {
+            assert!((command.tau[j] - tau[j]).abs() < 1e-9 * (1.0 + tau[j].abs()), "joint {}: {command:?}", j + 1);
+        }
+        assert_eq!(CommandMode::try_from(command.mode), Ok(CommandMode::Nominal));
+        assert_eq!(command.seq, 400);
+        assert_eq!(state_of(&core), ControllerState::Following);
     }
-    let command = command.expect("commands were made");
-    for j in 0..6 {
-        assert!((command.tau[j] - tau[j]).abs() < 1e-9 * (1.0 + tau[j].abs()), "joint {}: {command:?} {tau:?}", j + 1);
+}
+
+/// The feedback of computed torque goes through the inertia matrix, that of feed-forward and PD through constant gains.
+#[test]
+fn the_two_laws_differ_in_how_an_error_acts() {
+    let law = ("[controller]\n", "[controller]\nlaw = \"feed-forward-pd\"\n");
+    let error = 1e-3;
+    let answer = |robot: &rivet_config::Robot| {
+        let mut core = core(robot);
+        let mut tau = [[0.0; 8]; 2];
+        for (tau, offset) in tau.iter_mut().zip([0.0, error]) {
+            for seq in 1..=400 {
+                let mut q = Q;
+                q[1] += offset;
+                let seq = seq + if offset > 0.0 { 400 } else { 0 };
+                core.offer_setpoint(&setpoint(seq, &q, &[0.0; 6], &[0.0; 6]));
+                *tau = core.tick(&state(seq, &Q)).expect("a sound sample").tau;
+            }
+        }
+        [tau[1][1] - tau[0][1], tau[1][2] - tau[0][2]]
+    };
+    let (torque, pd) = (answer(&robot()), answer(&robot_with("manutec-r3", &[law])));
+    // w^2 of 3 Hz times an inertia of joint 2 between the rotor's 57 and the stretched arm's some 100 kg m^2.
+    let gain = (std::f64::consts::TAU * 3.0_f64).powi(2) * error;
+    assert!((57.0..130.0).contains(&(torque[0] / gain)), "{torque:?}");
+    assert!((57.0..130.0).contains(&(pd[0] / gain)), "{pd:?}");
+    assert!(torque[1].abs() > 0.02 * torque[0].abs(), "joint 3 is moved along: {torque:?}");
+    assert!(pd[1].abs() < 0.02 * pd[0].abs(), "but for gravity joint 3 does not care: {pd:?}");
+}
+
+/// A constant torque that no model has: without integral action the arm stays away from its setpoint, with it it arrives.
+#[test]
+fn integral_action_removes_a_constant_error_and_does_not_wind_up() {
+    let robot = robot_with("manutec-r3", &[("[controller]\n", "[controller]\nintegral_hz = 0.3\n")]);
+    let mut core = core(&robot);
+    let mut away = Q;
+    away[0] -= 0.01;
+    let mut taus = Vec::new();
+    for seq in 1..=3000 {
+        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        taus.push(core.tick(&state(seq, &away)).expect("a sound sample").tau[0]);
     }
-    assert_eq!(CommandMode::try_from(command.mode), Ok(CommandMode::Nominal));
-    assert_eq!(command.seq, 400);
+    // d tau/dt = M·Ki·e for a constant error; M is the same at both ends.
+    let slope = (taus[2999] - taus[1999]) / (taus[1999] - taus[999]);
+    assert!((slope - 1.0).abs() < 1e-6, "{slope}");
+    let proportional = taus[399] - 0.4 / 1.0 * (taus[1999] - taus[999]);
+    let per_second = (taus[1999] - taus[999]) / proportional;
+    assert!((per_second - std::f64::consts::TAU * 0.3).abs() < 0.1, "{per_second}");
+    // An error that saturates the drive is not taken in.
+    for joint in 0..6 {
+        away[joint] = Q[joint] + 3.0;
+    }
+    for seq in 3001..=9000 {
+        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        core.tick(&state(seq, &away)).expect("a sound sample");
+    }
+    let mut last = 0.0;
+    for seq in 9001..=9400 {
+        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        last = core.tick(&state(seq, &Q)).expect("a sound sample").tau[0];
+    }
+    assert!((last - (taus[2999] - proportional)).abs() < 0.05 * last.abs(), "{last} after {}", taus[2999]);
 }
 
 #[test]
 fn without_a_setpoint_the_arm_is_held_where_it_is() {
     let robot = robot();
-    let mut core = Core::new(&robot, 0);
-    let mut there = Core::new(&robot, 0);
-    there.offer_setpoint(&setpoint(1, &Q, &[0.0; 6], &[0.0; 6]));
+    let (mut alone, mut there) = (core(&robot), core(&robot));
     for seq in 1..=50 {
-        assert_eq!(core.tick(&state(seq, &Q)), there.tick(&state(seq, &Q)));
+        there.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        assert_eq!(alone.tick(&state(seq, &Q)), there.tick(&state(seq, &Q)));
     }
+    assert_eq!(state_of(&alone), ControllerState::Holding);
 }
 
 /// A plan that ends without a word is not followed into the past: the arm stays where it is.
 #[test]
 fn when_nobody_plans_any_more_the_arm_is_held() {
     let robot = robot();
-    let mut core = Core::new(&robot, 0);
+    let (mut led, mut held) = (core(&robot), core(&robot));
     let away: Vec<f64> = Q.iter().map(|q| q + 0.05).collect();
-    core.offer_setpoint(&setpoint(1, &away, &[0.0; 6], &[0.0; 6]));
-    let mut held = Core::new(&robot, 0);
-    let last = 2000;
-    let commands: Vec<_> = (1..=last).map(|seq| core.tick(&state(seq, &Q)).expect("a sound sample").tau).collect();
-    let still: Vec<_> = (1..=last).map(|seq| held.tick(&state(seq, &Q)).expect("a sound sample").tau).collect();
+    led.offer_setpoint(&setpoint(1, &away, &[0.0; 6], &[0.0; 6]));
+    let run = |core: &mut rivet_controller::Core| -> Vec<_> {
+        (1..=2000).map(|seq| core.tick(&state(seq, &Q)).expect("a sound sample").tau).collect()
+    };
+    let (commands, still) = (run(&mut led), run(&mut held));
     assert_ne!(commands[10], still[10], "at first the plan is followed");
-    assert_eq!(commands[last as usize - 1], still[last as usize - 1]);
+    assert_eq!(commands[1999], still[1999]);
+}
+
+/// A plan that is far away is not jumped to, when the controller starts as after a stop.
+#[test]
+fn a_plan_is_joined_only_near_the_arm() {
+    let robot = robot();
+    let (mut led, mut held) = (core(&robot), core(&robot));
+    let far: Vec<f64> = Q.iter().map(|q| q + 0.5).collect();
+    for seq in 1..=100 {
+        led.offer_setpoint(&setpoint(seq, &far, &[0.0; 6], &[0.0; 6]));
+        assert_eq!(led.tick(&state(seq, &Q)), held.tick(&state(seq, &Q)));
+    }
+    led.offer_setpoint(&setpoint(101, &Q, &[0.0; 6], &[0.0; 6]));
+    led.tick(&state(101, &Q)).expect("a sound sample");
+    assert_eq!(state_of(&led), ControllerState::Following);
+}
+
+#[test]
+fn a_plan_beyond_the_joint_limits_is_brought_back() {
+    let robot = robot();
+    let mut core = core(&robot);
+    let upper = robot.model.arm.joints[0].upper;
+    let (mut q, mut fast) = (Q, [0.0; 6]);
+    q[0] = upper + 0.5;
+    fast[1] = 2.0 * robot.model.arm.joints[1].velocity;
+    core.offer_setpoint(&setpoint(1, &q, &fast, &[0.0; 6]));
+    let mut there = Q;
+    there[0] = upper;
+    core.tick(&state(1, &there)).expect("a sound sample");
+    let plan = core.plan().expect("it is followed");
+    assert_eq!((plan.q[0], plan.qd[1]), (upper, robot.model.arm.joints[1].velocity));
+    assert_eq!(core.counts().setpoints_limited, 1);
 }
 
 #[test]
 fn samples_that_say_nothing_about_the_arm_get_no_command() {
     let robot = robot();
-    let mut core = Core::new(&robot, 0);
+    let mut core = core(&robot);
     core.tick(&state(5, &Q)).expect("a sound sample");
     assert_eq!(core.tick(&state(5, &Q)), Err(Skipped::Stale));
     assert_eq!(core.tick(&state(6, &Q[..5])), Err(Skipped::Invalid));
@@ -106,88 +177,10 @@ fn samples_that_say_nothing_about_the_arm_get_no_command() {
 }
 
 #[test]
-fn every_published_set_has_to_pass_the_gate() {
-    let robot = robot();
-    let sample = state(1000, &Q);
-    let viscous = (0..robot.base.len())
-        .find(|&i| robot.base.name(&robot.model, i).contains("viscous"))
-        .expect("viscous friction is a base parameter");
-    let good = published(&robot, 900);
-    let mut cases = vec![(good, Refusal::None)];
-    let mut spoil = |why, change: &dyn Fn(&mut Parameters)| {
-        let mut set = good;
-        change(&mut set);
-        cases.push((set, why));
-    };
-    spoil(Refusal::OtherModel, &|set| set.model_hash ^= 1);
-    spoil(Refusal::WrongCount, &|set| set.count -= 1);
-    spoil(Refusal::Provisional, &|set| set.flags |= parameter_flags::PROVISIONAL);
-    spoil(Refusal::NotFinite, &|set| set.values[3] = f64::NAN);
-    spoil(Refusal::DrivingFriction, &|set| set.values[viscous] = -1.0);
-    spoil(Refusal::InertiaNotPositive, &|set| set.values[..].iter_mut().for_each(|x| *x = -*x * 0.0 - 0.0));
-    for (set, why) in cases {
-        let mut core = Core::new(&robot, 0);
-        assert_eq!(core.offer_parameters(&set, &sample), why);
-        assert_eq!(core.epoch(), if why == Refusal::None { set.epoch } else { 0 });
-    }
-    let mut core = Core::new(&robot, 0);
-    assert_eq!(core.offer_parameters(&good, &sample), Refusal::None);
-    assert_eq!(core.offer_parameters(&good, &sample), Refusal::Old);
-}
-
-#[test]
-fn published_sets_wait_for_the_sample_from_which_they_may_act() {
-    let robot = robot();
-    let mut core = Core::new(&robot, 500);
-    core.offer_parameters(&published(&robot, 400), &state(499, &Q));
-    assert_eq!(core.counts().adopted, 0);
-    core.offer_parameters(&published(&robot, 400), &state(500, &Q));
-    assert_eq!(core.counts().adopted, 1);
-}
-
-/// Adopting a set with doubled friction and bodies: the largest step of the command stays below the rate limit, and the
-/// new torque arrives.
-#[test]
-fn adopting_another_set_is_no_torque_step() {
-    let robot = robot();
-    let mut core = Core::new(&robot, 0);
-    core.offer_setpoint(&setpoint(1, &Q, &[0.0; 6], &[0.0; 6]));
-    let mut last = [0.0; 8];
-    for seq in 1..=400 {
-        last = core.tick(&state(seq, &Q)).expect("a sound sample").tau;
-    }
-    let before = last;
-    let mut set = published(&robot, 300);
-    set.values.iter_mut().for_each(|x| *x *= 2.0);
-    assert_eq!(core.offer_parameters(&set, &state(400, &Q)), Refusal::None);
-    let mut largest = 0.0_f64;
-    for seq in 401..=1400 {
-        let command = core.tick(&state(seq, &Q)).expect("a sound sample");
-        assert_eq!(CommandMode::try_from(command.mode), Ok(CommandMode::Identified));
-        for j in 0..6 {
-            let share = (command.tau[j] - last[j]).abs() / robot.config.drive.torque_limit[j];
-            largest = largest.max(share);
-        }
-        last = command.tau;
-    }
-    assert!((last[1] - 2.0 * before[1]).abs() < 1e-6 * before[1].abs(), "{} after {}", last[1], before[1]);
-    assert!(largest < 0.011, "a step of {largest} of the torque limit in one period");
-}
-
-#[test]
 fn a_robot_controller_that_starts_anew_is_followed() {
     let robot = robot();
-    let mut core = Core::new(&robot, 0);
+    let mut core = core(&robot);
     core.tick(&state(10_000, &Q)).expect("a sound sample");
     let answered = (1..=200).filter(|&seq| core.tick(&state(seq, &Q)).is_ok()).count();
     assert_eq!(answered, 101, "from the hundredth old sample on");
-}
-
-/// The model that the gate reads must be the one of the law.
-#[test]
-fn friction_columns_are_found_by_their_meaning() {
-    let robot = robot();
-    let model: &Model = &robot.model;
-    let names: Vec<String> = (0..robot.base.len()).map(|i| robot.base.name(model, i)).collect();
-    assert_eq!(names.iter().filter(|name| name.contains("viscous") || name.contains("coulomb")).count(), 12);
 }

@@ -12,16 +12,20 @@ use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// No arm's position \[rad\] or speed \[rad/s\] is larger.
-const LARGEST_MOTION: f64 = 1e4;
+pub(crate) const LARGEST_MOTION: f64 = 1e4;
 /// No arm's acceleration \[rad/s²\] or torque \[N·m\] is larger.
-const LARGEST_EFFORT: f64 = 1e6;
+pub(crate) const LARGEST_EFFORT: f64 = 1e6;
 /// A position that changes at more than this many times the joint's speed limit is a jump of the reading.
 const JUMP: f64 = 10.0;
 /// Speed limit of a joint that states none \[rad/s\].
 const DEFAULT_SPEED: f64 = 10.0;
 /// Rows reach the estimator once the filters have run for this many periods of the cut-off: until then the first
 /// sample's noise weighs too much. (The equation holds from the first sample on.)
-const SETTLING: f64 = 1.0;
+pub(crate) const SETTLING: f64 = 1.0;
+/// A row counts if this share of what the filter has let through came from a moving joint: the torque of a joint that
+/// sticks has no friction's direction, and stays in the filter for a while. Half let enough of it in to bias the wrist of an
+/// arm whose controller knows no friction.
+pub(crate) const MOVED: f64 = 0.95;
 /// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
 const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
@@ -275,10 +279,10 @@ impl Identifier {
     fn learn(&mut self) -> Step {
         self.measured.rows(&mut self.d);
         let (tau, moving) = self.measured.extra().split_at(self.dof);
-        // The filter's own view: at least half of what it has let through came from a moving joint.
+        // The filter's own view of what came from a moving joint.
         let mut used = [false; MAX_JOINTS];
         for (used, moving) in used.iter_mut().zip(moving) {
-            *used = *moving >= 0.5;
+            *used = *moving >= MOVED;
         }
         let wants_setpoint = !matches!(self.instruments, Instruments::Delayed { .. });
         let instruments = if wants_setpoint && self.desired.age() >= self.settled {

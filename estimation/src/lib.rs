@@ -29,6 +29,7 @@ mod scales;
 mod settings;
 mod signals;
 mod supervision;
+mod torque_rows;
 pub mod ud;
 pub use estimator::{Correlation, Estimator, EstimatorSettings};
 pub use identifier::Identifier;
@@ -38,3 +39,4 @@ pub use settings::{
     ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Instruments, MAX_DELAY_ROWS, MAX_FILTER_ORDER,
     MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision, Window,
 };
+pub use torque_rows::TorqueRows;

@@ -1,7 +1,7 @@
 /* rivet's messages for C and C++: the same bytes as the Rust structs in src/messages. A change there without one
  * here fails the tests. The type names are what the bus compares; a new layout or meaning gets a new one.
  *
- * Services: rivet/<robot>/joint-state, setpoint, parameters, health (publish-subscribe), command and parameters
+ * Services: rivet/<robot>/joint-state, setpoint, parameters, health, controller-health (publish-subscribe), command and parameters
  * (blackboards with one entry, key uint64_t 0, and the attribute rivet.type that names the type), control
  * (request-response). Stamps are CLOCK_MONOTONIC [ns]. */
 #ifndef RIVET_H
@@ -22,6 +22,8 @@
 #define RIVET_MAX_PARAMETERS 128
 /* Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above. */
 #define RIVET_HISTOGRAM_BINS 32
+/* Entries of controller_health.refusals. */
+#define RIVET_REFUSALS 16
 
 /* An encoder reading is not to be trusted. */
 #define RIVET_FAULT_ENCODER (UINT32_C(1) << 0)
@@ -80,6 +82,79 @@ enum {
     RIVET_DAEMON_MODE_FROZEN = 3,
     /* Samples were flowing and have stopped: no joint state for `[realtime] stale_periods`. */
     RIVET_DAEMON_MODE_STALE = 4,
+};
+
+/* Whose parameters make the torque (ControllerHealth::source). */
+enum {
+    /* Those of the robot file. */
+    RIVET_PARAMETER_SOURCE_NOMINAL = 0,
+    /* The last ones that were found good: of the daemon's store, or in use when it fell silent. */
+    RIVET_PARAMETER_SOURCE_LAST_GOOD = 1,
+    /* Those that the daemon publishes. */
+    RIVET_PARAMETER_SOURCE_LIVE = 2,
+};
+
+/* Why the source is what it is (ControllerHealth::source_reason). */
+enum {
+    /* Nothing else was there at the start. */
+    RIVET_SOURCE_REASON_START = 0,
+    /* Found in the daemon's store at the start. */
+    RIVET_SOURCE_REASON_STORED = 1,
+    /* Enough published sets in a row passed the gate. */
+    RIVET_SOURCE_REASON_ADOPTED = 2,
+    /* No set came for too long. */
+    RIVET_SOURCE_REASON_SILENT = 3,
+    /* Sets came, but none passed the gate for too long. */
+    RIVET_SOURCE_REASON_REFUSED = 4,
+    /* What was in use predicted recent torques worse than the robot file's parameters, for some time. */
+    RIVET_SOURCE_REASON_WORSE_THAN_NOMINAL = 5,
+    /* The last good ones have predicted recent torques better than the robot file's, for some time. */
+    RIVET_SOURCE_REASON_BETTER_THAN_NOMINAL = 6,
+};
+
+/* Why a published set may not act (ControllerHealth::last_refusal). */
+enum {
+    /* It passed. */
+    RIVET_PARAMETER_REFUSAL_NONE = 0,
+    /* Made for another model: kinematics, gravity, structure or base columns differ. */
+    RIVET_PARAMETER_REFUSAL_OTHER_MODEL = 1,
+    /* Its number of parameters is not the model's. */
+    RIVET_PARAMETER_REFUSAL_WRONG_COUNT = 2,
+    /* Made from samples not newer than those of the set before: a repeated or replayed message. */
+    RIVET_PARAMETER_REFUSAL_OLD = 3,
+    /* Made from samples that have not come yet. */
+    RIVET_PARAMETER_REFUSAL_FUTURE = 4,
+    /* Made from samples too long ago. */
+    RIVET_PARAMETER_REFUSAL_STALE = 5,
+    /* Its epoch is not newer than that of the set before, while the daemon is alive: a second publisher, or a
+     * replayed message. */
+    RIVET_PARAMETER_REFUSAL_EPOCH_BACK = 6,
+    /* The daemon itself says that it has too little data. */
+    RIVET_PARAMETER_REFUSAL_PROVISIONAL = 7,
+    /* A value is not finite. */
+    RIVET_PARAMETER_REFUSAL_NOT_FINITE = 8,
+    /* Friction would drive a joint. */
+    RIVET_PARAMETER_REFUSAL_DRIVING_FRICTION = 9,
+    /* The inertia matrix is not positive definite, at the present pose or at a stored one. */
+    RIVET_PARAMETER_REFUSAL_INERTIA_NOT_POSITIVE = 10,
+    /* It would change the torque of the present setpoint by more than permitted. */
+    RIVET_PARAMETER_REFUSAL_TORQUE_CHANGE = 11,
+    /* It predicts recent torques worse than what is in use, or than the robot file. */
+    RIVET_PARAMETER_REFUSAL_PREDICTS_WORSE = 12,
+    /* It differs from what is in use, and the arm has not moved enough to tell which is better. */
+    RIVET_PARAMETER_REFUSAL_NOT_JUDGED = 13,
+};
+
+/* What the controller is doing (ControllerHealth::state). */
+enum {
+    /* No joint state has come yet. */
+    RIVET_CONTROLLER_STATE_WAITING = 0,
+    /* The arm is held where it is: nobody plans, or the plan is far from the arm. */
+    RIVET_CONTROLLER_STATE_HOLDING = 1,
+    /* The plan is followed. */
+    RIVET_CONTROLLER_STATE_FOLLOWING = 2,
+    /* Joint states have stopped: the stop reaction acts. */
+    RIVET_CONTROLLER_STATE_STOPPING = 3,
 };
 
 /* A wish to the daemon. */
@@ -319,6 +394,93 @@ RIVET_ASSERT(offsetof(rivet_health_v1, wake_histogram) == 312);
 RIVET_ASSERT(offsetof(rivet_health_v1, work_histogram) == 440);
 RIVET_ASSERT(offsetof(rivet_health_v1, worst_wake_ns) == 568);
 RIVET_ASSERT(offsetof(rivet_health_v1, worst_work_ns) == 576);
+
+/* How the controller is doing and which
+ * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.
+ * Counters run since the controller's start and never go back. */
+#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v1"
+typedef struct {
+    /* seq of the last joint state answered. */
+    uint64_t seq;
+    /* When this was written, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Joint states answered with a command. */
+    uint64_t commands;
+    /* Joint states skipped over: the controller takes the newest. */
+    uint64_t passed_over;
+    /* Joint states not answered because their sequence number did not go forward. */
+    uint64_t refused_stale;
+    /* Joint states not answered because of fault bits, a wrong joint count or a position that is not finite. */
+    uint64_t refused_invalid;
+    /* Times the stop reaction began. */
+    uint64_t stops;
+    /* Commands in which the law gave a torque that is not finite. */
+    uint64_t broken;
+    /* Commands in which a joint was at its torque limit. */
+    uint64_t saturated;
+    /* Commands in which a joint's torque was held back by its rate limit. */
+    uint64_t rate_limited;
+    /* Setpoints that were beyond a joint's position or velocity limit and were brought back to it. */
+    uint64_t setpoints_limited;
+    /* Parameter sets that passed the gate. */
+    uint64_t accepted;
+    /* Times the source of the parameters changed. */
+    uint64_t switches;
+    /* Epoch of the set accepted last; 0 before the first. */
+    uint64_t epoch;
+    /* seq of the last joint state that went into that set. */
+    uint64_t parameters_seq;
+    /* How many sets were refused for which ParameterRefusal; the entry is its number. */
+    uint64_t refusals[RIVET_REFUSALS];
+    /* A ParameterSource: whose parameters make the torque. */
+    uint32_t source;
+    /* A SourceReason: why it is this source. */
+    uint32_t source_reason;
+    /* A ParameterRefusal: what became of the last set. */
+    uint32_t last_refusal;
+    /* A ControllerState. */
+    uint32_t state;
+    /* How many entries of the joint arrays are in use, 1..=8. */
+    uint32_t joints;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
+    uint32_t reserved;
+    /* RMS of planned minus measured position over about the last second [rad, or m]. */
+    double tracking_rms[RIVET_MAX_JOINTS];
+    /* RMS error of the acting parameters on the recent torques of each joint [N m, or N]; NaN where it did not move.
+     * */
+    double prediction_rms[RIVET_MAX_JOINTS];
+    /* The same of the robot file's parameters. */
+    double nominal_prediction_rms[RIVET_MAX_JOINTS];
+    /* Largest step of the command from one period to the next [N m, or N]. */
+    double largest_step[RIVET_MAX_JOINTS];
+} rivet_controller_health_v1;
+RIVET_ASSERT(sizeof(rivet_controller_health_v1) == 528);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, commands) == 16);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, passed_over) == 24);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, stops) == 48);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, broken) == 56);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, saturated) == 64);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, rate_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, setpoints_limited) == 80);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, accepted) == 88);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, switches) == 96);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, epoch) == 104);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, parameters_seq) == 112);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, refusals) == 120);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, source) == 248);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, source_reason) == 252);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, last_refusal) == 256);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, state) == 260);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, joints) == 264);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, reserved) == 268);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, tracking_rms) == 272);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, prediction_rms) == 336);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, nominal_prediction_rms) == 400);
+RIVET_ASSERT(offsetof(rivet_controller_health_v1, largest_step) == 464);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

@@ -25,6 +25,8 @@ MAX_JOINTS = 8
 MAX_PARAMETERS = 128
 #: Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above.
 HISTOGRAM_BINS = 32
+#: Entries of ControllerHealth.refusals.
+REFUSALS = 16
 
 #: An encoder reading is not to be trusted.
 FAULT_ENCODER = 1 << 0
@@ -49,6 +51,14 @@ INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2}
 PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
 DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4}
+#: Whose parameters make the torque (ControllerHealth::source).
+PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
+#: Why the source is what it is (ControllerHealth::source_reason).
+SOURCE_REASON = {"start": 0, "stored": 1, "adopted": 2, "silent": 3, "refused": 4, "worse_than_nominal": 5, "better_than_nominal": 6}
+#: Why a published set may not act (ControllerHealth::last_refusal).
+PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13}
+#: What the controller is doing (ControllerHealth::state).
+CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3}
 #: A wish to the daemon.
 CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4}
 #: How a ControlRequest ended.
@@ -236,6 +246,71 @@ class Health(_Message):
     ]
 
 
+class ControllerHealth(_Message):
+    """How the controller is doing and which
+    parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-
+    health`. Counters run since the controller's start and never go back.
+    """
+
+    TYPE_NAME = "rivet.ControllerHealth.v1"
+    _fields_ = [
+        # seq of the last joint state answered.
+        ("seq", ctypes.c_uint64),
+        # When this was written, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Joint states answered with a command.
+        ("commands", ctypes.c_uint64),
+        # Joint states skipped over: the controller takes the newest.
+        ("passed_over", ctypes.c_uint64),
+        # Joint states not answered because their sequence number did not go forward.
+        ("refused_stale", ctypes.c_uint64),
+        # Joint states not answered because of fault bits, a wrong joint count or a position that is not
+        # finite.
+        ("refused_invalid", ctypes.c_uint64),
+        # Times the stop reaction began.
+        ("stops", ctypes.c_uint64),
+        # Commands in which the law gave a torque that is not finite.
+        ("broken", ctypes.c_uint64),
+        # Commands in which a joint was at its torque limit.
+        ("saturated", ctypes.c_uint64),
+        # Commands in which a joint's torque was held back by its rate limit.
+        ("rate_limited", ctypes.c_uint64),
+        # Setpoints that were beyond a joint's position or velocity limit and were brought back to it.
+        ("setpoints_limited", ctypes.c_uint64),
+        # Parameter sets that passed the gate.
+        ("accepted", ctypes.c_uint64),
+        # Times the source of the parameters changed.
+        ("switches", ctypes.c_uint64),
+        # Epoch of the set accepted last; 0 before the first.
+        ("epoch", ctypes.c_uint64),
+        # seq of the last joint state that went into that set.
+        ("parameters_seq", ctypes.c_uint64),
+        # How many sets were refused for which ParameterRefusal; the entry is its number.
+        ("refusals", ctypes.c_uint64 * REFUSALS),
+        # A ParameterSource: whose parameters make the torque.
+        ("source", ctypes.c_uint32),
+        # A SourceReason: why it is this source.
+        ("source_reason", ctypes.c_uint32),
+        # A ParameterRefusal: what became of the last set.
+        ("last_refusal", ctypes.c_uint32),
+        # A ControllerState.
+        ("state", ctypes.c_uint32),
+        # How many entries of the joint arrays are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
+        ("reserved", ctypes.c_uint32),
+        # RMS of planned minus measured position over about the last second [rad, or m].
+        ("tracking_rms", ctypes.c_double * MAX_JOINTS),
+        # RMS error of the acting parameters on the recent torques of each joint [N m, or N]; NaN where it
+        # did not move.
+        ("prediction_rms", ctypes.c_double * MAX_JOINTS),
+        # The same of the robot file's parameters.
+        ("nominal_prediction_rms", ctypes.c_double * MAX_JOINTS),
+        # Largest step of the command from one period to the next [N m, or N].
+        ("largest_step", ctypes.c_double * MAX_JOINTS),
+    ]
+
+
 class ControlRequest(_Message):
     """What anyone may ask of the daemon, on service `rivet/<robot>/control`."""
 
@@ -331,6 +406,34 @@ LAYOUT = {
         "work_histogram": 440,
         "worst_wake_ns": 568,
         "worst_work_ns": 576,
+    }),
+    ControllerHealth: (528, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "commands": 16,
+        "passed_over": 24,
+        "refused_stale": 32,
+        "refused_invalid": 40,
+        "stops": 48,
+        "broken": 56,
+        "saturated": 64,
+        "rate_limited": 72,
+        "setpoints_limited": 80,
+        "accepted": 88,
+        "switches": 96,
+        "epoch": 104,
+        "parameters_seq": 112,
+        "refusals": 120,
+        "source": 248,
+        "source_reason": 252,
+        "last_refusal": 256,
+        "state": 260,
+        "joints": 264,
+        "reserved": 268,
+        "tracking_rms": 272,
+        "prediction_rms": 336,
+        "nominal_prediction_rms": 400,
+        "largest_step": 464,
     }),
     ControlRequest: (8, {
         "command": 0,

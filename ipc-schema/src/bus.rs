@@ -13,7 +13,7 @@ use crate::blackboard::{BlackboardReader, BlackboardWriter};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
-use crate::messages::{Command, Health, JointState, Message, Parameters, Setpoint, Stamped};
+use crate::messages::{Command, ControllerHealth, Health, JointState, Message, Parameters, Setpoint, Stamped};
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
 
@@ -239,6 +239,16 @@ impl Bus {
     /// Receives the daemon's health, the latest at once; the ring holds 16.
     pub fn health_subscriber(&self) -> Result<Subscriber<Health>, BusError> {
         self.subscriber(Service::Health)
+    }
+
+    /// Controller: publishes its health.
+    pub fn controller_health_publisher(&self) -> Result<Publisher<ControllerHealth>, BusError> {
+        self.publisher(Service::ControllerHealth)
+    }
+
+    /// Receives the controller's health, the latest at once; the ring holds 16.
+    pub fn controller_health_subscriber(&self) -> Result<Subscriber<ControllerHealth>, BusError> {
+        self.subscriber(Service::ControllerHealth)
     }
 
     /// Controller: the torque it asks for. One writer a robot; it is refused while another lives.

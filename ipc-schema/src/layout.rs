@@ -1,8 +1,9 @@
 //! Layout and enumerations as tables: the C header and the Python mirror are held against them.
 
 use crate::messages::{
-    Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, DaemonMode, Health,
-    InstrumentSource, JointState, ParameterState, Parameters, Setpoint,
+    Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, ControllerHealth,
+    ControllerState, DaemonMode, Health, InstrumentSource, JointState, ParameterRefusal, ParameterSource,
+    ParameterState, Parameters, Setpoint, SourceReason,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -30,22 +31,27 @@ pub struct Enumeration {
 }
 
 /// All messages.
-pub const MESSAGES: [Layout; 7] = [
+pub const MESSAGES: [Layout; 8] = [
     JointState::LAYOUT,
     Setpoint::LAYOUT,
     Command::LAYOUT,
     Parameters::LAYOUT,
     Health::LAYOUT,
+    ControllerHealth::LAYOUT,
     ControlRequest::LAYOUT,
     ControlReply::LAYOUT,
 ];
 
 /// All enumerations.
-pub const ENUMERATIONS: [Enumeration; 6] = [
+pub const ENUMERATIONS: [Enumeration; 10] = [
     CommandMode::TABLE,
     ParameterState::TABLE,
     InstrumentSource::TABLE,
     DaemonMode::TABLE,
+    ParameterSource::TABLE,
+    SourceReason::TABLE,
+    ParameterRefusal::TABLE,
+    ControllerState::TABLE,
     ControlCommand::TABLE,
     ControlStatus::TABLE,
 ];

@@ -57,6 +57,8 @@ pub enum Service {
     Parameters,
     /// Publish-subscribe: daemon -> all.
     Health,
+    /// Publish-subscribe: controller -> all.
+    ControllerHealth,
     /// Request-response: anyone -> daemon.
     Control,
 }
@@ -70,6 +72,7 @@ impl Service {
             Self::Command => "command",
             Self::Parameters => "parameters",
             Self::Health => "health",
+            Self::ControllerHealth => "controller-health",
             Self::Control => "control",
         }
     }

@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use rivet_ipc_schema::{ENUMERATIONS, HISTOGRAM_BINS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, faults, parameter_flags};
+use rivet_ipc_schema::{
+    ENUMERATIONS, HISTOGRAM_BINS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, REFUSALS, faults, parameter_flags,
+};
 
 fn path(relative: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(relative)
@@ -61,6 +63,7 @@ fn the_header_has_every_number() {
     has(&format!("#define RIVET_MAX_JOINTS {MAX_JOINTS}\n"));
     has(&format!("#define RIVET_MAX_PARAMETERS {MAX_PARAMETERS}\n"));
     has(&format!("#define RIVET_HISTOGRAM_BINS {HISTOGRAM_BINS}\n"));
+    has(&format!("#define RIVET_REFUSALS {REFUSALS}\n"));
     for (name, bit) in bits() {
         has(&format!("#define RIVET_{name} (UINT32_C(1) << {})\n", bit.ilog2()));
     }
@@ -114,6 +117,7 @@ fn the_python_mirror_has_every_number() {
     has(&format!("\nMAX_JOINTS = {MAX_JOINTS}\n"));
     has(&format!("\nMAX_PARAMETERS = {MAX_PARAMETERS}\n"));
     has(&format!("\nHISTOGRAM_BINS = {HISTOGRAM_BINS}\n"));
+    has(&format!("\nREFUSALS = {REFUSALS}\n"));
     for (name, bit) in bits() {
         has(&format!("\n{name} = 1 << {}\n", bit.ilog2()));
     }

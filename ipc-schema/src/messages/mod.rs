@@ -2,6 +2,7 @@
 
 mod command;
 mod control;
+mod controller_health;
 mod health;
 mod joint_state;
 mod parameters;
@@ -9,6 +10,9 @@ mod setpoint;
 
 pub use command::{Command, CommandMode};
 pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus};
+pub use controller_health::{
+    ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
+};
 pub use health::{DaemonMode, HISTOGRAM_BINS, Health};
 pub use joint_state::{JointState, faults};
 pub use parameters::{InstrumentSource, ParameterState, Parameters, parameter_flags};

@@ -1,0 +1,97 @@
+//! The inertia matrix that base parameters imply, and whether it is one.
+
+use crate::law::ControlLaw;
+use rivet_dynamics::MAX_JOINTS;
+
+/// M(q), row-major, of base parameters `x`: column j is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`. Real-time safe.
+pub(crate) fn inertia_of(law: &mut ControlLaw, q: &[f64], x: &[f64], mass: &mut [f64]) {
+    let dof = law.dof();
+    let zero = [0.0; MAX_JOINTS];
+    let (mut bias, mut column) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+    law.model_torque(q, &zero[..dof], &zero[..dof], x, &mut bias[..dof]);
+    for j in 0..dof {
+        let mut unit = zero;
+        unit[j] = 1.0;
+        law.model_torque(q, &zero[..dof], &unit[..dof], x, &mut column[..dof]);
+        for i in 0..dof {
+            mass[i * dof + j] = column[i] - bias[i];
+        }
+    }
+}
+
+/// Inertia matrices at fixed poses as linear functions of the base parameters: checking them costs no kinematics.
+pub(crate) struct StoredPoses {
+    dof: usize,
+    count: usize,
+    /// Pose by pose, the lower triangle row by row, `count` factors an entry.
+    entries: Vec<f64>,
+    mass: Vec<f64>,
+}
+
+impl StoredPoses {
+    pub(crate) fn new(law: &mut ControlLaw, count: usize, poses: &[Vec<f64>]) -> StoredPoses {
+        let dof = law.dof();
+        let zero = vec![0.0; dof];
+        let mut entries = Vec::with_capacity(poses.len() * dof * (dof + 1) / 2 * count);
+        for q in poses {
+            let flat = |rows: std::slice::ChunksExact<'_, f64>| rows.flatten().copied().collect::<Vec<f64>>();
+            let bias = flat(law.regressor(q, &zero, &zero));
+            let columns: Vec<Vec<f64>> = (0..dof)
+                .map(|j| {
+                    let mut unit = zero.clone();
+                    unit[j] = 1.0;
+                    flat(law.regressor(q, &zero, &unit))
+                })
+                .collect();
+            for i in 0..dof {
+                for column in &columns[..=i] {
+                    let of = |rows: &[f64], k: usize| rows[i * count + k];
+                    entries.extend((0..count).map(|k| of(column, k) - of(&bias, k)));
+                }
+            }
+        }
+        StoredPoses { dof, count, entries, mass: vec![0.0; dof * dof] }
+    }
+
+    /// Whether `x` gives a positive definite inertia matrix at every pose. Real-time safe.
+    pub(crate) fn all_positive(&mut self, x: &[f64]) -> bool {
+        let n = self.dof;
+        for pose in self.entries.chunks_exact(n * (n + 1) / 2 * self.count) {
+            let mut entry = pose.chunks_exact(self.count);
+            for i in 0..n {
+                for j in 0..=i {
+                    let factors = entry.next().unwrap_or(&[]);
+                    self.mass[i * n + j] = factors.iter().zip(x).map(|(y, x)| y * x).sum();
+                }
+            }
+            if !cholesky_succeeds(&mut self.mass, n) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// In-place Cholesky of a symmetric `n` x `n` row-major matrix, of which the lower triangle is read; false when a pivot is
+/// not positive (or not a number).
+pub(crate) fn cholesky_succeeds(a: &mut [f64], n: usize) -> bool {
+    for j in 0..n {
+        let mut pivot = a[j * n + j];
+        for k in 0..j {
+            pivot -= a[j * n + k] * a[j * n + k];
+        }
+        if pivot.is_nan() || pivot <= 0.0 {
+            return false;
+        }
+        let root = pivot.sqrt();
+        a[j * n + j] = root;
+        for i in j + 1..n {
+            let mut sum = a[i * n + j];
+            for k in 0..j {
+                sum -= a[i * n + k] * a[j * n + k];
+            }
+            a[i * n + j] = sum / root;
+        }
+    }
+    true
+}

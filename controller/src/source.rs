@@ -1,0 +1,214 @@
+//! Whose parameters act: live, last good, nominal, and back.
+//!
+//! ```text
+//! live ──silent, or refused, for parameter_timeout_s──▶ last good ──worse than nominal for 2 s──▶ nominal
+//!   ▲                                                     │  ▲                                     │ │
+//!   └──return_after acceptable sets in a row──────────────┘  └──better than nominal for 2 s────────┘ │
+//!   └────────────────────────────────────────────────────────────────────────────────────────────────┘
+//! ```
+
+use rivet_ipc_schema::{MAX_PARAMETERS, ParameterSource, SourceReason};
+
+/// Base parameters; entries beyond the model's count are zero.
+pub(crate) type Values = [f64; MAX_PARAMETERS];
+
+/// Time for which one set must predict worse than another before that counts \[s\].
+const PATIENCE_S: f64 = 2.0;
+
+/// The chain of sources.
+pub(crate) struct Sources {
+    nominal: Values,
+    last_good: Option<Values>,
+    live: Values,
+    source: ParameterSource,
+    reason: SourceReason,
+    timeout: u64,
+    return_after: u32,
+    patience: u64,
+    /// Periods since a set was accepted, and since one came at all.
+    accepted_for: u64,
+    heard_for: u64,
+    streak: u32,
+    /// Periods for which the comparison with nominal has spoken for a change.
+    for_change: u64,
+    switches: u64,
+}
+
+impl Sources {
+    /// Starts on `nominal` parameters. `timeout` in periods, `return_after` in sets.
+    pub(crate) fn new(nominal: &Values, timeout: u64, return_after: u32, period_s: f64) -> Sources {
+        Sources {
+            nominal: *nominal,
+            last_good: None,
+            live: *nominal,
+            source: ParameterSource::Nominal,
+            reason: SourceReason::Start,
+            timeout,
+            return_after,
+            patience: (PATIENCE_S / period_s).ceil() as u64,
+            accepted_for: u64::MAX,
+            heard_for: u64::MAX,
+            streak: 0,
+            for_change: 0,
+            switches: 0,
+        }
+    }
+
+    /// Starts on `stored` parameters instead.
+    pub(crate) fn recall(&mut self, stored: &Values) {
+        self.last_good = Some(*stored);
+        self.source = ParameterSource::LastGood;
+        self.reason = SourceReason::Stored;
+    }
+
+    /// The parameters that should act.
+    pub(crate) fn target(&self) -> &Values {
+        match (self.source, &self.last_good) {
+            (ParameterSource::Live, _) => &self.live,
+            (ParameterSource::LastGood, Some(values)) => values,
+            _ => &self.nominal,
+        }
+    }
+
+    pub(crate) fn nominal(&self) -> &Values {
+        &self.nominal
+    }
+
+    pub(crate) fn last_good(&self) -> Option<&Values> {
+        self.last_good.as_ref()
+    }
+
+    pub(crate) fn source(&self) -> ParameterSource {
+        self.source
+    }
+
+    pub(crate) fn reason(&self) -> SourceReason {
+        self.reason
+    }
+
+    pub(crate) fn switches(&self) -> u64 {
+        self.switches
+    }
+
+    /// Whether sets have been passing the gate until now.
+    pub(crate) fn alive(&self) -> bool {
+        self.accepted_for < self.timeout
+    }
+
+    fn switch(&mut self, source: ParameterSource, reason: SourceReason) {
+        if source == ParameterSource::LastGood && self.source == ParameterSource::Live {
+            self.last_good = Some(self.live);
+        }
+        self.source = source;
+        self.reason = reason;
+        self.switches += 1;
+        self.for_change = 0;
+        self.streak = 0;
+    }
+
+    /// A set passed the gate.
+    pub(crate) fn accept(&mut self, values: &Values) {
+        self.accepted_for = 0;
+        self.heard_for = 0;
+        self.live = *values;
+        if self.source != ParameterSource::Live {
+            self.streak += 1;
+            if self.streak >= self.return_after {
+                self.switch(ParameterSource::Live, SourceReason::Adopted);
+            }
+        }
+    }
+
+    /// A set came and did not pass.
+    pub(crate) fn refuse(&mut self) {
+        self.heard_for = 0;
+        self.streak = 0;
+    }
+
+    /// The live set has proven itself on recent torques: it is what a silent daemon leaves behind.
+    pub(crate) fn keep(&mut self) {
+        if self.source == ParameterSource::Live {
+            self.last_good = Some(self.live);
+        }
+    }
+
+    /// `periods` have gone by.
+    pub(crate) fn advance(&mut self, periods: u64) {
+        self.accepted_for = self.accepted_for.saturating_add(periods);
+        self.heard_for = self.heard_for.saturating_add(periods);
+        if self.source == ParameterSource::Live && self.accepted_for >= self.timeout {
+            let silent = self.heard_for >= self.timeout;
+            let reason = if silent { SourceReason::Silent } else { SourceReason::Refused };
+            self.switch(ParameterSource::LastGood, reason);
+        }
+    }
+
+    /// What recent torques say, `periods` after they last said something: whether the acting set is worse than the nominal
+    /// one, or, while that acts, whether the last good one is better.
+    pub(crate) fn compare(&mut self, speaks_for_change: bool, periods: u64) {
+        self.for_change = if speaks_for_change { self.for_change.saturating_add(periods) } else { 0 };
+        if self.for_change < self.patience {
+            return;
+        }
+        match self.source {
+            ParameterSource::Nominal => self.switch(ParameterSource::LastGood, SourceReason::BetterThanNominal),
+            _ => self.switch(ParameterSource::Nominal, SourceReason::WorseThanNominal),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(x: f64) -> Values {
+        [x; MAX_PARAMETERS]
+    }
+
+    fn sources() -> Sources {
+        Sources::new(&values(0.0), 100, 3, 0.001)
+    }
+
+    #[test]
+    fn live_needs_a_row_of_acceptable_sets_and_a_silent_daemon_leaves_the_last_good_ones() {
+        let mut s = sources();
+        assert_eq!((s.source(), s.reason()), (ParameterSource::Nominal, SourceReason::Start));
+        s.accept(&values(1.0));
+        s.accept(&values(1.0));
+        s.refuse();
+        s.accept(&values(1.0));
+        s.accept(&values(1.0));
+        assert_eq!(s.source(), ParameterSource::Nominal, "the row was broken");
+        s.accept(&values(2.0));
+        assert_eq!((s.source(), s.target()[0]), (ParameterSource::Live, 2.0));
+        s.advance(99);
+        assert_eq!(s.source(), ParameterSource::Live);
+        s.advance(1);
+        assert_eq!((s.source(), s.reason(), s.target()[0]), (ParameterSource::LastGood, SourceReason::Silent, 2.0));
+        for x in [3.0, 4.0, 5.0] {
+            s.accept(&values(x));
+        }
+        assert_eq!((s.source(), s.target()[0]), (ParameterSource::Live, 5.0));
+        for _ in 0..100 {
+            s.refuse();
+            s.advance(1);
+        }
+        assert_eq!((s.source(), s.reason()), (ParameterSource::LastGood, SourceReason::Refused));
+    }
+
+    #[test]
+    fn what_predicts_worse_than_nominal_for_long_gives_way_and_may_come_back() {
+        let mut s = sources();
+        s.recall(&values(1.0));
+        assert_eq!((s.source(), s.reason()), (ParameterSource::LastGood, SourceReason::Stored));
+        s.compare(true, 1999);
+        s.compare(false, 1);
+        s.compare(true, 1999);
+        assert_eq!(s.source(), ParameterSource::LastGood);
+        s.compare(true, 1);
+        assert_eq!((s.source(), s.target()[0]), (ParameterSource::Nominal, 0.0));
+        s.compare(true, 2000);
+        assert_eq!((s.source(), s.reason()), (ParameterSource::LastGood, SourceReason::BetterThanNominal));
+        assert_eq!(s.target()[0], 1.0);
+    }
+}

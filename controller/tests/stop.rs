@@ -1,0 +1,90 @@
+//! What happens when joint states stop.
+
+mod common;
+
+use common::{Moving, core, largest_step, robot, robot_with};
+use rivet_controller::Core;
+use rivet_ipc_schema::{Command, ControllerHealth, ControllerState};
+
+fn stopping(core: &Core) -> bool {
+    let mut health = ControllerHealth::default();
+    core.write_health(&mut health);
+    ControllerState::try_from(health.state) == Ok(ControllerState::Stopping)
+}
+
+/// Two seconds of motion, then nothing for `periods` periods.
+fn run_dry(reaction: &str, periods: u64) -> (rivet_config::Robot, Core, Vec<Command>, Vec<Command>) {
+    let words = format!("[controller]\nstop_reaction = \"{reaction}\"\nstop_time_s = 0.1\nstale_periods = 5\n");
+    let robot = robot_with("manutec-r3", &[("[controller]\n", &words)]);
+    let mut core = core(&robot);
+    let moved = Moving::new(&robot, &robot.nominal_base).run(&mut core, 2000, |_, _| ());
+    let stopped: Vec<Command> = (1..=periods).filter_map(|k| core.missing(k)).collect();
+    (robot, core, moved, stopped)
+}
+
+#[test]
+fn the_reaction_begins_in_the_configured_period_and_steps_no_faster_than_the_rate() {
+    for reaction in ["hold", "ramp", "damp"] {
+        let (robot, core, moved, stopped) = run_dry(reaction, 400);
+        assert_eq!(stopped.len(), 396, "{reaction}: from the fifth missing period on, one command each");
+        assert!(stopping(&core));
+        assert_eq!(core.counts().stops, 1);
+        assert!(stopped.iter().all(|c| c.seq == 2000), "they answer the last sample");
+        let all: Vec<_> = [moved[1999]].into_iter().chain(stopped.iter().copied()).collect();
+        assert!(largest_step(&robot, &all) <= 1.0 + 1e-9, "{reaction}");
+        assert_ne!(stopped[0].tau, moved[1999].tau, "{reaction} acts at once");
+        assert_eq!(stopped[395].tau, stopped[394].tau, "{reaction} comes to rest");
+    }
+}
+
+#[test]
+fn before_the_first_sample_and_in_short_gaps_nothing_happens() {
+    let robot = robot();
+    let mut core = core(&robot);
+    assert_eq!(core.missing(1000), None);
+    let mut moving = Moving::new(&robot, &robot.nominal_base);
+    moving.run(&mut core, 100, |_, _| ());
+    assert!((1..10).all(|k| core.missing(k).is_none()), "stale_periods is 10");
+    assert!(core.missing(10).is_some());
+}
+
+/// Ramp ends at zero; hold and damp end at the torque that carries the arm: hold at the last pose, damp a little further on.
+#[test]
+fn each_reaction_ends_where_it_should() {
+    let (_, _, _, ramp) = run_dry("ramp", 400);
+    assert_eq!(ramp.last().expect("commands").tau, [0.0; 8]);
+    let (robot, _, _, hold) = run_dry("hold", 400);
+    let (_, _, moved, damp) = run_dry("damp", 400);
+    let mut still = core(&robot);
+    let (sample, _) = Moving { seq: 1999, ..Moving::new(&robot, &robot.nominal_base) }.next();
+    let mut gravity = [0.0; 8];
+    for seq in 1..=400 {
+        gravity = still.tick(&rivet_ipc_schema::JointState { seq, ..sample }).expect("a sound sample").tau;
+    }
+    for j in 0..6 {
+        let held = hold.last().expect("commands").tau[j];
+        assert!((held - gravity[j]).abs() < 1e-6 * (1.0 + gravity[j].abs()), "{held} against {}", gravity[j]);
+    }
+    // The first torque of damp brakes: it is further against the motion than that of the plan.
+    let mut speed = sample.q;
+    let before = Moving { seq: 1998, ..Moving::new(&robot, &robot.nominal_base) }.next().0;
+    for j in 0..6 {
+        speed[j] -= before.q[j];
+        if speed[j].abs() > 5e-4 {
+            assert!((damp[0].tau[j] - moved[1999].tau[j]) * speed[j] < 0.0, "joint {}", j + 1);
+        }
+    }
+}
+
+/// When samples come again the torque goes on from the last command, and a plan that is near is followed again.
+#[test]
+fn samples_that_come_again_are_answered_without_a_step() {
+    let (robot, mut core, _, stopped) = run_dry("damp", 60);
+    let mut moving = Moving::new(&robot, &robot.nominal_base);
+    moving.seq = 2060;
+    let again = moving.run(&mut core, 500, |_, _| ());
+    assert!(!stopping(&core));
+    let all: Vec<_> = [stopped[stopped.len() - 1]].into_iter().chain(again).collect();
+    assert!(largest_step(&robot, &all) <= 1.0 + 1e-9);
+    assert!(core.plan().is_some());
+}
