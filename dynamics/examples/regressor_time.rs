@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use rivet_dynamics::{
-    Arm, BaseSet, Joint, JointKind, Model, Structure, Workspace, inverse_dynamics, mass_matrix, regressor,
+    Arm, BaseSet, Joint, JointKind, Model, State, Structure, Workspace, inverse_dynamics, mass_matrix, regressor,
 };
 
 /// A chain of like links on alternating axes, none of them special.
@@ -44,7 +44,7 @@ fn time(mut call: impl FnMut()) -> f64 {
 }
 
 fn main() {
-    println!("ns a call   inverse_dynamics  mass_matrix  regressor  Model::regressor  select");
+    println!("ns a call   inverse_dynamics  mass_matrix  regressor  Model::regressor  pair  select");
     for dof in [2, 6, 7, 8] {
         let model = Model::new(arm(dof), Structure { offset: true, ..Structure::default() });
         let base = BaseSet::new(&model).expect("a chain of general axes has a clear base");
@@ -53,12 +53,15 @@ fn main() {
         let [q, qd, qdd] = [0.3, 1.1, -4.0].map(|v| (0..dof).map(|j| v + 0.1 * j as f64).collect::<Vec<f64>>());
         let (mut tau, mut m, mut y) = (vec![0.0; dof], vec![0.0; dof * dof], vec![0.0; dof * 10 * dof]);
         let (mut y_full, mut y_base) = (vec![0.0; dof * width], vec![0.0; dof * base.len()]);
+        let state = State { q: &q, qd: &qd, qdd: &qdd };
+        let mut y_pair = vec![[0.0; 2]; dof * width];
         println!(
-            "{dof} joints    {:16.0}  {:11.0}  {:9.0}  {:16.0}  {:6.0}",
+            "{dof} joints    {:16.0}  {:11.0}  {:9.0}  {:16.0}  {:4.0}  {:6.0}",
             time(|| inverse_dynamics(arm, &arm.links, &mut ws, black_box(&q), &qd, &qdd, black_box(&mut tau))),
             time(|| mass_matrix(arm, &arm.links, &mut ws, black_box(&q), black_box(&mut m))),
             time(|| regressor(arm, &mut ws, black_box(&q), &qd, &qdd, black_box(&mut y))),
             time(|| model.regressor(&mut ws, black_box(&q), &qd, &qdd, black_box(&mut y_full))),
+            time(|| model.regressor_pair(&mut ws, black_box([state; 2]), black_box(&mut y_pair))),
             time(|| base.select(black_box(&y_full), width, black_box(&mut y_base))),
         );
     }

@@ -1,7 +1,8 @@
 //! The arm: a serial chain of one-axis joints and the rigid bodies they carry.
 
+use crate::lanes::Lanes;
 use crate::parameters::LinkParameters;
-use crate::spatial::{IDENTITY, Mat3, Vec3, add, multiply, rotate, scale, skew};
+use crate::spatial::{IDENTITY, Mat3, Vec3, add, multiply, rotate, scale, skew, splat};
 
 /// The most joints an arm may have. Messages on the bus and all scratch space are sized by it.
 pub const MAX_JOINTS: usize = 8;
@@ -59,7 +60,6 @@ pub(crate) struct JointMotion {
     pub(crate) turn: Vec3,
     /// Linear velocity at unit joint speed, in the joint frame: zero, or the axis for a prismatic joint.
     pub(crate) slide: Vec3,
-    revolute: bool,
     constant: Mat3,
     of_sin: Mat3,
     of_cos: Mat3,
@@ -73,7 +73,6 @@ impl JointMotion {
     pub(crate) const UNUSED: JointMotion = JointMotion {
         turn: [0.0; 3],
         slide: [0.0; 3],
-        revolute: false,
         constant: IDENTITY,
         of_sin: [[0.0; 3]; 3],
         of_cos: [[0.0; 3]; 3],
@@ -90,7 +89,6 @@ impl JointMotion {
         let k = skew(&a);
         JointMotion {
             turn: a,
-            revolute: true,
             constant: multiply(r0, &a.map(|x| scale(&a, x))),
             of_sin: multiply(r0, &k),
             of_cos: multiply(r0, &multiply(&k, &k).map(|row| scale(&row, -1.0))),
@@ -101,13 +99,19 @@ impl JointMotion {
 
     /// Rotation (child to parent components) and origin in the parent frame \[m\] at position `q`.
     #[inline(always)]
-    pub(crate) fn pose(&self, q: f64) -> (Mat3, Vec3) {
-        let (s, c) = if self.revolute { q.sin_cos() } else { (0.0, 0.0) };
-        let row = |i: usize| {
-            let entry = |k: usize| self.constant[i][k] + s * self.of_sin[i][k] + c * self.of_cos[i][k];
-            [entry(0), entry(1), entry(2)]
+    pub(crate) fn pose<T: Lanes>(&self, q: T) -> (Mat3<T>, Vec3<T>) {
+        self.pose_turned(q, q.sin_cos())
+    }
+
+    /// [`pose`](Self::pose) with the sine and cosine of `q`, which a prismatic joint does not read: its rotation has no
+    /// share of them.
+    #[inline(always)]
+    pub(crate) fn pose_turned<T: Lanes>(&self, q: T, (s, c): (T, T)) -> (Mat3<T>, Vec3<T>) {
+        let entry = |i: usize, k: usize| {
+            T::splat(self.constant[i][k]) + s * T::splat(self.of_sin[i][k]) + c * T::splat(self.of_cos[i][k])
         };
-        ([row(0), row(1), row(2)], add(&self.translation, &scale(&self.travel, q)))
+        let row = |i: usize| [entry(i, 0), entry(i, 1), entry(i, 2)];
+        ([row(0), row(1), row(2)], add(&splat(&self.translation), &scale(&splat(&self.travel), q)))
     }
 }
 

@@ -8,6 +8,7 @@
 mod arm;
 mod base;
 mod hash;
+mod lanes;
 mod model;
 pub mod parameters;
 mod pseudo_inertia;
@@ -21,5 +22,5 @@ pub use hash::model_hash;
 pub use model::{Joints, Model, Structure, WristCoupling, friction_sign};
 pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, body_from_com, body_in_frame};
 pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia, smallest_eigenvalue};
-pub use rigid::{Workspace, inverse_dynamics, mass_matrix, regressor};
+pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
 pub use urdf::{UrdfError, WrittenUrdf, write_urdf};

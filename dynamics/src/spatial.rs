@@ -2,42 +2,50 @@
 //!
 //! A rotation `r` is row-major and maps components in the child frame to components in the parent frame.
 
+use crate::lanes::Lanes;
+
 /// Three components in one frame.
-pub(crate) type Vec3 = [f64; 3];
+pub(crate) type Vec3<T = f64> = [T; 3];
 /// Row-major 3x3 matrix.
-pub(crate) type Mat3 = [[f64; 3]; 3];
+pub(crate) type Mat3<T = f64> = [[T; 3]; 3];
 
 pub(crate) const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+/// The same vector in every lane.
 #[inline(always)]
-pub(crate) fn dot(a: &Vec3, b: &Vec3) -> f64 {
+pub(crate) fn splat<T: Lanes>(a: &Vec3) -> Vec3<T> {
+    [T::splat(a[0]), T::splat(a[1]), T::splat(a[2])]
+}
+
+#[inline(always)]
+pub(crate) fn dot<T: Lanes>(a: &Vec3<T>, b: &Vec3<T>) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-pub(crate) fn cross(a: &Vec3, b: &Vec3) -> Vec3 {
+pub(crate) fn cross<T: Lanes>(a: &Vec3<T>, b: &Vec3<T>) -> Vec3<T> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
-pub(crate) fn add(a: &Vec3, b: &Vec3) -> Vec3 {
+pub(crate) fn add<T: Lanes>(a: &Vec3<T>, b: &Vec3<T>) -> Vec3<T> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 #[inline(always)]
-pub(crate) fn scale(a: &Vec3, k: f64) -> Vec3 {
+pub(crate) fn scale<T: Lanes>(a: &Vec3<T>, k: T) -> Vec3<T> {
     [a[0] * k, a[1] * k, a[2] * k]
 }
 
 /// `r·a`: from child to parent components.
 #[inline(always)]
-pub(crate) fn rotate(r: &Mat3, a: &Vec3) -> Vec3 {
+pub(crate) fn rotate<T: Lanes>(r: &Mat3<T>, a: &Vec3<T>) -> Vec3<T> {
     [dot(&r[0], a), dot(&r[1], a), dot(&r[2], a)]
 }
 
 /// `rᵀ·a`: from parent to child components.
 #[inline(always)]
-pub(crate) fn rotate_back(r: &Mat3, a: &Vec3) -> Vec3 {
+pub(crate) fn rotate_back<T: Lanes>(r: &Mat3<T>, a: &Vec3<T>) -> Vec3<T> {
     [
         r[0][0] * a[0] + r[1][0] * a[1] + r[2][0] * a[2],
         r[0][1] * a[0] + r[1][1] * a[1] + r[2][1] * a[2],
