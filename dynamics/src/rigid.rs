@@ -310,7 +310,7 @@ pub(crate) fn regressor_pair_rows(
 }
 
 /// A state of the arm, one entry a joint.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<'a> {
     /// Positions \[rad\].
     pub q: &'a [f64],

@@ -7,8 +7,8 @@ use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::report::{Estimate, Instrument, Motion, Refusal, Setpoint, Step};
 use crate::scales::Scales;
 use crate::settings::{Instruments, Settings, SettingsError, Window, per_joint};
-use crate::signals::{Past, RowFilter};
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use crate::signals::{Past, Regressors, RowFilter, Side};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
 use std::sync::Arc;
 
 /// No arm's position \[rad\] or speed \[rad/s\] is larger.
@@ -49,7 +49,7 @@ pub struct Identifier {
     interrupted: bool,
     settled: u64,
     aligned: Aligned,
-    ws: Workspace,
+    regressors: Regressors,
     measured: RowFilter,
     desired: RowFilter,
     past: Past,
@@ -112,7 +112,7 @@ impl Identifier {
             interrupted: false,
             settled: (SETTLING * rate / settings.filter_hz).ceil() as u64,
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
-            ws: Workspace::new(&model.arm),
+            regressors: Regressors::new(&model),
             // Torques, and which joints move, go through the same filter as the rows.
             measured: RowFilter::new(&model, &base, &filter, 2 * dof),
             desired: RowFilter::new(&model, &base, &filter, 0),
@@ -250,14 +250,16 @@ impl Identifier {
     }
 
     fn process(&mut self) -> Step {
-        let Identifier { aligned, measured, desired, model, ws, dead_zone, .. } = self;
+        let Identifier { aligned, measured, desired, model, regressors, dead_zone, .. } = self;
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
         let structure = &model.structure;
         let moving =
             (0..dead_zone.len()).map(|j| f64::from(u8::from(slides(structure, dead_zone, |j| aligned.qd[j], j))));
-        measured.step(model, ws, motion, aligned.tau.iter().copied().chain(moving));
-        match aligned.setpoint() {
-            Some(setpoint) => desired.step(model, ws, setpoint, std::iter::empty()),
+        let setpoint = aligned.setpoint();
+        regressors.evaluate(model, motion, setpoint);
+        measured.step(regressors, Side::Measured, aligned.tau.iter().copied().chain(moving));
+        match setpoint {
+            Some(_) => desired.step(regressors, Side::Second, std::iter::empty()),
             None => desired.restart(),
         }
         self.phase += 1;

@@ -11,7 +11,7 @@ pub(crate) fn items_per_step(cost: usize) -> usize {
     (STEP_WORK / cost.max(1)).max(1)
 }
 
-#[inline]
+#[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Eight partial sums let the compiler use vector registers; the order of additions is fixed.
     let mut sums = [0.0; 8];
@@ -26,7 +26,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// `y += a·x`
-#[inline]
+#[inline(always)]
 pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;

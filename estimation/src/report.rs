@@ -1,15 +1,7 @@
 //! What the estimator tells about itself: plain values, borrowed, made without allocating.
 
 /// Desired or measured motion of all joints at one time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion<'a> {
-    /// Positions \[rad\].
-    pub q: &'a [f64],
-    /// Velocities \[rad/s\].
-    pub qd: &'a [f64],
-    /// Accelerations \[rad/s²\].
-    pub qdd: &'a [f64],
-}
+pub use rivet_dynamics::State as Motion;
 
 /// The desired motion that belongs to a sample.
 pub type Setpoint<'a> = Motion<'a>;

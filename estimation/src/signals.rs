@@ -4,15 +4,41 @@ use crate::filter::{Bank, Butterworth};
 use crate::report::Motion;
 use rivet_dynamics::{BaseSet, Model, Parameter, Workspace};
 
+/// Standard regressors of the measured motion and of a second one, side by side: together they cost what one does.
+#[derive(Clone, Debug)]
+pub(crate) struct Regressors {
+    pair: Vec<[f64; 2]>,
+    ws: Workspace,
+}
+
+/// Which of the two motions of [`Regressors`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Side {
+    Measured,
+    Second,
+}
+
+impl Regressors {
+    pub(crate) fn new(model: &Model) -> Regressors {
+        Regressors { pair: vec![[0.0; 2]; model.arm.dof() * model.len()], ws: Workspace::new(&model.arm) }
+    }
+
+    /// Evaluates both; without a second motion its side means nothing.
+    pub(crate) fn evaluate(&mut self, model: &Model, measured: Motion<'_>, second: Option<Motion<'_>>) {
+        // The lanes do not touch each other: an idle one may hold anything.
+        let states = [measured, second.unwrap_or(measured)];
+        model.regressor_pair(&mut self.ws, states, &mut self.pair);
+    }
+}
+
 /// Filtered rows of one quantity.
 #[derive(Clone, Debug)]
 pub(crate) struct RowFilter {
     /// Place in the standard regressor and in the base rows of every entry that is not zero by structure.
-    entries: Vec<(usize, usize)>,
+    entries: Vec<(u32, u32)>,
     extra: usize,
     bank: Bank,
     channels: Vec<f64>,
-    standard: Vec<f64>,
     /// Samples since the filter was started.
     age: u64,
 }
@@ -25,19 +51,13 @@ impl RowFilter {
         for joint in 0..dof {
             for (column, &standard) in base.independent.iter().enumerate() {
                 if touches(model, model.parameters[standard], joint) {
-                    entries.push((joint * full + standard, joint * n + column));
+                    // At most eight rows of a hundred columns.
+                    entries.push(((joint * full + standard) as u32, (joint * n + column) as u32));
                 }
             }
         }
         let count = entries.len() + extra;
-        RowFilter {
-            entries,
-            extra,
-            bank: Bank::new(filter.clone(), count),
-            channels: vec![0.0; count],
-            standard: vec![0.0; dof * full],
-            age: 0,
-        }
+        RowFilter { entries, extra, bank: Bank::new(filter.clone(), count), channels: vec![0.0; count], age: 0 }
     }
 
     pub(crate) fn restart(&mut self) {
@@ -49,18 +69,12 @@ impl RowFilter {
         self.age
     }
 
-    /// Takes in the regressor of `motion` and the further channels.
-    pub(crate) fn step(
-        &mut self,
-        model: &Model,
-        ws: &mut Workspace,
-        motion: Motion<'_>,
-        extra: impl Iterator<Item = f64>,
-    ) {
-        model.regressor(ws, motion.q, motion.qd, motion.qdd, &mut self.standard);
+    /// Takes in one side of the regressors and the further channels.
+    pub(crate) fn step(&mut self, regressors: &Regressors, side: Side, extra: impl Iterator<Item = f64>) {
         let (columns, further) = self.channels.split_at_mut(self.entries.len());
+        let lane = side as usize;
         for (out, &(standard, _)) in columns.iter_mut().zip(&self.entries) {
-            *out = self.standard[standard];
+            *out = regressors.pair[standard as usize][lane];
         }
         for (out, value) in further.iter_mut().zip(extra) {
             *out = value;
@@ -72,7 +86,7 @@ impl RowFilter {
     /// Writes the filtered rows; entries that are zero by structure are not touched.
     pub(crate) fn rows(&self, out: &mut [f64]) {
         for (value, &(_, base)) in self.channels.iter().zip(&self.entries) {
-            out[base] = *value;
+            out[base as usize] = *value;
         }
     }
 

@@ -1,6 +1,9 @@
 //! Recursive least squares in factored covariance form (Bierman 1977, Factorization Methods for Discrete Sequential
 //! Estimation, ch. V): the paper's RLS, and the comparison beside every other estimator.
 
+use crate::linear::{axpy, dot};
+use multiversion::multiversion;
+
 /// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
 #[derive(Clone, Debug)]
 pub struct UdFilter {
@@ -11,8 +14,9 @@ pub struct UdFilter {
     x: Vec<f64>,
     start: Vec<f64>,
     largest: Vec<f64>,
+    /// v, then the gain k.
     gain: Vec<f64>,
-    v: Vec<f64>,
+    lambda: Vec<f64>,
 }
 
 /// Covariances stop growing at this multiple of their start: forgetting without excitation grows them exponentially
@@ -32,7 +36,7 @@ impl UdFilter {
             start: variance.to_vec(),
             largest: variance.iter().map(|v| v * WIND_UP_LIMIT).collect(),
             gain: vec![0.0; n],
-            v: vec![0.0; n],
+            lambda: vec![0.0; n],
         };
         filter.reset(x);
         filter
@@ -60,32 +64,15 @@ impl UdFilter {
     /// Bierman's update: with `f = Uᵀ·row`, `v = D·f`, `α₀ = 1`, for j = 1..n
     ///
     /// ```text
-    /// αⱼ = αⱼ₋₁ + fⱼ·vⱼ,  dⱼ ← dⱼ·αⱼ₋₁/αⱼ,  λ = −fⱼ/αⱼ₋₁
-    /// for i < j:  u = Uᵢⱼ,  Uᵢⱼ ← u + kᵢ·λ,  kᵢ ← kᵢ + u·vⱼ;   kⱼ = vⱼ
+    /// αⱼ = αⱼ₋₁ + fⱼ·vⱼ,  dⱼ ← dⱼ·αⱼ₋₁/αⱼ,  λⱼ = −fⱼ/αⱼ₋₁
+    /// for i < j:  u = Uᵢⱼ,  Uᵢⱼ ← u + kᵢ·λⱼ,  kᵢ ← kᵢ + u·vⱼ;   kⱼ = vⱼ
     /// x ← x + k·(y − rowᵀx)/αₙ
     /// ```
     pub fn update(&mut self, row: &[f64], y: f64) -> f64 {
-        let n = self.n;
-        let innovation = y - super::linear::dot(row, &self.x);
-        let mut alpha = 1.0;
-        self.v.fill(0.0);
-        for j in 0..n {
-            let column = &mut self.columns[j * n..j * n + j];
-            let f = super::linear::dot(column, &row[..j]) + row[j];
-            let v = self.d[j] * f;
-            let next = alpha + f * v;
-            let lambda = -f / alpha;
-            self.d[j] *= alpha / next;
-            for (u, k) in column.iter_mut().zip(&mut self.gain[..j]) {
-                let old = *u;
-                *u = old + *k * lambda;
-                *k += old * v;
-            }
-            self.gain[j] = v;
-            alpha = next;
-        }
-        let step = innovation / alpha;
-        super::linear::axpy(step, &self.gain, &mut self.x);
+        let innovation = y - dot(row, &self.x);
+        let alpha = scan(&self.columns, row, &mut self.d, &mut self.gain, &mut self.lambda);
+        turn(&mut self.columns, &mut self.gain, &self.lambda);
+        axpy(innovation / alpha, &self.gain, &mut self.x);
         innovation
     }
 
@@ -108,10 +95,65 @@ impl UdFilter {
     }
 }
 
+/// v, λ and the new D of Bierman's update; returns αₙ.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn scan(columns: &[f64], row: &[f64], d: &mut [f64], gain: &mut [f64], lambda: &mut [f64]) -> f64 {
+    let n = d.len();
+    for j in 0..n {
+        gain[j] = dot(&columns[j * n..j * n + j], &row[..j]) + row[j];
+    }
+    let mut alpha = 1.0;
+    for j in 0..n {
+        let f = gain[j];
+        let v = d[j] * f;
+        let next = alpha + f * v;
+        (gain[j], lambda[j]) = (v, -f / alpha);
+        d[j] *= alpha / next;
+        alpha = next;
+    }
+    alpha
+}
+
+/// Bierman's update of U and k, from k = v on. Four columns at a time: k is read and written once for all of them.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
+    let n = gain.len();
+    let step = |u: &mut f64, k: &mut f64, lambda: f64, v: f64| {
+        let old = *u;
+        *u = old + *k * lambda;
+        *k += old * v;
+    };
+    for start in (0..n).step_by(4) {
+        let end = n.min(start + 4);
+        let (above, own) = gain.split_at_mut(start);
+        let block = &mut columns[start * n..end * n];
+        if let (&[va, vb, vc, vd, ..], &[la, lb, lc, ld, ..]) = (&own[..], &lambda[start..]) {
+            let (a, rest) = block.split_at_mut(n);
+            let (b, rest) = rest.split_at_mut(n);
+            let (c, d) = rest.split_at_mut(n);
+            for ((((k, a), b), c), d) in above.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                step(a, k, la, va);
+                step(b, k, lb, vb);
+                step(c, k, lc, vc);
+                step(d, k, ld, vd);
+            }
+        } else {
+            for (column, (&v, &l)) in block.chunks_exact_mut(n).zip(own.iter().zip(&lambda[start..])) {
+                above.iter_mut().zip(column).for_each(|(k, u)| step(u, k, l, v));
+            }
+        }
+        // Within the block.
+        for (column, j) in block.chunks_exact_mut(n).zip(start..end) {
+            let (k, v) = gain.split_at_mut(j);
+            k[start..].iter_mut().zip(&mut column[start..j]).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::{Lu, axpy, tests::Random};
+    use crate::linear::{Lu, tests::Random};
 
     /// UD against the weighted normal equations with the prior: P⁻¹ = λᴺP₀⁻¹ + Σ λ^(N−i) d·dᵀ.
     #[test]
