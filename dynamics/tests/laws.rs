@@ -49,6 +49,30 @@ fn potential(arm: &Arm, q: &[f64]) -> f64 {
     (0..arm.dof()).map(of_link).sum()
 }
 
+/// Two states side by side are the same bits as each of them alone, whatever the number of joints.
+#[test]
+fn a_pair_of_states_is_two_states() {
+    use rivet_dynamics::{Model, Structure, WristCoupling};
+    for dof in 1..=8 {
+        let (arm, a) = arm_and_state(7 + dof as u64, dof);
+        let (_, b) = arm_and_state(70 + dof as u64, dof);
+        for sign_velocity in [0.0, 0.4] {
+            let coupling = (dof > 1).then_some(WristCoupling { driving: dof - 2, driven: dof - 1 });
+            let model = Model::new(arm.clone(), Structure { offset: true, coupling, sign_velocity });
+            let mut ws = Workspace::new(&model.arm);
+            let mut pair = vec![[0.0; 2]; dof * model.len()];
+            let states = [&a, &b].map(|s| rivet_dynamics::State { q: &s.q, qd: &s.qd, qdd: &s.qdd });
+            model.regressor_pair(&mut ws, states, &mut pair);
+            for (lane, s) in states.iter().enumerate() {
+                let mut alone = vec![f64::NAN; pair.len()];
+                model.regressor(&mut ws, s.q, s.qd, s.qdd, &mut alone);
+                let found: Vec<f64> = pair.iter().map(|entry| entry[lane]).collect();
+                assert_eq!(found, alone, "{dof} joints, lane {lane}");
+            }
+        }
+    }
+}
+
 /// df/dt at t = 0, by differences of fourth order: error of order step⁴.
 fn rate(f: impl Fn(f64) -> f64, step: f64) -> f64 {
     (8.0 * (f(step) - f(-step)) - (f(2.0 * step) - f(-2.0 * step))) / (12.0 * step)

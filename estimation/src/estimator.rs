@@ -12,9 +12,11 @@
 mod cycle;
 
 use crate::change::Change;
+use crate::kernels::{Part, add_products};
+use crate::linear::axpy;
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
-use crate::scales::{Scales, Whitening};
+use crate::scales::{LaneScratch, Scales, Whitening};
 use crate::settings::{EstimatorKind, Prior, Supervision};
 use crate::supervision::{Columns, Directions, Judge};
 use crate::ud::UdFilter;
@@ -122,6 +124,7 @@ struct Rows {
     tau: Vec<f64>,
     weight: Vec<f64>,
     scaled: Vec<f64>,
+    lanes: LaneScratch,
 }
 
 /// Windowed squares each joint.
@@ -173,6 +176,7 @@ impl Estimator {
                 tau: zeros(),
                 weight: zeros(),
                 scaled: vec![0.0; n],
+                lanes: LaneScratch::new(n),
             },
             values: nominal.to_vec(),
             std: vec![0.0; n],
@@ -363,30 +367,17 @@ impl Estimator {
         }
         if let Some(whitening) = &self.whitening {
             for matrix in [&mut rows.d, &mut rows.z] {
-                for row in matrix.chunks_exact_mut(n) {
-                    rows.scaled.copy_from_slice(row);
-                    whitening.row(&rows.scaled, row);
-                }
+                whitening.rows(matrix, &mut rows.lanes);
             }
         }
-        if lambda < 1.0 {
-            for sums in [&mut self.m, &mut self.s, &mut self.y] {
-                for v in sums.iter_mut() {
-                    *v *= lambda;
-                }
-            }
+        // Rows that are not used have weight 0: their products are zeros.
+        add_products(&mut self.m, lambda, &rows.z, &rows.d, n, Part::All);
+        add_products(&mut self.s, lambda, &rows.z, &rows.z, n, Part::Lower);
+        for y in &mut self.y {
+            *y *= lambda;
         }
-        for i in 0..n {
-            let (m, s) = (&mut self.m[i * n..(i + 1) * n], &mut self.s[i * n..=i * n + i]);
-            for j in (0..used.len()).filter(|&j| used[j]) {
-                let z = rows.z[j * n + i];
-                // Most entries of a base column are zero by structure, unless coordinates are mixed.
-                if z != 0.0 {
-                    crate::linear::axpy(z, &rows.d[j * n..(j + 1) * n], m);
-                    crate::linear::axpy(z, &rows.z[j * n..=j * n + i], s);
-                    self.y[i] += z * rows.tau[j];
-                }
-            }
+        for (z, tau) in rows.z.chunks_exact(n).zip(&rows.tau) {
+            axpy(*tau, z, &mut self.y);
         }
     }
 

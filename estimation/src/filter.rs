@@ -72,7 +72,7 @@ pub fn neighbour_correlation(response: &[f64], decimation: usize) -> f64 {
 /// States smaller than this are set to zero: after a long rest the states would otherwise sink into denormal numbers,
 /// which cost a hundred times as much as others.
 const SILENCE: f64 = 1e-200;
-/// One part in so many of the states is looked at each sample. No filter sinks from there to 1e-308 in that time: its
+/// One channel in so many is looked at each sample. No filter sinks from there to 1e-308 in that time: its
 /// poles would have to lie within 1e-6 of the origin.
 const PARTS: usize = 16;
 
@@ -84,7 +84,7 @@ pub struct Bank {
     /// Two states a section, all channels of one state together.
     state: Vec<f64>,
     primed: bool,
-    /// Part of the states that is looked at next.
+    /// Part of the channels that is looked at next.
     part: usize,
 }
 
@@ -131,9 +131,11 @@ impl Bank {
                 *x = y;
             }
         }
-        let size = self.state.len().div_ceil(PARTS).max(1);
-        if let Some(part) = self.state.chunks_mut(size).nth(self.part) {
-            for s in part {
+        // All states of a channel at once: one that is left would wake the others.
+        let size = n.div_ceil(PARTS);
+        let part = n.min(self.part * size)..n.min((self.part + 1) * size);
+        for states in self.state.chunks_exact_mut(n) {
+            for s in &mut states[part.clone()] {
                 *s = if s.abs() < SILENCE { 0.0 } else { *s };
             }
         }

@@ -21,6 +21,7 @@ pub mod eigen;
 mod estimator;
 pub mod filter;
 mod identifier;
+mod kernels;
 mod linear;
 mod noise;
 pub mod offline;

@@ -2,6 +2,8 @@
 //!
 //! Matrices are row-major slices; inner loops run along rows.
 
+use wide::f64x4;
+
 /// How much arithmetic one step may do \[multiply-adds, roughly\]. Everything that takes n³ operations is cut into steps
 /// of this size, so that no period of the real-time loop has to pay for all of it.
 pub(crate) const STEP_WORK: usize = 100_000;
@@ -23,6 +25,32 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
+}
+
+/// Products of four vectors with the same one.
+#[inline(always)]
+pub(crate) fn dot_four(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
+    let (fours, rest) = x.as_chunks::<4>();
+    let from = x.len() - rest.len();
+    let [mut p, mut q, mut r, mut s] = [f64x4::ZERO; 4];
+    let chunks = a[0].as_chunks::<4>().0.iter().zip(a[1].as_chunks::<4>().0);
+    let chunks = chunks.zip(a[2].as_chunks::<4>().0).zip(a[3].as_chunks::<4>().0);
+    for ((((a, b), c), d), x) in chunks.zip(fours) {
+        let x = f64x4::new(*x);
+        p += f64x4::new(*a) * x;
+        q += f64x4::new(*b) * x;
+        r += f64x4::new(*c) * x;
+        s += f64x4::new(*d) * x;
+    }
+    let total = |sums: f64x4, a: &[f64]| {
+        let [a0, a1, a2, a3] = sums.to_array();
+        let mut total = (a0 + a2) + (a1 + a3);
+        for (a, x) in a[from..].iter().zip(rest) {
+            total += a * x;
+        }
+        total
+    };
+    [total(p, a[0]), total(q, a[1]), total(r, a[2]), total(s, a[3])]
 }
 
 /// `y += a·x`

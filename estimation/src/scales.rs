@@ -4,6 +4,7 @@
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
 //! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
+use crate::kernels::{Lanes, lower_times};
 use crate::linear::{axpy, dot};
 use rivet_dynamics::{BaseSet, JointKind, Model, Workspace};
 
@@ -134,11 +135,29 @@ pub(crate) struct Whitening {
     t: Vec<f64>,
 }
 
+/// Room for a product of [`Whitening::rows`]: one lane a row.
+#[derive(Clone, Debug)]
+pub(crate) struct LaneScratch {
+    before: Vec<Lanes>,
+    after: Vec<Lanes>,
+}
+
+impl LaneScratch {
+    pub(crate) fn new(n: usize) -> LaneScratch {
+        LaneScratch { before: vec![Lanes::default(); n], after: vec![Lanes::default(); n] }
+    }
+}
+
 impl Whitening {
-    /// A row of a regressor in these coordinates: `T·row`.
-    pub(crate) fn row(&self, row: &[f64], out: &mut [f64]) {
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = dot(&self.t[i * self.n..=i * self.n + i], &row[..=i]);
+    /// Rows of a regressor (n entries each, at most as many as there are lanes) in these coordinates: `row ← T·row`.
+    pub(crate) fn rows(&self, rows: &mut [f64], scratch: &mut LaneScratch) {
+        let LaneScratch { before, after } = scratch;
+        for (lane, row) in rows.chunks_exact(self.n).enumerate() {
+            before.iter_mut().zip(row).for_each(|(lanes, x)| lanes[lane] = *x);
+        }
+        lower_times(&self.t, before, after);
+        for (lane, row) in rows.chunks_exact_mut(self.n).enumerate() {
+            row.iter_mut().zip(&*after).for_each(|(x, lanes)| *x = lanes[lane]);
         }
     }
 

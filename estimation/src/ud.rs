@@ -1,7 +1,7 @@
 //! Recursive least squares in factored covariance form (Bierman 1977, Factorization Methods for Discrete Sequential
 //! Estimation, ch. V): the paper's RLS, and the comparison beside every other estimator.
 
-use crate::linear::{axpy, dot};
+use crate::linear::{axpy, dot, dot_four};
 use multiversion::multiversion;
 
 /// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
@@ -17,6 +17,8 @@ pub struct UdFilter {
     /// v, then the gain k.
     gain: Vec<f64>,
     lambda: Vec<f64>,
+    f: Vec<f64>,
+    alpha: Vec<f64>,
 }
 
 /// Covariances stop growing at this multiple of their start: forgetting without excitation grows them exponentially
@@ -37,6 +39,8 @@ impl UdFilter {
             largest: variance.iter().map(|v| v * WIND_UP_LIMIT).collect(),
             gain: vec![0.0; n],
             lambda: vec![0.0; n],
+            f: vec![0.0; n],
+            alpha: vec![0.0; n],
         };
         filter.reset(x);
         filter
@@ -70,7 +74,8 @@ impl UdFilter {
     /// ```
     pub fn update(&mut self, row: &[f64], y: f64) -> f64 {
         let innovation = y - dot(row, &self.x);
-        let alpha = scan(&self.columns, row, &mut self.d, &mut self.gain, &mut self.lambda);
+        project(&self.columns, row, &mut self.f);
+        let alpha = scan(&self.f, &mut self.alpha, &mut self.d, &mut self.gain, &mut self.lambda);
         turn(&mut self.columns, &mut self.gain, &self.lambda);
         axpy(innovation / alpha, &self.gain, &mut self.x);
         innovation
@@ -95,23 +100,47 @@ impl UdFilter {
     }
 }
 
-/// v, λ and the new D of Bierman's update; returns αₙ.
+/// `f = Uᵀ·row`
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn scan(columns: &[f64], row: &[f64], d: &mut [f64], gain: &mut [f64], lambda: &mut [f64]) -> f64 {
-    let n = d.len();
-    for j in 0..n {
-        gain[j] = dot(&columns[j * n..j * n + j], &row[..j]) + row[j];
+fn project(columns: &[f64], row: &[f64], f: &mut [f64]) {
+    let n = f.len();
+    let whole = n - n % 4;
+    for start in (0..whole).step_by(4) {
+        let block = &columns[start * n..];
+        let above = [&block[..start], &block[n..n + start], &block[2 * n..2 * n + start], &block[3 * n..3 * n + start]];
+        let mut sums = dot_four(above, &row[..start]);
+        for k in 0..4 {
+            for i in start..start + k {
+                sums[k] += block[k * n + i] * row[i];
+            }
+            sums[k] += row[start + k];
+        }
+        f[start..start + 4].copy_from_slice(&sums);
     }
-    let mut alpha = 1.0;
-    for j in 0..n {
-        let f = gain[j];
-        let v = d[j] * f;
-        let next = alpha + f * v;
-        (gain[j], lambda[j]) = (v, -f / alpha);
-        d[j] *= alpha / next;
-        alpha = next;
+    for j in whole..n {
+        f[j] = dot(&columns[j * n..j * n + j], &row[..j]) + row[j];
     }
-    alpha
+}
+
+/// α (each the one before its entry), v, λ and the new D of Bierman's update; returns αₙ.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn scan(f: &[f64], alpha: &mut [f64], d: &mut [f64], gain: &mut [f64], lambda: &mut [f64]) -> f64 {
+    let mut last = 1.0;
+    for ((alpha, f), d) in alpha.iter_mut().zip(f).zip(&*d) {
+        *alpha = last;
+        last += f * (d * f);
+    }
+    // Quotients that do not wait for each other go side by side.
+    let mut after = last;
+    for j in (0..f.len()).rev() {
+        (lambda[j], after) = (after, alpha[j]);
+    }
+    for ((((k, l), d), f), before) in gain.iter_mut().zip(lambda).zip(d).zip(f).zip(&*alpha) {
+        *k = *d * *f;
+        *d *= before / *l;
+        *l = -*f / before;
+    }
+    last
 }
 
 /// Bierman's update of U and k, from k = v on. Four columns at a time: k is read and written once for all of them.

@@ -1,0 +1,138 @@
+//! The inner loops of a period: the same operations in the same order on every machine, in wider registers where the
+//! machine has them.
+//!
+//! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
+//! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
+
+use multiversion::multiversion;
+use rivet_dynamics::MAX_JOINTS;
+
+/// One entry a row, of at most [`MAX_JOINTS`] rows.
+pub(crate) type Lanes = [f64; MAX_JOINTS];
+
+/// `out = T·x` for the lower triangle of the row-major T (n x n) and as many vectors as there are lanes.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
+    let n = x.len();
+    let mut rows = t.chunks_exact(n).zip(out.iter_mut()).enumerate();
+    // Two rows at a time: one addition need not wait for the other's.
+    while let Some((i, (a, out_a))) = rows.next() {
+        let mut sum = [[0.0; MAX_JOINTS]; 2];
+        if let Some((_, (b, out_b))) = rows.next() {
+            for ((x, a), b) in x.iter().zip(&a[..=i]).zip(b) {
+                for lane in 0..MAX_JOINTS {
+                    sum[0][lane] += a * x[lane];
+                    sum[1][lane] += b * x[lane];
+                }
+            }
+            for lane in 0..MAX_JOINTS {
+                sum[1][lane] += b[i + 1] * x[i + 1][lane];
+            }
+            (*out_a, *out_b) = (sum[0], sum[1]);
+        } else {
+            for (x, a) in x.iter().zip(&a[..=i]) {
+                for lane in 0..MAX_JOINTS {
+                    sum[0][lane] += a * x[lane];
+                }
+            }
+            *out_a = sum[0];
+        }
+    }
+}
+
+/// Which entries of a square matrix an update touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    All,
+    /// The diagonal and what is left of it.
+    Lower,
+}
+
+/// `M ← λM + Σᵣ zᵣ·dᵣᵀ`, M n x n row-major, over the rows r of `z` and `d` (n entries each, one after the other).
+pub(crate) fn add_products(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: usize, part: Part) {
+    let mut lambda = lambda;
+    let (mut z, mut d) = (z, d);
+    // Six rows are the usual case; M is read and written once for all of them.
+    while !z.is_empty() {
+        let rows = match z.len() / n {
+            6.. => 6,
+            2..=5 => 2,
+            _ => 1,
+        };
+        let ((z_now, z_rest), (d_now, d_rest)) = (z.split_at(rows * n), d.split_at(rows * n));
+        match rows {
+            6 => add_rows::<6>(m, lambda, z_now, d_now, n, part),
+            2 => add_rows::<2>(m, lambda, z_now, d_now, n, part),
+            _ => add_rows::<1>(m, lambda, z_now, d_now, n, part),
+        }
+        (z, d, lambda) = (z_rest, d_rest, 1.0);
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: usize, part: Part) {
+    let mut rows: [&[f64]; ROWS] = [&[]; ROWS];
+    for (row, d) in rows.iter_mut().zip(d.chunks_exact(n)) {
+        *row = d;
+    }
+    for (i, m) in m.chunks_exact_mut(n).enumerate() {
+        let end = if part == Part::Lower { i + 1 } else { n };
+        let mut zs = [0.0; ROWS];
+        for (r, zs) in zs.iter_mut().enumerate() {
+            *zs = z[r * n + i];
+            rows[r] = &rows[r][..n];
+        }
+        for (j, m) in m[..end].iter_mut().enumerate() {
+            let mut sum = lambda * *m;
+            for r in 0..ROWS {
+                sum += zs[r] * rows[r][j];
+            }
+            *m = sum;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::tests::Random;
+
+    fn random(random: &mut Random, count: usize) -> Vec<f64> {
+        (0..count).map(|_| random.normal()).collect()
+    }
+
+    #[test]
+    fn products_are_added_to_the_part_that_was_asked_for() {
+        let mut seed = Random(2);
+        for (n, rows) in [(1, 1), (5, 3), (12, 6), (61, 6), (70, 7), (9, 8)] {
+            let (z, d, before) = (random(&mut seed, rows * n), random(&mut seed, rows * n), random(&mut seed, n * n));
+            for part in [Part::All, Part::Lower] {
+                let mut m = before.clone();
+                add_products(&mut m, 0.9, &z, &d, n, part);
+                for (at, (m, before)) in m.iter().zip(&before).enumerate() {
+                    let (i, j) = (at / n, at % n);
+                    let sum: f64 = (0..rows).map(|r| z[r * n + i] * d[r * n + j]).sum();
+                    let expected = if part == Part::Lower && j > i { *before } else { 0.9 * before + sum };
+                    assert!((m - expected).abs() < 1e-13 * (1.0 + expected.abs()), "{n} {rows} {i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lower_triangle_times_lanes() {
+        let mut seed = Random(4);
+        for n in [1, 2, 7, 61] {
+            let t = random(&mut seed, n * n);
+            let x: Vec<Lanes> = (0..n).map(|_| std::array::from_fn(|_| seed.normal())).collect();
+            let mut out = vec![[f64::NAN; MAX_JOINTS]; n];
+            lower_times(&t, &x, &mut out);
+            for i in 0..n {
+                for lane in 0..MAX_JOINTS {
+                    let expected: f64 = (0..=i).map(|k| t[i * n + k] * x[k][lane]).sum();
+                    assert!((out[i][lane] - expected).abs() < 1e-12, "{n} {i} {lane}");
+                }
+            }
+        }
+    }
+}
