@@ -7,8 +7,8 @@ use crate::filter::Butterworth;
 use crate::identifier::{LARGEST_EFFORT, LARGEST_MOTION, MOVED, SETTLING};
 use crate::report::Motion;
 use crate::settings::{Settings, SettingsError};
-use crate::signals::RowFilter;
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use crate::signals::{Regressors, RowFilter, Side};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
 use std::sync::Arc;
 
 /// Differentiates, filters and decimates one stream of positions and torques.
@@ -21,7 +21,7 @@ pub struct TorqueRows {
     settled: u64,
     phase: usize,
     aligned: Aligned,
-    ws: Workspace,
+    regressors: Regressors,
     measured: RowFilter,
     rows: Vec<f64>,
     used: [bool; MAX_JOINTS],
@@ -44,7 +44,7 @@ impl TorqueRows {
             settled: (SETTLING * rate / settings.filter_hz).ceil() as u64,
             phase: 0,
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
-            ws: Workspace::new(&model.arm),
+            regressors: Regressors::new(&model),
             measured: RowFilter::new(&model, base, &filter, 2 * dof),
             rows: vec![0.0; dof * base.len()],
             used: [false; MAX_JOINTS],
@@ -65,11 +65,12 @@ impl TorqueRows {
         if !self.aligned.push(q, tau, None) {
             return false;
         }
-        let TorqueRows { aligned, measured, model, ws, dead_zone, .. } = self;
+        let TorqueRows { aligned, measured, model, regressors, dead_zone, .. } = self;
         let slide = |j| slides(&model.structure, dead_zone, |j| aligned.qd[j], j);
         let moving = (0..dead_zone.len()).map(|j| f64::from(u8::from(slide(j))));
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
-        measured.step(model, ws, motion, aligned.tau.iter().copied().chain(moving));
+        regressors.evaluate(model, motion, None);
+        measured.step(regressors, Side::Measured, aligned.tau.iter().copied().chain(moving));
         self.phase += 1;
         if self.phase < self.decimation || self.measured.age() < self.settled {
             return false;
