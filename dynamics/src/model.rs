@@ -1,6 +1,6 @@
 //! Rigid links plus drives: the model whose parameters are identified.
 
-use crate::arm::Arm;
+use crate::arm::{Arm, MAX_JOINTS};
 use crate::lanes::{Lanes, Pair};
 use crate::parameters::{LINK_PARAMETERS, Parameter};
 use crate::rigid::{State, Workspace, regressor_pair_rows, regressor_rows};
@@ -125,61 +125,68 @@ impl Model {
     /// Drive of joint j: `τⱼ = Iaⱼ·q̈ⱼ + Fvⱼ·q̇ⱼ + Fcⱼ·s(q̇ⱼ) + offsetⱼ`. Coupled motor, with a the driving and b the
     /// driven joint: `τa += Iam·q̈b + Fvm·q̇b + Fcm·s(q̇a + q̇b)`, `τb += Iam·q̈a + Fvm·q̇a + Fcm·s(q̇a + q̇b)`.
     pub fn regressor(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], y: &mut [f64]) {
-        let (dof, width) = (self.arm.dof(), self.len());
+        let (states, width) = ([State { q, qd, qdd }], self.len());
         regressor_rows(&self.arm, ws, q, qd, qdd, y, width);
-        let v0 = self.structure.sign_velocity;
-        let drives = LINK_PARAMETERS * dof;
-        for j in 0..dof {
-            let row = &mut y[j * width + drives..(j + 1) * width];
-            row.fill(0.0);
-            row[j] = qdd[j];
-            row[dof + j] = qd[j];
-            row[2 * dof + j] = friction_sign(qd[j], v0);
-            if self.structure.offset {
-                row[3 * dof + j] = 1.0;
-            }
+        for row in y.chunks_exact_mut(width) {
+            row[LINK_PARAMETERS * self.arm.dof()..].fill(0.0);
         }
-        if let Some(WristCoupling { driving, driven }) = self.structure.coupling {
-            let s = friction_sign(qd[driving] + qd[driven], v0);
-            for (joint, other) in [(driving, driven), (driven, driving)] {
-                let end = (joint + 1) * width;
-                y[end - 3..end].copy_from_slice(&[qdd[other], qd[other], s]);
-            }
-        }
+        self.drives(states, &self.directions(states), y.as_chunks_mut::<1>().0);
     }
 
     /// [`regressor`](Model::regressor) of two states at once, `[first, second]` in each entry, for about the cost of one.
     ///
     /// Entries that are zero by structure are not written: hand in zeros the first time. Real-time safe.
     pub fn regressor_pair(&self, ws: &mut Workspace, states: [State<'_>; 2], y: &mut [[f64; 2]]) {
-        let (dof, width) = (self.arm.dof(), self.len());
-        regressor_pair_rows(&self.arm, ws, states, y, width);
-        let [a, b] = states;
+        regressor_pair_rows(&self.arm, ws, states, y, self.len());
+        self.drives(states, &self.directions(states), y);
+    }
+
+    /// Directions of friction, joint by joint and then of the coupled motor, of each state.
+    fn directions<const STATES: usize>(&self, states: [State<'_>; STATES]) -> [[f64; STATES]; MAX_JOINTS + 1] {
         let v0 = self.structure.sign_velocity;
-        let sign = |v: [f64; 2]| {
+        let sign = |v: [f64; STATES]| -> [f64; STATES] {
             if v0 > 0.0 {
-                Lanes::tanh(Pair::new([v[0] / v0, v[1] / v0])).to_array()
+                let pair = Lanes::tanh(Pair::new([v[0] / v0, v[STATES - 1] / v0])).to_array();
+                std::array::from_fn(|lane| pair[lane])
             } else {
                 v.map(|v| friction_sign(v, v0))
             }
         };
+        let mut directions = [[0.0; STATES]; MAX_JOINTS + 1];
+        for (j, direction) in directions[..self.arm.dof()].iter_mut().enumerate() {
+            *direction = sign(std::array::from_fn(|lane| states[lane].qd[j]));
+        }
+        if let Some(WristCoupling { driving, driven }) = self.structure.coupling {
+            directions[MAX_JOINTS] =
+                sign(std::array::from_fn(|lane| states[lane].qd[driving] + states[lane].qd[driven]));
+        }
+        directions
+    }
+
+    /// The drives' columns of one or two states, where they are not zero by structure.
+    fn drives<const STATES: usize>(
+        &self,
+        states: [State<'_>; STATES],
+        directions: &[[f64; STATES]; MAX_JOINTS + 1],
+        y: &mut [[f64; STATES]],
+    ) {
+        let (dof, width) = (self.arm.dof(), self.len());
+        let qd = |j: usize| -> [f64; STATES] { std::array::from_fn(|lane| states[lane].qd[j]) };
+        let qdd = |j: usize| -> [f64; STATES] { std::array::from_fn(|lane| states[lane].qdd[j]) };
         let drives = LINK_PARAMETERS * dof;
         for j in 0..dof {
             let row = &mut y[j * width + drives..(j + 1) * width];
-            let qd = [a.qd[j], b.qd[j]];
-            row[j] = [a.qdd[j], b.qdd[j]];
-            row[dof + j] = qd;
-            row[2 * dof + j] = sign(qd);
+            row[j] = qdd(j);
+            row[dof + j] = qd(j);
+            row[2 * dof + j] = directions[j];
             if self.structure.offset {
-                row[3 * dof + j] = [1.0; 2];
+                row[3 * dof + j] = [1.0; STATES];
             }
         }
         if let Some(WristCoupling { driving, driven }) = self.structure.coupling {
-            let s = sign([a, b].map(|state| state.qd[driving] + state.qd[driven]));
             for (joint, other) in [(driving, driven), (driven, driving)] {
                 let end = (joint + 1) * width;
-                let entries = [[a.qdd[other], b.qdd[other]], [a.qd[other], b.qd[other]], s];
-                y[end - 3..end].copy_from_slice(&entries);
+                y[end - 3..end].copy_from_slice(&[qdd(other), qd(other), directions[MAX_JOINTS]]);
             }
         }
     }
