@@ -6,6 +6,8 @@
 
 use std::f64::consts::PI;
 
+use multiversion::multiversion;
+
 /// `[b0, b1, b2, a1, a2]` of `H(z) = (b0 + b1·z⁻¹ + b2·z⁻²)/(1 + a1·z⁻¹ + a2·z⁻²)`.
 pub type Section = [f64; 5];
 
@@ -122,14 +124,9 @@ impl Bank {
                 }
             }
         }
-        for (states, &[b0, b1, b2, a1, a2]) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
+        for (states, section) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
             let (s1, s2) = states.split_at_mut(n);
-            for ((s1, s2), x) in s1.iter_mut().zip(s2).zip(x.iter_mut()) {
-                let y = b0 * *x + *s1;
-                *s1 = b1 * *x - a1 * y + *s2;
-                *s2 = b2 * *x - a2 * y;
-                *x = y;
-            }
+            run(section, x, s1, s2);
         }
         // All states of a channel at once: one that is left would wake the others.
         let size = n.div_ceil(PARTS);
@@ -140,6 +137,17 @@ impl Bank {
             }
         }
         self.part = (self.part + 1) % PARTS;
+    }
+}
+
+/// One section over all channels.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn run(&[b0, b1, b2, a1, a2]: &Section, x: &mut [f64], s1: &mut [f64], s2: &mut [f64]) {
+    for ((s1, s2), x) in s1.iter_mut().zip(s2).zip(x) {
+        let y = b0 * *x + *s1;
+        *s1 = b1 * *x - a1 * y + *s2;
+        *s2 = b2 * *x - a2 * y;
+        *x = y;
     }
 }
 

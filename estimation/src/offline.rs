@@ -14,6 +14,7 @@
 
 mod bias;
 mod fit;
+mod pass;
 mod record;
 mod rows;
 mod zero_phase;

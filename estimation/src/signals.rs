@@ -46,16 +46,10 @@ pub(crate) struct RowFilter {
 impl RowFilter {
     /// `extra`: further channels through the same filter.
     pub(crate) fn new(model: &Model, base: &BaseSet, filter: &Butterworth, extra: usize) -> RowFilter {
-        let (dof, full, n) = (model.arm.dof(), model.len(), base.len());
-        let mut entries = Vec::new();
-        for joint in 0..dof {
-            for (column, &standard) in base.independent.iter().enumerate() {
-                if touches(model, model.parameters[standard], joint) {
-                    // At most eight rows of a hundred columns.
-                    entries.push(((joint * full + standard) as u32, (joint * n + column) as u32));
-                }
-            }
-        }
+        let n = base.len();
+        // At most eight rows of a hundred columns.
+        let places = |e: Entry| (e.standard as u32, (e.joint * n + e.column) as u32);
+        let entries: Vec<(u32, u32)> = structural_entries(model, base).into_iter().map(places).collect();
         let count = entries.len() + extra;
         RowFilter { entries, extra, bank: Bank::new(filter.clone(), count), channels: vec![0.0; count], age: 0 }
     }
@@ -94,6 +88,29 @@ impl RowFilter {
     pub(crate) fn extra(&self) -> &[f64] {
         &self.channels[self.channels.len() - self.extra..]
     }
+}
+
+/// An entry of the base regressor that is not zero by structure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    pub(crate) joint: usize,
+    /// Base column.
+    pub(crate) column: usize,
+    /// Place in the standard regressor.
+    pub(crate) standard: usize,
+}
+
+/// All of them, joint by joint.
+pub(crate) fn structural_entries(model: &Model, base: &BaseSet) -> Vec<Entry> {
+    let mut entries = Vec::new();
+    for joint in 0..model.arm.dof() {
+        for (column, &standard) in base.independent.iter().enumerate() {
+            if touches(model, model.parameters[standard], joint) {
+                entries.push(Entry { joint, column, standard: joint * model.len() + standard });
+            }
+        }
+    }
+    entries
 }
 
 /// Whether a parameter can make torque at a joint: a link loads the joints before it, a drive its own joint.

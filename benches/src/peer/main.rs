@@ -41,6 +41,9 @@ struct Args {
     /// Leaves out the off-line identification.
     #[arg(long)]
     no_offline: bool,
+    /// Leaves the problem files and the log here.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
     /// Measures the Rust side alone, once, and prints it as lines of `name nanoseconds`.
     #[arg(long, hide = true)]
     measure: bool,
@@ -55,8 +58,10 @@ fn main() -> Result<()> {
         return measure(args.seconds);
     }
     let workload = Workload::new()?;
-    let folder = tempfile::tempdir()?;
-    let problem = folder.path().join("problem.txt");
+    let temporary = tempfile::tempdir()?;
+    let folder = args.keep.as_deref().unwrap_or(temporary.path());
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let problem = folder.join("problem.txt");
     problem::write(&workload, &problem)?;
     println!("{}, {} base parameters; rust {}", rivet_benches::workload::ROBOT, workload.robot.base.len(), target());
     println!("{}", machine());
@@ -84,7 +89,7 @@ fn main() -> Result<()> {
     }
     print("item [ns]", &items(&workload, &rust, &other));
     if !args.no_offline {
-        let items = offline::compare(args.venv.as_deref(), args.cpu, args.repeats.min(3), folder.path())?;
+        let items = offline::compare(args.venv.as_deref(), args.cpu, args.repeats.min(3), folder)?;
         print("60 s at 1 kHz, off-line [ms]", &items);
     }
     Ok(())

@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::record::OfflineError;
 use super::rows::{JointRows, Rows};
+use crate::kernels::{Part, add_products};
+use crate::linear::{axpy, dot};
 
 /// Rounds of weighting by the residual of the fit before.
 const ROUNDS: usize = 4;
@@ -108,7 +110,7 @@ pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
 
 fn residual(rows: &JointRows, x: &[f64]) -> Vec<f64> {
     let each = rows.d.chunks_exact(x.len()).zip(&rows.tau);
-    each.map(|(d, tau)| tau - d.iter().zip(x).map(|(d, x)| d * x).sum::<f64>()).collect()
+    each.map(|(d, tau)| tau - dot(d, x)).collect()
 }
 
 /// `1 + 2 Σ ρ_k` of the residuals, summed while the autocorrelation ρ_k is positive; records are not joined.
@@ -139,29 +141,37 @@ pub(super) struct Normal {
 
 impl Normal {
     pub(super) fn new(rows: &[Rows], joint: usize, k: usize, method: Method) -> Normal {
-        let zeros = || DMatrix::zeros(k, k);
-        let mut sum =
-            Normal { count: 0.0, torque_square: 0.0, dd: zeros(), zd: zeros(), zz: zeros(), zt: DVector::zeros(k) };
-        for rows in rows.iter().map(|r| &r.joints[joint]) {
-            let m = rows.tau.len();
-            // Row-major rows are the columns of the transpose.
-            let d = DMatrix::from_column_slice(k, m, &rows.d);
-            let tau = DVector::from_column_slice(&rows.tau);
-            let dd = &d * d.transpose();
-            if method == Method::Instrumental {
-                let z = DMatrix::from_column_slice(k, m, &rows.z);
-                sum.zd += &z * d.transpose();
-                sum.zz += &z * z.transpose();
-                sum.zt += &z * &tau;
+        let mut sum = Normal {
+            count: 0.0,
+            torque_square: 0.0,
+            dd: DMatrix::zeros(k, k),
+            zd: DMatrix::zeros(k, k),
+            zz: DMatrix::zeros(k, k),
+            zt: DVector::zeros(k),
+        };
+        let (mut dd, mut zd, mut zz) = (vec![0.0; k * k], vec![0.0; k * k], vec![0.0; k * k]);
+        for JointRows { d, z, tau, .. } in rows.iter().map(|r| &r.joints[joint]) {
+            add_products(&mut dd, 1.0, d, d, k, Part::Lower);
+            let z = if method == Method::Instrumental {
+                add_products(&mut zd, 1.0, z, d, k, Part::All);
+                add_products(&mut zz, 1.0, z, z, k, Part::Lower);
+                z
             } else {
-                sum.zd += &dd;
-                sum.zz += &dd;
-                sum.zt += &d * &tau;
+                d
+            };
+            for (z, tau) in z.chunks_exact(k).zip(tau) {
+                axpy(*tau, z, sum.zt.as_mut_slice());
             }
-            sum.dd += dd;
-            sum.count += m as f64;
-            sum.torque_square += tau.norm_squared();
+            sum.count += tau.len() as f64;
+            sum.torque_square += dot(tau, tau);
         }
+        let whole = |lower: &[f64]| DMatrix::from_fn(k, k, |i, j| lower[i.max(j) * k + i.min(j)]);
+        sum.dd = whole(&dd);
+        (sum.zd, sum.zz) = if method == Method::Instrumental {
+            (DMatrix::from_row_slice(k, k, &zd), whole(&zz))
+        } else {
+            (sum.dd.clone(), sum.dd.clone())
+        };
         sum
     }
 }

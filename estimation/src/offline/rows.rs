@@ -2,8 +2,10 @@
 
 use crate::consistency::Reference;
 use crate::dead_zone::slides;
-use rivet_dynamics::{BaseSet, Model, Workspace};
+use crate::linear::dot;
+use rivet_dynamics::{BaseSet, Model};
 
+use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
 use super::zero_phase::ZeroPhase;
 
@@ -97,28 +99,12 @@ impl Rows {
         let kept: Vec<usize> = moving.clone().filter(|k| *k >= delay).step_by(step).collect();
         let mut result =
             Rows { columns: base.len(), joints: Vec::with_capacity(n), left_out: Vec::with_capacity(n), moving, lag_s };
-        for j in 0..n {
-            let used: Vec<usize> = kept
-                .iter()
-                .copied()
-                .filter(|k| slides(&model.structure, &settings.dead_zone, |j| speed[j][*k], j))
-                .collect();
+        let slides = |j: usize, k: usize| slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
+        let used: Vec<Vec<usize>> = (0..n).map(|j| kept.iter().copied().filter(|k| slides(j, *k)).collect()).collect();
+        let motions = (&record.measured, instrument.as_ref());
+        let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
+        for (j, (Pair { d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
-            let mut columns = joint_columns(model, base, j, &record.measured);
-            for column in &mut columns {
-                filter.apply(column);
-            }
-            let d = pick(&columns, used.iter().copied());
-            let z = match &instrument {
-                Some(motion) => {
-                    let mut columns = joint_columns(model, base, j, motion);
-                    for column in &mut columns {
-                        filter.apply(column);
-                    }
-                    pick(&columns, used.iter().copied())
-                }
-                None => pick(&columns, used.iter().map(|k| k - delay)),
-            };
             let mut tau = record.tau[j].clone();
             filter.apply(&mut tau);
             let tau = used.iter().map(|k| tau[*k]).collect();
@@ -159,33 +145,13 @@ pub fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Optio
     (last > first).then_some(first..last + 1)
 }
 
-/// Base columns of one joint's regressor row over a whole motion, `[column][sample]`.
-fn joint_columns(model: &Model, base: &BaseSet, joint: usize, motion: &Trajectory) -> Vec<Vec<f64>> {
-    let (n, full, k, rows) = (model.arm.dof(), model.len(), base.len(), motion.len());
-    let mut ws = Workspace::new(&model.arm);
-    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let (mut y, mut d) = (vec![0.0; n * full], vec![0.0; n * k]);
-    let mut columns = vec![vec![0.0; rows]; k];
-    for row in 0..rows {
-        motion.state(row, &mut q, &mut qd, &mut qdd);
-        model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
-        base.select(&y, full, &mut d);
-        columns.iter_mut().zip(&d[joint * k..]).for_each(|(column, value)| column[row] = *value);
-    }
-    columns
-}
-
-fn pick(columns: &[Vec<f64>], samples: impl Iterator<Item = usize>) -> Vec<f64> {
-    samples.flat_map(|k| columns.iter().map(move |column| column[k])).collect()
-}
-
 /// Samples by which `actual` lags `commanded` (negative: leads it, which feed-forward can do): the largest
 /// cross-correlation within 0.3 s, refined by a parabola. The same stretch of `actual` counts for every shift.
 fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
     let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
     let inner = &actual[most..actual.len() - most];
     // Entry k belongs to a lag of most - k samples.
-    let product = |k: usize| -> f64 { inner.iter().zip(&commanded[k..]).map(|(a, c)| a * c).sum() };
+    let product = |k: usize| dot(inner, &commanded[k..k + inner.len()]);
     let products: Vec<f64> = (0..=2 * most).map(product).collect();
     let best = (0..products.len()).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(most);
     let whole = most as f64 - best as f64;

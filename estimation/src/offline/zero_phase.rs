@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use crate::filter::Butterworth;
+
 /// A second-order section, `y = b0 u + b1 u' + b2 u'' - a1 y' - a2 y''`.
 #[derive(Clone, Copy, Debug)]
 struct Section {
@@ -41,13 +43,30 @@ impl ZeroPhase {
         self.edge
     }
 
+    /// Samples by which a record of `rows` samples is continued beyond either end.
+    pub(super) fn padding(&self, rows: usize) -> usize {
+        (6 * self.edge).min(rows.saturating_sub(1))
+    }
+
+    /// One pass as a filter over many channels.
+    pub(super) fn butterworth(&self) -> Butterworth {
+        Butterworth { sections: self.sections.iter().map(|s| [s.b[0], s.b[1], s.b[2], s.a[0], s.a[1]]).collect() }
+    }
+
+    /// Samples after which the start of a pass is forgotten, to 1e-14: the slowest poles lie π/2N from the imaginary axis
+    /// and lose e^(−π·sin(π/2N)) in an edge, half a period of the cut-off.
+    pub(super) fn settling(&self) -> usize {
+        let slowest = PI * (PI / (4 * self.sections.len()) as f64).sin();
+        (32.0 / slowest).ceil() as usize * self.edge
+    }
+
     /// Filters a record in place. Beyond its ends the record is continued by turning it about its end points.
     pub fn apply(&self, x: &mut [f64]) {
         let n = x.len();
         if n < 2 {
             return;
         }
-        let pad = (6 * self.edge).min(n - 1);
+        let pad = self.padding(n);
         let (first, last) = (x[0], x[n - 1]);
         let mut y: Vec<f64> = (1..=pad).rev().map(|k| 2.0 * first - x[k]).collect();
         y.extend_from_slice(x);
