@@ -13,7 +13,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Method, Normal, Solution};
 use super::record::OfflineError;
-use super::rows::{JointRows, Rows};
+use super::rows::Rows;
+use crate::kernels::{Part, add_products};
 
 /// Directions in which instruments cost less than this share of the variance say nothing: regressor and instruments
 /// are the same there, and what is left is rounding.
@@ -75,15 +76,18 @@ fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> 
 /// same.
 fn ratio(records: &[Rows], joint: usize, values: &[f64]) -> f64 {
     let k = values.len();
-    let (mut own, mut cross) = (DMatrix::zeros(k, k), DMatrix::zeros(k, k));
-    for JointRows { d, z, tau } in records.iter().map(|r| &r.joints[joint]) {
-        let z = DMatrix::from_column_slice(k, tau.len(), z);
-        let off = DMatrix::from_column_slice(k, tau.len(), d) - &z;
-        own += &off * off.transpose();
-        cross += &off * z.transpose();
+    let (mut own, mut cross) = (vec![0.0; k * k], vec![0.0; k * k]);
+    for rows in records.iter().map(|r| r.joints[joint].compact(k)) {
+        let (n, z) = (rows.columns.len(), &rows.z);
+        let off: Vec<f64> = rows.d.iter().zip(z).map(|(d, z)| d - z).collect();
+        for (right, sum) in [(&off, &mut own), (z, &mut cross)] {
+            let mut part = vec![0.0; n * n];
+            add_products(&mut part, 1.0, &off, right, n, Part::All);
+            rows.spread(&part, sum, k);
+        }
     }
-    let entry = |m: &DMatrix<f64>, at: usize| (m[(at / k, at % k)] * values[at / k] * values[at % k]).abs();
-    let largest = |m: &DMatrix<f64>| (0..k * k).map(|at| entry(m, at)).fold(0.0_f64, f64::max);
+    let entry = |m: &[f64], at: usize| (m[at] * values[at / k] * values[at % k]).abs();
+    let largest = |m: &[f64]| (0..k * k).map(|at| entry(m, at)).fold(0.0_f64, f64::max);
     let (own, cross) = (largest(&own), largest(&cross));
     if cross > 0.0 { own / cross } else { f64::INFINITY }
 }
@@ -138,6 +142,7 @@ mod tests {
 
     use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 
+    use super::super::rows::JointRows;
     use super::*;
     use crate::linear::tests::Random;
     use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};

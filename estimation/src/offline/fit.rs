@@ -150,20 +150,28 @@ impl Normal {
             zt: DVector::zeros(k),
         };
         let (mut dd, mut zd, mut zz) = (vec![0.0; k * k], vec![0.0; k * k], vec![0.0; k * k]);
-        for JointRows { d, z, tau, .. } in rows.iter().map(|r| &r.joints[joint]) {
-            add_products(&mut dd, 1.0, d, d, k, Part::Lower);
-            let z = if method == Method::Instrumental {
-                add_products(&mut zd, 1.0, z, d, k, Part::All);
-                add_products(&mut zz, 1.0, z, z, k, Part::Lower);
-                z
-            } else {
-                d
+        for rows in rows.iter().map(|r| &r.joints[joint]) {
+            let own = rows.compact(k);
+            let n = own.columns.len();
+            let mut part = vec![0.0; n * n];
+            let mut add = |z: &[f64], d: &[f64], which: Part, sum: &mut [f64]| {
+                part.fill(0.0);
+                add_products(&mut part, 1.0, z, d, n, which);
+                own.spread(&part, sum, k);
             };
-            for (z, tau) in z.chunks_exact(k).zip(tau) {
+            add(&own.d, &own.d, Part::Lower, &mut dd);
+            let z = if method == Method::Instrumental {
+                add(&own.z, &own.d, Part::All, &mut zd);
+                add(&own.z, &own.z, Part::Lower, &mut zz);
+                &rows.z
+            } else {
+                &rows.d
+            };
+            for (z, tau) in z.chunks_exact(k).zip(&rows.tau) {
                 axpy(*tau, z, sum.zt.as_mut_slice());
             }
-            sum.count += tau.len() as f64;
-            sum.torque_square += dot(tau, tau);
+            sum.count += rows.tau.len() as f64;
+            sum.torque_square += dot(&rows.tau, &rows.tau);
         }
         let whole = |lower: &[f64]| DMatrix::from_fn(k, k, |i, j| lower[i.max(j) * k + i.min(j)]);
         sum.dd = whole(&dd);

@@ -44,6 +44,36 @@ pub(super) struct JointRows {
     pub(super) tau: Vec<f64>,
 }
 
+/// Rows of one joint without the columns that have nothing to do with it: about half of them.
+pub(super) struct Compact {
+    /// The columns that are left.
+    pub(super) columns: Vec<usize>,
+    pub(super) d: Vec<f64>,
+    pub(super) z: Vec<f64>,
+}
+
+impl JointRows {
+    /// These rows of `k` columns, compact.
+    pub(super) fn compact(&self, k: usize) -> Compact {
+        let is_used = |c: &usize| [&self.d, &self.z].iter().any(|m| m.iter().skip(*c).step_by(k).any(|x| *x != 0.0));
+        let columns: Vec<usize> = (0..k).filter(is_used).collect();
+        let pick = |m: &[f64]| m.chunks_exact(k).flat_map(|row| columns.iter().map(|c| row[*c])).collect();
+        Compact { d: pick(&self.d), z: pick(&self.z), columns }
+    }
+}
+
+impl Compact {
+    /// Adds a matrix over the columns that are left to one over all `k`, both row-major.
+    pub(super) fn spread(&self, part: &[f64], all: &mut [f64], k: usize) {
+        let n = self.columns.len();
+        for (row, i) in part.chunks_exact(n.max(1)).zip(&self.columns) {
+            for (x, j) in row.iter().zip(&self.columns) {
+                all[i * k + j] += x;
+            }
+        }
+    }
+}
+
 /// Filtered rows of one record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
@@ -145,20 +175,32 @@ pub fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Optio
     (last > first).then_some(first..last + 1)
 }
 
+/// Step in which the largest cross-correlation is looked for first \[s\].
+const COARSE_S: f64 = 0.004;
+
 /// Samples by which `actual` lags `commanded` (negative: leads it, which feed-forward can do): the largest
 /// cross-correlation within 0.3 s, refined by a parabola. The same stretch of `actual` counts for every shift.
 fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
     let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
     let inner = &actual[most..actual.len() - most];
-    // Entry k belongs to a lag of most - k samples.
+    // Entry k belongs to a lag of most - k samples. The motion of an arm does not turn within COARSE_S: the largest of
+    // every so many entries has the largest of all beside it.
     let product = |k: usize| dot(inner, &commanded[k..k + inner.len()]);
-    let products: Vec<f64> = (0..=2 * most).map(product).collect();
-    let best = (0..products.len()).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(most);
+    let stride = ((COARSE_S / period_s) as usize).max(1);
+    let mut products = vec![f64::NEG_INFINITY; 2 * most + 1];
+    let largest =
+        |products: &[f64]| (0..products.len()).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(most);
+    (0..products.len()).step_by(stride).for_each(|k| products[k] = product(k));
+    let near = largest(&products);
+    for k in near.saturating_sub(stride)..=(near + stride).min(2 * most) {
+        products[k] = product(k);
+    }
+    let best = largest(&products);
     let whole = most as f64 - best as f64;
     if products[best] <= 0.0 || best == 0 || best + 1 == products.len() {
         return 0.0; // nothing in common, or nothing that fits within the reach
     }
-    let (before, at, after) = (products[best - 1], products[best], products[best + 1]);
+    let (before, at, after) = (product(best - 1), products[best], product(best + 1));
     let bend = before - 2.0 * at + after;
     whole - if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
 }
