@@ -76,8 +76,8 @@ impl Findings {
 
 fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &'a Fit {
     match robot.config.estimator.kind {
-        EstimatorKind::Riv => instrumental,
-        EstimatorKind::Rls => least_squares,
+        EstimatorKind::Riv | EstimatorKind::Energy => instrumental,
+        EstimatorKind::Rls | EstimatorKind::RlsEnergy => least_squares,
     }
 }
 
@@ -87,6 +87,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.online {
         let [log] = args.logs.as_slice() else { bail!("--online takes one log; {} are given", args.logs.len()) };
         return crate::online::run(&robot, log, args.stream.as_deref(), args.json.as_deref());
+    }
+    if robot.config.estimator.kind.energy() {
+        bail!(
+            "{}: [estimator] kind is an energy model, which learns sample by sample: use --online, rivet replay or rivetd, or set \
+             kind to \"riv\" or \"rls\"",
+            robot.config.path.display()
+        );
     }
     let result = identify(&robot, &args.logs)?;
     show(&text(&robot, &result))?;

@@ -233,8 +233,13 @@ pub const KEYS: &[Key] = &[
         "How velocity and acceleration come from positions: local cubic (`savitzky-golay`) or differences of three samples (`central`)."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
         "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1)."),
+    key("signal", "filtering", Choice(&["model", "input", "none"]), "", Bounds::None, Fallback::Text("model"),
+        "What the daemon's low-pass is applied to: every regressor and instrument column and the torque (`model`), the signals before the \
+         model, which changes the equation (`input`; for comparison), or nothing (`none`)."),
+    key("signal", "input_signals", Choice(&["all", "motion", "acceleration"]), "", Bounds::None, Fallback::Text("all"),
+        "`input`: filters positions with their derivatives and torques (`all`), all but the torques (`motion`), or accelerations alone."),
     key("signal", "model_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("20 Hz, at most 0.2 of the sample rate"),
-        "Cut-off of the low-pass over every regressor and instrument column and the torque. At most 0.45 of the rate after decimation."),
+        "Cut-off of that low-pass. At most 0.45 of the rate after decimation."),
     key("signal", "model_filter_order", Integer, "-", Within(2.0, 8.0), Fallback::Integer(4),
         "Order of that Butterworth filter; even."),
     key("signal", "decimation", Integer, "samples", Within(1.0, 1000.0), Derived("5 samples per period of the cut-off"),
@@ -247,8 +252,12 @@ pub const KEYS: &[Key] = &[
         "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
          estimated while running."),
 
-    key("estimator", "kind", Choice(&["riv", "rls"]), "", Bounds::None, Fallback::Text("riv"),
-        "Recursive instrumental variables, or recursive least squares (biased by position noise; for comparison)."),
+    key("estimator", "kind", Choice(&["riv", "rls", "energy", "rls-energy"]), "", Bounds::None, Fallback::Text("riv"),
+        "Recursive instrumental variables, or recursive least squares (biased by position noise; for comparison). `energy` and \
+         `rls-energy` are the two on energies instead of torques: no acceleration is needed, but slow disturbances add up."),
+    key("estimator", "energy_span_s", Number, "s", Within(0.0, 60.0), Fallback::Number(1.0),
+        "`energy`, `rls-energy`: time whose work an equation compares with energies; 0 counts from the start. At most 4096 samples after \
+         decimation."),
     key("estimator", "offsets", Bool, "", Bounds::None, Derived("true where friction.offset is not all 0"),
         "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
     key("estimator", "window", Choice(&["exponential", "none"]), "", Bounds::None, Fallback::Text("exponential"),

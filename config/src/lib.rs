@@ -13,7 +13,7 @@ mod supervision;
 mod write;
 
 pub use error::{ConfigError, ConfigErrors};
-pub use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Supervision};
+pub use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Supervision};
 
 pub use load::{Identified, Robot, load, parse};
 pub use reader::{Origin, Resolved, Value};

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use rivet_dynamics::Joints;
-use rivet_estimation::{Differentiator, EstimatorKind, Instruments, Prior, Settings, Supervision, Window};
+use rivet_estimation::{
+    Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Prior, Settings, Supervision, Window,
+};
 
 use crate::describe::short;
 use crate::keys::HIGHEST_FILTER_SHARE;
@@ -67,12 +69,14 @@ impl RobotConfig {
         Settings {
             sample_period_s: self.sample_period_s,
             differentiator: self.signal.differentiator,
+            filtering: self.signal.filtering,
             filter_hz: self.signal.model_filter_hz,
             filter_order: self.signal.model_filter_order,
             decimation: self.signal.decimation,
             dead_zone: self.signal.dead_zone.clone(),
             torque_noise: self.signal.torque_noise.clone(),
             estimator: self.estimator.kind,
+            energy_span_s: self.estimator.energy_span_s,
             window: self.estimator.window_s.map_or(Window::None, |seconds| Window::Exponential { seconds }),
             instruments: self.estimator.instruments,
             supervision: self.supervision,
@@ -134,6 +138,8 @@ pub struct Log {
 pub struct Signal {
     /// How velocity and acceleration come from positions.
     pub differentiator: Differentiator,
+    /// What the low-pass is applied to.
+    pub filtering: Filtering,
     /// Cut-off of the model filter \[Hz\].
     pub model_filter_hz: f64,
     /// Order of the model filter, even.
@@ -153,6 +159,8 @@ pub struct Signal {
 pub struct Estimator {
     /// Which estimator.
     pub kind: EstimatorKind,
+    /// Time that an energy row covers \[s\]; 0 counts from the start.
+    pub energy_span_s: f64,
     /// Whether a constant torque per joint is identified.
     pub offsets: bool,
     /// Time constant of the exponential window \[s\]; `None` never forgets.
@@ -348,6 +356,13 @@ pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
         &word,
         &[("savitzky-golay", Differentiator::SavitzkyGolay { half_width }), ("central", Differentiator::Central)],
     );
+    let word = reader.text("signal", "filtering");
+    let signals = chosen(
+        &reader.text("signal", "input_signals"),
+        &[("all", InputSignals::All), ("motion", InputSignals::Motion), ("acceleration", InputSignals::Acceleration)],
+    );
+    let filtering =
+        chosen(&word, &[("model", Filtering::Model), ("input", Filtering::Input(signals)), ("none", Filtering::None)]);
     let model_filter_hz = reader.number("signal", "model_filter_hz");
     let model_filter_order = reader.count("signal", "model_filter_order");
     let cut_off = if model_filter_hz.is_finite() { model_filter_hz } else { 20.0 };
@@ -380,6 +395,7 @@ pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
     }
     Signal {
         differentiator,
+        filtering,
         model_filter_hz,
         model_filter_order,
         decimation,
@@ -395,7 +411,22 @@ pub(crate) fn estimator(
     decimation: usize,
     friction: &Friction,
 ) -> Estimator {
-    let kind = chosen(&reader.text("estimator", "kind"), &[("riv", EstimatorKind::Riv), ("rls", EstimatorKind::Rls)]);
+    let kind = chosen(
+        &reader.text("estimator", "kind"),
+        &[
+            ("riv", EstimatorKind::Riv),
+            ("rls", EstimatorKind::Rls),
+            ("energy", EstimatorKind::Energy),
+            ("rls-energy", EstimatorKind::RlsEnergy),
+        ],
+    );
+    let energy_span_s = reader.number("estimator", "energy_span_s");
+    let longest = MAX_DELAY_ROWS as f64 * sample_period_s * decimation as f64;
+    let keys = [("estimator", "energy_span_s"), ("", "sample_period_s"), ("signal", "decimation")];
+    if kind.energy() && reader.good(&keys) && energy_span_s > longest {
+        let rule = format!("must be at most {MAX_DELAY_ROWS} samples after decimation, here {} s", short(longest));
+        reader.reject("estimator", "energy_span_s", rule, "shorten the span or raise signal.decimation");
+    }
     let has_offset = friction.offset.iter().any(|x| *x != 0.0);
     reader.derive("estimator", "offsets", f64::from(u8::from(has_offset)));
     let offsets = reader.switch("estimator", "offsets");
@@ -418,7 +449,6 @@ pub(crate) fn estimator(
         let rule = format!("must be at least one sample period, here {sample_period_s} s");
         reader.reject("estimator", "delay_s", rule, "longer than the noise is correlated, shorter than the motion");
     }
-    let longest = MAX_DELAY_ROWS as f64 * sample_period_s * decimation as f64;
     if reader.good(&[("estimator", "delay_s"), ("", "sample_period_s"), ("signal", "decimation")]) && delay_s > longest
     {
         let rule = format!("must be at most {MAX_DELAY_ROWS} samples after decimation, here {} s", short(longest));
@@ -433,7 +463,7 @@ pub(crate) fn estimator(
         ],
     );
     let prior = reader.number("estimator", "prior");
-    Estimator { kind, offsets, window_s: forgets.then_some(window_s), instruments, prior }
+    Estimator { kind, energy_span_s, offsets, window_s: forgets.then_some(window_s), instruments, prior }
 }
 
 pub(crate) fn publish(reader: &mut Reader<'_>) -> Publish {

@@ -1,12 +1,13 @@
 //! Dynamics of a serial arm, linear in its parameters: URDF, inverse dynamics, regressor, base parameters.
 //!
 //! Pure: no file, clock or bus. Everything is made once, from a URDF text; after that [`inverse_dynamics`],
-//! [`mass_matrix`], [`regressor`], [`Model::regressor`] and [`BaseSet::select`] only compute, without allocating.
+//! [`mass_matrix`], [`regressor`], [`Model::regressor`], [`Model::energy`] and [`BaseSet::select`] only compute, without allocating.
 //!
 //! The order of parameters is stated in [`parameters`]; frames, signs and units beside each item.
 
 mod arm;
 mod base;
+mod energy;
 mod hash;
 mod lanes;
 mod model;

@@ -52,6 +52,12 @@ impl Workspace {
         }
     }
 
+    /// Constants of joint `j`.
+    #[inline(always)]
+    pub(crate) fn joint(&self, j: usize) -> &JointMotion {
+        &self.motions[j]
+    }
+
     fn check(&self, arm: &Arm) {
         debug_assert_eq!(self.dof, arm.dof(), "workspace of another arm");
     }

@@ -170,6 +170,11 @@ impl Aligned {
         }
     }
 
+    /// Positions, velocities, accelerations of the desired motion one after the other, if there was one.
+    pub(crate) fn desired_mut(&mut self) -> Option<&mut [f64]> {
+        self.has_setpoint.then_some(&mut self.desired[..])
+    }
+
     /// The desired motion of the instant, if there was one.
     pub(crate) fn setpoint(&self) -> Option<Setpoint<'_>> {
         let n = self.dof;

@@ -16,6 +16,7 @@ use crate::kernels::{Part, add_products};
 use crate::linear::axpy;
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
+use crate::residuals::Residuals;
 use crate::scales::{LaneScratch, Scales, Whitening};
 use crate::settings::{EstimatorKind, Prior, Supervision};
 use crate::supervision::{Columns, Directions, Judge};
@@ -127,16 +128,6 @@ struct Rows {
     lanes: LaneScratch,
 }
 
-/// Windowed squares each joint.
-#[derive(Clone, Debug)]
-struct Residuals {
-    memory: f64,
-    square: [Vec<f64>; 3],
-    rms: [Vec<f64>; 3],
-    used: Vec<u64>,
-    left_out: Vec<u64>,
-}
-
 impl Estimator {
     /// Starts at `nominal` (n values) with the given scales.
     #[must_use]
@@ -183,13 +174,7 @@ impl Estimator {
             state: vec![ParameterState::Unidentified; n],
             excitation: vec![0.0; n],
             rls_values: nominal.to_vec(),
-            residuals: Residuals {
-                memory: settings.residual_memory,
-                square: [zeros(), zeros(), zeros()],
-                rms: [zeros(), zeros(), zeros()],
-                used: vec![0; p],
-                left_out: vec![0; p],
-            },
+            residuals: Residuals::new(p, settings.residual_memory),
             verdict: Verdict::NONE,
             change: settings
                 .change_row_s
@@ -209,11 +194,7 @@ impl Estimator {
         self.load(&nominal);
         self.nominal = nominal;
         self.noise.reset();
-        for values in self.residuals.square.iter_mut().chain(&mut self.residuals.rms) {
-            values.fill(0.0);
-        }
-        self.residuals.used.fill(0);
-        self.residuals.left_out.fill(0);
+        self.residuals.reset();
         self.updates = 0;
     }
 
@@ -278,7 +259,7 @@ impl Estimator {
         if count == 0 {
             return Err(Skip::Standstill);
         }
-        let z = if self.settings.kind == EstimatorKind::Rls { Some((d, Instrument::Regressor)) } else { z };
+        let z = if self.settings.kind.least_squares() { Some((d, Instrument::Regressor)) } else { z };
         let size = largest(d).max(largest(tau)).max(z.map_or(0.0, |(z, _)| largest(z)));
         let usable = size < LARGEST_ROW;
         if !usable {
@@ -409,27 +390,6 @@ impl Estimator {
             changes: self.change.as_ref().map_or(0, Change::seen),
             updates: self.updates,
             frozen: self.frozen,
-        }
-    }
-}
-
-impl Residuals {
-    fn count(&mut self, used: &[bool]) {
-        for ((yes, no), used) in self.used.iter_mut().zip(&mut self.left_out).zip(used) {
-            if *used {
-                *yes += 1;
-            } else {
-                *no += 1;
-            }
-        }
-    }
-
-    fn add(&mut self, j: usize, values: [f64; 3]) {
-        let rows = (self.used[j] as f64).clamp(1.0, self.memory);
-        for (k, value) in values.iter().enumerate() {
-            let square = &mut self.square[k][j];
-            *square += (value * value - *square) / rows;
-            self.rms[k][j] = square.sqrt();
         }
     }
 }

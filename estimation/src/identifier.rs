@@ -2,12 +2,13 @@
 
 use crate::dead_zone::slides;
 use crate::differentiate::Aligned;
+use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::report::{Estimate, Instrument, Motion, Refusal, Setpoint, Step};
 use crate::scales::Scales;
-use crate::settings::{Instruments, Settings, SettingsError, Window, per_joint};
-use crate::signals::{Past, Regressors, RowFilter, Side};
+use crate::settings::{Filtering, InputSignals, Instruments, Settings, SettingsError, Window, per_joint};
+use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
 use std::sync::Arc;
 
@@ -31,6 +32,8 @@ const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
 /// million rows.
 const OUTLIER: f64 = 5.0;
+/// Span for which the first guess of noise holds when energies are counted from the start \[s\].
+const FIRST_SPAN: f64 = 1.0;
 /// Memory of reported residuals when nothing is forgotten \[s\].
 const RESIDUAL_MEMORY: f64 = 10.0;
 
@@ -49,9 +52,13 @@ pub struct Identifier {
     interrupted: bool,
     settled: u64,
     aligned: Aligned,
+    /// Only with input filtering.
+    input: Option<InputFilter>,
     regressors: Regressors,
     measured: RowFilter,
     desired: RowFilter,
+    /// Only with the energy model; the torque rows then serve reports alone.
+    energy: Option<Energy>,
     past: Past,
     phase: usize,
     d: Vec<f64>,
@@ -75,8 +82,20 @@ impl Identifier {
         per_joint("nominal_base", nominal_base, n, |_| true, "base order, finite")?;
         let rate = 1.0 / settings.sample_period_s;
         let filter = Butterworth::low_pass(settings.filter_order, settings.filter_hz, rate);
-        let response = filter.impulse_response((200.0 * rate / settings.filter_hz).ceil() as usize);
-        let scales = Scales::of_model(&model, &base, nominal_base, settings.torque_noise.as_deref());
+        // What white torque noise becomes on its way to the rows.
+        let response = match settings.filtering {
+            Filtering::Model | Filtering::Input(InputSignals::All) => {
+                filter.impulse_response((200.0 * rate / settings.filter_hz).ceil() as usize)
+            }
+            Filtering::Input(_) | Filtering::None => vec![1.0],
+        };
+        let over_rows = (settings.filtering == Filtering::Model).then_some(&filter);
+        let mut scales = Scales::of_model(&model, &base, nominal_base, settings.torque_noise.as_deref());
+        let with_energy = settings.estimator.energy();
+        if with_energy {
+            let span = if settings.energy_span_s > 0.0 { settings.energy_span_s } else { FIRST_SPAN };
+            scales = scales.of_energy(&model, span);
+        }
         let row = settings.row_period_s();
         let (share, least, most) = NOISE_MEMORY;
         let (noise_memory, residual_memory) = match settings.window {
@@ -88,7 +107,8 @@ impl Identifier {
             forgetting: settings.forgetting(),
             supervision: settings.supervision,
             prior: settings.prior,
-            noise_known: settings.torque_noise.is_some(),
+            // Of torques: what energies are off by depends on the motion.
+            noise_known: settings.torque_noise.is_some() && !with_energy,
             noise_memory: noise_memory / row,
             outlier: OUTLIER,
             residual_memory: (residual_memory / row).max(1.0),
@@ -110,13 +130,24 @@ impl Identifier {
             jump,
             previous: None,
             interrupted: false,
-            settled: (SETTLING * rate / settings.filter_hz).ceil() as u64,
+            settled: match settings.filtering {
+                Filtering::Model | Filtering::Input(_) => (SETTLING * rate / settings.filter_hz).ceil() as u64,
+                Filtering::None => 0,
+            },
+            input: match settings.filtering {
+                Filtering::Input(signals) => Some(InputFilter::new(dof, &filter, signals)),
+                Filtering::Model | Filtering::None => None,
+            },
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
             regressors: Regressors::new(&model),
             // Torques, and which joints move, go through the same filter as the rows.
-            measured: RowFilter::new(&model, &base, &filter, 2 * dof),
-            desired: RowFilter::new(&model, &base, &filter, 0),
-            past: Past::new(dof * n, settings.delay_rows().unwrap_or(0)),
+            measured: RowFilter::new(&model, &base, over_rows, 2 * dof),
+            desired: RowFilter::new(&model, &base, over_rows, 0),
+            energy: with_energy.then(|| {
+                let (period, span) = (settings.sample_period_s, settings.energy_rows());
+                Energy::new(&model, &base, nominal_base, over_rows, period, span, estimator.residual_memory)
+            }),
+            past: Past::new(if with_energy { n } else { dof * n }, settings.delay_rows().unwrap_or(0)),
             phase: 0,
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
@@ -167,6 +198,12 @@ impl Identifier {
         self.aligned.restart();
         self.measured.restart();
         self.desired.restart();
+        if let Some(input) = &mut self.input {
+            input.restart();
+        }
+        if let Some(energy) = &mut self.energy {
+            energy.restart_signals();
+        }
         self.past.restart();
         self.phase = 0;
     }
@@ -184,6 +221,9 @@ impl Identifier {
     /// Forgets everything; the nominal parameters stand again.
     pub fn reset(&mut self) {
         self.estimator.reset();
+        if let Some(energy) = &mut self.energy {
+            energy.reset();
+        }
     }
 
     /// Goes on from stored base parameters, with nothing in the window; false, and nothing changed, if they are not
@@ -199,7 +239,8 @@ impl Identifier {
     /// What is known now.
     #[must_use]
     pub fn estimate(&self) -> Estimate<'_> {
-        self.estimator.estimate()
+        let estimate = self.estimator.estimate();
+        self.energy.as_ref().map_or(estimate, |energy| energy.report(estimate))
     }
 
     fn refuse(&mut self, why: Refusal) -> Step {
@@ -250,12 +291,18 @@ impl Identifier {
     }
 
     fn process(&mut self) -> Step {
-        let Identifier { aligned, measured, desired, model, regressors, dead_zone, .. } = self;
+        let Identifier { aligned, input, measured, desired, energy, model, base, regressors, dead_zone, .. } = self;
+        if let Some(input) = input {
+            input.step(aligned);
+        }
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
         let structure = &model.structure;
         let moving =
             (0..dead_zone.len()).map(|j| f64::from(u8::from(slides(structure, dead_zone, |j| aligned.qd[j], j))));
         let setpoint = aligned.setpoint();
+        if let Some(energy) = energy {
+            energy.step(model, base, motion, &aligned.tau, setpoint);
+        }
         regressors.evaluate(model, motion, setpoint);
         measured.step(regressors, Side::Measured, aligned.tau.iter().copied().chain(moving));
         match setpoint {
@@ -287,6 +334,19 @@ impl Identifier {
             *used = *moving >= MOVED;
         }
         let wants_setpoint = !matches!(self.instruments, Instruments::Delayed { .. });
+        if let Some(energy) = &mut self.energy {
+            let used = &used[..self.dof];
+            energy.watch(&self.d, tau, used, self.estimator.estimate().values);
+            let (row, work, planned) = energy.take(self.settled);
+            let instruments = match planned.filter(|_| wants_setpoint) {
+                Some(row) => Some((row, Instrument::Setpoint)),
+                None => self.past.oldest().map(|row| (row, Instrument::Delayed)),
+            };
+            let moving = used.iter().any(|used| *used);
+            let result = self.estimator.update(row, instruments, &[work], &[moving]);
+            self.past.store(row);
+            return result.map_or_else(Step::Skipped, |rows| Step::Updated { rows });
+        }
         let instruments = if wants_setpoint && self.desired.age() >= self.settled {
             self.desired.rows(&mut self.z);
             Some((&self.z[..], Instrument::Setpoint))

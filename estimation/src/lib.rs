@@ -6,6 +6,7 @@
 //! q, tau, setpoint -> differentiate        one delay for all signals
 //!                  -> regressor D, instruments Z
 //!                  -> model filter         the same low-pass over every column of D and Z and over tau
+//!                     (or energies and work of a span instead of torques: the energy model)
 //!                  -> decimate, weigh      rows in units of their noise, columns in units of torque
 //!                  -> M, S, y              windowed sums; UD least squares beside them
 //!                  -> judge, solve         one step of bounded work a sample
@@ -18,6 +19,7 @@ pub mod consistency;
 mod dead_zone;
 pub mod differentiate;
 pub mod eigen;
+mod energy;
 mod estimator;
 pub mod filter;
 mod identifier;
@@ -26,6 +28,7 @@ mod linear;
 mod noise;
 pub mod offline;
 mod report;
+mod residuals;
 mod scales;
 mod settings;
 mod signals;
@@ -37,7 +40,7 @@ pub use identifier::Identifier;
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;
 pub use settings::{
-    ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Instruments, MAX_DELAY_ROWS, MAX_FILTER_ORDER,
-    MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision, Window,
+    ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Filtering, InputSignals, Instruments,
+    MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision, Window,
 };
 pub use torque_rows::TorqueRows;

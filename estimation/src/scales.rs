@@ -59,9 +59,7 @@ impl Scales {
                 let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
                 let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
                 q[j] = low + (high - low) * unit(&mut seed);
-                let limit =
-                    if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED };
-                let speed = SPEED_SHARE * limit;
+                let speed = SPEED_SHARE * speed_limit(joint);
                 qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
                 qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
             }
@@ -101,6 +99,18 @@ impl Scales {
             }
         }
         Scales { column, torque_noise: noise, torque, workload }
+    }
+
+    /// The same columns for energy rows, of which there is one: torque noise at the workload's speeds for `span` \[s\]
+    /// is the first guess of its noise \[J\].
+    #[must_use]
+    pub(crate) fn of_energy(mut self, model: &Model, span: f64) -> Scales {
+        // Uniform speeds have an rms of their limit over sqrt 3.
+        let power =
+            |(noise, joint): (&f64, &rivet_dynamics::Joint)| noise * SPEED_SHARE * speed_limit(joint) / 3.0_f64.sqrt();
+        let square: f64 = self.torque_noise.iter().zip(&model.arm.joints).map(power).map(|p| p * p).sum();
+        self.torque_noise = vec![square.sqrt() * span];
+        self
     }
 
     /// Coordinates in which the workload's information is the identity: `x̃ = Lᵀx`, with L from the scaled workload.
@@ -188,6 +198,10 @@ impl Whitening {
     pub(crate) fn share(&self, i: usize, k: usize) -> f64 {
         self.t[k * self.n + i]
     }
+}
+
+fn speed_limit(joint: &rivet_dynamics::Joint) -> f64 {
+    if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
 }
 
 /// SplitMix64 (Steele, Lea & Flood 2014) on [0, 1): the same workload on every machine.

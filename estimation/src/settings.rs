@@ -40,6 +40,47 @@ pub enum EstimatorKind {
     /// Recursive least squares: biased by noise in the regressor, but the better predictor of the motion at hand.
     /// Unsupervised it is the UD filter; supervised, the conditional solver with the regressor as its own instrument.
     Rls,
+    /// [`Riv`](EstimatorKind::Riv) on energy rows instead of torques (3.1.3): no acceleration, but slow disturbances of
+    /// torque add up.
+    Energy,
+    /// [`Rls`](EstimatorKind::Rls) on energy rows: the paper's integral model.
+    RlsEnergy,
+}
+
+impl EstimatorKind {
+    /// Whether the regressor is its own instrument.
+    #[must_use]
+    pub fn least_squares(self) -> bool {
+        matches!(self, EstimatorKind::Rls | EstimatorKind::RlsEnergy)
+    }
+
+    /// Whether rows are energies of all joints together instead of torques of each.
+    #[must_use]
+    pub fn energy(self) -> bool {
+        matches!(self, EstimatorKind::Energy | EstimatorKind::RlsEnergy)
+    }
+}
+
+/// What the low-pass is applied to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filtering {
+    /// Every column of the regressor and of the instruments, and the torque: the equation stays what it is (3.1.2).
+    Model,
+    /// Signals before the model, which changes the equation. For comparison.
+    Input(InputSignals),
+    /// Nothing.
+    None,
+}
+
+/// Which signals input filtering is applied to. The desired motion is filtered like the measured one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InputSignals {
+    /// Positions with their derivatives, and torques.
+    All,
+    /// Positions with their derivatives; torques stay as they are, and so come earlier.
+    Motion,
+    /// Accelerations alone.
+    Acceleration,
 }
 
 /// How old samples lose weight.
@@ -134,9 +175,11 @@ pub struct Settings {
     pub sample_period_s: f64,
     /// How velocity and acceleration come from positions.
     pub differentiator: Differentiator,
-    /// Cut-off (−3 dB) of the model filter \[Hz\].
+    /// What the low-pass is applied to.
+    pub filtering: Filtering,
+    /// Cut-off (−3 dB) of that low-pass \[Hz\].
     pub filter_hz: f64,
-    /// Order of the model filter: 2, 4, 6 or 8.
+    /// Its order: 2, 4, 6 or 8.
     pub filter_order: usize,
     /// Every how manieth filtered row reaches the estimator.
     pub decimation: usize,
@@ -147,6 +190,8 @@ pub struct Settings {
     pub torque_noise: Option<Vec<f64>>,
     /// Which estimator makes the values.
     pub estimator: EstimatorKind,
+    /// Time that an energy row covers \[s\]; 0 counts from the start, as the paper does. Read by the energy estimators.
+    pub energy_span_s: f64,
     /// How old rows lose weight.
     pub window: Window,
     /// Where instruments come from.
@@ -180,12 +225,14 @@ impl Settings {
             differentiator: Differentiator::SavitzkyGolay {
                 half_width: (0.01 / sample_period_s).round().clamp(2.0, MAX_HALF_WIDTH as f64) as usize,
             },
+            filtering: Filtering::Model,
             filter_hz,
             filter_order: 4,
             decimation: (0.2 / (sample_period_s * filter_hz)).round().max(1.0) as usize,
             dead_zone: vec![0.01; dof],
             torque_noise: None,
             estimator: EstimatorKind::Riv,
+            energy_span_s: 1.0,
             window: Window::Exponential { seconds: 10.0 },
             instruments: Instruments::Auto { delay_s: (2.0 * sample_period_s).max(0.02) },
             supervision: Supervision::Eigen(EigenSettings::default()),
@@ -206,6 +253,12 @@ impl Settings {
             Window::Exponential { seconds } => (-self.row_period_s() / seconds).exp(),
             Window::None => 1.0,
         }
+    }
+
+    /// Rows that an energy row covers; 0 for all since the start.
+    #[must_use]
+    pub fn energy_rows(&self) -> usize {
+        (self.energy_span_s / self.row_period_s() - 1e-9).ceil().clamp(0.0, 1e9) as usize
     }
 
     /// Age of delayed instruments in rows; `None` when only setpoints serve as instruments.
@@ -239,9 +292,15 @@ impl Settings {
         require(
             "filter_hz",
             self.filter_hz,
-            self.filter_hz > 0.0 && self.filter_hz <= highest * (1.0 + 1e-9),
+            self.filtering == Filtering::None || self.filter_hz > 0.0 && self.filter_hz <= highest * (1.0 + 1e-9),
             &format!("it must be positive and at most 0.45 of the rate after decimation, {highest:.4} Hz"),
         )?;
+        if self.estimator.energy() {
+            let longest = MAX_DELAY_ROWS as f64 * self.row_period_s();
+            let fits = self.energy_span_s >= 0.0 && self.energy_rows() <= MAX_DELAY_ROWS;
+            let rule = format!("it must be 0 (since the start) or positive and at most {longest:.3} s");
+            require("energy_span_s", self.energy_span_s, fits, &rule)?;
+        }
         per_joint("dead_zone", &self.dead_zone, dof, |v| v >= 0.0, "rad/s, not negative")?;
         if let Some(noise) = &self.torque_noise {
             per_joint("torque_noise", noise, dof, |v| v > 0.0, "N·m, positive")?;

@@ -1,7 +1,9 @@
 //! From aligned motion to filtered rows: regressor, instruments and torque through one model filter.
 
+use crate::differentiate::Aligned;
 use crate::filter::{Bank, Butterworth};
 use crate::report::Motion;
+use crate::settings::InputSignals;
 use rivet_dynamics::{BaseSet, Model, Parameter, Workspace};
 
 /// Standard regressors of the measured motion and of a second one, side by side: together they cost what one does.
@@ -37,26 +39,29 @@ pub(crate) struct RowFilter {
     /// Place in the standard regressor and in the base rows of every entry that is not zero by structure.
     entries: Vec<(u32, u32)>,
     extra: usize,
-    bank: Bank,
+    bank: Option<Bank>,
     channels: Vec<f64>,
     /// Samples since the filter was started.
     age: u64,
 }
 
 impl RowFilter {
-    /// `extra`: further channels through the same filter.
-    pub(crate) fn new(model: &Model, base: &BaseSet, filter: &Butterworth, extra: usize) -> RowFilter {
+    /// `filter`: the model filter, or none; `extra`: further channels through the same.
+    pub(crate) fn new(model: &Model, base: &BaseSet, filter: Option<&Butterworth>, extra: usize) -> RowFilter {
         let n = base.len();
         // At most eight rows of a hundred columns.
         let places = |e: Entry| (e.standard as u32, (e.joint * n + e.column) as u32);
         let entries: Vec<(u32, u32)> = structural_entries(model, base).into_iter().map(places).collect();
         let count = entries.len() + extra;
-        RowFilter { entries, extra, bank: Bank::new(filter.clone(), count), channels: vec![0.0; count], age: 0 }
+        let bank = filter.map(|filter| Bank::new(filter.clone(), count));
+        RowFilter { entries, extra, bank, channels: vec![0.0; count], age: 0 }
     }
 
     pub(crate) fn restart(&mut self) {
         self.age = 0;
-        self.bank.restart();
+        if let Some(bank) = &mut self.bank {
+            bank.restart();
+        }
     }
 
     pub(crate) fn age(&self) -> u64 {
@@ -73,7 +78,9 @@ impl RowFilter {
         for (out, value) in further.iter_mut().zip(extra) {
             *out = value;
         }
-        self.bank.step(&mut self.channels);
+        if let Some(bank) = &mut self.bank {
+            bank.step(&mut self.channels);
+        }
         self.age += 1;
     }
 
@@ -120,6 +127,69 @@ fn touches(model: &Model, parameter: Parameter, joint: usize) -> bool {
         Parameter::RotorInertia(j) | Parameter::Viscous(j) | Parameter::Coulomb(j) | Parameter::Offset(j) => j == joint,
         Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
             model.structure.coupling.is_some_and(|c| c.driving == joint || c.driven == joint)
+        }
+    }
+}
+
+/// Input filtering: the low-pass over the signals before the model, for comparison. It changes the model equation
+/// (paper, 3.1.2).
+#[derive(Clone, Debug)]
+pub(crate) struct InputFilter {
+    signals: InputSignals,
+    measured: Bank,
+    desired: Bank,
+    channels: Vec<f64>,
+}
+
+impl InputFilter {
+    pub(crate) fn new(dof: usize, filter: &Butterworth, signals: InputSignals) -> InputFilter {
+        InputFilter {
+            signals,
+            measured: Bank::new(filter.clone(), 4 * dof),
+            desired: Bank::new(filter.clone(), 3 * dof),
+            channels: vec![0.0; 4 * dof],
+        }
+    }
+
+    pub(crate) fn restart(&mut self) {
+        self.measured.restart();
+        self.desired.restart();
+    }
+
+    /// Filters in place. Differentiation and filter commute: filtered positions have filtered derivatives.
+    pub(crate) fn step(&mut self, aligned: &mut Aligned) {
+        let dof = aligned.q.len();
+        // Positions, velocities, accelerations, torques.
+        let filtered = match self.signals {
+            InputSignals::All => [true; 4],
+            InputSignals::Motion => [true, true, true, false],
+            InputSignals::Acceleration => [false, false, true, false],
+        };
+        {
+            let parts = [&aligned.q, &aligned.qd, &aligned.qdd, &aligned.tau];
+            for (channels, part) in self.channels.chunks_exact_mut(dof).zip(parts) {
+                channels.copy_from_slice(part);
+            }
+        }
+        self.measured.step(&mut self.channels);
+        let parts = [&mut aligned.q, &mut aligned.qd, &mut aligned.qdd, &mut aligned.tau];
+        for ((channels, part), filtered) in self.channels.chunks_exact(dof).zip(parts).zip(filtered) {
+            if filtered {
+                part.copy_from_slice(channels);
+            }
+        }
+        let Some(desired) = aligned.desired_mut() else {
+            self.desired.restart();
+            return;
+        };
+        let channels = &mut self.channels[..3 * dof];
+        channels.copy_from_slice(desired);
+        self.desired.step(channels);
+        for ((channels, part), filtered) in channels.chunks_exact(dof).zip(desired.chunks_exact_mut(dof)).zip(filtered)
+        {
+            if filtered {
+                part.copy_from_slice(channels);
+            }
         }
     }
 }

@@ -5,7 +5,8 @@ mod common;
 
 use common::{Bench, Random, Wave};
 use rivet_estimation::{
-    ColumnsSettings, EigenSettings, EstimatorKind, Identifier, Motion, Refusal, Settings, Step, Supervision,
+    ColumnsSettings, EigenSettings, EstimatorKind, Filtering, Identifier, InputSignals, Motion, Refusal, Settings,
+    Step, Supervision,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -49,8 +50,13 @@ fn pushing_never_allocates() {
         (EstimatorKind::Riv, Supervision::Columns(ColumnsSettings::default())),
         (EstimatorKind::Riv, Supervision::Off),
         (EstimatorKind::Rls, Supervision::Off),
+        (EstimatorKind::Energy, Supervision::Eigen(EigenSettings::default())),
+        (EstimatorKind::RlsEnergy, Supervision::Off),
     ] {
-        let settings = Settings { estimator, supervision, ..Settings::new(n, 0.001) };
+        // The path without the model filter is another one as well.
+        let filtering =
+            if estimator == EstimatorKind::Energy { Filtering::Input(InputSignals::All) } else { Filtering::Model };
+        let settings = Settings { estimator, supervision, filtering, ..Settings::new(n, 0.001) };
         let mut identifier = Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings)
             .expect("sound settings");
         let mut random = Random(1);

@@ -7,7 +7,6 @@ use super::{Estimator, PRIOR_CAUTION};
 use crate::linear::{Lu, axpy, dot, items_per_step};
 use crate::report::{ParameterState, Verdict};
 use crate::scales::Whitening;
-use crate::settings::EstimatorKind;
 use crate::supervision::{Judge, Known};
 
 /// How often a cycle may find that it promised too much; then it holds everything.
@@ -383,7 +382,7 @@ impl Estimator {
     }
 
     fn plain_rls(&self) -> bool {
-        self.settings.kind == EstimatorKind::Rls && matches!(self.cycle.judge, Judge::Off)
+        self.settings.kind.least_squares() && matches!(self.cycle.judge, Judge::Off)
     }
 
     fn begin(&mut self) {
