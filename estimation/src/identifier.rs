@@ -132,7 +132,8 @@ impl Identifier {
             interrupted: false,
             settled: match settings.filtering {
                 Filtering::Model | Filtering::Input(_) => (SETTLING * rate / settings.filter_hz).ceil() as u64,
-                Filtering::None => 0,
+                // There must have been a sample at all.
+                Filtering::None => 1,
             },
             input: match settings.filtering {
                 Filtering::Input(signals) => Some(InputFilter::new(dof, &filter, signals)),

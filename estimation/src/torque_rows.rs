@@ -45,7 +45,7 @@ impl TorqueRows {
             phase: 0,
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
             regressors: Regressors::new(&model),
-            measured: RowFilter::new(&model, base, &filter, 2 * dof),
+            measured: RowFilter::new(&model, base, Some(&filter), 2 * dof),
             rows: vec![0.0; dof * base.len()],
             used: [false; MAX_JOINTS],
             model,
