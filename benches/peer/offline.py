@@ -1,6 +1,6 @@
 """Off-line identification as it is written today with numpy and Pinocchio; `rivet-peer` runs it beside rivet.
 
-usage: offline.py PROBLEM       prints `bare MILLISECONDS` and `filtered MILLISECONDS`
+usage: offline.py PROBLEM       prints `bare MILLISECONDS` and `filtered MILLISECONDS` of processor time
 
 bare: central differences, regressor sample by sample, base columns, np.linalg.lstsq on all rows.
 filtered: the same with every column and the torque low-passed forwards and backwards and thinned out, which is what
@@ -72,6 +72,6 @@ def filtered(step=8):
 
 
 for job in (bare, filtered):
-    start = time.perf_counter()
+    start = time.process_time()
     job()
-    print(job.__name__, (time.perf_counter() - start) * 1e3)
+    print(job.__name__, (time.process_time() - start) * 1e3)

@@ -90,7 +90,7 @@ fn main() -> Result<()> {
     print("item [ns]", &items(&workload, &rust, &other));
     if !args.no_offline {
         let items = offline::compare(args.venv.as_deref(), args.cpu, args.repeats.min(3), folder)?;
-        print("60 s at 1 kHz, off-line [ms]", &items);
+        print("60 s at 1 kHz, off-line [CPU ms]", &items);
     }
     Ok(())
 }

@@ -180,8 +180,14 @@ impl<'a> Source<'a> {
         let [a, b] = &self.states;
         let states = [a, b].map(|[q, qd, qdd]| State { q, qd, qdd });
         self.model.regressor_pair(&mut self.ws, states, &mut self.pair);
-        for (out, entry) in out.chunks_exact_mut(self.lanes).zip(&self.entries) {
-            out.copy_from_slice(&self.pair[entry.standard][..self.lanes]);
+        if self.lanes == 2 {
+            for (out, entry) in out.as_chunks_mut::<2>().0.iter_mut().zip(&self.entries) {
+                *out = self.pair[entry.standard];
+            }
+        } else {
+            for (out, entry) in out.iter_mut().zip(&self.entries) {
+                *out = self.pair[entry.standard][0];
+            }
         }
     }
 }

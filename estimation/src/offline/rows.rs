@@ -55,9 +55,18 @@ pub(super) struct Compact {
 impl JointRows {
     /// These rows of `k` columns, compact.
     pub(super) fn compact(&self, k: usize) -> Compact {
-        let is_used = |c: &usize| [&self.d, &self.z].iter().any(|m| m.iter().skip(*c).step_by(k).any(|x| *x != 0.0));
-        let columns: Vec<usize> = (0..k).filter(is_used).collect();
-        let pick = |m: &[f64]| m.chunks_exact(k).flat_map(|row| columns.iter().map(|c| row[*c])).collect();
+        let mut used = vec![false; k];
+        for row in self.d.chunks_exact(k).chain(self.z.chunks_exact(k)) {
+            used.iter_mut().zip(row).for_each(|(used, x)| *used |= *x != 0.0);
+        }
+        let columns: Vec<usize> = (0..k).filter(|c| used[*c]).collect();
+        let pick = |m: &[f64]| {
+            let mut picked = Vec::with_capacity(m.len() / k * columns.len());
+            for row in m.chunks_exact(k) {
+                picked.extend(columns.iter().map(|c| row[*c]));
+            }
+            picked
+        };
         Compact { d: pick(&self.d), z: pick(&self.z), columns }
     }
 }
