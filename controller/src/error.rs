@@ -20,6 +20,12 @@ pub enum StartError {
     /// Signal handlers could not be set up.
     #[error("signals cannot be handled: {0}")]
     Signals(#[source] io::Error),
+    /// No thread could be started.
+    #[error("a thread cannot be started: {0}")]
+    Spawn(#[source] io::Error),
+    /// A thread ended that should not have.
+    #[error("{0}")]
+    Thread(&'static str),
 }
 
 impl StartError {
@@ -29,7 +35,8 @@ impl StartError {
             StartError::Config(_) | StartError::Settings(_) => 78,
             StartError::RealTime(_) => 77,
             StartError::Bus(_) => 69,
-            StartError::Signals(_) => 71,
+            StartError::Signals(_) | StartError::Spawn(_) => 71,
+            StartError::Thread(_) => 70,
         }
     }
 }

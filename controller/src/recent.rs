@@ -9,6 +9,8 @@ use std::sync::Arc;
 const INSTANTS: usize = 64;
 /// Time they cover \[s\].
 const SPAN_S: f64 = 2.0;
+/// Highest cut-off of the filter over rows and torques \[Hz\].
+const HIGHEST_FILTER_HZ: f64 = 20.0;
 /// Instants at which a joint moved before its prediction counts.
 const FEWEST: u32 = 12;
 /// A set that is this much worse (rms) is no worse: two sets that differ by less than noise differ by chance.
@@ -57,7 +59,11 @@ pub(crate) enum Verdict {
 
 impl Recent {
     pub(crate) fn new(robot: &Robot) -> Result<Recent, SettingsError> {
-        let settings = robot.config.estimation_settings();
+        let mut settings = robot.config.estimation_settings();
+        // A set is not to be blamed for noise in the acceleration that it is multiplied with: where the estimator is told to
+        // live with such noise, this comparison is not.
+        settings.filter_hz = settings.filter_hz.min(HIGHEST_FILTER_HZ);
+        settings.filter_order = settings.filter_order.max(4);
         let (dof, count) = (robot.dof(), robot.base.len());
         let mut floor = [0.0; MAX_JOINTS];
         for (floor, limit) in floor.iter_mut().zip(&robot.config.drive.torque_limit) {

@@ -1,14 +1,17 @@
-//! What stands around [`Core`]: clock, bus, signals.
+//! What stands around [`Core`]: clock, bus, signals, and a second thread for everything that may wait.
 
 use crate::core::Core;
 use crate::error::StartError;
-use crate::gate::{Refusal, refusal_text};
+use crate::gate::refusal_text;
+use crate::recorder::Pair;
+use crate::service_thread::{self, Outbound};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    BlackboardWriter, Bus, BusConfig, BusError, Command, JointState, Listener, Parameters, RobotName, Setpoint,
-    Subscriber,
+    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, ParameterSource,
+    Parameters, RobotName, Setpoint, Subscriber,
 };
 use rivet_realtime::{RealTimeSettings, Shutdown, now_ns};
+use rivet_store::Store;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -23,25 +26,34 @@ pub struct Options {
     /// Overrides `[bus] root`.
     #[arg(long)]
     pub root: Option<PathBuf>,
+    /// Folder of the daemon's store, for the last good parameters, and of flight records; without it there are neither.
+    #[arg(long, value_name = "DIR")]
+    pub state: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
     /// Published parameters act from this sample number on; until then the robot file's values do.
     #[arg(long, value_name = "SEQ", default_value_t = 0)]
     pub adopt_from: u64,
-    /// Published parameters never act: the robot file's values stay.
+    /// Published and stored parameters never act: the robot file's values stay.
     #[arg(long)]
     pub nominal: bool,
+    /// The plant waits for each command (rivet-sim --lockstep): silence is a slow machine, and no stop reaction follows.
+    #[arg(long)]
+    pub lockstep: bool,
     /// End with the process that started this one.
     #[arg(long, hide = true)]
     pub die_with_parent: bool,
 }
 
-/// Without samples the loop still turns this often, so that it can stop.
+/// Before the first sample the loop still turns this often, so that it can stop.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// Parameter sets looked at per period; more would be an unbounded loop.
-const PER_PERIOD: usize = 16;
+/// Samples taken in per period; more would be an unbounded loop.
+const CATCH_UP: usize = 32;
+
+/// Messages that may wait for the service thread: a second of samples at 1 kHz, and more than a flight record.
+const OUTBOUND: usize = 2048;
 
 struct Ports {
     states: Subscriber<JointState>,
@@ -77,28 +89,48 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let mut core = Core::new(&robot, if options.nominal { u64::MAX } else { options.adopt_from })?;
+    if let Some(folder) = options.state.as_ref().filter(|_| !options.nominal) {
+        recall(&mut core, &Store::reader(folder, name.as_str()), robot.hash);
+    }
     let bus = Bus::open(&config, &name, "rivet-controller")?;
-    let mut ports = open(&bus)?;
-    let granted = rivet_realtime::enter(&realtime(&robot, options))?;
-    for refused in &granted.refused {
-        eprintln!("rivet-controller: goes on without real time: {refused}");
-    }
-    eprintln!("rivet-controller: {name}: ready");
-    let mut said = Refusal::None;
-    while !shutdown.is_requested() {
-        period(&mut core, &mut ports);
-        let refusal = core.last_refusal();
-        if refusal != said {
-            said = refusal;
-            eprintln!("rivet-controller: parameters: {}", refusal_text(refusal));
+    let ports = open(&bus)?;
+    // The service thread comes first: what this thread starts later would inherit its scheduling.
+    let (outbound, inbound) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
+    let service = service_thread::start(&config, &name, inbound, options.state.as_deref(), &robot, &shutdown)?;
+    let granted = rivet_realtime::enter(&realtime(&robot, options));
+    let ended = granted.map_err(StartError::from).map(|granted| {
+        for refused in &granted.refused {
+            eprintln!("rivet-controller: goes on without real time: {refused}");
         }
-    }
-    let counts = core.counts();
+        eprintln!("rivet-controller: {name}: ready");
+        let mut control = Loop::new(core, ports, outbound, &robot, options.lockstep);
+        while !shutdown.is_requested() {
+            control.period();
+        }
+        control.core.counts()
+    });
+    shutdown.request();
+    let joined = service.join();
+    let counts = ended?;
+    joined.map_err(|_| StartError::Thread("the service thread panicked"))?;
     eprintln!(
-        "rivet-controller: stopped after {} commands; {} parameter sets adopted, {} refused",
-        counts.commands, counts.accepted, counts.refused
+        "rivet-controller: stopped after {} commands; {} parameter sets accepted, {} refused; {} stops",
+        counts.commands, counts.accepted, counts.refused, counts.stops
     );
     Ok(())
+}
+
+/// Starts on stored parameters, where there are sound ones; says what it found either way.
+fn recall(core: &mut Core, store: &Store, hash: u64) {
+    let loaded = store.load(hash);
+    for (path, problem) in &loaded.problems {
+        eprintln!("rivet-controller: {} {problem}", path.display());
+    }
+    match loaded.knowledge.map(|knowledge| core.recall(&knowledge.parameters.values)) {
+        None => eprintln!("rivet-controller: no stored parameters: starts on the robot file's"),
+        Some(Ok(())) => eprintln!("rivet-controller: starts on stored parameters"),
+        Some(Err(why)) => eprintln!("rivet-controller: stored parameters are not used: {}", refusal_text(why)),
+    }
 }
 
 fn realtime(robot: &Robot, options: &Options) -> RealTimeSettings {
@@ -112,29 +144,103 @@ fn realtime(robot: &Robot, options: &Options) -> RealTimeSettings {
     }
 }
 
-/// Waits for the next sample and answers it; a controller takes the newest.
-fn period(core: &mut Core, ports: &mut Ports) {
-    if ports.arrival.wait(PATIENCE).is_err() {
-        // A listener that fails must not make the loop spin.
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    // A port that fails has no message; the robot's own watchdog acts when commands stay away.
-    let Some(sample) = ports.states.receive_newest().ok().flatten() else {
-        return;
-    };
-    if let Ok(Some(setpoint)) = ports.setpoints.receive_newest() {
-        core.offer_setpoint(&setpoint);
-    }
-    for _ in 0..PER_PERIOD {
-        match ports.parameters.receive() {
-            Ok(Some(set)) => {
-                core.offer_parameters(&set, &sample);
-            }
-            _ => break,
+/// The real-time loop.
+struct Loop {
+    core: Core,
+    ports: Ports,
+    outbound: rtrb::Producer<Outbound>,
+    period: Duration,
+    health_every: u64,
+    since_health: u64,
+    said: (ParameterSource, u64),
+    answered_ns: Option<u64>,
+    lockstep: bool,
+}
+
+impl Loop {
+    fn new(core: Core, ports: Ports, outbound: rtrb::Producer<Outbound>, robot: &Robot, lockstep: bool) -> Loop {
+        Loop {
+            said: (core.source(), 0),
+            core,
+            ports,
+            outbound,
+            period: Duration::from_secs_f64(robot.config.sample_period_s),
+            health_every: robot.config.publish.health_every as u64,
+            since_health: 0,
+            answered_ns: None,
+            lockstep,
         }
     }
-    if let Ok(mut command) = core.tick(&sample) {
+
+    /// Waits for the next sample and answers it, or, when there has been none for too long, gives the stop reaction.
+    fn period(&mut self) {
+        let patience = if self.answered_ns.is_some() && !self.lockstep { self.period } else { PATIENCE };
+        if self.ports.arrival.wait(patience).is_err() {
+            // A listener that fails must not make the loop spin.
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let now = now_ns();
+        let answered = self.newest_sample().is_some_and(|sample| self.answer(&sample, now));
+        if !answered && !self.lockstep {
+            self.react(now);
+        }
+        // Said at once when something changes, else now and then.
+        let saying = (self.core.source(), self.core.counts().stops);
+        if self.since_health >= self.health_every || saying != self.said {
+            self.since_health = 0;
+            self.said = saying;
+            let mut health = ControllerHealth::default();
+            self.core.write_health(&mut health);
+            health.stamp_ns = now;
+            self.hand_over(Outbound::Health(health));
+        }
+    }
+
+    /// The newest sample at hand; those before it are only remembered.
+    fn newest_sample(&mut self) -> Option<JointState> {
+        let mut newest: Option<JointState> = None;
+        for _ in 0..CATCH_UP {
+            // A port that fails has no message: the stop reaction follows.
+            let Some(sample) = self.ports.states.receive().ok().flatten() else { break };
+            if let Some(older) = newest.replace(sample) {
+                self.core.observe(&older);
+            }
+        }
+        newest
+    }
+
+    fn answer(&mut self, sample: &JointState, now: u64) -> bool {
+        if let Ok(Some(setpoint)) = self.ports.setpoints.receive_newest() {
+            self.core.offer_setpoint(&setpoint);
+        }
+        if let Ok(Some(set)) = self.ports.parameters.receive_newest() {
+            self.core.offer_parameters(&set, sample);
+        }
+        let Ok(mut command) = self.core.tick(sample) else { return false };
         command.stamp_ns = now_ns();
-        ports.command.write(&command);
+        self.ports.command.write(&command);
+        self.answered_ns = Some(now);
+        self.since_health += 1;
+        let plan = self.core.plan().copied();
+        self.hand_over(Outbound::Pair(Pair { sample: *sample, plan, command }));
+        true
+    }
+
+    fn react(&mut self, now: u64) {
+        let Some(answered) = self.answered_ns else { return };
+        let periods = now.saturating_sub(answered) / (self.period.as_nanos() as u64).max(1);
+        let stops = self.core.counts().stops;
+        let Some(mut command) = self.core.missing(periods) else { return };
+        command.stamp_ns = now_ns();
+        self.ports.command.write(&command);
+        self.since_health += 1;
+        if self.core.counts().stops > stops {
+            self.hand_over(Outbound::Stopped);
+        }
+    }
+
+    /// A service thread that does not keep up costs messages, never the loop's time.
+    fn hand_over(&mut self, message: Outbound) {
+        let _ = self.outbound.push(message);
     }
 }

@@ -1,6 +1,7 @@
 //! The thread that owns every port that may allocate or wait.
 
 use crate::error::StartError;
+use crate::keeper::Latest;
 use crate::progress::Progress;
 use rivet_ipc_schema::{Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName};
 use rivet_realtime::Shutdown;
@@ -44,6 +45,7 @@ pub(crate) fn run(
     name: &RobotName,
     mut outbound: rtrb::Consumer<Outbound>,
     mut commands: rtrb::Producer<ControlCommand>,
+    kept: Option<&Latest>,
     progress: &Progress,
     shutdown: &Shutdown,
     ready: &Sender<Result<(), StartError>>,
@@ -64,7 +66,8 @@ pub(crate) fn run(
     let mut complained = false;
     loop {
         let stopping = shutdown.is_requested();
-        let result = turn(&ports, &mut outbound, &mut commands, progress, turns.is_multiple_of(TURNS_PER_REFRESH));
+        let result =
+            turn(&ports, &mut outbound, &mut commands, kept, progress, turns.is_multiple_of(TURNS_PER_REFRESH));
         if let Err(why) = result
             && !complained
         {
@@ -83,12 +86,16 @@ fn turn(
     ports: &Ports,
     outbound: &mut rtrb::Consumer<Outbound>,
     commands: &mut rtrb::Producer<ControlCommand>,
+    kept: Option<&Latest>,
     progress: &Progress,
     refresh: bool,
 ) -> Result<(), rivet_ipc_schema::PortError> {
     while let Ok(message) = outbound.pop() {
         match message {
             Outbound::Parameters(parameters) => {
+                if let Some(kept) = kept {
+                    kept.offer(&parameters);
+                }
                 ports.latest.write(&parameters);
                 ports.parameters.send(&parameters)?;
             }
@@ -101,21 +108,22 @@ fn turn(
         ports.parameters.refresh()?;
         ports.health.refresh()?;
     }
-    while ports.control.serve(|command| (hand_over(commands, command), progress.read().epoch))? {}
+    while ports.control.serve(|command| (hand_over(commands, kept, command), progress.read().epoch))? {}
     Ok(())
 }
 
 /// The loop executes a request at its next period; the reply says that it is on its way.
-fn hand_over(commands: &mut rtrb::Producer<ControlCommand>, command: ControlCommand) -> ControlStatus {
-    match command {
-        // Nothing is stored yet that could be saved or loaded.
-        ControlCommand::Save | ControlCommand::Load => ControlStatus::Refused,
-        ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset => {
-            if commands.push(command).is_ok() {
-                ControlStatus::Done
-            } else {
-                ControlStatus::Failed
-            }
+fn hand_over(
+    commands: &mut rtrb::Producer<ControlCommand>,
+    kept: Option<&Latest>,
+    command: ControlCommand,
+) -> ControlStatus {
+    match (command, kept) {
+        (ControlCommand::Save, Some(kept)) if kept.save_now() => ControlStatus::Done,
+        // No store, nothing worth storing yet; and what is stored is taken up at the start only.
+        (ControlCommand::Save | ControlCommand::Load, _) => ControlStatus::Refused,
+        (ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset, _) => {
+            if commands.push(command).is_ok() { ControlStatus::Done } else { ControlStatus::Failed }
         }
     }
 }

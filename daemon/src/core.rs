@@ -181,6 +181,11 @@ impl Core {
         self.stale_run >= RESTART_RUN
     }
 
+    /// Goes on from stored base parameters; false, and nothing changed, if they do not fit the model.
+    pub fn load(&mut self, values: &[f64]) -> bool {
+        self.identifier.load(values)
+    }
+
     /// Executes a request of the control service; returns whether this core knows it.
     pub fn control(&mut self, command: ControlCommand) -> bool {
         match command {

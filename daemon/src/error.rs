@@ -17,6 +17,9 @@ pub enum StartError {
     /// Real-time scheduling or locked memory was refused.
     #[error("{0}\n  to run without real time, for a trial: --best-effort")]
     RealTime(#[from] rivet_realtime::RealTimeError),
+    /// The folder of the store.
+    #[error("the store cannot be used: {0}")]
+    Store(#[from] rivet_store::StoreError),
     /// Signal handlers could not be set up.
     #[error("signals cannot be handled: {0}")]
     Signals(#[source] io::Error),
@@ -35,6 +38,7 @@ impl StartError {
             StartError::Config(_) | StartError::Settings(_) => 78,
             StartError::RealTime(_) => 77,
             StartError::Bus(_) => 69,
+            StartError::Store(_) => 73,
             StartError::Signals(_) | StartError::Spawn(_) => 71,
             StartError::Thread(_) => 70,
         }

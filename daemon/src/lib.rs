@@ -6,6 +6,7 @@
 mod bus_thread;
 mod core;
 mod error;
+mod keeper;
 mod loop_thread;
 mod progress;
 pub mod shell;

@@ -7,6 +7,7 @@
 use crate::bus_thread::{self, Outbound};
 use crate::core::Core;
 use crate::error::StartError;
+use crate::keeper::{Keeper, Latest};
 use crate::loop_thread::{self, LoopSettings};
 use crate::progress::Progress;
 use rivet_config::{Robot, Trigger};
@@ -27,6 +28,9 @@ pub struct Options {
     /// Overrides `[bus] root`.
     #[arg(long)]
     pub root: Option<PathBuf>,
+    /// Folder of the store: accepted parameters are kept there, and taken up at the next start; without it nothing is kept.
+    #[arg(long, value_name = "DIR")]
+    pub state: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
@@ -67,9 +71,13 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         prefix: options.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
-    let core = Core::new(&robot).map_err(StartError::Settings)?;
+    let mut core = Core::new(&robot).map_err(StartError::Settings)?;
     rivet_ipc_schema::cleanup(&bus)?;
-    run_threads(&robot, core, &bus, &name, options, &shutdown)
+    let keeper = match &options.state {
+        Some(folder) => Some(Keeper::open(folder, &name, &robot, &mut core)?),
+        None => None,
+    };
+    run_threads(&robot, core, &bus, &name, options, keeper, &shutdown)
 }
 
 fn run_threads(
@@ -78,6 +86,7 @@ fn run_threads(
     bus: &BusConfig,
     name: &RobotName,
     options: &Options,
+    keeper: Option<Keeper>,
     shutdown: &Shutdown,
 ) -> Result<(), StartError> {
     let realtime = &robot.config.realtime;
@@ -100,10 +109,22 @@ fn run_threads(
     let (ready, readiness) = mpsc::channel();
 
     // Service threads come first: what the loop thread starts would inherit its scheduling.
+    let kept = Arc::new(Latest::default());
+    let keeping = match keeper {
+        Some(keeper) => {
+            let (kept, shutdown) = (Arc::clone(&kept), shutdown.clone());
+            Some(spawn("rivetd-store", move || keeper.run(&kept, &shutdown))?)
+        }
+        None => None,
+    };
+    let stores = keeping.is_some();
     let publisher = {
         let (bus, name, shutdown, progress, ready) =
             (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress), ready.clone());
-        spawn("rivetd-bus", move || bus_thread::run(&bus, &name, outbound_end, commands, &progress, &shutdown, &ready))?
+        let kept = stores.then_some(kept);
+        spawn("rivetd-bus", move || {
+            bus_thread::run(&bus, &name, outbound_end, commands, kept.as_deref(), &progress, &shutdown, &ready);
+        })?
     };
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
@@ -119,9 +140,11 @@ fn run_threads(
         watch(&progress, shutdown, &[&publisher, &estimator]);
     }
     shutdown.request();
-    let ended = [publisher.join(), estimator.join()];
+    // The store is last: it writes what the others left.
+    let ended = [publisher.join(), estimator.join()].into_iter().chain(keeping.map(std::thread::JoinHandle::join));
+    let panicked = ended.filter(Result::is_err).count() > 0;
     started?;
-    if ended.iter().any(Result::is_err) {
+    if panicked {
         return Err(StartError::Thread("a thread of the daemon panicked"));
     }
     let end = progress.read();

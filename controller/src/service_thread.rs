@@ -1,0 +1,128 @@
+//! The thread that owns what may allocate or wait: the health publisher, the flight recorder, the log.
+
+use crate::error::StartError;
+use crate::gate::refusal_text;
+use crate::recorder::{Pair, Recorder};
+use rivet_config::Robot;
+use rivet_ipc_schema::{
+    Bus, BusConfig, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason,
+};
+use rivet_realtime::Shutdown;
+use std::path::Path;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// What the loop hands over.
+pub(crate) enum Outbound {
+    /// An answered sample.
+    Pair(Pair),
+    /// The controller's health.
+    Health(ControllerHealth),
+    /// The stop reaction has begun.
+    Stopped,
+}
+
+/// How often the queue is looked at.
+const TURN: Duration = Duration::from_millis(5);
+
+struct Service {
+    health: Publisher<ControllerHealth>,
+    recorder: Option<Recorder>,
+    said: Option<(u32, u32, u32)>,
+}
+
+/// Starts the thread; returns once its port is open.
+pub(crate) fn start(
+    config: &BusConfig,
+    name: &RobotName,
+    mut inbound: rtrb::Consumer<Outbound>,
+    folder: Option<&Path>,
+    robot: &Robot,
+    shutdown: &Shutdown,
+) -> Result<JoinHandle<()>, StartError> {
+    let recorder = folder.map(|folder| Recorder::new(folder, name.as_str(), robot.dof()));
+    let (config, name, shutdown) = (config.clone(), name.clone(), shutdown.clone());
+    let (ready, readiness) = mpsc::channel();
+    let body = move || {
+        let opened = Bus::open(&config, &name, "rivet-controller-service")
+            .and_then(|bus| bus.controller_health_publisher().map(|health| (bus, health)));
+        let (_bus, health) = match opened {
+            Ok(opened) => opened,
+            Err(why) => {
+                // A receiver that is gone means that start-up failed elsewhere.
+                let _ = ready.send(Err(why));
+                return;
+            }
+        };
+        let _ = ready.send(Ok(()));
+        let mut service = Service { health, recorder, said: None };
+        loop {
+            let stopping = shutdown.is_requested();
+            while let Ok(message) = inbound.pop() {
+                service.take(&message);
+            }
+            // Late subscribers get the latest health; a failure here is a subscriber's, and will show again.
+            let _ = service.health.refresh();
+            if stopping {
+                return;
+            }
+            std::thread::sleep(TURN);
+        }
+    };
+    let thread =
+        std::thread::Builder::new().name("rivet-ctl-serv".to_owned()).spawn(body).map_err(StartError::Spawn)?;
+    readiness.recv().unwrap_or(Ok(()))?;
+    Ok(thread)
+}
+
+impl Service {
+    fn take(&mut self, message: &Outbound) {
+        match message {
+            Outbound::Pair(pair) => {
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.push(pair);
+                }
+            }
+            Outbound::Health(health) => {
+                self.say(health);
+                // A subscriber that cannot be reached is not the controller's concern.
+                let _ = self.health.send(health);
+            }
+            Outbound::Stopped => match self.recorder.as_ref().map(Recorder::write) {
+                None => eprintln!("rivet-controller: joint states stopped; no --state DIR, no flight record"),
+                Some(Ok(path)) => eprintln!("rivet-controller: joint states stopped; flight record {}", path.display()),
+                Some(Err(why)) => eprintln!("rivet-controller: joint states stopped; no flight record: {why}"),
+            },
+        }
+    }
+
+    fn say(&mut self, health: &ControllerHealth) {
+        let now = (health.source, health.source_reason, health.last_refusal);
+        if self.said == Some(now) {
+            return;
+        }
+        let source = match ParameterSource::try_from(health.source) {
+            Ok(ParameterSource::Live) => "the daemon's",
+            Ok(ParameterSource::LastGood) => "the last good ones",
+            _ => "the robot file's",
+        };
+        let reason = match SourceReason::try_from(health.source_reason) {
+            Ok(SourceReason::Start) | Err(_) => "from the start",
+            Ok(SourceReason::Stored) => "from the store",
+            Ok(SourceReason::Adopted) => "enough of them in a row passed the gate",
+            Ok(SourceReason::Silent) => "the daemon is silent",
+            Ok(SourceReason::Refused) => "what the daemon publishes does not pass the gate",
+            Ok(SourceReason::WorseThanNominal) => "others predicted recent torques worse",
+            Ok(SourceReason::BetterThanNominal) => "they predict recent torques better than the robot file's",
+        };
+        if self.said.map(|(source, reason, _)| (source, reason)) != Some((now.0, now.1)) {
+            eprintln!("rivet-controller: parameters in use: {source} ({reason})");
+        }
+        match ParameterRefusal::try_from(health.last_refusal) {
+            Ok(ParameterRefusal::None) | Err(_) => {}
+            Ok(why) => eprintln!("rivet-controller: published parameters refused: {}", refusal_text(why)),
+        }
+        self.said = Some(now);
+    }
+}

@@ -1,0 +1,155 @@
+//! Two files in turn.
+
+use crate::error::{Problem, StoreError};
+use crate::format::{Entry, Knowledge, decode, encode};
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+/// No store file is longer \[bytes\]: whatever lies in its place is not read whole.
+const LONGEST: u64 = 1 << 24;
+
+/// The stored knowledge of one robot. One process writes it, others may read.
+#[derive(Debug)]
+pub struct Store {
+    folder: PathBuf,
+    robot: String,
+    /// Generation to write next; found at the first save.
+    next: Option<u64>,
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Loaded {
+    /// The newest that may be used.
+    pub knowledge: Option<Knowledge>,
+    /// What was there and may not be used, and why.
+    pub problems: Vec<(PathBuf, Problem)>,
+}
+
+impl Store {
+    /// Makes the folder when it is absent. `robot` is a robot's name and becomes part of file names.
+    ///
+    /// # Errors
+    /// The folder cannot be made.
+    pub fn open(folder: &Path, robot: &str) -> Result<Store, StoreError> {
+        fs::create_dir_all(folder).map_err(|source| StoreError { path: folder.to_owned(), source })?;
+        Ok(Store { folder: folder.to_owned(), robot: robot.to_owned(), next: None })
+    }
+
+    /// As [`open`](Store::open) for a process that only reads: nothing is made.
+    pub fn reader(folder: &Path, robot: &str) -> Store {
+        Store { folder: folder.to_owned(), robot: robot.to_owned(), next: None }
+    }
+
+    fn path(&self, slot: u64) -> PathBuf {
+        self.folder.join(format!("{}.{slot}.state", self.robot))
+    }
+
+    /// Every slot's content, or why there is none; `None` where no file is.
+    fn slots(&self) -> [(PathBuf, Option<Result<Entry, Problem>>); 2] {
+        [0, 1].map(|slot| {
+            let path = self.path(slot);
+            let content = read(&path).map(|bytes| bytes.and_then(|bytes| decode(&bytes)));
+            (path, content)
+        })
+    }
+
+    /// The newest knowledge of this robot and of the model with `model_hash`.
+    pub fn load(&self, model_hash: u64) -> Loaded {
+        let (mut best, mut problems): (Option<Entry>, _) = (None, Vec::new());
+        for (path, content) in self.slots() {
+            match content {
+                Some(Err(why)) => problems.push((path, why)),
+                Some(Ok(entry)) if entry.robot != self.robot => {
+                    problems.push((path, Problem::OtherRobot(entry.robot)));
+                }
+                Some(Ok(entry)) if entry.knowledge.model_hash != model_hash => {
+                    let found = entry.knowledge.model_hash;
+                    problems.push((path, Problem::OtherModel { found, expected: model_hash }));
+                }
+                Some(Ok(entry)) if best.as_ref().is_none_or(|best| entry.generation > best.generation) => {
+                    best = Some(entry);
+                }
+                // No file, or the older generation.
+                None | Some(Ok(_)) => {}
+            }
+        }
+        Loaded { knowledge: best.map(|entry| entry.knowledge), problems }
+    }
+
+    /// Renames sound files of other models, so that saving does not write over them: a robot file that was changed by
+    /// mistake can be changed back. Returns their new places.
+    ///
+    /// # Errors
+    /// A file cannot be renamed.
+    pub fn set_others_aside(&self, model_hash: u64) -> Result<Vec<PathBuf>, StoreError> {
+        let mut moved = Vec::new();
+        for (path, problem) in self.load(model_hash).problems {
+            let Problem::OtherModel { found, .. } = problem else { continue };
+            let aside = path.with_extension(format!("state-of-{found:016x}"));
+            fs::rename(&path, &aside).map_err(|source| StoreError { path, source })?;
+            moved.push(aside);
+        }
+        Ok(moved)
+    }
+
+    /// Stores `knowledge` in the place of the older generation.
+    ///
+    /// # Errors
+    /// It could not be written; the generations are then as they were.
+    pub fn save(&mut self, knowledge: &Knowledge) -> Result<(), StoreError> {
+        let newest = || {
+            let sound = |(_, content): &(PathBuf, Option<Result<Entry, Problem>>)| match content {
+                Some(Ok(entry)) => Some(entry.generation),
+                _ => None,
+            };
+            self.slots().iter().map(sound).collect::<Vec<_>>()
+        };
+        // The slot of the newest sound generation stays; the other one is written.
+        let (generation, slot) = match self.next {
+            Some(generation) => (generation, generation % 2),
+            None => match newest()[..] {
+                [Some(a), Some(b)] if a > b => (a + 1, 1),
+                [Some(a), None] => (a + 1, 1),
+                [_, Some(b)] => (b + 1, 0),
+                _ => (1, 1),
+            },
+        };
+        // Generation and slot go in step from now on, whatever was found.
+        let generation = if generation % 2 == slot { generation } else { generation + 1 };
+        let entry = Entry { generation, robot: self.robot.clone(), knowledge: knowledge.clone() };
+        let path = self.path(slot);
+        let temporary = path.with_extension(format!("tmp{}", std::process::id()));
+        let written = write_whole(&temporary, &encode(&entry)).and_then(|()| fs::rename(&temporary, &path));
+        if let Err(source) = written {
+            // The first error is the one to report; a file that was never made cannot be removed either.
+            let _ = fs::remove_file(&temporary);
+            return Err(StoreError { path, source });
+        }
+        self.next = Some(generation + 1);
+        // The name is on disk only once its folder is; a file system that cannot do that keeps the older generation.
+        if let Ok(folder) = File::open(&self.folder) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+fn read(path: &Path) -> Option<Result<Vec<u8>, Problem>> {
+    let length = match fs::metadata(path) {
+        Ok(data) => data.len(),
+        Err(why) if why.kind() == io::ErrorKind::NotFound => return None,
+        Err(why) => return Some(Err(Problem::Unreadable(why.to_string()))),
+    };
+    if length > LONGEST {
+        return Some(Err(Problem::Length { found: length, expected: LONGEST }));
+    }
+    Some(fs::read(path).map_err(|why| Problem::Unreadable(why.to_string())))
+}

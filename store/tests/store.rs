@@ -1,0 +1,156 @@
+//! What is read is what was written, whatever happened to the files meanwhile.
+
+use proptest::prelude::*;
+use rivet_store::{Knowledge, Parameters, Problem, Store};
+use std::fs;
+use std::path::Path;
+
+const HASH: u64 = 0x1234_5678_9abc_def0;
+
+fn knowledge(epoch: u64) -> Knowledge {
+    let values: Vec<f64> = (0..58).map(|i| f64::from(i) * 0.1 - epoch as f64).collect();
+    let std = values.iter().map(|x| 0.01 * x.abs()).collect();
+    Knowledge { model_hash: HASH, parameters: Parameters { epoch, seq: 100 * epoch, values, std } }
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> = fs::read_dir(folder)
+        .expect("a folder")
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn store(folder: &Path) -> Store {
+    Store::open(folder, "ur10e").expect("the folder is there")
+}
+
+#[test]
+fn two_generations_are_kept_and_the_newer_one_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut first = store(folder.path());
+    assert_eq!(first.load(HASH).knowledge, None);
+    for epoch in 1..=5 {
+        first.save(&knowledge(epoch)).expect("written");
+        assert_eq!(first.load(HASH).knowledge, Some(knowledge(epoch)));
+    }
+    assert_eq!(files(folder.path()), ["ur10e.0.state", "ur10e.1.state"]);
+    // Another process goes on where the first ended.
+    let mut second = store(folder.path());
+    for epoch in 6..=9 {
+        second.save(&knowledge(epoch)).expect("written");
+        assert_eq!(Store::reader(folder.path(), "ur10e").load(HASH).knowledge, Some(knowledge(epoch)));
+    }
+}
+
+/// A damaged newest generation is reported, and the one before is read; then the damaged one is written over.
+#[test]
+fn a_damaged_generation_costs_only_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    store(folder.path()).save(&knowledge(1)).expect("written");
+    store(folder.path()).save(&knowledge(2)).expect("written");
+    let newest = |epoch| {
+        let found = files(folder.path()).into_iter().map(|name| folder.path().join(name));
+        let encoded = |path: &Path| fs::read(path).expect("read");
+        let wanted = (-f64::from(epoch)).to_le_bytes();
+        found.into_iter().find(|path| encoded(path).windows(8).any(|w| w == wanted)).expect("one has the epoch's value")
+    };
+    let path = newest(2);
+    let mut bytes = fs::read(&path).expect("read");
+    bytes[100] ^= 0x10;
+    fs::write(&path, &bytes).expect("written");
+    let loaded = store(folder.path()).load(HASH);
+    assert_eq!(loaded.knowledge, Some(knowledge(1)));
+    assert_eq!(loaded.problems, [(path.clone(), Problem::Checksum)]);
+    store(folder.path()).save(&knowledge(3)).expect("written");
+    let loaded = store(folder.path()).load(HASH);
+    assert_eq!((loaded.knowledge, loaded.problems.len()), (Some(knowledge(3)), 0));
+}
+
+#[test]
+fn another_model_is_set_aside_and_another_robot_is_not_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    store(folder.path()).save(&knowledge(1)).expect("written");
+    let loaded = store(folder.path()).load(7);
+    assert_eq!(loaded.knowledge, None);
+    assert!(matches!(loaded.problems[0].1, Problem::OtherModel { found: HASH, expected: 7 }));
+    let aside = store(folder.path()).set_others_aside(7).expect("renamed");
+    assert_eq!(aside.len(), 1);
+    assert!(aside[0].to_string_lossy().ends_with("state-of-123456789abcdef0"), "{aside:?}");
+    assert_eq!(files(folder.path()).len(), 1, "kept");
+
+    store(folder.path()).save(&knowledge(2)).expect("written");
+    let name = files(folder.path()).into_iter().find(|name| name.ends_with(".state")).expect("just written");
+    fs::rename(folder.path().join(&name), folder.path().join(name.replace("ur10e", "tx40"))).expect("renamed");
+    let loaded = Store::reader(folder.path(), "tx40").load(HASH);
+    assert_eq!(loaded.knowledge, None);
+    assert_eq!(loaded.problems[0].1, Problem::OtherRobot("ur10e".to_owned()));
+}
+
+/// A disk that takes nothing: the error says which file, and what was there is still there.
+#[test]
+fn what_cannot_be_written_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut store = store(folder.path());
+    store.save(&knowledge(1)).expect("written");
+    // A folder in the place of the temporary file: not even root can write it.
+    for slot in [0, 1] {
+        let temporary = folder.path().join(format!("ur10e.{slot}.tmp{}", std::process::id()));
+        fs::create_dir(temporary).expect("made");
+    }
+    let error = store.save(&knowledge(2)).expect_err("nothing can be written").to_string();
+    assert!(error.contains("ur10e."), "{error}");
+    assert_eq!(store.load(HASH).knowledge, Some(knowledge(1)));
+}
+
+#[test]
+fn a_newer_format_is_told_apart_from_damage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    store(folder.path()).save(&knowledge(1)).expect("written");
+    let path = folder.path().join(&files(folder.path())[0]);
+    let mut bytes = fs::read(&path).expect("read");
+    bytes[8] = 9;
+    let end = bytes.len() - 4;
+    let checksum = crc32(&bytes[..end]);
+    bytes[end..].copy_from_slice(&checksum.to_le_bytes());
+    fs::write(&path, bytes).expect("written");
+    assert_eq!(store(folder.path()).load(HASH).problems[0].1, Problem::Version { found: 9, known: 1 });
+}
+
+/// CRC-32 (IEEE 802.3), bit by bit, apart from the library that the store uses.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0_u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever bytes lie in both files: nothing panics, and nothing is believed that was not written.
+    #[test]
+    fn no_bytes_are_believed_that_were_not_written(
+        cut in 0_usize..1200, flips in proptest::collection::vec((0_usize..1200, 1_u8..), 1..6),
+        noise in proptest::collection::vec(any::<u8>(), 0..300),
+    ) {
+        let folder = tempfile::tempdir().expect("a folder");
+        store(folder.path()).save(&knowledge(3)).expect("written");
+        let written = folder.path().join(&files(folder.path())[0]);
+        let whole = fs::read(&written).expect("read");
+        let mut bytes = whole.clone();
+        for (at, change) in flips {
+            let at = at % bytes.len();
+            bytes[at] ^= change;
+        }
+        bytes.truncate(cut);
+        fs::write(&written, &bytes).expect("written");
+        fs::write(folder.path().join("ur10e.0.state"), noise).expect("written");
+        let loaded = store(folder.path()).load(HASH);
+        if bytes != whole {
+            prop_assert_eq!(loaded.knowledge, None);
+            prop_assert_eq!(loaded.problems.len(), 2);
+        }
+    }
+}
