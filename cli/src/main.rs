@@ -13,6 +13,7 @@ mod progress;
 mod replay;
 mod runs;
 mod stream;
+mod study;
 mod summary;
 mod table;
 
@@ -39,6 +40,9 @@ enum Command {
     Predict(predict::Args),
     /// Whether a robot file is sound, and what it says
     Check(check::Args),
+    /// Tables computed anew from seeds
+    #[command(subcommand)]
+    Study(study::Args),
     /// The daemon, as rivetd
     Daemon(rivet_daemon::Options),
     /// The controller, as rivet-controller
@@ -55,6 +59,7 @@ fn main() -> ExitCode {
         Command::Identify(args) => identify::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Check(args) => check::run(args),
+        Command::Study(args) => study::run(args),
         Command::Daemon(options) => {
             return ended("rivetd", rivet_daemon::run(options), rivet_daemon::StartError::exit_code);
         }

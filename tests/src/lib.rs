@@ -1,6 +1,7 @@
 //! What the cross-crate tests share: the program under test, the folder of measured data, the robots.
 
 pub mod batch;
+pub mod closed;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -152,7 +152,7 @@ fn start(
     daemon.push("--best-effort".to_owned());
     children.start(&daemon, log("daemon.log")?)?;
     let mut controller = common("controller");
-    controller.extend(["--best-effort", "--adopt-from", &switch.to_string()].map(str::to_owned));
+    controller.extend(["--best-effort", "--lockstep", "--adopt-from", &switch.to_string()].map(str::to_owned));
     children.start(&controller, log("controller.log")?)?;
     let mut sim = common("sim");
     let seed = args.seed.to_string();

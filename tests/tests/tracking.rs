@@ -1,0 +1,32 @@
+//! What the controller gains from live parameters, on three arms: the table of `rivet study tracking`.
+
+use rivet_studies::tracking::{ARMS, tracking};
+use rivet_tests::robot;
+
+fn check(arm: &str) {
+    let robot = rivet_config::load(robot(arm)).expect("sound");
+    let payload = ARMS.iter().find(|(name, _)| *name == arm).expect("an arm of the table").1;
+    let table = tracking(&robot, payload, 1).expect("sound settings");
+    println!("{table}");
+    for errors in &table.phases {
+        let (to_nominal, to_truth) = errors.ratios();
+        assert!(to_nominal <= 0.25, "{arm}, {} kg: {to_nominal} of the error with nominal parameters", errors.payload);
+        assert!(to_truth <= 1.15, "{arm}, {} kg: {to_truth} of the error with true parameters", errors.payload);
+    }
+    assert_eq!(table.changes, 1, "{arm}: letting go of the payload is the one change");
+}
+
+#[test]
+fn manutec_r3() {
+    check("manutec-r3");
+}
+
+#[test]
+fn staubli_tx40() {
+    check("staubli-tx40");
+}
+
+#[test]
+fn ur10e() {
+    check("ur10e");
+}
