@@ -6,7 +6,14 @@ use rivet_ipc_schema::{
 use rivet_tests::{rivet, robot};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// Three processes that wait for each other are enough for a small machine: one test after the other.
+fn turn() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A child that does not outlive the test.
 struct Process(Child);
@@ -169,6 +176,7 @@ fn run(name: &str, disturb: impl FnOnce(&Stage<'_>, &mut Process)) -> (f64, f64,
 /// undisturbed run does not take, and the new daemon's parameters are adopted.
 #[test]
 fn a_daemon_that_is_killed_leaves_the_last_good_parameters() {
+    let _turn = turn();
     let (step, error, health) = run("undisturbed", |_, _| ());
     assert_eq!(health.stops, 0);
     let (killed_step, killed_error, killed_health) = run("killed", |stage, daemon| {
@@ -192,6 +200,7 @@ fn a_daemon_that_is_killed_leaves_the_last_good_parameters() {
 /// A controller that starts without a daemon starts on what an earlier daemon stored.
 #[test]
 fn a_controller_starts_on_stored_parameters() {
+    let _turn = turn();
     let private = PrivateBus::new("stored");
     let folder = tempfile::tempdir().expect("a folder");
     let stage = Stage::new(private.config(), folder.path(), "");
@@ -218,6 +227,7 @@ fn a_controller_starts_on_stored_parameters() {
 /// The robot controller is stopped dead: the stop reaction, and a flight record of the last thousand pairs; then it goes on.
 #[test]
 fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {
+    let _turn = turn();
     let private = PrivateBus::new("silent");
     let folder = tempfile::tempdir().expect("a folder");
     // A busy machine must not look like a stopped robot: half a second of silence.
