@@ -1,8 +1,10 @@
 //! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
 
+mod blind;
 mod check;
 mod children;
 mod demo;
+mod diagnose;
 mod evidence;
 mod exit;
 mod export;
@@ -36,6 +38,10 @@ enum Command {
     Replay(replay::Args),
     /// Base parameters from logs
     Identify(identify::Args),
+    /// Where the simulator differs from the arm, which effect causes it, how far the gap shrinks
+    Diagnose(diagnose::Args),
+    /// Diagnoses of cases whose answers are withheld, and how good they were
+    Blind(blind::Args),
     /// Torque that a model predicts for a log
     Predict(predict::Args),
     /// Whether a robot file is sound, and what it says
@@ -57,6 +63,8 @@ fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Identify(args) => identify::run(args),
+        Command::Diagnose(args) => diagnose::run(args),
+        Command::Blind(args) => blind::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Check(args) => check::run(args),
         Command::Study(args) => study::run(args),

@@ -1,7 +1,49 @@
 //! Where a simulator differs from the arm, which effect causes it, how far the gap shrinks.
 //!
-//! So far: the measure of the gap itself ([`Gap`]), the one figure that every report uses.
+//! Pure: no file, clock or bus; everything is a function of the runs.
+//!
+//! ```text
+//! runs -> all but the last are looked at, the last is sealed
+//!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
+//!         direction of friction weigh less
+//!      -> background: all values of the model, wrong by as much as CAD and data sheets usually are
+//!      -> candidates: every effect on every joint, inner values on a grid, then refined
+//!      -> log evidence of background + candidate; held-out blocks; what is physically possible
+//!      -> the best is adopted, again until none is worth it; those that explain the same are one class
+//!      -> which values must differ from the nominal ones for the evidence's sake
+//!      -> prediction for the sealed motion, then its torque: causes that do not transfer are withdrawn
+//! ```
+//!
+//! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
+mod background;
+mod bursts;
+mod design;
+mod effect;
+mod evidence;
+mod form;
 mod gap;
+mod library;
+mod magnitude;
+mod orders;
+mod physics;
+mod predict;
+mod procedure;
+mod refine;
+mod regimes;
+mod report;
+mod rows;
+mod run;
+mod search;
+mod select;
+mod separate;
+mod stages;
+mod two_mass;
+mod values;
 
+pub use effect::{Effect, Kind};
 pub use gap::Gap;
+pub use procedure::{DiagnosisError, diagnose};
+pub use regimes::Regime;
+pub use report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
+pub use run::Run;

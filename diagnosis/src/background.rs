@@ -1,0 +1,87 @@
+//! What the model has: its standard columns, and how wrong their nominal values usually are.
+
+use rivet_dynamics::{Model, Parameter, Structure, Workspace, com_from_body};
+
+use crate::rows::{Chain, Column};
+use crate::run::Motion;
+
+/// Relative standard deviation of a body's mass and first moments, as CAD models have it.
+const BODY: f64 = 0.08;
+/// Of a drive's inertia.
+const ROTOR: f64 = 0.12;
+/// Of friction levels.
+const FRICTION: f64 = 0.25;
+/// Torque offset relative to Coulomb friction.
+const OFFSET: f64 = 0.03;
+
+/// The model with offsets, its nominal values and their usual errors.
+pub(crate) struct Nominal {
+    /// The robot's model, with a constant torque each joint.
+    pub(crate) model: Model,
+    /// Standard vector.
+    pub(crate) x: Vec<f64>,
+    /// Standard deviation of each entry's error.
+    pub(crate) std: Vec<f64>,
+}
+
+impl Nominal {
+    /// `torque`: what each joint's torque typically is \[N·m\], for parameters that the file says nothing about.
+    pub(crate) fn new(model: &Model, nominal: &[f64], torque: &[f64]) -> Nominal {
+        let structure = Structure { offset: true, ..model.structure };
+        let with_offset = Model::new(model.arm.clone(), structure);
+        let value = |p: &Parameter| model.parameters.iter().position(|q| q == p).map_or(0.0, |i| nominal[i]);
+        let x: Vec<f64> = with_offset.parameters.iter().map(value).collect();
+        let std = with_offset.parameters.iter().map(|p| usual_error(*p, &with_offset, &x, torque)).collect();
+        Nominal { model: with_offset, x, std }
+    }
+}
+
+fn usual_error(parameter: Parameter, model: &Model, x: &[f64], torque: &[f64]) -> f64 {
+    let of = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
+    match parameter {
+        Parameter::Link { link, entry } => {
+            let body: [f64; 10] = std::array::from_fn(|e| x[10 * link + e]);
+            let (mass, com, inertia) = com_from_body(&body);
+            let trace = inertia[0][0] + inertia[1][1] + inertia[2][2];
+            // Radius of gyration: the length by which a body's centre may be off without looking absurd.
+            let size = if mass > 0.0 { (trace / (2.0 * mass)).max(1e-6).sqrt() } else { 0.01 };
+            let arm = com.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let mass = mass.max(1e-3);
+            match entry {
+                0 => BODY * mass,
+                1..=3 => BODY * mass * (arm * arm + size * size).sqrt(),
+                _ => 1.5 * BODY * mass * (arm * arm + size * size).max(1e-6),
+            }
+        }
+        Parameter::RotorInertia(j) => ROTOR * of(parameter).max(1e-4 * torque[j]),
+        Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * of(parameter).max(0.05 * torque[j]),
+        Parameter::Offset(j) => OFFSET * of(Parameter::Coulomb(j)).max(0.05 * torque[j]),
+        Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
+            FRICTION * of(parameter).max(1e-3)
+        }
+    }
+}
+
+/// Rows of every standard column along a motion.
+pub(crate) fn standard_columns(model: &Model, motion: &Motion, chain: &Chain) -> Vec<Column> {
+    let (n, width, samples) = (motion.joints(), model.len(), motion.len());
+    let mut ws = Workspace::new(&model.arm);
+    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let mut y = vec![0.0; n * width];
+    let mut columns: Vec<Column> = vec![vec![None; n]; width];
+    for j in 0..n {
+        // One joint at a time: all full-rate columns at once would not fit into memory for a long log.
+        let mut full = vec![vec![0.0; samples]; width];
+        for k in 0..samples {
+            motion.state(k, &mut q, &mut qd, &mut qdd);
+            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+            full.iter_mut().zip(&y[j * width..]).for_each(|(column, value)| column[k] = *value);
+        }
+        for (column, full) in columns.iter_mut().zip(&full) {
+            if full.iter().any(|v| *v != 0.0) {
+                column[j] = Some(chain.apply(full));
+            }
+        }
+    }
+    columns
+}

@@ -1,0 +1,71 @@
+//! Stretches of time in which several joints at once differ from the model far more than elsewhere: contact.
+
+use crate::search::Search;
+
+/// A row belongs to a burst when its mean square, in units of each joint's usual residual, is above this.
+const HIGH: f64 = 25.0;
+/// Rows are averaged over this \[s\].
+const SMOOTH_S: f64 = 0.1;
+/// Bursts closer than this are one \[s\].
+const JOIN_S: f64 = 0.3;
+/// A burst is widened by this on both sides \[s\].
+const MARGIN_S: f64 = 0.15;
+/// Rounds of trimming.
+const TRIMMINGS: usize = 6;
+/// Share of the blocks that values are told by.
+const KEPT: f64 = 0.4;
+/// Scale of the nominal's errors while trimming.
+const TRIM_SCALE: f64 = 0.5;
+/// With more of the time in bursts they are not bursts.
+const MOST_OF_TIME: f64 = 0.6;
+
+/// From and to, in seconds since the run's first sample, for each run.
+pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
+    let joints = search.noise.len();
+    let background = &search.design.background;
+    let blocks = background.blocks();
+    let mut kept: Vec<usize> = (0..blocks).collect();
+    let mut weights = search.weights.clone();
+    let mut found = None;
+    // Least trimmed squares: contact must not bend the values that it is told by.
+    for _ in 0..TRIMMINGS {
+        let x = background.solve(&weights, TRIM_SCALE, kept.iter().copied())?.x;
+        let residuals = search.design.residuals(&x);
+        let usual: Vec<f64> = (0..joints)
+            .map(|j| {
+                let mut size: Vec<f64> = residuals.iter().flat_map(|r| r[j].iter().map(|e| e.abs())).collect();
+                size.sort_by(f64::total_cmp);
+                (size.get(size.len() / 2).copied().unwrap_or(0.0) / 0.6745).max(search.floor[j]).max(1e-9)
+            })
+            .collect();
+        weights = usual.iter().map(|u| 1.0 / (u * u)).collect();
+        let mut errors: Vec<(f64, usize)> = (0..blocks).map(|b| (background.error(&weights, b, &x), b)).collect();
+        errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+        kept = errors.iter().take((blocks as f64 * KEPT).ceil() as usize).map(|e| e.1).collect();
+        found = Some((residuals, usual));
+    }
+    let (residuals, usual) = found?;
+    let each = |(r, run): (usize, &&crate::design::Prepared)| {
+        let period = run.chain.row_period_s;
+        let rows = run.rows();
+        let power =
+            |k: usize| (0..joints).map(|j| (residuals[r][j][k] / usual[j]).powi(2)).sum::<f64>() / joints as f64;
+        let all: Vec<f64> = (0..rows).map(power).collect();
+        let half = (0.5 * SMOOTH_S / period).round() as usize;
+        let mut windows: Vec<(f64, f64)> = Vec::new();
+        for k in 0..rows {
+            let around = &all[k.saturating_sub(half)..(k + half + 1).min(rows)];
+            if around.iter().sum::<f64>() / around.len() as f64 <= HIGH {
+                continue;
+            }
+            let t = run.chain.sample_of(k) as f64 * run.run.period_s;
+            match windows.last_mut() {
+                Some(last) if t - last.1 < JOIN_S + 2.0 * MARGIN_S => last.1 = t + MARGIN_S,
+                _ => windows.push((t - MARGIN_S, t + MARGIN_S)),
+            }
+        }
+        let total: f64 = windows.iter().map(|(a, b)| b - a).sum();
+        if total > MOST_OF_TIME * run.run.seconds() { Vec::new() } else { windows }
+    };
+    Some(search.runs.iter().enumerate().map(each).collect())
+}

@@ -1,0 +1,282 @@
+//! Runs as equations: the background's columns, the torque that the nominal model leaves, weights and blocks.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use rivet_dynamics::{Workspace, friction_sign, mass_matrix};
+
+use crate::background::{Nominal, standard_columns};
+use crate::evidence::{Background, CandidateCell, Cell};
+use crate::form::Form;
+use crate::physics::{Physics, bodies};
+use crate::rows::{Chain, Column, column};
+use crate::run::{Motion, Run};
+
+/// Length of a block \[s\]: some ten times the correlation of residuals.
+const BLOCK_S: f64 = 2.5;
+/// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
+const SPEED_DOUBT: f64 = 3e-4;
+
+/// One run, prepared.
+pub(crate) struct Prepared {
+    pub(crate) run: Run,
+    pub(crate) motion: Motion,
+    pub(crate) chain: Chain,
+    /// Measured torque \[N·m\], `[joint][row]`.
+    pub(crate) tau: Vec<Vec<f64>>,
+    /// Standard columns.
+    pub(crate) standard: Vec<Column>,
+    /// Noise of the torque signal after the model filter \[N·m\], from what changes too fast to be torque.
+    pub(crate) floor: Vec<f64>,
+    /// Doubt about the friction torque near standstill \[N·m\], `[joint][row]`.
+    pub(crate) doubt: Vec<Vec<f64>>,
+}
+
+impl Prepared {
+    pub(crate) fn new(run: Run, nominal: &Nominal) -> Prepared {
+        let motion = Motion::of(&run);
+        let chain = Chain::new(run.period_s);
+        let tau: Vec<Vec<f64>> = run.tau.iter().map(|t| chain.apply(t)).collect();
+        let standard = standard_columns(&nominal.model, &motion, &chain);
+        let n = run.joints();
+        let v0 = nominal.model.structure.sign_velocity;
+        let doubt = (0..n)
+            .map(|j| {
+                let level = nominal.x[12 * n + j].abs();
+                // Friction alone stops the joint from this speed within a sample: slower, the log does not show it.
+                let stopped = (level * run.period_s / inertia(nominal, &motion, j).max(1e-9) - v0).max(0.0);
+                let at = |k: usize| {
+                    let half = SPEED_DOUBT + stopped + 0.5 * run.period_s * motion.qdd[j][k].abs();
+                    let v = motion.qd[j][k];
+                    0.5 * level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
+                };
+                let full: Vec<f64> = (0..motion.len()).map(at).collect();
+                chain.apply(&full).iter().map(|d| d.abs()).collect()
+            })
+            .collect();
+        let floor = run.tau.iter().map(|t| white_noise(t) * chain.white_gain()).collect();
+        Prepared { run, motion, chain, tau, standard, floor, doubt }
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.tau.first().map_or(0, Vec::len)
+    }
+
+    /// What the form adds to this run's torque, filtered: `[column][joint]`.
+    pub(crate) fn columns(&self, form: &Form, physics: &Physics<'_>) -> Vec<Column> {
+        form.columns(physics).into_iter().map(|full| column(&self.chain, full)).collect()
+    }
+}
+
+/// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf
+/// to jumps.
+fn white_noise(x: &[f64]) -> f64 {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let mut size: Vec<f64> =
+        x.windows(7).map(|w| w.iter().zip(BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
+    size.sort_by(f64::total_cmp);
+    let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
+    // Root of the sum of squares of the binomials; a normal variable's median size is 0.6745 σ.
+    median / (0.6745 * 924.0_f64.sqrt())
+}
+
+/// Mean inertia at a joint, drive included.
+fn inertia(nominal: &Nominal, motion: &Motion, joint: usize) -> f64 {
+    let (arm, n) = (&nominal.model.arm, motion.joints());
+    let links = bodies(&nominal.x, n);
+    let mut ws = Workspace::new(arm);
+    let mut m = vec![0.0; n * n];
+    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let picked: Vec<usize> = (0..motion.len()).step_by((motion.len() / 50).max(1)).collect();
+    let sum: f64 = picked
+        .iter()
+        .map(|k| {
+            motion.state(*k, &mut q, &mut qd, &mut qdd);
+            mass_matrix(arm, &links, &mut ws, &q, &mut m);
+            m[joint * n + joint]
+        })
+        .sum();
+    nominal.x[10 * n + joint] + sum / picked.len().max(1) as f64
+}
+
+/// A stretch of rows of one run.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    pub(crate) run: usize,
+    pub(crate) rows: Range<usize>,
+}
+
+/// The equations of several runs.
+pub(crate) struct Design {
+    /// `d[run][joint]`: rows x columns, each row times the root of its weight.
+    d: Vec<Vec<DMatrix<f64>>>,
+    /// Likewise the torque that the nominal model leaves.
+    y: Vec<Vec<DVector<f64>>>,
+    /// Root of each row's weight, `[run][joint][row]`.
+    root: Vec<Vec<Vec<f64>>>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) background: Background,
+}
+
+impl Design {
+    /// `noise`: torque noise of each joint \[N·m\], to weigh doubt by. `extra[run]`: further columns with their prior
+    /// standard deviations, such as timing.
+    pub(crate) fn new(
+        runs: &[&Prepared],
+        nominal: &Nominal,
+        noise: &[f64],
+        extra: &[Vec<Column>],
+        extra_std: &[f64],
+    ) -> Design {
+        let n = noise.len();
+        let k = nominal.x.len() + extra_std.len();
+        let mut design = Design {
+            d: Vec::new(),
+            y: Vec::new(),
+            root: Vec::new(),
+            blocks: Vec::new(),
+            background: Background {
+                cells: Vec::new(),
+                std: DVector::from_iterator(k, nominal.std.iter().chain(extra_std).copied()),
+                scaled: nominal
+                    .model
+                    .parameters
+                    .iter()
+                    .map(|p| !matches!(p, rivet_dynamics::Parameter::Offset(_)))
+                    .chain(extra_std.iter().map(|_| false))
+                    .collect(),
+            },
+        };
+        for (r, run) in runs.iter().enumerate() {
+            let rows = run.rows();
+            let root: Vec<Vec<f64>> = (0..n)
+                .map(|j| run.doubt[j].iter().map(|u| 1.0 / (1.0 + (u / noise[j]).powi(2)).sqrt()).collect())
+                .collect();
+            let mut d = Vec::with_capacity(n);
+            let mut y = Vec::with_capacity(n);
+            for j in 0..n {
+                let mut matrix = DMatrix::zeros(rows, k);
+                let mut left = DVector::from_column_slice(&run.tau[j]);
+                for (c, column) in run.standard.iter().chain(&extra[r]).enumerate() {
+                    let Some(values) = &column[j] else { continue };
+                    for (row, value) in values.iter().enumerate() {
+                        matrix[(row, c)] = value * root[j][row];
+                    }
+                    if let Some(x) = nominal.x.get(c) {
+                        left.iter_mut().zip(values).for_each(|(l, v)| *l -= v * x);
+                    }
+                }
+                left.iter_mut().zip(&root[j]).for_each(|(l, w)| *l *= w);
+                d.push(matrix);
+                y.push(left);
+            }
+            let length = (BLOCK_S / run.chain.row_period_s).round().max(1.0) as usize;
+            let count = (rows / length).max(1);
+            design.blocks.extend((0..count).map(|b| Block { run: r, rows: b * rows / count..(b + 1) * rows / count }));
+            design.d.push(d);
+            design.y.push(y);
+            design.root.push(root);
+        }
+        design.multiply();
+        design
+    }
+
+    pub(crate) fn joints(&self) -> usize {
+        self.root.first().map_or(0, Vec::len)
+    }
+
+    fn multiply(&mut self) {
+        let cell = |block: &Block, j: usize| {
+            let (from, len) = (block.rows.start, block.rows.len());
+            let d = self.d[block.run][j].rows(from, len);
+            let y = self.y[block.run][j].rows(from, len);
+            let transposed = d.transpose();
+            Cell { dd: &transposed * d, dy: &transposed * y, yy: y.norm_squared(), rows: len as f64 }
+        };
+        let cells = self.blocks.iter().map(|b| (0..self.joints()).map(|j| cell(b, j)).collect()).collect();
+        self.background.cells = cells;
+    }
+
+    /// Products of a candidate, `columns[run][column]`.
+    pub(crate) fn candidate(&self, columns: &[Vec<Column>]) -> Vec<CandidateCell> {
+        let mut cells = Vec::new();
+        for (b, block) in self.blocks.iter().enumerate() {
+            for joint in 0..self.joints() {
+                let own = &columns[block.run];
+                if own.iter().all(|column| column[joint].is_none()) {
+                    continue;
+                }
+                let (from, len) = (block.rows.start, block.rows.len());
+                let root = &self.root[block.run][joint];
+                let mut transposed = DMatrix::zeros(own.len(), len);
+                for (c, column) in own.iter().enumerate() {
+                    let Some(values) = &column[joint] else { continue };
+                    for row in 0..len {
+                        transposed[(c, row)] = values[from + row] * root[from + row];
+                    }
+                }
+                let d = self.d[block.run][joint].rows(from, len);
+                let y = self.y[block.run][joint].rows(from, len);
+                let (cd, cc, cy) = (&transposed * d, &transposed * transposed.transpose(), &transposed * y);
+                cells.push(CandidateCell { block: b, joint, cd, cc, cy });
+            }
+        }
+        cells
+    }
+
+    /// Makes a candidate part of the background: a mean other than zero moves to the left-hand side.
+    pub(crate) fn adopt(&mut self, columns: &[Vec<Column>], mean: &[f64], std: &[f64]) {
+        for (r, own) in columns.iter().enumerate() {
+            for j in 0..self.joints() {
+                let root = &self.root[r][j];
+                let rows = root.len();
+                let mut matrix = std::mem::replace(&mut self.d[r][j], DMatrix::zeros(0, 0));
+                let k = matrix.ncols();
+                matrix = matrix.resize_horizontally(k + own.len(), 0.0);
+                for (c, column) in own.iter().enumerate() {
+                    let Some(values) = &column[j] else { continue };
+                    for row in 0..rows {
+                        let weighted = values[row] * root[row];
+                        matrix[(row, k + c)] = weighted;
+                        self.y[r][j][row] -= mean[c] * weighted;
+                    }
+                }
+                self.d[r][j] = matrix;
+            }
+        }
+        let k = self.background.std.len();
+        self.background.std = DVector::from_iterator(k + std.len(), self.background.std.iter().chain(std).copied());
+        self.background.scaled.extend(std.iter().map(|_| false));
+        self.multiply();
+    }
+
+    /// Weighted residual of coefficients, `[run][joint]`.
+    pub(crate) fn residuals(&self, x: &DVector<f64>) -> Vec<Vec<DVector<f64>>> {
+        let of = |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
+        self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect()
+    }
+}
+
+/// Most rows per independent row: a longer memory is an effect, not noise, and must not hide itself.
+const LONGEST_MEMORY: f64 = 6.0;
+
+/// `1 + 2 Σ ρ_k` while the autocorrelation is positive: rows per independent row, at most [`LONGEST_MEMORY`].
+pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
+    let product = |lag: usize| -> f64 {
+        records.iter().map(|e| e.iter().zip(e.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
+    };
+    let power = product(0);
+    if power <= 0.0 {
+        return 1.0;
+    }
+    let longest = records.iter().map(|e| e.len()).min().unwrap_or(0) / 8;
+    let mut sum = 1.0;
+    for lag in 1..longest {
+        let share = product(lag) / power;
+        if share <= 0.0 {
+            break;
+        }
+        sum += 2.0 * share;
+    }
+    sum.min(LONGEST_MEMORY)
+}

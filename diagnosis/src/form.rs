@@ -1,0 +1,404 @@
+//! Forms of effects: columns of torque from the motion of one run.
+
+use rivet_dynamics::{Workspace, inverse_dynamics};
+
+use crate::effect::Effect;
+use crate::physics::{Physics, bodies, displaced};
+use crate::run::derivative;
+use crate::two_mass::{self, Gear};
+
+/// An effect on a joint with its inner values; its coefficients are found by the fit.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Form {
+    /// `|s|`, `|q̇|`
+    Asymmetry { joint: usize },
+    /// `s·exp(−(q̇/v)²)`
+    Stribeck { joint: usize, velocity: f64 },
+    /// `q̇|q̇|`, `q̇³`
+    ViscousNonlinearity { joint: usize },
+    /// `s·|τ_rigid|`
+    Load { joint: usize },
+    /// `q̇·ΔT`, `s·ΔT`
+    Temperature { joint: usize },
+    /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
+    Presliding { joint: usize, length: f64 },
+    /// `s·cos(kq)`, `s·sin(kq)`
+    PositionFriction { joint: usize, order: f64 },
+    /// The joint's whole torque
+    Gain { joint: usize },
+    /// `cos(cq)`, `sin(cq)`
+    Ripple { joint: usize, order: f64 },
+    /// The link's angle is off by `cos(cq)`, `sin(cq)`
+    TransmissionError { joint: usize, order: f64 },
+    /// Motor and link are joined by a spring, or loosely
+    TwoMass { joint: usize, gear: Gear },
+    /// `q`
+    Spring { joint: usize },
+    /// Spring of free length l0 between points at distances 1 and `arm` from the axis, `phase` between them at q = 0
+    Counterbalance { joint: usize, arm: f64, phase: f64 },
+    /// A motor that turns with the sum of two joints: `s(q̇a+q̇b)` and `q̇a+q̇b` on both, `q̈` of the other
+    Coupling { driving: usize, driven: usize },
+    /// The model's torque so much later, less itself
+    Delay { seconds: f64 },
+    /// Rate of the model's torque
+    Lag,
+    /// Measured torque beyond the limit
+    Saturation { joint: usize, limit: f64 },
+    /// Rigid torque's change with the joint's angle
+    EncoderOffset { joint: usize },
+    /// Angle off by `cos q`, `sin q`
+    Eccentricity { joint: usize },
+    /// A force at the flange in stretches of time, by run: base axes times hats over time
+    Force { windows: Vec<Vec<(f64, f64)>> },
+    /// Gravity along the base's x and y
+    Gravity,
+    /// Ten parameters of a body at the flange
+    Payload,
+    /// The link's body, scaled
+    LinkScale { link: usize },
+    /// `q̈`
+    RotorInertia { joint: usize },
+    /// `s`
+    Coulomb { joint: usize },
+    /// `q̇`
+    Viscous { joint: usize },
+}
+
+/// A column at the rate of the log: signals by joint.
+type Full = Vec<Option<Vec<f64>>>;
+
+impl Form {
+    /// The effect it belongs to.
+    pub(crate) fn effect(&self) -> Effect {
+        match self {
+            Form::Asymmetry { .. } => Effect::FrictionAsymmetry,
+            Form::Stribeck { .. } => Effect::StribeckFriction,
+            Form::ViscousNonlinearity { .. } => Effect::ViscousNonlinearity,
+            Form::Load { .. } => Effect::LoadDependentFriction,
+            Form::Temperature { .. } => Effect::TemperatureDependentFriction,
+            Form::Presliding { .. } => Effect::PreslidingFriction,
+            Form::PositionFriction { .. } => Effect::PositionDependentFriction,
+            Form::Gain { .. } => Effect::TorqueConstant,
+            Form::Ripple { .. } => Effect::TorqueRipple,
+            Form::TransmissionError { .. } => Effect::TransmissionError,
+            Form::TwoMass { gear, .. } if gear.gap > 0.0 => Effect::Backlash,
+            Form::TwoMass { .. } => Effect::JointElasticity,
+            Form::Spring { .. } => Effect::JointSpring,
+            Form::Counterbalance { .. } => Effect::Counterbalance,
+            Form::Coupling { .. } => Effect::JointCoupling,
+            Form::Delay { .. } => Effect::TransportDelay,
+            Form::Lag => Effect::CurrentLoopLag,
+            Form::Saturation { .. } => Effect::TorqueSaturation,
+            Form::EncoderOffset { .. } => Effect::EncoderOffset,
+            Form::Eccentricity { .. } => Effect::EncoderEccentricity,
+            Form::Force { .. } => Effect::ExternalForce,
+            Form::Gravity => Effect::GravityDirection,
+            Form::Payload => Effect::Payload,
+            Form::LinkScale { .. } => Effect::LinkInertia,
+            Form::RotorInertia { .. } => Effect::RotorInertia,
+            Form::Coulomb { .. } => Effect::CoulombFriction,
+            Form::Viscous { .. } => Effect::ViscousFriction,
+        }
+    }
+
+    /// The joints it is reported on; empty when it belongs to all or to none.
+    pub(crate) fn joints(&self) -> Vec<usize> {
+        match *self {
+            Form::Coupling { driving, driven } => vec![driving, driven],
+            Form::Delay { .. } | Form::Lag | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
+            Form::LinkScale { link } => vec![link],
+            Form::Asymmetry { joint }
+            | Form::Stribeck { joint, .. }
+            | Form::ViscousNonlinearity { joint }
+            | Form::Load { joint }
+            | Form::Temperature { joint }
+            | Form::Presliding { joint, .. }
+            | Form::PositionFriction { joint, .. }
+            | Form::Gain { joint }
+            | Form::Ripple { joint, .. }
+            | Form::TransmissionError { joint, .. }
+            | Form::TwoMass { joint, .. }
+            | Form::Spring { joint }
+            | Form::Counterbalance { joint, .. }
+            | Form::Saturation { joint, .. }
+            | Form::EncoderOffset { joint }
+            | Form::Eccentricity { joint }
+            | Form::RotorInertia { joint }
+            | Form::Coulomb { joint }
+            | Form::Viscous { joint } => vec![joint],
+        }
+    }
+
+    /// Whether the size of the effect is in its inner values, so that the coefficient is 1.
+    pub(crate) fn has_fixed_gain(&self) -> bool {
+        matches!(self, Form::Presliding { .. } | Form::TwoMass { .. } | Form::Delay { .. } | Form::Saturation { .. })
+    }
+
+    /// How many inner values were searched for.
+    pub(crate) fn inner_values(&self) -> usize {
+        match self {
+            Form::Stribeck { .. }
+            | Form::Presliding { .. }
+            | Form::Delay { .. }
+            | Form::Saturation { .. }
+            | Form::PositionFriction { .. }
+            | Form::Ripple { .. }
+            | Form::TransmissionError { .. } => 1,
+            Form::Counterbalance { .. } => 2,
+            Form::TwoMass { gear, .. } => 2 + usize::from(gear.gap > 0.0),
+            _ => 0,
+        }
+    }
+
+    /// Whether coefficients make sense for the effect.
+    pub(crate) fn plausible(&self, c: &[f64]) -> bool {
+        match self {
+            Form::Stribeck { .. } | Form::Load { .. } | Form::Lag | Form::Spring { .. } => c[0] > 0.0,
+            Form::Coupling { .. } => c[0] > 0.0 && c[1] >= 0.0,
+            Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
+            Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
+            Form::Gain { .. } => c[0].abs() < 0.5,
+            Form::EncoderOffset { .. } => c[0].abs() < 0.3,
+            Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
+            Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
+            Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
+            Form::LinkScale { .. } => c[0] > -0.9,
+            _ => c.iter().all(|c| c.is_finite()),
+        }
+    }
+
+    /// Columns at the rate of the log; none when the run lacks a signal the form needs.
+    pub(crate) fn columns(&self, p: &Physics<'_>) -> Vec<Full> {
+        let samples = p.samples();
+        let v = |j: usize, k: usize| p.motion.qd[j][k];
+        let q = |j: usize, k: usize| p.motion.q[j][k];
+        let s = |j: usize, k: usize| p.sign[j][k];
+        let on = |joint: usize, f: &dyn Fn(usize) -> f64| -> Full {
+            let mut full: Full = vec![None; p.joints()];
+            full[joint] = Some((0..samples).map(f).collect());
+            full
+        };
+        match self.clone() {
+            Form::Asymmetry { joint: j } => vec![on(j, &|k| s(j, k).abs()), on(j, &|k| v(j, k).abs())],
+            Form::Stribeck { joint: j, velocity } => {
+                vec![on(j, &|k| s(j, k) * (-(v(j, k) / velocity).powi(2)).exp())]
+            }
+            Form::ViscousNonlinearity { joint: j } => {
+                vec![on(j, &|k| v(j, k) * v(j, k).abs()), on(j, &|k| v(j, k).powi(3))]
+            }
+            Form::Load { joint: j } => vec![on(j, &|k| s(j, k) * p.rigid[j][k].abs())],
+            Form::Temperature { joint: j } => match &p.run.temperature {
+                Some(temperature) => {
+                    let t = &temperature[j];
+                    let warm = |k: usize| t[k] - t[0];
+                    vec![on(j, &|k| v(j, k) * warm(k)), on(j, &|k| s(j, k) * warm(k))]
+                }
+                None => Vec::new(),
+            },
+            Form::Presliding { joint: j, length } => {
+                let level = p.x[p.coulomb(j)].abs();
+                let z = dahl(&p.motion.q[j], length);
+                vec![on(j, &|k| level * (z[k] - s(j, k)))]
+            }
+            Form::PositionFriction { joint: j, order } => {
+                vec![on(j, &|k| s(j, k) * (order * q(j, k)).cos()), on(j, &|k| s(j, k) * (order * q(j, k)).sin())]
+            }
+            Form::Gain { joint: j } => vec![on(j, &|k| p.torque[j][k])],
+            Form::Ripple { joint: j, order } => {
+                vec![on(j, &|k| (order * q(j, k)).cos()), on(j, &|k| (order * q(j, k)).sin())]
+            }
+            Form::TransmissionError { joint: j, order } => wave(p, j, order, false),
+            Form::Eccentricity { joint: j } => wave(p, j, 1.0, true),
+            Form::TwoMass { joint, gear } => vec![two_mass::column(p, joint, gear)],
+            Form::Spring { joint: j } => vec![on(j, &|k| q(j, k))],
+            Form::Counterbalance { joint: j, arm, phase } => {
+                // Length l² = 1 + a² − 2a cos(q + φ); its derivative with respect to q times stretch: k (l − l0) a sin/l.
+                let length = |k: usize| (1.0 + arm * arm - 2.0 * arm * (q(j, k) + phase).cos()).max(1e-9).sqrt();
+                let lever = |k: usize| arm * (q(j, k) + phase).sin();
+                vec![on(j, &lever), on(j, &|k| lever(k) / length(k))]
+            }
+            Form::Coupling { driving: a, driven: b } => {
+                let both = |f: &dyn Fn(usize) -> f64| -> Full {
+                    let mut full: Full = vec![None; p.joints()];
+                    let signal: Vec<f64> = (0..samples).map(f).collect();
+                    full[a] = Some(signal.clone());
+                    full[b] = Some(signal);
+                    full
+                };
+                let v0 = p.nominal.model.structure.sign_velocity;
+                let mut inertia: Full = vec![None; p.joints()];
+                inertia[a] = Some(p.motion.qdd[b].clone());
+                inertia[b] = Some(p.motion.qdd[a].clone());
+                let sum = |k: usize| v(a, k) + v(b, k);
+                vec![both(&|k| rivet_dynamics::friction_sign(sum(k), v0)), both(&sum), inertia]
+            }
+            Form::Delay { seconds } => {
+                let shift = seconds / p.period_s();
+                let later = |tau: &Vec<f64>| -> Option<Vec<f64>> {
+                    Some((0..samples).map(|k| at(tau, k as f64 + shift) - tau[k]).collect())
+                };
+                vec![p.torque.iter().map(later).collect()]
+            }
+            Form::Lag => vec![p.torque.iter().map(|tau| Some(derivative(tau, p.period_s()))).collect()],
+            Form::Saturation { joint: j, limit } => {
+                let tau = &p.run.tau[j];
+                vec![on(j, &|k| tau[k] - tau[k].clamp(-limit, limit))]
+            }
+            Form::EncoderOffset { joint: j } => vec![p.gradient[j].iter().map(|g| Some(g.clone())).collect()],
+            Form::Force { windows } => force(p, &windows),
+            Form::Gravity => gravity(p),
+            Form::Payload => {
+                let last = p.joints() - 1;
+                (0..10).map(|e| body(p, last, &std::array::from_fn(|i| f64::from(u8::from(i == e))))).collect()
+            }
+            Form::LinkScale { link } => vec![body(p, link, &std::array::from_fn(|e| p.nominal.x[10 * link + e]))],
+            Form::RotorInertia { joint: j } => vec![on(j, &|k| p.motion.qdd[j][k])],
+            Form::Coulomb { joint: j } => vec![on(j, &|k| s(j, k))],
+            Form::Viscous { joint: j } => vec![on(j, &|k| v(j, k))],
+        }
+    }
+}
+
+impl Physics<'_> {
+    /// Place of a joint's Coulomb friction in the standard vector.
+    pub(crate) fn coulomb(&self, joint: usize) -> usize {
+        10 * self.joints() + 2 * self.joints() + joint
+    }
+}
+
+/// Value between samples, linear; the ends hold.
+fn at(x: &[f64], place: f64) -> f64 {
+    let place = place.clamp(0.0, (x.len() - 1) as f64);
+    let k = (place as usize).min(x.len().saturating_sub(2));
+    let share = place - k as f64;
+    x[k] * (1.0 - share) + x[(k + 1).min(x.len() - 1)] * share
+}
+
+/// State of Dahl's spring in units of the sliding friction: `dz = (dq − |dq| z)/length`, exact for each step.
+fn dahl(q: &[f64], length: f64) -> Vec<f64> {
+    let mut z = 0.0;
+    let mut before = q.first().copied().unwrap_or(0.0);
+    q.iter()
+        .map(|now| {
+            let dq = now - before;
+            before = *now;
+            let to = dq.signum();
+            if dq != 0.0 {
+                z = to + (z - to) * (-dq.abs() / length).exp();
+            }
+            z
+        })
+        .collect()
+}
+
+/// The joint's angle is off by cos(cq) and sin(cq): rigid torques change by M δ̈ + ∂τ/∂q δ. Where the encoder itself is
+/// off (`whole`) so do the drive's inertia and viscous friction.
+fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Vec<Full> {
+    let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
+    let n = p.joints();
+    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
+    let made = |cosine: bool| {
+        let mut delta = Vec::with_capacity(q.len());
+        let mut accel = Vec::with_capacity(q.len());
+        let mut drive = Vec::with_capacity(q.len());
+        for k in 0..q.len() {
+            let (sin, cos) = (order * q[k]).sin_cos();
+            let (d, slope) = if cosine { (cos, -sin) } else { (sin, cos) };
+            let a = order * slope * qdd[k] - order * order * d * qd[k] * qd[k];
+            delta.push(d);
+            accel.push(a);
+            drive.push(rotor * a + viscous * order * slope * qd[k]);
+        }
+        let mut full = displaced(p, joint, &delta, &accel);
+        if whole && let Some(own) = &mut full[joint] {
+            own.iter_mut().zip(&drive).for_each(|(t, d)| *t += d);
+        }
+        full
+    };
+    vec![made(true), made(false)]
+}
+
+/// Rigid torque of one body alone, links before it massless.
+fn body(p: &Physics<'_>, link: usize, parameters: &[f64; 10]) -> Full {
+    let n = p.joints();
+    let mut links = vec![[0.0; 10]; n];
+    links[link] = *parameters;
+    rigid(p, &links, p.nominal.model.arm.gravity)
+}
+
+fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3]) -> Full {
+    let n = p.joints();
+    let mut arm = p.nominal.model.arm.clone();
+    arm.gravity = gravity;
+    let mut ws = Workspace::new(&arm);
+    let (mut q, mut qd, mut qdd, mut tau) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let mut full: Full = vec![Some(Vec::with_capacity(p.samples())); n];
+    for k in 0..p.samples() {
+        p.motion.state(k, &mut q, &mut qd, &mut qdd);
+        inverse_dynamics(&arm, links, &mut ws, &q, &qd, &qdd, &mut tau);
+        full.iter_mut().zip(&tau).for_each(|(signal, tau)| {
+            if let Some(signal) = signal {
+                signal.push(*tau);
+            }
+        });
+    }
+    full
+}
+
+/// Distance between the tops of two hats \[s\].
+const HAT_S: f64 = 0.25;
+
+/// Torque of 1 N at the flange along each base axis, times hats over the windows of all runs; zero on other runs.
+fn force(p: &Physics<'_>, windows: &[Vec<(f64, f64)>]) -> Vec<Full> {
+    let (n, samples) = (p.joints(), p.samples());
+    let mut links = vec![[0.0; 10]; n];
+    links[n - 1][0] = 1.0;
+    let mut ws = Workspace::new(&p.nominal.model.arm);
+    let still = vec![0.0; n];
+    let mut columns = Vec::new();
+    let mut tau = vec![0.0; n];
+    for (run, own) in windows.iter().enumerate() {
+        for (from, to) in own {
+            let hats = ((to - from) / HAT_S).ceil().max(1.0) as usize;
+            for hat in 0..=hats {
+                let top = from + (to - from) * hat as f64 / hats as f64;
+                let near = |k: usize| 1.0 - (k as f64 * p.period_s() - top).abs() / ((to - from) / hats as f64);
+                for axis in 0..3 {
+                    if p.index != Some(run) {
+                        columns.push(vec![None; n]);
+                        continue;
+                    }
+                    // A unit mass at the flange, standing still, under a unit acceleration: what the joints must hold.
+                    let mut arm = p.nominal.model.arm.clone();
+                    arm.gravity = [0.0; 3];
+                    arm.gravity[axis] = -1.0;
+                    let mut full = vec![vec![0.0; samples]; n];
+                    for k in (0..samples).filter(|k| near(*k) > 0.0) {
+                        let q: Vec<f64> = p.motion.q.iter().map(|q| q[k]).collect();
+                        inverse_dynamics(&arm, &links, &mut ws, &q, &still, &still, &mut tau);
+                        full.iter_mut().zip(&tau).for_each(|(signal, tau)| signal[k] = near(k) * tau);
+                    }
+                    columns.push(full.into_iter().map(Some).collect());
+                }
+            }
+        }
+    }
+    columns
+}
+
+/// Torque per m/s² of gravity along the base's x and y.
+fn gravity(p: &Physics<'_>) -> Vec<Full> {
+    let links = bodies(&p.x, p.joints());
+    let still = rigid(p, &links, [0.0; 3]);
+    let along = |axis: usize| {
+        let mut g = [0.0; 3];
+        g[axis] = 1.0;
+        let with = rigid(p, &links, g);
+        let difference = |(with, still): (Option<Vec<f64>>, &Option<Vec<f64>>)| {
+            let (with, still) = (with?, still.as_ref()?);
+            Some(with.iter().zip(still).map(|(a, b)| a - b).collect())
+        };
+        with.into_iter().zip(&still).map(difference).collect()
+    };
+    vec![along(0), along(1)]
+}

@@ -1,0 +1,100 @@
+//! Every effect on every joint it can act on, with a grid of inner values.
+
+use crate::form::Form;
+use crate::physics::Physics;
+use crate::two_mass::Gear;
+
+/// Speeds of the Stribeck curve \[rad/s\].
+const STRIBECK: [f64; 6] = [0.01, 0.02, 0.04, 0.08, 0.16, 0.32];
+/// Lengths of presliding springs \[rad\].
+const PRESLIDING: [f64; 6] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1];
+/// Orders of friction over the joint's turn.
+const FRICTION_ORDERS: [f64; 3] = [1.0, 2.0, 3.0];
+/// Delays \[s\].
+const DELAYS: [f64; 8] = [0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.009, 0.014];
+/// First resonance with the motor held: lowest, highest \[Hz\] and steps between them.
+const RESONANCES: (f64, f64, usize) = (2.5, 45.0, 24);
+/// Damping ratio of the gear.
+const DAMPINGS: [f64; 3] = [0.02, 0.08, 0.25];
+/// Play \[rad\].
+const GAPS: [f64; 6] = [3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2];
+/// Contact resonance of a gear with play \[Hz\].
+const CONTACTS: [f64; 3] = [12.0, 30.0, 75.0];
+/// Damping ratio of the contact.
+const CONTACT_DAMPING: f64 = 0.25;
+/// Limits of torque, as a share of the largest that the model needs.
+const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
+/// A command is cut when it goes this far beyond the limit.
+const BEYOND: f64 = 1.15;
+/// Distance ratios of a counterbalance's two hinges.
+const LEVERS: [f64; 2] = [0.3, 0.7];
+/// Angles between them at zero.
+const PHASES: usize = 6;
+
+/// All forms, orders of ripple from `orders[joint]`.
+pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
+    let n = physics.joints();
+    let mut forms = vec![Form::Gravity, Form::Payload, Form::Lag];
+    forms.extend(DELAYS.map(|seconds| Form::Delay { seconds }));
+    for joint in 0..n {
+        forms.extend([
+            Form::Asymmetry { joint },
+            Form::ViscousNonlinearity { joint },
+            Form::Load { joint },
+            Form::Gain { joint },
+            Form::Spring { joint },
+            Form::EncoderOffset { joint },
+            Form::Eccentricity { joint },
+            Form::LinkScale { link: joint },
+            Form::RotorInertia { joint },
+            Form::Coulomb { joint },
+            Form::Viscous { joint },
+        ]);
+        if physics.run.temperature.is_some() {
+            forms.push(Form::Temperature { joint });
+        }
+        forms.extend(STRIBECK.map(|velocity| Form::Stribeck { joint, velocity }));
+        forms.extend(PRESLIDING.map(|length| Form::Presliding { joint, length }));
+        forms.extend(FRICTION_ORDERS.map(|order| Form::PositionFriction { joint, order }));
+        let top = |signal: &[f64]| signal.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
+        let (asked, needed) = (top(&physics.run.tau[joint]), top(&physics.torque[joint]));
+        let limits = LIMITS.map(|share| share * needed);
+        let cut = limits.into_iter().filter(|limit| asked > BEYOND * limit);
+        forms.extend(cut.map(|limit| Form::Saturation { joint, limit }));
+        for order in &orders[joint] {
+            forms.push(Form::Ripple { joint, order: *order });
+            forms.push(Form::TransmissionError { joint, order: *order });
+            forms.push(Form::PositionFriction { joint, order: *order });
+        }
+        let stiffness = |hz: f64| inertia(physics, joint) * (std::f64::consts::TAU * hz).powi(2);
+        let (low, high, steps) = RESONANCES;
+        for step in 0..=steps {
+            let hz = low * (high / low).powf(step as f64 / steps as f64);
+            for damping in DAMPINGS {
+                forms.push(Form::TwoMass { joint, gear: Gear { stiffness: stiffness(hz), damping, gap: 0.0 } });
+            }
+        }
+        for hz in CONTACTS {
+            for gap in GAPS {
+                let gear = Gear { stiffness: stiffness(hz), damping: CONTACT_DAMPING, gap };
+                forms.push(Form::TwoMass { joint, gear });
+            }
+        }
+        if joint > 0 && physics.nominal.model.structure.coupling.is_none() {
+            forms.push(Form::Coupling { driving: joint - 1, driven: joint });
+        }
+        for arm in LEVERS {
+            for step in 0..PHASES {
+                let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
+                forms.push(Form::Counterbalance { joint, arm, phase });
+            }
+        }
+    }
+    forms
+}
+
+/// Mean inertia of the link side at a joint.
+fn inertia(physics: &Physics<'_>, joint: usize) -> f64 {
+    let mass = &physics.mass[joint][joint];
+    mass.iter().sum::<f64>() / mass.len().max(1) as f64
+}

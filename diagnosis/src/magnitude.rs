@@ -1,0 +1,72 @@
+//! How large an effect is, in terms a person can check.
+
+use crate::form::Form;
+
+impl Form {
+    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector.
+    pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
+        let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+        let wave = |c: &[f64]| c[0].hypot(c[1]);
+        match self {
+            Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
+            Form::Stribeck { velocity, .. } => named(&[("excess_Nm", c[0]), ("velocity_rad_s", *velocity)]),
+            Form::ViscousNonlinearity { .. } => named(&[("quadratic_Nms2_rad2", c[0]), ("cubic_Nms3_rad3", c[1])]),
+            Form::Load { .. } => named(&[("ratio", c[0])]),
+            Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
+            Form::Presliding { joint, length } => {
+                let level = nominal[12 * joints + joint].abs();
+                named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])
+            }
+            Form::PositionFriction { order, .. } | Form::Ripple { order, .. } => {
+                named(&[("amplitude_Nm", wave(c)), ("cycles_per_turn", *order)])
+            }
+            Form::TransmissionError { order, .. } => named(&[("amplitude_rad", wave(c)), ("cycles_per_turn", *order)]),
+            Form::Eccentricity { .. } => named(&[("amplitude_rad", wave(c))]),
+            // Measured torque over the model's: the drive delivers less than it reports when this is above 1.
+            Form::Gain { .. } => named(&[("gain", 1.0 / (1.0 + c[0]))]),
+            Form::TwoMass { gear, .. } => {
+                let mut size = named(&[("stiffness_Nm_rad", gear.stiffness)]);
+                if gear.gap > 0.0 {
+                    size.insert(0, ("gap_rad".to_owned(), gear.gap));
+                }
+                size
+            }
+            Form::Spring { .. } => named(&[("stiffness_Nm_rad", c[0])]),
+            Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
+            Form::Coupling { .. } => {
+                named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1]), ("rotor_inertia_kgm2", c[2])])
+            }
+            Form::Delay { seconds } => named(&[("seconds", seconds * c[0])]),
+            Form::Lag => named(&[("time_constant_s", c[0]), ("bandwidth_hz", 1.0 / (std::f64::consts::TAU * c[0]))]),
+            Form::Saturation { limit, .. } => named(&[("limit_Nm", *limit)]),
+            Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
+            Form::Force { .. } => {
+                let largest = c.chunks(3).map(|f| f.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max);
+                named(&[("largest_N", largest)])
+            }
+            Form::Gravity => named(&[("tilt_rad", wave(c) / 9.81), ("gx_m_s2", c[0]), ("gy_m_s2", c[1])]),
+            Form::Payload => named(&[
+                ("mass_kg", c[0]),
+                ("com_x_m", c[1] / c[0]),
+                ("com_y_m", c[2] / c[0]),
+                ("com_z_m", c[3] / c[0]),
+            ]),
+            Form::LinkScale { .. } => named(&[("mass_gain", 1.0 + c[0])]),
+            Form::RotorInertia { joint } => named(&[("gain", 1.0 + c[0] / nominal[10 * joints + joint].max(1e-12))]),
+            Form::Coulomb { .. } => named(&[("change_Nm", c[0])]),
+            Form::Viscous { .. } => named(&[("change_Nms_rad", c[0])]),
+        }
+    }
+
+    /// Whether the motion alone tells what the effect does: contact and saturation it does not.
+    pub(crate) fn is_predictable(&self) -> bool {
+        !matches!(self, Form::Force { .. } | Form::Saturation { .. })
+    }
+
+    /// Whether wrong values of the model can look like the effect: then the held-out gain over a refit of all values is
+    /// small although the values it takes are absurd, and the evidence alone decides.
+    pub(crate) fn hides(&self) -> bool {
+        use crate::effect::Kind;
+        self.effect().kind() == Kind::Value || matches!(self, Form::Lag | Form::Delay { .. } | Form::Asymmetry { .. })
+    }
+}

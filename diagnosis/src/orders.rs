@@ -1,0 +1,75 @@
+//! Orders of the joint's angle that stand out in what the model leaves.
+
+use std::f64::consts::TAU;
+
+use crate::search::Search;
+
+/// Highest order looked at.
+const HIGHEST: f64 = 420.0;
+/// Lowest: below it the wave is not told from what friction and gravity do over the joint's range.
+const LOWEST: f64 = 4.0;
+/// Orders kept for each joint.
+const KEPT: usize = 3;
+
+/// For each joint the orders with the largest amplitude in the full-rate residual.
+pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
+    let physics = search.physics()?;
+    let n = search.noise.len();
+    let each = |j: usize| {
+        let range = physics.iter().map(|p| span(&p.motion.q[j])).fold(0.0, f64::max);
+        if range < 0.05 {
+            return Vec::new();
+        }
+        let step = 0.2 * TAU / range;
+        let count = ((HIGHEST - LOWEST) / step).ceil().max(1.0) as usize;
+        let mut power = vec![[0.0; 2]; count];
+        let mut total = vec![0.0; count];
+        for p in &physics {
+            let (q, qd) = (&p.motion.q[j], &p.motion.qd[j]);
+            power.fill([0.0; 2]);
+            let thin = (0.001 / p.period_s()).round().max(1.0) as usize;
+            for k in (0..p.samples()).step_by(thin) {
+                if qd[k].abs() < 0.01 {
+                    continue;
+                }
+                let r = p.run.tau[j][k] - p.torque[j][k];
+                // A phasor turned by one step of the order each time.
+                let (mut s, mut c) = (LOWEST * q[k]).sin_cos();
+                let (ds, dc) = (step * q[k]).sin_cos();
+                for entry in &mut power {
+                    entry[0] += r * c;
+                    entry[1] += r * s;
+                    (s, c) = (s * dc + c * ds, c * dc - s * ds);
+                }
+            }
+            total.iter_mut().zip(&power).for_each(|(t, p)| *t += p[0] * p[0] + p[1] * p[1]);
+        }
+        let mut peaks: Vec<usize> =
+            (1..count.saturating_sub(1)).filter(|i| total[*i] >= total[i - 1] && total[*i] > total[i + 1]).collect();
+        // Against the spectrum around it: low orders are large in any residual.
+        let local = |i: usize| {
+            let around = &total[i.saturating_sub(20)..(i + 21).min(count)];
+            let mut sorted = around.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            total[i] / sorted[sorted.len() / 2].max(f64::MIN_POSITIVE)
+        };
+        peaks.sort_by(|a, b| local(*b).total_cmp(&local(*a)));
+        peaks.truncate(KEPT);
+        peaks
+            .into_iter()
+            .map(|i| {
+                // Vertex of the parabola through the peak.
+                let (a, b, c) = (total[i - 1], total[i], total[i + 1]);
+                let bend = a - 2.0 * b + c;
+                let shift = if bend < 0.0 { 0.5 * (a - c) / bend } else { 0.0 };
+                LOWEST + step * (i as f64 + shift)
+            })
+            .collect()
+    };
+    Some((0..n).map(each).collect())
+}
+
+fn span(x: &[f64]) -> f64 {
+    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    (high - low).max(0.0)
+}

@@ -1,0 +1,106 @@
+//! How far the gap will shrink on a motion whose torque nobody has looked at.
+//!
+//! ```text
+//! rms_k² = v + E_k        v: what the full model leaves on the runs looked at
+//!                         E_k: mean square by which model k differs from the full model, along the sealed motion
+//! ```
+//!
+//! The interval is that of a block bootstrap of coefficients and v, widened for what bootstraps do not know: inner values
+//! and the form itself.
+
+use crate::search::Search;
+use crate::stages::{RunColumns, Stages, Steps, mean_square, mean_square_between};
+use nalgebra::DVector;
+
+/// Resamplings of the blocks.
+const BOOTSTRAPS: usize = 40;
+/// Widening on either side.
+const WIDENED: f64 = 0.03;
+/// The interval's ends among sorted resamplings.
+const TAIL: f64 = 0.05;
+
+/// Predictions before the sealed torque is looked at.
+pub(crate) struct Prediction {
+    /// Shrink of each cause with the ends of its interval.
+    pub(crate) shrink: Vec<(f64, f64, f64)>,
+}
+
+pub(crate) fn predict(
+    search: &Search<'_>,
+    seen: &[RunColumns<'_>],
+    sealed: &RunColumns<'_>,
+    nominal: &[f64],
+    steps: &Steps,
+    x: &DVector<f64>,
+    means: &[f64],
+) -> Option<Prediction> {
+    let blocks = search.design.background.blocks();
+    let left = |x: &DVector<f64>| -> Vec<f64> {
+        let mut sum = vec![0.0; search.floor.len()];
+        for run in seen {
+            let stages = run.stages(nominal, steps, x, means);
+            let own = mean_square_between(&stages.tau, &stages.models[steps.len()]);
+            sum.iter_mut().zip(own).for_each(|(s, o)| *s += o / seen.len() as f64);
+        }
+        sum
+    };
+    let v = left(x);
+    let full = sealed.stages(nominal, steps, x, means);
+    let reference = &full.models[steps.len()];
+    let square: Vec<f64> = mean_square(reference).iter().zip(&v).map(|(m, v)| m + v).collect();
+    let gaps = |stages: &Stages, v: &[f64]| -> Vec<f64> {
+        stages
+            .models
+            .iter()
+            .map(|model| {
+                let e = mean_square_between(model, reference);
+                let mean: f64 = (0..v.len()).map(|j| (v[j] + e[j]) / square[j].max(f64::MIN_POSITIVE)).sum();
+                (mean / v.len() as f64).sqrt()
+            })
+            .collect()
+    };
+    let shrinks = |gaps: &[f64]| -> Vec<f64> { gaps.windows(2).map(|w| 1.0 - w[1] / w[0]).collect() };
+    let central = shrinks(&gaps(&full, &v));
+    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut samples: Vec<Vec<f64>> = Vec::new();
+    for _ in 0..BOOTSTRAPS {
+        let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
+        let again = search.design.background.solve(&search.weights, search.scale, chosen.iter().copied())?.x;
+        // Residuals by the same blocks: their spread is that of v.
+        let errors: Vec<Vec<f64>> = chosen.iter().map(|b| search.design.background.joint_errors(*b, &again)).collect();
+        let all: Vec<Vec<f64>> = (0..blocks).map(|b| search.design.background.joint_errors(b, x)).collect();
+        let ratio = |j: usize| {
+            let of = |errors: &[Vec<f64>]| errors.iter().map(|e| e[j]).sum::<f64>();
+            of(&errors) / of(&all).max(f64::MIN_POSITIVE)
+        };
+        let v_again: Vec<f64> = v.iter().enumerate().map(|(j, v)| v * ratio(j).clamp(0.2, 5.0)).collect();
+        let stages = sealed.stages(nominal, steps, &again, means);
+        samples.push(shrinks(&gaps(&stages, &v_again)));
+    }
+    let shrink = central
+        .iter()
+        .enumerate()
+        .take(steps.len() - 1)
+        .map(|(k, central)| {
+            let mut of: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+            of.sort_by(f64::total_cmp);
+            let end = |share: f64| of[((of.len() - 1) as f64 * share).round() as usize];
+            let (low, high) = (end(TAIL).min(*central), end(1.0 - TAIL).max(*central));
+            (*central, low - WIDENED, (high + WIDENED).min(1.0))
+        })
+        .collect();
+    Some(Prediction { shrink })
+}
+
+/// A small generator (xorshift64*): resampling must be the same on every machine.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let value = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33;
+        value as usize % n.max(1)
+    }
+}

@@ -1,0 +1,452 @@
+//! The whole procedure: runs to look at, a run that stays sealed, causes, predictions, then the sealed torque.
+
+use nalgebra::DVector;
+use rivet_dynamics::Model;
+
+use crate::background::Nominal;
+use crate::design::Prepared;
+use crate::effect::{Effect, Kind};
+use crate::form::Form;
+use crate::gap::Gap;
+use crate::physics::Physics;
+use crate::predict::{Prediction, predict};
+use crate::regimes::{self, Regime};
+use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
+use crate::rows::Column;
+use crate::run::Run;
+use crate::search::Search;
+use crate::select::{Adopted, select};
+use crate::separate;
+use crate::stages::{RunColumns, Stages, Steps, sure_mean_square};
+use crate::values::{self, Group};
+
+/// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
+const LEAST_SPEED: f64 = 0.02;
+const LEAST_SECONDS: f64 = 5.0;
+/// Share of a single run that is looked at; the rest is sealed.
+const LOOKED_AT: f64 = 0.6;
+/// A cause whose measured shrink is below this share of the predicted one does not transfer.
+const TRANSFERS: f64 = 0.3;
+/// Least share of a joint's excess over its floor that causes must explain for their names to stand.
+const EXPLAINED: f64 = 0.7;
+/// The same where the form is a simulated gear, delay or bristle, never exact.
+const EXPLAINED_SIMULATED: f64 = 0.5;
+/// A joint whose residual is above this multiple of its noise floor, with no cause, is unexplained.
+const UNEXPLAINED: f64 = 9.0;
+/// A shrink below this is no cause worth naming.
+const MATERIAL: f64 = 0.01;
+
+/// Why nothing could be diagnosed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DiagnosisError {
+    /// No run was given.
+    #[error("no run to diagnose")]
+    NoRun,
+    /// A run with another number of joints, or signals of different lengths.
+    #[error("{run}: {what}")]
+    Shape {
+        /// The run's name.
+        run: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The equations cannot be solved.
+    #[error("the equations of the runs cannot be solved: is every signal finite and the nominal model physical?")]
+    Singular,
+}
+
+/// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
+///
+/// With several runs the last is sealed: it is predicted before its torque is looked at. A single run is cut. `say` is
+/// told what happens.
+///
+/// # Errors
+/// [`DiagnosisError`].
+pub fn diagnose(
+    model: &Model,
+    nominal: &[f64],
+    runs: Vec<Run>,
+    say: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnosisError> {
+    let joints = model.arm.dof();
+    for run in &runs {
+        check(run, joints)?;
+    }
+    let (look, sealed) = split(runs).ok_or(DiagnosisError::NoRun)?;
+    let data = DataUse {
+        runs: look.len() + 1,
+        fit_seconds: look.iter().map(Run::seconds).sum(),
+        sealed_seconds: sealed.seconds(),
+    };
+    if !look.iter().any(moves) {
+        return Ok(Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything"));
+    }
+    let nominal = Nominal::new(model, nominal, &typical_torque(&look, joints));
+    say("motion, regressors");
+    let look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
+    let sealed = Prepared::new(sealed, &nominal);
+    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(say);
+    done.ok_or(DiagnosisError::Singular)
+}
+
+fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
+    let fault = |what: String| Err(DiagnosisError::Shape { run: run.name.clone(), what });
+    let rows = run.len();
+    for (signal, name) in [(&run.q, "positions"), (&run.tau, "torques")] {
+        if signal.len() != joints {
+            return fault(format!("{name} of {} joints, the robot has {joints}", signal.len()));
+        }
+        if signal.iter().any(|s| s.len() != rows) {
+            return fault(format!("{name} of different lengths"));
+        }
+    }
+    Ok(())
+}
+
+/// Runs to look at and the run to seal.
+fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
+    let last = runs.pop()?;
+    if !runs.is_empty() {
+        return Some((runs, last));
+    }
+    let cut = (last.len() as f64 * LOOKED_AT) as usize;
+    let part = |range: std::ops::Range<usize>, name: &str| {
+        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
+        Run {
+            name: format!("{} ({name})", last.name),
+            period_s: last.period_s,
+            q: of(&last.q),
+            tau: of(&last.tau),
+            temperature: last.temperature.as_ref().map(of),
+        }
+    };
+    Some((vec![part(0..cut, "first part")], part(cut..last.len(), "rest")))
+}
+
+fn moves(run: &Run) -> bool {
+    let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > LEAST_SPEED * run.period_s);
+    run.seconds() >= LEAST_SECONDS && run.q.iter().any(fast)
+}
+
+fn typical_torque(runs: &[Run], joints: usize) -> Vec<f64> {
+    let of = |j: usize| {
+        let (square, rows) = runs.iter().flat_map(|r| &r.tau[j]).fold((0.0, 0.0), |(s, n), t| (s + t * t, n + 1.0));
+        f64::sqrt(square / f64::max(rows, 1.0)).max(1e-9)
+    };
+    (0..joints).map(of).collect()
+}
+
+struct Procedure<'a> {
+    nominal: &'a Nominal,
+    look: &'a [Prepared],
+    sealed: &'a Prepared,
+    data: DataUse,
+}
+
+/// A cause before it is reported.
+struct Step {
+    effect: Effect,
+    joints: Vec<usize>,
+    columns: Vec<usize>,
+    adopted: Option<Adopted>,
+}
+
+impl Procedure<'_> {
+    fn run(&self, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
+        let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
+        let adopted = select(&mut search, say)?;
+        let wrong = values::wrong(&mut search)?;
+        let x = search.solved(search.scale)?.x;
+        let steps = Self::steps(&search, adopted, wrong);
+        let means = means(&search, &steps);
+        let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &steps, Some(i)));
+        let seen: Vec<RunColumns<'_>> = seen.collect();
+        let hidden = self.columns(self.sealed, &steps, None);
+        let remainder = remainder(&search, &steps);
+        let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
+        say("prediction of the sealed run");
+        let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means)?;
+        say("the sealed torque");
+        let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
+        let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
+        Some(self.report(&search, &steps, &prediction, &measured, &seen))
+    }
+
+    fn steps(search: &Search<'_>, adopted: Vec<Adopted>, wrong: Vec<Group>) -> Vec<Step> {
+        let mut steps: Vec<Step> = Vec::new();
+        for group in wrong {
+            match steps.iter_mut().find(|s| s.effect == group.effect) {
+                Some(step) => {
+                    step.joints.push(group.joint);
+                    step.columns.extend(group.columns);
+                }
+                None => steps.push(Step {
+                    effect: group.effect,
+                    joints: vec![group.joint],
+                    columns: group.columns,
+                    adopted: None,
+                }),
+            }
+        }
+        let ends: Vec<usize> =
+            adopted.iter().skip(1).map(|a| a.place).chain([search.design.background.len()]).collect();
+        for (one, end) in adopted.into_iter().zip(ends) {
+            let columns = (one.place..end).collect();
+            let (effect, joints) = (one.form.effect(), one.form.joints());
+            steps.push(Step { effect, joints, columns, adopted: Some(one) });
+        }
+        steps
+    }
+
+    /// A run with the columns that were added to the model's own, in the order of the design.
+    fn columns<'b>(&'b self, run: &'b Prepared, steps: &[Step], index: Option<usize>) -> RunColumns<'b> {
+        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index);
+        let mut extra: Vec<Column> = run.columns(&Form::Lag, &nominal);
+        for adopted in steps.iter().filter_map(|s| s.adopted.as_ref()) {
+            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index);
+            let mut columns = run.columns(&adopted.form, &physics);
+            // A run without the signal that the form needs is not changed by it.
+            columns.resize(adopted.mean.len(), vec![None; run.tau.len()]);
+            extra.extend(columns);
+        }
+        RunColumns { run, extra }
+    }
+
+    fn report(
+        &self,
+        search: &Search<'_>,
+        steps: &[Step],
+        prediction: &Prediction,
+        measured: &Stages,
+        seen: &[Stages],
+    ) -> Diagnosis {
+        let names: Vec<String> = self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect();
+        let gaps: Vec<Gap> = measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect();
+        let mut causes = Vec::new();
+        let mut withdrawn = Vec::new();
+        let explained = explained(search);
+        for (k, step) in steps.iter().enumerate() {
+            let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
+            let predictable = step.adopted.as_ref().is_none_or(|a| a.form.is_predictable());
+            let (predicted, low, high) = if predictable {
+                prediction.shrink[k]
+            } else {
+                // The motion does not tell when a contact comes or a command is cut: as before, if it comes again.
+                let before = shrink_of(seen, k);
+                (before, 0.0_f64.min(before), before.max(0.95))
+            };
+            let shrink = Shrink { predicted, low, high, measured: measured_shrink };
+            let rivals: Vec<Effect> = step.adopted.as_ref().map(|a| a.rivals.clone()).unwrap_or_default();
+            let cause = Cause {
+                effect: step.effect,
+                joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
+                magnitude: self.magnitude(search, step),
+                shrink,
+                confidence: confidence(step, shrink, rivals.len()),
+                separating_motion: separate::motion(step.effect, &rivals),
+                indistinguishable_from: rivals,
+            };
+            let transfers = self.transfers(search, seen, measured, k) || !predictable;
+            let enough = step.adopted.as_ref().is_none_or(|a| stands(a, &explained));
+            let material = step.adopted.is_some() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
+            if transfers && enough && material {
+                causes.push(cause);
+            } else {
+                withdrawn.push(cause);
+            }
+        }
+        let floors = self.sealed_floor();
+        let (before, after) = (&gaps[0], &gaps[gaps.len() - 1]);
+        let per_joint = (0..names.len())
+            .map(|j| JointGap {
+                joint: names[j].clone(),
+                before: before.per_joint[j],
+                after: after.per_joint[j],
+                noise_floor: floors[j],
+            })
+            .collect();
+        let pooled_floor = pooled(&floors);
+        let unexplained_share = share_left(before, after, pooled_floor);
+        let left_over = (0..names.len()).any(|j| search.noise[j] > UNEXPLAINED * search.floor[j]);
+        let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
+        let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
+        let verdict = match (structure, causes.is_empty()) {
+            (0, _) if left_over || withdrawn_structure && structure == 0 && !at_floor(search) => Verdict::Unexplained,
+            (0, true) => Verdict::NoGap,
+            (0, false) => Verdict::Parameter,
+            (1, _) => Verdict::Effect,
+            _ => Verdict::Several,
+        };
+        Diagnosis {
+            verdict,
+            before: before.all,
+            after: after.all,
+            noise_floor: pooled_floor,
+            per_joint,
+            place: self.place(measured, &names),
+            causes,
+            withdrawn,
+            unexplained_share,
+            data: self.data,
+            remark: None,
+        }
+    }
+
+    /// Whether what step `k` takes from the runs looked at it takes from the sealed one as well, where friction's direction
+    /// is sure, in units of each joint's noise.
+    fn transfers(&self, search: &Search<'_>, seen: &[Stages], measured: &Stages, k: usize) -> bool {
+        let noise = &search.first_noise;
+        let taken = |run: &Prepared, stages: &Stages| -> f64 {
+            let before = sure_mean_square(run, stages, k, noise);
+            let after = sure_mean_square(run, stages, k + 1, noise);
+            (0..noise.len()).map(|j| (before[j] - after[j]) / noise[j].powi(2)).sum()
+        };
+        let looked_at: f64 =
+            self.look.iter().zip(seen).map(|(run, stages)| taken(run, stages)).sum::<f64>() / seen.len() as f64;
+        taken(self.sealed, measured) >= TRANSFERS * looked_at
+    }
+
+    /// Noise of the sealed run's torque relative to it, by joint.
+    fn sealed_floor(&self) -> Vec<f64> {
+        let relative = |(floor, tau): (&f64, &Vec<f64>)| {
+            let square: f64 = tau.iter().map(|t| t * t).sum::<f64>() / tau.len().max(1) as f64;
+            floor / square.sqrt().max(f64::MIN_POSITIVE)
+        };
+        self.sealed.floor.iter().zip(&self.sealed.tau).map(relative).collect()
+    }
+
+    /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.
+    fn place(&self, measured: &Stages, names: &[String]) -> Vec<Cell> {
+        let mut cells = Vec::new();
+        let mut total = 0.0;
+        for (j, name) in names.iter().enumerate() {
+            let regimes = regimes::of(self.sealed, j);
+            let (tau, model) = (&measured.tau[j], &measured.models[0][j]);
+            let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
+            for regime in Regime::ALL {
+                let inside = (0..tau.len()).filter(|k| regimes[*k] == regime);
+                let (error, rows) = inside.fold((0.0, 0usize), |(e, n), k| (e + (tau[k] - model[k]).powi(2), n + 1));
+                total += error / scale;
+                let seconds = rows as f64 * self.sealed.chain.row_period_s;
+                cells.push(Cell { joint: name.clone(), regime, share: error / scale, seconds });
+            }
+        }
+        for cell in &mut cells {
+            cell.share /= f64::max(total, f64::MIN_POSITIVE);
+        }
+        cells.sort_by(|a, b| b.share.total_cmp(&a.share));
+        cells
+    }
+
+    fn magnitude(&self, search: &Search<'_>, step: &Step) -> Vec<(String, f64)> {
+        let Some(x) = search.solved(search.scale).map(|s| s.x) else { return Vec::new() };
+        match &step.adopted {
+            Some(adopted) => {
+                let c: Vec<f64> = step.columns.iter().zip(&adopted.mean).map(|(at, mean)| x[*at] + mean).collect();
+                adopted.form.magnitude(&c, search.floor.len(), &self.nominal.x)
+            }
+            None => step
+                .columns
+                .iter()
+                .map(|at| {
+                    let parameter = self.nominal.model.parameters[*at];
+                    (parameter.name(&self.nominal.model.arm), self.nominal.x[*at] + x[*at])
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Prior means of all columns of the design.
+fn means(search: &Search<'_>, steps: &[Step]) -> Vec<f64> {
+    let mut means = vec![0.0; search.design.background.len()];
+    for step in steps {
+        if let Some(adopted) = &step.adopted {
+            for (c, mean) in step.columns.iter().zip(&adopted.mean) {
+                means[*c] = *mean;
+            }
+        }
+    }
+    means
+}
+
+/// Columns that belong to no cause: offsets, timing, values that may stay as they are.
+fn remainder(search: &Search<'_>, steps: &[Step]) -> Vec<usize> {
+    (0..search.design.background.len()).filter(|c| !steps.iter().any(|s| s.columns.contains(c))).collect()
+}
+
+/// Steps in the order in which each takes most of what is left, on the runs looked at.
+fn in_order(
+    seen: &[RunColumns<'_>],
+    mut steps: Vec<Step>,
+    remainder: &[usize],
+    nominal: &Nominal,
+    x: &DVector<f64>,
+    means: &[f64],
+) -> (Vec<Step>, Steps) {
+    let mut ordered: Vec<Step> = Vec::new();
+    let mut order: Steps = Vec::new();
+    while !steps.is_empty() {
+        let gap = |step: &Step| -> f64 {
+            let mut tried = order.clone();
+            tried.push(step.columns.clone());
+            let of = |run: &RunColumns<'_>| {
+                let stages = run.stages(&nominal.x, &tried, x, means);
+                Gap::new(&stages.tau, &stages.models[tried.len()]).all
+            };
+            seen.iter().map(of).sum()
+        };
+        let gaps: Vec<f64> = steps.iter().map(gap).collect();
+        let best = (0..steps.len()).min_by(|a, b| gaps[*a].total_cmp(&gaps[*b])).unwrap_or(0);
+        order.push(steps[best].columns.clone());
+        ordered.push(steps.swap_remove(best));
+    }
+    order.push(remainder.to_vec());
+    (ordered, order)
+}
+
+/// Share of each joint's excess over its floor that the causes took, on the runs looked at.
+fn explained(search: &Search<'_>) -> Vec<f64> {
+    let of = |j: usize| {
+        let floor = search.floor[j].powi(2);
+        let (first, left) = (search.first_noise[j].powi(2) - floor, search.noise[j].powi(2) - floor);
+        if first <= floor { 1.0 } else { 1.0 - left.max(0.0) / first }
+    };
+    (0..search.floor.len()).map(of).collect()
+}
+
+/// Shrink of step `k` on the runs looked at.
+fn shrink_of(seen: &[Stages], k: usize) -> f64 {
+    let gap = |stage: usize| seen.iter().map(|s| Gap::new(&s.tau, &s.models[stage]).all).sum::<f64>();
+    1.0 - gap(k + 1) / gap(k)
+}
+
+/// Whether the joints that the effect is reported on are explained.
+fn stands(adopted: &Adopted, explained: &[f64]) -> bool {
+    if adopted.form.effect().kind() == Kind::Value || adopted.form.hides() {
+        return true;
+    }
+    let least = if adopted.form.has_fixed_gain() { EXPLAINED_SIMULATED } else { EXPLAINED };
+    adopted.form.joints().iter().all(|j| explained[*j] >= least)
+}
+
+fn at_floor(search: &Search<'_>) -> bool {
+    (0..search.floor.len()).all(|j| search.noise[j] <= 2.0 * search.floor[j])
+}
+
+fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
+    let agreement = (shrink.predicted - shrink.measured).abs();
+    let held = if agreement < 0.1 { 0.97 } else { 0.85 };
+    let strong = step.adopted.as_ref().map_or(0.9, |a| 1.0 - (-a.gain / 20.0).exp());
+    held * strong / (1.0 + rivals as f64)
+}
+
+fn pooled(relative: &[f64]) -> f64 {
+    let finite: Vec<f64> = relative.iter().copied().filter(|r| r.is_finite()).collect();
+    (finite.iter().map(|r| r * r).sum::<f64>() / finite.len().max(1) as f64).sqrt()
+}
+
+fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
+    let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
+    if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
+}

@@ -1,0 +1,73 @@
+//! Inner values of a form: from the grid to where the evidence is largest.
+
+use crate::form::Form;
+use crate::physics::Physics;
+use crate::search::{Candidate, Search, Standing};
+use crate::two_mass::Gear;
+
+/// Steps of each inner value, halved so many times.
+const HALVINGS: usize = 5;
+
+/// A form whose inner values are multiplied by `factors`.
+fn scaled(form: &Form, factors: [f64; 3]) -> Form {
+    let [a, b, c] = factors;
+    match form.clone() {
+        Form::Stribeck { joint, velocity } => Form::Stribeck { joint, velocity: velocity * a },
+        Form::Presliding { joint, length } => Form::Presliding { joint, length: length * a },
+        Form::Delay { seconds } => Form::Delay { seconds: seconds * a },
+        Form::Ripple { joint, order } => Form::Ripple { joint, order: order * a },
+        Form::TransmissionError { joint, order } => Form::TransmissionError { joint, order: order * a },
+        Form::Saturation { joint, limit } => Form::Saturation { joint, limit: limit * a },
+        Form::TwoMass { joint, gear } => {
+            let gear = Gear { stiffness: gear.stiffness * a, damping: gear.damping * b, gap: gear.gap * c };
+            Form::TwoMass { joint, gear }
+        }
+        other => other,
+    }
+}
+
+/// First step of each inner value as a factor; none for forms without.
+fn steps(form: &Form) -> Vec<(usize, f64)> {
+    match form {
+        Form::Stribeck { .. } | Form::Delay { .. } => vec![(0, 1.3)],
+        Form::Presliding { .. } => vec![(0, 1.6)],
+        Form::Ripple { order, .. } | Form::TransmissionError { order, .. } => vec![(0, 1.0 + 0.2 / order)],
+        Form::Saturation { .. } => vec![(0, 1.04)],
+        Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],
+        Form::TwoMass { .. } => vec![(0, 1.13), (1, 1.6)],
+        _ => Vec::new(),
+    }
+}
+
+impl Search<'_> {
+    /// The form with the inner values that the evidence prefers, found by coordinate search from those given.
+    pub(crate) fn refine(&self, start: &Form, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
+        let judge = |form: Form| -> Option<(Candidate, Standing)> {
+            let candidate = self.candidate(form, physics)?;
+            let standing = self.rank(std::slice::from_ref(&candidate))?.into_iter().next()?;
+            Some((candidate, standing))
+        };
+        let mut best = judge(start.clone())?;
+        let mut sizes = steps(start);
+        for _ in 0..HALVINGS {
+            for (place, size) in &sizes {
+                for direction in [1.0, -1.0] {
+                    // Along one coordinate as long as it helps, but not without end.
+                    for _ in 0..4 {
+                        let mut factors = [1.0; 3];
+                        factors[*place] = size.powf(direction);
+                        let Some(next) = judge(scaled(&best.0.form, factors)) else { break };
+                        if next.1.gain <= best.1.gain + 1e-6 {
+                            break;
+                        }
+                        best = next;
+                    }
+                }
+            }
+            for (_, size) in &mut sizes {
+                *size = size.sqrt();
+            }
+        }
+        Some(best)
+    }
+}

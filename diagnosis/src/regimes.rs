@@ -1,0 +1,71 @@
+//! Where the gap lies: which joint, doing what.
+
+use crate::design::Prepared;
+
+/// What a joint does at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Regime {
+    /// It stands.
+    Rest,
+    /// Its direction changes within a moment.
+    Reversal,
+    /// It creeps.
+    Slow,
+    /// It speeds up or brakes.
+    Accelerating,
+    /// It moves evenly.
+    Cruise,
+}
+
+impl Regime {
+    /// All of them.
+    pub const ALL: [Regime; 5] = [Regime::Rest, Regime::Reversal, Regime::Slow, Regime::Accelerating, Regime::Cruise];
+
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Regime::Rest => "rest",
+            Regime::Reversal => "reversal",
+            Regime::Slow => "slow",
+            Regime::Accelerating => "accelerating",
+            Regime::Cruise => "cruise",
+        }
+    }
+}
+
+/// Time around a change of direction that counts as reversal \[s\].
+const REVERSAL_S: f64 = 0.15;
+/// Share of a joint's top speed below which it is slow, and below which it rests.
+const SLOW: [f64; 2] = [0.1, 0.005];
+
+/// The regime of every row of one joint.
+pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
+    let speed = run.chain.sample(&run.motion.qd[joint]);
+    let accel = run.chain.sample(&run.motion.qdd[joint]);
+    let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt();
+    let top = speed.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-9);
+    let usual = rms(&accel);
+    let near = (REVERSAL_S / run.chain.row_period_s).round().max(1.0) as usize;
+    let mut regimes: Vec<Regime> = speed
+        .iter()
+        .zip(&accel)
+        .map(|(v, a)| match v.abs() / top {
+            share if share < SLOW[1] => Regime::Rest,
+            share if share < SLOW[0] => Regime::Slow,
+            _ if a.abs() > usual => Regime::Accelerating,
+            _ => Regime::Cruise,
+        })
+        .collect();
+    let mut direction = 0.0;
+    for k in 0..speed.len() {
+        if speed[k].abs() < SLOW[1] * top {
+            continue;
+        }
+        if direction != 0.0 && speed[k].signum() != direction {
+            let last = regimes.len();
+            regimes[k.saturating_sub(near)..(k + near).min(last)].fill(Regime::Reversal);
+        }
+        direction = speed[k].signum();
+    }
+    regimes
+}

@@ -1,0 +1,149 @@
+//! What a diagnosis says.
+
+use crate::effect::Effect;
+use crate::regimes::Regime;
+
+/// The answer in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing above the noise.
+    NoGap,
+    /// Wrong values of what the model has.
+    Parameter,
+    /// One thing that the model lacks.
+    Effect,
+    /// More than one.
+    Several,
+    /// A gap that no effect of the library explains.
+    Unexplained,
+    /// Too little motion or data.
+    NotEvaluated,
+}
+
+impl Verdict {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::NoGap => "no_gap",
+            Verdict::Parameter => "parameter",
+            Verdict::Effect => "effect",
+            Verdict::Several => "several",
+            Verdict::Unexplained => "unexplained",
+            Verdict::NotEvaluated => "not_evaluated",
+        }
+    }
+}
+
+/// How far the gap shrinks when a cause is added to those before it: `1 − after/before`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shrink {
+    /// Before the sealed torque was looked at.
+    pub predicted: f64,
+    /// Lower end of the 90 % interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// On the sealed torque.
+    pub measured: f64,
+}
+
+/// One cause.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cause {
+    /// What it is.
+    pub effect: Effect,
+    /// The joints' names; empty when it belongs to none or to all.
+    pub joints: Vec<String>,
+    /// Size, by name with unit.
+    pub magnitude: Vec<(String, f64)>,
+    /// How far the gap shrinks.
+    pub shrink: Shrink,
+    /// 0 to 1.
+    pub confidence: f64,
+    /// Effects that these runs cannot tell from it.
+    pub indistinguishable_from: Vec<Effect>,
+    /// The motion that would.
+    pub separating_motion: Option<String>,
+}
+
+/// The gap of one joint, relative to its torque.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointGap {
+    /// The joint's name.
+    pub joint: String,
+    /// With the model as given.
+    pub before: f64,
+    /// With all causes.
+    pub after: f64,
+    /// What the noise of the torque signal leaves.
+    pub noise_floor: f64,
+}
+
+/// Share of the gap in one regime of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// The joint's name.
+    pub joint: String,
+    /// What it does.
+    pub regime: Regime,
+    /// Of the squared gap of all joints.
+    pub share: f64,
+    /// How long it did so \[s\].
+    pub seconds: f64,
+}
+
+/// Which data were used for what.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DataUse {
+    /// Runs, the sealed one included.
+    pub runs: usize,
+    /// Looked at.
+    pub fit_seconds: f64,
+    /// Sealed.
+    pub sealed_seconds: f64,
+}
+
+/// The whole answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnosis {
+    /// In one word.
+    pub verdict: Verdict,
+    /// Gap of the model as given, on the sealed motion, all joints.
+    pub before: f64,
+    /// With all causes.
+    pub after: f64,
+    /// Of the torque signal.
+    pub noise_floor: f64,
+    /// By joint.
+    pub per_joint: Vec<JointGap>,
+    /// Where the gap of the model as given lies, largest share first.
+    pub place: Vec<Cell>,
+    /// In the order of adoption.
+    pub causes: Vec<Cause>,
+    /// Effects that were considered and not upheld; hints, not names.
+    pub withdrawn: Vec<Cause>,
+    /// Share of the squared gap above the floor that is left.
+    pub unexplained_share: f64,
+    /// What was used.
+    pub data: DataUse,
+    /// Why nothing was evaluated.
+    pub remark: Option<String>,
+}
+
+impl Diagnosis {
+    pub(crate) fn not_evaluated(data: DataUse, why: &str) -> Diagnosis {
+        Diagnosis {
+            verdict: Verdict::NotEvaluated,
+            before: f64::NAN,
+            after: f64::NAN,
+            noise_floor: f64::NAN,
+            per_joint: Vec::new(),
+            place: Vec::new(),
+            causes: Vec::new(),
+            withdrawn: Vec::new(),
+            unexplained_share: f64::NAN,
+            data,
+            remark: Some(why.to_owned()),
+        }
+    }
+}

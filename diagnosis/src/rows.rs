@@ -1,0 +1,82 @@
+//! From full-rate signals to the rows that everything is fitted to.
+//!
+//! Every column and the torque go through the same chain: mean of `average` samples, zero-phase low-pass, every second
+//! value. One model filter for all of them leaves the model equation as it is.
+
+use std::ops::Range;
+
+use rivet_estimation::offline::ZeroPhase;
+
+/// Cut-off of the model filter \[Hz\], where the rate allows it.
+const MODEL_HZ: f64 = 30.0;
+/// Rate after averaging \[Hz\].
+const AVERAGED_HZ: f64 = 200.0;
+/// Rows of the end that are left out on either side, in periods of the cut-off: filters and differences are coloured
+/// there.
+const EDGE_PERIODS: f64 = 3.0;
+
+/// The way from samples to rows for one sampling period.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    average: usize,
+    filter: ZeroPhase,
+    edge: usize,
+    /// Time between rows \[s\].
+    pub(crate) row_period_s: f64,
+}
+
+impl Chain {
+    pub(crate) fn new(period_s: f64) -> Chain {
+        let average = (1.0 / (AVERAGED_HZ * period_s)).round().max(1.0) as usize;
+        let averaged_s = period_s * average as f64;
+        let cutoff = MODEL_HZ.min(0.2 / averaged_s);
+        let edge = (EDGE_PERIODS / (cutoff * averaged_s)).ceil() as usize;
+        Chain { average, filter: ZeroPhase::new(cutoff, 4, averaged_s), edge, row_period_s: 2.0 * averaged_s }
+    }
+
+    /// Rows of a full-rate signal.
+    pub(crate) fn apply(&self, signal: &[f64]) -> Vec<f64> {
+        let a = self.average as f64;
+        let mut x: Vec<f64> = signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect();
+        self.filter.apply(&mut x);
+        self.span(x.len()).step_by(2).map(|k| x[k]).collect()
+    }
+
+    /// Rows of a signal that is only looked up, not part of the equations: the value amid each row's samples.
+    pub(crate) fn sample(&self, signal: &[f64]) -> Vec<f64> {
+        let middle: Vec<f64> = signal.chunks_exact(self.average).map(|c| c[self.average / 2]).collect();
+        self.span(middle.len()).step_by(2).map(|k| middle[k]).collect()
+    }
+
+    /// Standard deviation of rows per standard deviation of white noise on the samples.
+    pub(crate) fn white_gain(&self) -> f64 {
+        let middle = 40 * self.edge;
+        let mut pulse = vec![0.0; 2 * middle];
+        pulse[middle] = 1.0;
+        self.filter.apply(&mut pulse);
+        (pulse.iter().map(|p| p * p).sum::<f64>() / self.average as f64).sqrt()
+    }
+
+    fn span(&self, len: usize) -> Range<usize> {
+        let edge = self.edge.min(len / 2);
+        edge..len - edge
+    }
+
+    /// Full-rate sample amid row `row`.
+    pub(crate) fn sample_of(&self, row: usize) -> usize {
+        (self.edge + 2 * row) * self.average + self.average / 2
+    }
+}
+
+/// One column of the equations in one run: rows by joint, `None` where it is zero throughout.
+pub(crate) type Column = Vec<Option<Vec<f64>>>;
+
+/// Filters a full-rate column, dropping joints on which it is nothing.
+pub(crate) fn column(chain: &Chain, full: Vec<Option<Vec<f64>>>) -> Column {
+    full.into_iter()
+        .map(|signal| {
+            let rows = chain.apply(&signal?);
+            rows.iter().any(|v| *v != 0.0).then_some(rows)
+        })
+        .collect()
+}

@@ -1,0 +1,180 @@
+//! Forward selection of effects on the runs that may be looked at.
+
+use crate::bursts;
+use crate::effect::Effect;
+use crate::form::Form;
+use crate::orders;
+use crate::physics::Physics;
+use crate::search::{Candidate, Search, Standing};
+
+/// Least gain of log evidence that names an effect, and that names a further one.
+const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
+/// Least share of a joint's residual variance, held out, that makes a structural effect material.
+const MATERIAL: f64 = 0.1;
+/// Least share of the variance a joint began with, for a further effect.
+const MATERIAL_OF_FIRST: f64 = 0.02;
+/// The same on joints where the torque of a simulated gear, delay or bristle is in use already: such forms are never
+/// exact, and what they miss is not another effect.
+const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
+/// A joint whose residual is below this multiple of its noise floor has nothing left to explain.
+const AT_FLOOR: f64 = 1.2;
+/// Folds of blocks for held-out gains.
+const FOLDS: usize = 8;
+/// Candidates of the best that are refined and held against held-out blocks.
+const SHORT_LIST: usize = 6;
+/// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
+const RIVAL_SHARE: f64 = 0.85;
+/// ... unless the best is ahead of it by this much log evidence.
+const RIVAL_GAP: f64 = 12.0;
+/// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
+const SATURATED: f64 = 0.8;
+/// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
+const CLEARLY_MORE: f64 = 0.1;
+/// Most effects in one diagnosis.
+const MOST: usize = 4;
+
+/// An effect that was adopted.
+#[derive(Clone, Debug)]
+pub(crate) struct Adopted {
+    pub(crate) form: Form,
+    /// Gain of log evidence over the model without it.
+    pub(crate) gain: f64,
+    /// Largest share of a joint's residual variance that it removed, held out.
+    pub(crate) share: f64,
+    /// Other effects that explain this about as well.
+    pub(crate) rivals: Vec<Effect>,
+    /// Where its columns begin in the design.
+    pub(crate) place: usize,
+    /// Standard vector that its columns were made with.
+    pub(crate) values: Vec<f64>,
+    /// Joints whose torque it changes.
+    pub(crate) acts_on: Vec<bool>,
+    /// Prior mean of its coefficients.
+    pub(crate) mean: Vec<f64>,
+}
+
+/// Adopts effects one after another until none is worth it. `say` is told what happens.
+pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Option<Vec<Adopted>> {
+    let mut adopted: Vec<Adopted> = Vec::new();
+    let mut physics = search.physics()?;
+    while adopted.len() < MOST {
+        let orders = orders::find(search)?;
+        let candidates = search.candidates(&physics, &orders, &bursts::find(search)?);
+        say(&format!("round {}: {} candidates", adopted.len() + 1, candidates.len()));
+        let Some(next) = best(search, &candidates, &physics, &adopted, say)? else { break };
+        let (candidate, adoption) = next;
+        let mean = adoption.mean.clone();
+        let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
+        search.design.adopt(&candidate.columns, &mean, &std);
+        search.weigh()?;
+        say(&format!(
+            "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
+            adoption.form, adoption.gain, adoption.share
+        ));
+        adopted.push(adoption);
+        // Rigid torque, gain and friction columns follow the values that are known now.
+        physics = search.physics()?;
+    }
+    Some(adopted)
+}
+
+type Found = Option<(Candidate, Adopted)>;
+
+fn best(
+    search: &Search<'_>,
+    candidates: &[Candidate],
+    physics: &[Physics<'_>],
+    adopted: &[Adopted],
+    say: &mut dyn FnMut(&str),
+) -> Option<Found> {
+    let standings = search.rank(candidates)?;
+    let least = LEAST_GAIN[adopted.len().min(1)];
+    // The best of each effect on each joint, refined.
+    let mut seen: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
+    let mut listed: Vec<(Candidate, Standing)> = Vec::new();
+    for standing in &standings {
+        if standing.gain < 0.3 * least || listed.len() == SHORT_LIST {
+            break;
+        }
+        let form = &candidates[standing.at].form;
+        let key = (form.effect(), form.joints());
+        if seen.contains(&key) {
+            continue;
+        }
+        seen.push(key);
+        listed.push(search.refine(form, physics)?);
+    }
+    listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    let mut accepted: Vec<(Candidate, Standing, f64)> = Vec::new();
+    for (candidate, standing) in listed {
+        let shares = held_out_shares(search, &candidate)?;
+        let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        say(&format!(
+            "  {:7.1} {:?} c {:.4?} held-out {shares:.2?}",
+            standing.gain,
+            candidate.form,
+            standing.added.c.as_slice()
+        ));
+        let material = match candidate.form {
+            // Every fold would have to know a force that only its own blocks felt.
+            Form::Force { .. } => true,
+            _ => candidate.form.hides() && adopted.is_empty() || is_material(search, &shares, adopted),
+        };
+        let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
+        let plausible = candidate.form.plausible(standing.added.c.as_slice()) && cut;
+        if standing.gain >= least && material && plausible {
+            accepted.push((candidate, standing, share));
+        }
+    }
+    if accepted.is_empty() {
+        return Some(None);
+    }
+    // Of those that explain it about as well, the simplest.
+    let top = accepted[0].1.gain;
+    let near: Vec<usize> = (0..accepted.len())
+        .filter(|i| accepted[*i].1.gain >= RIVAL_SHARE * top && accepted[*i].1.gain >= top - RIVAL_GAP)
+        .collect();
+    let most = near.iter().map(|i| accepted[*i].2).fold(f64::NEG_INFINITY, f64::max);
+    let simplest = near
+        .iter()
+        .copied()
+        .filter(|i| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
+        .min_by_key(|i| {
+            let candidate = &accepted[*i].0;
+            (candidate.belief.mean.len() + candidate.form.inner_values(), *i)
+        })
+        .unwrap_or(0);
+    let chosen = accepted[simplest].0.form.effect();
+    let mut rivals: Vec<Effect> = near.iter().map(|i| accepted[*i].0.form.effect()).filter(|e| *e != chosen).collect();
+    rivals.dedup();
+    let (candidate, standing, share) = accepted.swap_remove(simplest);
+    let place = search.design.background.len();
+    let mean = candidate.belief.mean.iter().copied().collect();
+    let joints = search.noise.len();
+    let acts_on = (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect();
+    let values = physics.first()?.x.clone();
+    let adoption =
+        Adopted { form: candidate.form.clone(), gain: standing.gain, share, rivals, place, values, acts_on, mean };
+    Some(Some((candidate, adoption)))
+}
+
+/// Share of each joint's residual variance that a candidate removes on blocks it was not fitted to.
+fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64>> {
+    let gains = search.held_out(candidate, FOLDS)?;
+    let joints = search.noise.len();
+    let share = |j: usize| {
+        let rows: f64 = search.design.background.cells.iter().map(|b| b[j].rows).sum();
+        gains.iter().map(|g| g[j]).sum::<f64>() / (rows * search.noise[j].powi(2))
+    };
+    Some((0..joints).map(share).collect())
+}
+
+fn is_material(search: &Search<'_>, shares: &[f64], adopted: &[Adopted]) -> bool {
+    (0..shares.len()).any(|j| {
+        let left = search.noise[j].powi(2);
+        let simulated = adopted.iter().any(|a| a.form.has_fixed_gain() && a.acts_on[j]);
+        let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
+        let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
+        shares[j] >= MATERIAL && search.noise[j] > AT_FLOOR * search.floor[j] && enough
+    })
+}

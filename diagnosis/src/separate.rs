@@ -1,0 +1,40 @@
+//! Which motion would tell effects apart.
+
+use crate::effect::Effect;
+
+/// The motion that separates an effect from its rivals; none when it has no rival.
+pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
+    if rivals.is_empty() {
+        return None;
+    }
+    let of = |effect: Effect| match effect {
+        Effect::StribeckFriction | Effect::ViscousNonlinearity => {
+            "constant speeds from very slow to fast, each in both directions"
+        }
+        Effect::PreslidingFriction => "tiny reversals, well below the length of the presliding spring",
+        Effect::Backlash => "slow reversals of the load without reversal of the speed",
+        Effect::JointElasticity | Effect::TransportDelay | Effect::CurrentLoopLag => {
+            "a chirp through 1 to 20 Hz: delay grows with the first, elasticity with the second power of frequency"
+        }
+        Effect::LoadDependentFriction => "the same pose reached slowly from both sides, with two payloads",
+        Effect::PositionDependentFriction | Effect::TorqueRipple | Effect::TransmissionError => {
+            "one slow constant speed over the joint's whole range, then twice that speed"
+        }
+        Effect::TorqueConstant => "a known mass at the flange, held at several poses",
+        Effect::JointSpring | Effect::Counterbalance => "static poses over the joint's whole range, from both sides",
+        Effect::FrictionAsymmetry => "slow moves in both directions from rest to rest at the same pose",
+        Effect::TemperatureDependentFriction => "one reference move repeated from cold until warm",
+        Effect::GravityDirection | Effect::Payload | Effect::LinkInertia | Effect::EncoderOffset => {
+            "static poses with the wrist turned, joint 1 at several angles"
+        }
+        Effect::JointCoupling => "each of the two joints alone at constant speed",
+        _ => "each joint alone, slow and fast, over its whole range",
+    };
+    let mut motions: Vec<&str> = vec![of(effect)];
+    for rival in rivals {
+        if !motions.contains(&of(*rival)) {
+            motions.push(of(*rival));
+        }
+    }
+    Some(motions.join("; "))
+}

@@ -1,0 +1,69 @@
+//! `rivet diagnose` on logs of arms that another program simulated, with effects the tool was not told.
+
+use std::path::Path;
+
+use rivet_tests::{rivet, shared};
+use serde_json::Value;
+
+/// Exit code and JSON of `rivet diagnose` on a case's robot file and its two logs.
+fn diagnose(case: &Path) -> (i32, Value) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let json = folder.path().join("diagnosis.json");
+    let mut command = rivet();
+    command.arg("diagnose").arg(case.join("robot.toml"));
+    command.arg(case.join("log-a.parquet")).arg(case.join("log-b.parquet")).arg("--json").arg(&json);
+    let output = command.output().expect("the program starts");
+    let text = std::fs::read_to_string(&json)
+        .unwrap_or_else(|why| panic!("{why}\n{}", String::from_utf8_lossy(&output.stderr)));
+    (output.status.code().expect("it ends by itself"), serde_json::from_str(&text).expect("JSON"))
+}
+
+fn named<'a>(found: &'a Value, effect: &str) -> Option<&'a Value> {
+    found["causes"].as_array().expect("causes").iter().find(|c| c["effect"] == effect)
+}
+
+/// Another program's physics and an exact nominal model: the effect, its joint, its size, its worth.
+#[test]
+fn a_missing_effect_is_named_sized_and_its_worth_predicted() {
+    let Some(practice) = shared("data/practice") else { return };
+    let (code, found) = diagnose(&practice.join("case-16"));
+    assert_eq!((code, &found["verdict"]), (1, &Value::from("effect")), "{found:#}");
+    let spring = named(&found, "joint_spring").expect("the spring is named");
+    assert_eq!(spring["joints"].as_array().map(Vec::len), Some(1));
+    assert_eq!(spring["joints"][0], found["gap"]["per_joint"][2]["joint"]);
+    let stiffness = spring["magnitude"]["stiffness_Nm_rad"].as_f64().expect("a stiffness");
+    // 7.87 N m/rad in the other program.
+    assert!((stiffness / 7.87 - 1.0).abs() < 0.05, "{stiffness}");
+    let shrink = |key: &str| spring["shrink"][key].as_f64().expect("a number");
+    assert!((shrink("predicted") - shrink("measured")).abs() < 0.05, "{spring}");
+    assert!(shrink("low") <= shrink("measured") && shrink("measured") <= shrink("high"), "{spring}");
+    assert!(found["gap"]["after"].as_f64() < found["gap"]["before"].as_f64());
+}
+
+/// Every value of the nominal model is wrong, as in life: the structure is still found.
+#[test]
+fn wrong_values_do_not_hide_a_missing_effect() {
+    let Some(practice) = shared("data/practice-wrong-nominal") else { return };
+    let (_, found) = diagnose(&practice.join("case-13"));
+    let friction = named(&found, "viscous_nonlinearity").expect("the curve of friction is named");
+    assert_eq!(friction["joints"][0], found["gap"]["per_joint"][4]["joint"]);
+    let structure: Vec<&str> = found["causes"]
+        .as_array()
+        .expect("causes")
+        .iter()
+        .filter_map(|c| c["effect"].as_str())
+        .filter(|e| !["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"].contains(e))
+        .collect();
+    assert_eq!(structure, ["viscous_nonlinearity"]);
+}
+
+/// Nothing is wrong, and something is wrong that the library does not hold: neither gets a name.
+#[test]
+fn what_is_not_there_or_not_known_is_not_named() {
+    let Some(practice) = shared("data/practice") else { return };
+    let (code, found) = diagnose(&practice.join("case-24"));
+    assert_eq!((code, &found["verdict"]), (0, &Value::from("no_gap")), "{found:#}");
+    let (code, found) = diagnose(&practice.join("case-02"));
+    assert_eq!((code, &found["verdict"]), (2, &Value::from("unexplained")), "{found:#}");
+    assert_eq!(found["causes"], Value::Array(Vec::new()));
+}
