@@ -1,8 +1,9 @@
 //! What `rivet identify` says about its own result: is it biased, and can an arm be built like this?
 
-use rivet_config::Robot;
+use rivet_config::{Differentiator, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection};
-use rivet_estimation::offline::Bias;
+use rivet_estimation::offline::{Bias, Delay};
+use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
 use crate::table::{number, paragraph};
@@ -42,6 +43,55 @@ pub(crate) fn bias_json(bias: &Bias) -> Value {
         "p_value": bias.p_value,
         "instrument_ratio": bias.ratio,
     })
+}
+
+/// Share of repeated rows, or of jitter in a step, that is worth a word.
+const UNEVEN: f64 = 0.02;
+
+/// What uneven sampling of the logs asks of the differentiator, for people; empty where there is none.
+///
+/// Off line nothing is to be chosen: differences pass the model filter with every column. The daemon sees samples as they
+/// come, and its window has to cover two of the longest steps.
+pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a ResampleReport>) -> String {
+    let period = robot.config.sample_period_s;
+    let (mut reach, mut why) = (0.0_f64, Vec::new());
+    for report in reports {
+        let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
+        let step = report.median_step_s;
+        // A position that repeats with share s is held for 1/(1 - s) rows on average; a jittered row is off by as much.
+        let held = step / (1.0 - share).max(0.01);
+        if share > UNEVEN && !why.contains(&"stair-case positions") {
+            why.push("stair-case positions");
+        }
+        if report.jitter_s > UNEVEN * step && !why.contains(&"jittered time stamps") {
+            why.push("jittered time stamps");
+        }
+        reach = reach.max(2.0 * held + 3.0 * report.jitter_s);
+    }
+    if why.is_empty() {
+        return String::new();
+    }
+    let needed = (reach / period).ceil();
+    let verdict = match robot.config.signal.differentiator {
+        Differentiator::SavitzkyGolay { half_width } if half_width as f64 >= needed => {
+            format!("half_width = {half_width} covers them")
+        }
+        Differentiator::StateFilter { hz } if hz * reach <= 1.0 => format!("state_filter_hz = {hz} covers them"),
+        Differentiator::StateFilter { .. } => {
+            format!("state_filter_hz of at most {} Hz would cover them", number(1.0 / reach, 2))
+        }
+        Differentiator::Central | Differentiator::SavitzkyGolay { .. } => {
+            format!("savitzky-golay with half_width of at least {needed} would cover them")
+        }
+    };
+    let text = format!("{}; on line (every {} ms), {verdict}", why.join(" and "), number(1e3 * period, 3));
+    paragraph("sampling: ", &text)
+}
+
+/// How late torque is behind position, for people.
+pub(crate) fn delay_text(delays: &[Delay]) -> String {
+    let each: Vec<String> = delays.iter().map(|d| format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std)).collect();
+    paragraph("torque behind position: ", &format!("{} ms (one std)", each.join("  ")))
 }
 
 /// What physical consistency costs, for people.

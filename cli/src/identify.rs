@@ -8,10 +8,12 @@ use anyhow::{Context, Result, bail};
 use rivet_config::{EstimatorKind, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent,
+    Bias, Delay, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent,
+    torque_delay,
 };
 use serde_json::{Value, json};
 
+use crate::compare::{self, Alone};
 use crate::export::export;
 use crate::progress::Progress;
 use crate::runs::{self, Piece};
@@ -40,6 +42,9 @@ pub(crate) struct Args {
     /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
     #[arg(long, conflicts_with = "export")]
     online: bool,
+    /// Fit every log on its own and tell whether they agree within their standard deviations.
+    #[arg(long, conflicts_with_all = ["export", "online"])]
+    compare: bool,
     /// With --online: write every published parameter set (CSV).
     #[arg(long, value_name = "FILE", requires = "online")]
     stream: Option<PathBuf>,
@@ -61,6 +66,8 @@ struct Findings {
     residuals: [Vec<f64>; 3],
     /// What sets least squares and instruments apart.
     bias: Bias,
+    /// How late torque is behind position, per joint.
+    delays: Vec<Delay>,
     /// All rows as sums.
     reference: Reference,
     /// Physically consistent parameters near those of the fit that counts.
@@ -95,6 +102,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             robot.config.path.display()
         );
     }
+    if args.compare {
+        return compare(&robot, args);
+    }
     let result = identify(&robot, &args.logs)?;
     show(&text(&robot, &result))?;
     if let Some(path) = &args.json {
@@ -109,7 +119,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
+/// Rows of every log, filtered.
+fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Run>> {
     let mut progress = Progress::new("identify: filtering", logs.len());
     let mut all = Vec::new();
     for (k, path) in logs.iter().enumerate() {
@@ -139,6 +150,11 @@ fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
         }
     }
     progress.done();
+    Ok(all)
+}
+
+fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
+    let all = read_rows(robot, logs)?;
     let rows: Vec<Rows> = all.iter().map(|run| run.rows.clone()).collect();
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let least_squares = fit(&rows, &robot.nominal_base, prior, Method::LeastSquares)?;
@@ -147,9 +163,31 @@ fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
         [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
     let chosen = choose(robot, &least_squares, &instrumental);
     let bias = bias(&rows, &robot.nominal_base, prior, chosen)?;
+    let delays = torque_delay(&rows, &robot.nominal_base, prior, chosen)?;
     let reference = Rows::reference(&rows);
     let consistent = project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference);
-    Ok(Findings { runs: all, least_squares, instrumental, residuals, bias, reference, consistent })
+    Ok(Findings { runs: all, least_squares, instrumental, residuals, bias, delays, reference, consistent })
+}
+
+/// Fits every log on its own.
+fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    let method =
+        if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares };
+    let mut alone = Vec::new();
+    for path in &args.logs {
+        let runs = read_rows(robot, std::slice::from_ref(path))?;
+        let rows: Vec<Rows> = runs.into_iter().map(|run| run.rows).collect();
+        let fit = fit(&rows, &robot.nominal_base, prior, method).with_context(|| path.display().to_string())?;
+        alone.push(Alone { name: runs::short_name(path), fit, rows });
+    }
+    show(&compare::text(robot, &alone)?)?;
+    if let Some(path) = &args.json {
+        let text = format!("{:#}\n", compare::to_json(robot, &alone));
+        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        show(&format!("result written to {}\n", path.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Why these instruments, in words.
@@ -221,6 +259,8 @@ fn text(robot: &Robot, result: &Findings) -> String {
     );
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
     out += &crate::evidence::bias_text(&result.bias);
+    out += &crate::evidence::delay_text(&result.delays);
+    out += &crate::evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &crate::evidence::consistency_text(&result.consistent);
     out.push('\n');
     let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
@@ -299,6 +339,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
+            "torque_delay_s": {"value": result.delays[j].seconds, "std": result.delays[j].std},
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
         })

@@ -3,6 +3,7 @@
 mod blind;
 mod check;
 mod children;
+mod compare;
 mod demo;
 mod diagnose;
 mod evidence;

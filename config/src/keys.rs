@@ -168,6 +168,8 @@ pub const SECTIONS: &[(&str, &str)] = &[
 
 /// A model filter above this share of the rate it is followed by folds back (Nyquist: 0.5).
 pub(crate) const HIGHEST_FILTER_SHARE: f64 = 0.45;
+/// Highest corner of the state filter as a share of the sample rate: above, Tustin's rule bends its derivatives.
+pub(crate) const HIGHEST_STATE_FILTER_SHARE: f64 = 0.2;
 
 use Bounds::{Above, Magnitude, NonZero, Within};
 use Fallback::{Absent, Derived, Required};
@@ -229,10 +231,12 @@ pub const KEYS: &[Key] = &[
     key("log", "joint_zero", PerJointOrOne, "rad", Magnitude(10.0), Fallback::Number(0.0),
         "Added to the position columns (`q`, `q_des`, `q_link`) of log files to reach the zero of the URDF. Live samples are never shifted."),
 
-    key("signal", "differentiator", Choice(&["savitzky-golay", "central"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
-        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`) or differences of three samples (`central`)."),
+    key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
+        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`)."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
         "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1)."),
+    key("signal", "state_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("60 Hz, at most 0.2 of the sample rate"),
+        "Corner of each of the three sections of the `state-filter`; everything is delayed by 3/(2 pi) of its period (8 ms at 60 Hz). At most 0.2 of the sample rate; well above the motion, below the rate of stair-case positions."),
     key("signal", "filtering", Choice(&["model", "input", "none"]), "", Bounds::None, Fallback::Text("model"),
         "What the daemon's low-pass is applied to: every regressor and instrument column and the torque (`model`), the signals before the \
          model, which changes the equation (`input`; for comparison), or nothing (`none`)."),

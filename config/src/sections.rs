@@ -8,7 +8,7 @@ use rivet_estimation::{
 };
 
 use crate::describe::short;
-use crate::keys::HIGHEST_FILTER_SHARE;
+use crate::keys::{HIGHEST_FILTER_SHARE, HIGHEST_STATE_FILTER_SHARE};
 use crate::reader::{Reader, Resolved};
 
 /// A robot file, checked. Per-joint vectors have one entry per joint of the URDF, base to flange.
@@ -352,10 +352,23 @@ pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {
     reader.derive("signal", "model_filter_hz", (0.2 / period).min(20.0));
     let word = reader.text("signal", "differentiator");
     let half_width = reader.count("signal", "half_width");
+    reader.derive("signal", "state_filter_hz", (HIGHEST_STATE_FILTER_SHARE / period).min(60.0));
+    let state_filter_hz = reader.number("signal", "state_filter_hz");
     let differentiator = chosen(
         &word,
-        &[("savitzky-golay", Differentiator::SavitzkyGolay { half_width }), ("central", Differentiator::Central)],
+        &[
+            ("savitzky-golay", Differentiator::SavitzkyGolay { half_width }),
+            ("central", Differentiator::Central),
+            ("state-filter", Differentiator::StateFilter { hz: state_filter_hz }),
+        ],
     );
+    let highest = HIGHEST_STATE_FILTER_SHARE / sample_period_s;
+    if reader.good(&[("signal", "state_filter_hz"), ("", "sample_period_s")])
+        && state_filter_hz > highest * (1.0 + 1e-9)
+    {
+        let rule = format!("must be at most 0.2 of the sample rate, here {} Hz", short(highest));
+        reader.reject("signal", "state_filter_hz", rule, "without the key it is 60 Hz, at most 0.2 of the sample rate");
+    }
     let word = reader.text("signal", "filtering");
     let signals = chosen(
         &reader.text("signal", "input_signals"),

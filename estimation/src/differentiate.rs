@@ -1,10 +1,13 @@
-//! From sampled positions to motion: finite impulse responses over one delay line that all signals share.
+//! From sampled positions to motion: finite impulse responses over one delay line that all signals share, or a state
+//! filter that all signals pass.
 //!
 //! This is the one place that knows about the delay of differentiation: whatever leaves `Aligned` (positions,
-//! velocities, accelerations, torques, setpoints) belongs to the same instant, `delay` samples ago.
+//! velocities, accelerations, torques, setpoints) belongs to the same instant, `delay` samples (or three time constants of
+//! the state filter) ago.
 
 use crate::report::{Motion, Setpoint};
 use crate::settings::Differentiator;
+use crate::state_filter::StateFilter;
 
 /// Weights over a window of `2m + 1` samples, oldest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,8 +30,13 @@ impl Weights {
     ///   q̇ ← Σ (S₆i − S₄i³)/(S₂·S₆ − S₄²)·qᵢ/T
     ///   q̈ ← Σ 2(N·i² − S₂)/(N·S₄ − S₂²)·qᵢ/T²
     /// ```
+    ///
+    /// The state filter has no window: its weights let the sample pass, for it differentiates by itself.
     #[must_use]
     pub fn new(differentiator: Differentiator, period: f64) -> Weights {
+        if let Differentiator::StateFilter { .. } = differentiator {
+            return Weights { position: vec![1.0], velocity: vec![0.0], acceleration: vec![0.0] };
+        }
         let half = differentiator.delay();
         if differentiator == Differentiator::Central {
             let (v, a) = (0.5 / period, 1.0 / (period * period));
@@ -91,6 +99,7 @@ pub(crate) struct Aligned {
     weights: Weights,
     half: usize,
     line: Line,
+    states: Option<States>,
     filled: usize,
     pub(crate) q: Vec<f64>,
     pub(crate) qd: Vec<f64>,
@@ -100,11 +109,28 @@ pub(crate) struct Aligned {
     has_setpoint: bool,
 }
 
+/// The state filter in place of the line: the same channels.
+#[derive(Clone, Debug)]
+struct States {
+    filter: StateFilter,
+    settling: usize,
+    /// Samples since the setpoints began.
+    with_setpoint: usize,
+}
+
 impl Aligned {
     pub(crate) fn new(dof: usize, differentiator: Differentiator, period: f64) -> Aligned {
         let half = differentiator.delay();
         let zeros = vec![0.0; dof];
+        let states = match differentiator {
+            Differentiator::StateFilter { hz } => {
+                let filter = StateFilter::new(5 * dof, hz, period);
+                Some(States { settling: filter.settling(period), filter, with_setpoint: 0 })
+            }
+            Differentiator::Central | Differentiator::SavitzkyGolay { .. } => None,
+        };
         Aligned {
+            states,
             dof,
             weights: Weights::new(differentiator, period),
             half,
@@ -123,11 +149,18 @@ impl Aligned {
     /// Forgets all samples.
     pub(crate) fn restart(&mut self) {
         self.filled = 0;
+        if let Some(states) = &mut self.states {
+            states.filter.restart();
+            states.with_setpoint = 0;
+        }
     }
 
-    /// Takes in one sample; false until the line is full.
+    /// Takes in one sample; false until the line is full, or the state filter has forgotten its start.
     pub(crate) fn push(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> bool {
         let n = self.dof;
+        if self.states.is_some() {
+            return self.filter(q, tau, setpoint);
+        }
         for j in 0..n {
             self.line.write(j, q[j]);
             self.line.write(n + j, tau[j]);
@@ -154,6 +187,32 @@ impl Aligned {
         }
         self.has_setpoint = self.line.window(5 * n)[self.half] != 0.0;
         true
+    }
+
+    /// `push` through the state filter.
+    fn filter(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> bool {
+        let n = self.dof;
+        let Some(States { filter, settling, with_setpoint }) = &mut self.states else { return false };
+        let desired = |k: usize| {
+            let part = |s: Setpoint<'_>| [s.q, s.qd, s.qdd][k / n][k % n];
+            setpoint.map_or(0.0, part)
+        };
+        filter.step(q.iter().chain(tau).copied().chain((0..3 * n).map(desired)));
+        if *with_setpoint == 0 || setpoint.is_none() {
+            // Setpoints that come, or come again, do not pass through the zeros before them.
+            (0..3 * n).for_each(|k| filter.hold(2 * n + k, desired(k)));
+        }
+        *with_setpoint = if setpoint.is_some() { (*with_setpoint + 1).min(*settling) } else { 0 };
+        for j in 0..n {
+            [self.q[j], self.qd[j], self.qdd[j]] = filter.motion(j);
+            self.tau[j] = filter.value(n + j);
+        }
+        for (k, value) in self.desired.iter_mut().enumerate() {
+            *value = filter.value(2 * n + k);
+        }
+        self.has_setpoint = *with_setpoint >= *settling;
+        self.filled = (self.filled + 1).min(*settling);
+        self.filled == *settling
     }
 
     /// Takes in motion that is known already: no delay, no differentiation.
@@ -237,6 +296,50 @@ mod tests {
                 let qd = w * (w * centre).cos() * whole.sin() / whole;
                 let qdd = -w * w * (w * centre).sin() * (half.sin() / half).powi(2);
                 assert!((line.qd[0] - qd).abs() < 1e-9 && (line.qdd[0] - qdd).abs() < 1e-7);
+            }
+        }
+    }
+
+    /// Position, velocity, acceleration, torque and setpoint of sinusoids leave the state filter together: cross-checked by
+    /// the phase of each, to a millionth of a sample. Their common delay is three time constants.
+    #[test]
+    fn state_filter_keeps_all_signals_together() {
+        let (t, hz) = (0.001, 60.0);
+        let mut line = Aligned::new(1, Differentiator::StateFilter { hz }, t);
+        for period in [2000, 500, 160] {
+            line.restart();
+            // Sine and cosine parts of what leaves, over whole periods.
+            let (w, count) = (std::f64::consts::TAU / (f64::from(period) * t), 4 * period as usize);
+            let mut parts = [[0.0; 2]; 7];
+            let mut used = 0;
+            for i in 0..2 * count {
+                let (s, c) = (w * i as f64 * t).sin_cos();
+                let motion = Motion { q: &[s], qd: &[w * c], qdd: &[-w * w * s] };
+                let ready = line.push(&[s], &[s], Some(motion));
+                if ready && i >= count {
+                    let d = line.setpoint().expect("the setpoints have settled");
+                    let values = [line.q[0], line.qd[0], line.qdd[0], line.tau[0], d.q[0], d.qd[0], d.qdd[0]];
+                    parts.iter_mut().zip(values).for_each(|(p, v)| {
+                        p[0] += v * s;
+                        p[1] += v * c;
+                    });
+                    used += 1;
+                }
+            }
+            assert_eq!(used, count);
+            // Phase of a sine; velocity leads by a quarter, acceleration by half a period.
+            let late = |k: usize, quarters: i32| {
+                let [s, c] = parts[k];
+                let (s, c) = (0..quarters).fold((s, c), |(s, c), _| (c, -s));
+                -c.atan2(s) / (w * t)
+            };
+            let delays: Vec<f64> =
+                [0, 1, 2, 0, 0, 1, 2].into_iter().enumerate().map(|(k, quarters)| late(k, quarters)).collect();
+            println!("{w} rad/s: {delays:.5?} samples");
+            let expected = 3.0 * (w / (std::f64::consts::TAU * hz)).atan() / (w * t);
+            for delay in &delays {
+                assert!((delay - delays[0]).abs() < 1e-6, "{delays:?}");
+                assert!((delay - expected).abs() < 0.01, "{delay} {expected}");
             }
         }
     }

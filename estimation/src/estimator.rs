@@ -10,6 +10,7 @@
 //! (judging the information, solving, standard deviations) runs in a cycle of bounded steps, see [`Estimator::work`].
 
 mod cycle;
+mod long_run;
 
 use crate::change::Change;
 use crate::kernels::{Part, add_products};
@@ -22,6 +23,7 @@ use crate::settings::{EstimatorKind, Prior, Supervision};
 use crate::supervision::{Columns, Directions, Judge};
 use crate::ud::UdFilter;
 use cycle::Cycle;
+use long_run::LongRun;
 
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
 /// zero is not known exactly.
@@ -60,6 +62,8 @@ pub struct EstimatorSettings {
     /// Time between rows \[s\], if a changed arm (a payload) is to be noticed and the window begun anew; needs
     /// forgetting.
     pub change_row_s: Option<f64>,
+    /// Updates that make a block of scores: longer than residuals stay correlated, and several in the window.
+    pub block: usize,
 }
 
 /// Correlation of the residuals of one joint. Rows of white noise are correlated by the model filter; what real
@@ -101,6 +105,7 @@ pub struct Estimator {
     excited: Vec<f64>,
     /// Σ λ^(N−i) and Σ λ^2(N−i).
     count: [f64; 2],
+    long_run: LongRun,
     cycle: Cycle,
     /// Scaled, weighted rows, and the same in working coordinates.
     rows: Rows,
@@ -123,6 +128,7 @@ struct Rows {
     d: Vec<f64>,
     z: Vec<f64>,
     tau: Vec<f64>,
+    residual: Vec<f64>,
     weight: Vec<f64>,
     scaled: Vec<f64>,
     lanes: LaneScratch,
@@ -160,11 +166,13 @@ impl Estimator {
             y: vec![0.0; n],
             excited: vec![0.0; n],
             count: [0.0; 2],
+            long_run: LongRun::new(n, settings.block.max(1), settings.forgetting),
             cycle: Cycle::new(n, judge),
             rows: Rows {
                 d: vec![0.0; p * n],
                 z: vec![0.0; p * n],
                 tau: zeros(),
+                residual: zeros(),
                 weight: zeros(),
                 scaled: vec![0.0; n],
                 lanes: LaneScratch::new(n),
@@ -223,6 +231,7 @@ impl Estimator {
         self.state.fill(ParameterState::Unidentified);
         self.verdict = Verdict { of: self.n, ..Verdict::NONE };
         self.count = [0.0; 2];
+        self.long_run.restart();
         self.instrument = Instrument::None;
     }
 
@@ -317,6 +326,7 @@ impl Estimator {
             let noise = if beside.abs() < residual.abs() { beside } else { residual };
             // By the noise as it was before this row: no row excuses itself.
             self.rows.weight[j] = self.noise.weight(j, noise);
+            self.rows.residual[j] = noise * self.rows.weight[j];
             if !self.frozen {
                 self.noise.add(j, noise);
             }
@@ -357,16 +367,24 @@ impl Estimator {
         for y in &mut self.y {
             *y *= lambda;
         }
-        for (z, tau) in rows.z.chunks_exact(n).zip(&rows.tau) {
+        for ((z, tau), residual) in rows.z.chunks_exact(n).zip(&rows.tau).zip(&rows.residual) {
             axpy(*tau, z, &mut self.y);
+            self.long_run.add(z, *residual);
         }
+        self.long_run.advance();
     }
 
-    /// Variance that, over the information, is the variance of an estimate: `κσₑ²·Σλ^2(N−i)/Σλ^(N−i)`. A row of weight
-    /// λᵏ brings noise of weight λ²ᵏ: an exponential window holds twice as many rows as its information says.
+    /// `Σλ^2(N−i)/Σλ^(N−i)`: a row of weight λᵏ brings noise of weight λ²ᵏ, so an exponential window holds twice as many
+    /// rows as its information says.
+    fn window_share(&self) -> f64 {
+        if self.count[0] > 0.0 { self.count[1] / self.count[0] } else { 1.0 }
+    }
+
+    /// Variance that, over the information, is the variance of an estimate: `κσₑ²·Σλ^2(N−i)/Σλ^(N−i)`.
     fn row_variance(&self) -> f64 {
-        let share = if self.count[0] > 0.0 { self.count[1] / self.count[0] } else { 1.0 };
-        share * self.settings.correlation.factor(self.noise.correlation()) * self.noise.equation_variance()
+        self.window_share()
+            * self.settings.correlation.factor(self.noise.correlation())
+            * self.noise.equation_variance()
     }
 
     /// What is known now.

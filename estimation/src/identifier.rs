@@ -36,6 +36,9 @@ const OUTLIER: f64 = 5.0;
 const FIRST_SPAN: f64 = 1.0;
 /// Memory of reported residuals when nothing is forgotten \[s\].
 const RESIDUAL_MEMORY: f64 = 10.0;
+/// Length of a block of scores, as a share of the window, and its longest \[s\]; never fewer rows than `LEAST_BLOCK`.
+const BLOCK: (f64, f64) = (0.1, 2.5);
+const LEAST_BLOCK: f64 = 10.0;
 
 /// Identifies the base parameters of one arm, sample by sample.
 #[derive(Clone, Debug)]
@@ -102,6 +105,10 @@ impl Identifier {
             Window::Exponential { seconds } => ((share * seconds).clamp(least, most), seconds),
             Window::None => (most, RESIDUAL_MEMORY),
         };
+        let block_s = match settings.window {
+            Window::Exponential { seconds } => (BLOCK.0 * seconds).min(BLOCK.1),
+            Window::None => BLOCK.1,
+        };
         let estimator = EstimatorSettings {
             kind: settings.estimator,
             forgetting: settings.forgetting(),
@@ -117,6 +124,7 @@ impl Identifier {
                 factor: correlation_factor(&response, settings.decimation),
                 neighbour: neighbour_correlation(&response, settings.decimation),
             },
+            block: (block_s / row).round().max(LEAST_BLOCK) as usize,
         };
         let speed = |joint: &rivet_dynamics::Joint| {
             if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }

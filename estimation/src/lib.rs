@@ -32,6 +32,7 @@ mod residuals;
 mod scales;
 mod settings;
 mod signals;
+mod state_filter;
 mod supervision;
 mod torque_rows;
 pub mod ud;

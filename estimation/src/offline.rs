@@ -13,6 +13,8 @@
 //! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
+mod covariance;
+mod delay;
 mod fit;
 mod pass;
 mod record;
@@ -20,7 +22,8 @@ mod rows;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
-pub use fit::{Determined, Fit, Method, fit, residual_percent};
+pub use delay::{Delay, torque_delay};
+pub use fit::{Determined, Fit, Method, fit, residual_percent, torque_percent};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use zero_phase::ZeroPhase;

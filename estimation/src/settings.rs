@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 /// How velocity and acceleration come from positions. All signals are delayed by the same number of samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Differentiator {
     /// Differences of three samples; delays by one sample.
     Central,
@@ -11,6 +11,12 @@ pub enum Differentiator {
     SavitzkyGolay {
         /// Samples on each side of the centre, 2 to [`MAX_HALF_WIDTH`].
         half_width: usize,
+    },
+    /// States of a triple low-pass that positions, torques and setpoints all pass (Tustin's rule): causal, and for noisy or
+    /// stair-case positions far cheaper than a wide window. Delays by 3/(2π·hz) seconds.
+    StateFilter {
+        /// Corner of one of its three sections \[Hz\], above 0 and at most 0.2 of the sample rate.
+        hz: f64,
     },
 }
 
@@ -22,12 +28,14 @@ pub const MAX_FILTER_ORDER: usize = 8;
 pub const MAX_DELAY_ROWS: usize = 4096;
 
 impl Differentiator {
-    /// Delay of every signal that leaves the differentiator \[samples\].
+    /// Whole samples that every signal waits in the differentiator. The state filter lets none wait: it delays by filtering
+    /// them all alike.
     #[must_use]
     pub fn delay(&self) -> usize {
         match *self {
             Differentiator::Central => 1,
             Differentiator::SavitzkyGolay { half_width } => half_width,
+            Differentiator::StateFilter { .. } => 0,
         }
     }
 }
@@ -283,6 +291,10 @@ impl Settings {
         if let Differentiator::SavitzkyGolay { half_width } = self.differentiator {
             let fits = (2..=MAX_HALF_WIDTH).contains(&half_width);
             require("half_width", half_width, fits, "it must lie in 2..=500 samples: a cubic needs four")?;
+        }
+        if let Differentiator::StateFilter { hz } = self.differentiator {
+            let fits = hz > 0.0 && hz <= 0.2 / period * (1.0 + 1e-9);
+            require("state_filter_hz", hz, fits, "it must be positive and at most 0.2 of the sample rate")?;
         }
         let order = self.filter_order;
         let even = (2..=MAX_FILTER_ORDER).contains(&order) && order.is_multiple_of(2);

@@ -193,3 +193,35 @@ fn filtering_none_is_exact_and_filtered_input_is_not() {
         assert!(error > 1e-2 && error.is_finite(), "{signals:?}: {error:e}");
     }
 }
+
+/// Torques of the true motion, positions of the true motion: with the state filter, as with the other differentiators,
+/// what is left is the curvature of the motion within their reach.
+#[test]
+fn differentiators_give_the_parameters_of_the_true_motion() {
+    let Some(mut bench) = Bench::new("manutec-r3") else { return };
+    let truth = bench.truth.clone();
+    let differentiators = [
+        (Differentiator::Central, 1e-3),
+        (Differentiator::SavitzkyGolay { half_width: 8 }, 5e-3),
+        (Differentiator::StateFilter { hz: 60.0 }, 5e-3),
+    ];
+    for (differentiator, most) in differentiators {
+        let settings = Settings {
+            differentiator,
+            window: Window::None,
+            dead_zone: vec![0.3; bench.dof()],
+            ..Settings::new(bench.dof(), 0.001)
+        };
+        let mut identifier = Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings)
+            .expect("sound settings");
+        let mut wave = Wave::new(bench.dof(), 1.0);
+        for k in 0..20_000 {
+            let motion = wave.at(f64::from(k) * 0.001);
+            let tau = bench.torque(motion, &truth);
+            identifier.push(motion.q, &tau, Some(motion));
+        }
+        let error = bench.torque_error(identifier.estimate().values);
+        println!("{differentiator:?}: torque error {error:.1e}");
+        assert!(error < most, "{differentiator:?}: {error:e}");
+    }
+}

@@ -22,6 +22,7 @@ fn settings(kind: EstimatorKind, supervision: Supervision) -> EstimatorSettings 
         residual_memory: 1000.0,
         change_row_s: None,
         correlation: Correlation { factor: 1.0, neighbour: 0.0 },
+        block: 100,
     }
 }
 
@@ -102,6 +103,7 @@ fn standard_deviations_cover() {
     let Some(mut bench) = Bench::new("dd2") else { return };
     let n = bench.dof();
     let (runs, mut inside, mut total, mut squares) = (40, 0, 0, 0.0);
+    let mut scaled = [0; 2];
     let truth = bench.truth.clone();
     for run in 0..runs {
         let settings = Settings {
@@ -126,6 +128,8 @@ fn standard_deviations_cover() {
             if e.state[i] == ParameterState::Active {
                 let off = (e.values[i] - truth[i]) / e.std[i];
                 inside += u32::from(off.abs() <= 2.0);
+                scaled[0] += u32::from(off.abs() <= 3.0);
+                scaled[1] += u32::from(off.abs() <= 2.0 / 1.5);
                 squares += off * off;
                 total += 1;
             }
@@ -139,6 +143,10 @@ fn standard_deviations_cover() {
     );
     assert!(total as usize > runs as usize * truth.len() * 9 / 10);
     assert!((0.90..=0.98).contains(&share), "{share}");
+    // Standard deviations 1.5 times too large or too small would not pass: the sample tells.
+    let [larger, smaller] = scaled.map(|count| f64::from(count) / f64::from(total));
+    println!("{:.1} % and {:.1} % were they 1.5 times larger or smaller", 100.0 * larger, 100.0 * smaller);
+    assert!(larger > 0.98 && smaller < 0.90, "{larger} {smaller}");
 }
 
 /// The paper's own comparison: a direct-drive arm at 0.8 and 1.1 Hz, positions to the encoder's quantum, central

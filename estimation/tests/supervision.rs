@@ -26,6 +26,7 @@ fn settings(supervision: Supervision) -> EstimatorSettings {
         residual_memory: 100.0,
         change_row_s: None,
         correlation: Correlation { factor: 1.0, neighbour: 0.0 },
+        block: 100,
     }
 }
 

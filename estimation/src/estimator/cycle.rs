@@ -69,6 +69,8 @@ pub(super) struct Cycle {
     width: Vec<f64>,
     /// κσₑ² of the cycle.
     variance: f64,
+    /// Covector of a parameter's variance, in working coordinates.
+    covector: Vec<f64>,
     next: usize,
 }
 
@@ -96,6 +98,7 @@ impl Cycle {
             belief: vec![0.0; n],
             width: vec![0.0; n],
             variance: 1.0,
+            covector: vec![0.0; n],
             next: 0,
         }
     }
@@ -265,11 +268,11 @@ impl Cycle {
     ///
     /// With a the parameter as a covector on working coordinates and V its active directions, these are
     /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of a that V does
-    /// not see, taken back to parameters.
+    /// not see, taken back to parameters. Leaves `VA⁻ᵀVᵀa` in `covector`.
     fn variance_of(&mut self, i: usize, whitening: Option<&Whitening>) -> (f64, f64) {
         let n = self.x.len();
         let size = self.index.len();
-        let Cycle { judge, index, scratch, step, unseen, width, lu, .. } = self;
+        let Cycle { judge, index, scratch, step, unseen, width, lu, covector, .. } = self;
         let held = if let Judge::Directions(scheme) = &*judge {
             match whitening {
                 Some(whitening) => (0..n).for_each(|k| scratch[k] = if k >= i { whitening.share(i, k) } else { 0.0 }),
@@ -293,6 +296,13 @@ impl Cycle {
             if self.active[i] { 0.0 } else { f64::INFINITY }
         };
         lu.solve_transposed(&mut step[..size]);
+        covector.fill(0.0);
+        for (share, &k) in step.iter().zip(index.iter()) {
+            match &*judge {
+                Judge::Directions(scheme) => axpy(*share, &scheme.vectors()[k * n..(k + 1) * n], covector),
+                Judge::Off | Judge::Columns(_) => covector[k] = *share,
+            }
+        }
         (self.variance * self.spread(&self.step[..size]), held)
     }
 }
@@ -352,7 +362,7 @@ impl Estimator {
                 Stage::Deviations
             }
             Stage::Deviations => {
-                let count = items_per_step(4 * self.n * self.n).min(self.n);
+                let count = items_per_step(6 * self.n * self.n).min(self.n);
                 self.deviations(count);
                 Stage::Idle
             }
@@ -437,6 +447,7 @@ impl Estimator {
     /// Refreshes standard deviation and state of the next `count` parameters.
     fn deviations(&mut self, count: usize) {
         let tolerance = self.cycle.judge.tolerance().powi(2);
+        let share = self.window_share();
         for _ in 0..count {
             let i = self.cycle.next;
             self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
@@ -445,12 +456,15 @@ impl Estimator {
             } else {
                 (0.0, f64::INFINITY)
             };
-            let std = (moving + held).sqrt();
+            // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held.
+            let white = (moving + held).sqrt();
+            let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
+            let std = (if moving > 0.0 { long_run } else { 0.0 } + held).sqrt();
             let small = tolerance.max((HELD_SHARE * self.prior[i]).powi(2));
             if held <= moving.max(small) && std.is_finite() {
                 self.state[i] = ParameterState::Active;
                 // Only ever downwards: else a window that runs dry would loosen its own threshold.
-                self.cycle.belief[i] = self.cycle.belief[i].min(std);
+                self.cycle.belief[i] = self.cycle.belief[i].min(white);
                 self.cycle.width[i] = std;
                 self.std[i] = std / self.column[i];
             } else if self.state[i] == ParameterState::Unidentified {

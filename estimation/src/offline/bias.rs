@@ -170,15 +170,19 @@ mod tests {
         let mut joints = Vec::new();
         for _ in 0..2 {
             let mut joint = JointRows::default();
-            for _ in 0..300 {
+            for at in 0..300 {
+                joint.place.push(at);
                 let exact: Vec<f64> = (0..5).map(|_| random.normal()).collect();
+                joint.tau_rate.push(0.0);
+                joint.tau_bend.push(0.0);
                 joint.tau.push(exact.iter().zip(&x).map(|(d, x)| d * x).sum::<f64>() + 0.3 * random.normal());
                 joint.d.extend(exact.iter().map(|d| d + noise * random.normal()));
                 joint.z.extend(exact.iter().map(|d| d + 0.1 * random.normal()));
             }
             joints.push(joint);
         }
-        (vec![Rows { columns: 5, joints, left_out: vec![0.0; 2], moving: 0..300, lag_s: vec![0.0; 2] }], x)
+        let (left_out, lag_s) = (vec![0.0; 2], vec![0.0; 2]);
+        (vec![Rows { columns: 5, joints, kept: 300, row_period_s: 0.1, left_out, moving: 0..300, lag_s }], x)
     }
 
     fn judge(noise: f64, seed: u64) -> Bias {

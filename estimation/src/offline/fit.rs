@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::covariance::{Whole, long_run};
 use super::record::OfflineError;
 use super::rows::{JointRows, Rows};
 use crate::kernels::{Part, add_products};
@@ -38,7 +39,7 @@ pub enum Determined {
 pub struct Fit {
     /// Values in base order, each in its unit.
     pub values: Vec<f64>,
-    /// Standard deviations; residuals are coloured, which counts as fewer rows.
+    /// Standard deviations, by leaving out one stretch of the records after the other: residuals are coloured.
     pub std: Vec<f64>,
     /// Covariance of the values, row-major K×K; the squares of `std` are its diagonal.
     pub covariance: Vec<f64>,
@@ -88,7 +89,8 @@ pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result
         solved = Some(solution);
     }
     let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
-    let scaled = solution.covariance(method);
+    let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
+    let scaled = solution.long_run_covariance(rows, &weights, method);
     let (std, determined) = solution.certainty(&scaled);
     let scale = &solution.scale;
     let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
@@ -106,6 +108,20 @@ pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
         100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()
     };
     (0..n).map(of).collect()
+}
+
+/// What an error of each parameter of the size `size` does to torque: its rms over these rows, as a share of the rms
+/// torque, at the joint where that is largest \[%\].
+pub fn torque_percent(rows: &[Rows], size: &[f64]) -> Vec<f64> {
+    let k = size.len();
+    let joints = rows.first().map_or(0, |r| r.joints.len());
+    let of = |i: usize, j: usize| {
+        let all = || rows.iter().map(move |r| &r.joints[j]);
+        let column: f64 = all().flat_map(|r| r.d.iter().skip(i).step_by(k)).map(|d| d * d).sum();
+        let torque: f64 = all().flat_map(|r| &r.tau).map(|t| t * t).sum();
+        100.0 * size[i].abs() * (column / torque.max(f64::MIN_POSITIVE)).sqrt()
+    };
+    (0..k).map(|i| (0..joints).map(|j| of(i, j)).fold(0.0, f64::max)).collect()
 }
 
 fn residual(rows: &JointRows, x: &[f64]) -> Vec<f64> {
@@ -190,7 +206,8 @@ pub(super) struct Solution {
     pub(super) scale: DVector<f64>,
     /// Σ w DᵀD, scaled, without the prior.
     information: DMatrix<f64>,
-    /// Inverse of (Σ w ZᵀD + P⁻¹), scaled.
+    /// Σ w ZᵀD + P⁻¹, scaled, and its inverse.
+    left: DMatrix<f64>,
     inverse: DMatrix<f64>,
     /// Σ w ZᵀZ, scaled.
     spread: DMatrix<f64>,
@@ -245,7 +262,7 @@ impl Solution {
             return Err(OfflineError::Singular { method });
         }
         let (information, spread) = (scaled(&dd), scaled(&zz));
-        Ok(Solution { x, scale, information, inverse, spread, prior: prior_information })
+        Ok(Solution { x, scale, information, left, inverse, spread, prior: prior_information })
     }
 
     /// Covariance, scaled.
@@ -260,6 +277,12 @@ impl Solution {
             middle[(i, i)] += self.prior[i];
         }
         &self.inverse * middle * self.inverse.transpose()
+    }
+
+    /// Covariance, scaled, with what the colour of the residuals makes of it.
+    fn long_run_covariance(&self, rows: &[Rows], weights: &[f64], method: Method) -> DMatrix<f64> {
+        let Solution { x, scale, left, inverse, prior, .. } = self;
+        long_run(rows, weights, &Whole { left, inverse, prior, scale, x }, self.covariance(method), method)
     }
 
     /// Standard deviations and what decided each value, from the scaled covariance.

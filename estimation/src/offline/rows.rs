@@ -42,6 +42,11 @@ pub(super) struct JointRows {
     pub(super) z: Vec<f64>,
     /// Torque \[N m\].
     pub(super) tau: Vec<f64>,
+    /// Its rate of change \[N m/s\], and the rate of that \[N m/s²\].
+    pub(super) tau_rate: Vec<f64>,
+    pub(super) tau_bend: Vec<f64>,
+    /// Which instant each row belongs to, of the [`Rows::kept`] instants of the record.
+    pub(super) place: Vec<usize>,
 }
 
 /// Rows of one joint without the columns that have nothing to do with it: about half of them.
@@ -88,6 +93,9 @@ impl Compact {
 pub struct Rows {
     pub(super) columns: usize,
     pub(super) joints: Vec<JointRows>,
+    /// Instants that rows were taken at, of which a joint's dead zone leaves out some, and the time between them \[s\].
+    pub(super) kept: usize,
+    pub(super) row_period_s: f64,
     /// Share of the rows in motion that a joint's dead zone left out, per joint.
     pub left_out: Vec<f64>,
     /// Samples of the record between the first and the last motion of any joint.
@@ -136,18 +144,38 @@ impl Rows {
         };
         let step = (settings.row_period_s / record.period_s).round().max(1.0) as usize;
         let kept: Vec<usize> = moving.clone().filter(|k| *k >= delay).step_by(step).collect();
-        let mut result =
-            Rows { columns: base.len(), joints: Vec::with_capacity(n), left_out: Vec::with_capacity(n), moving, lag_s };
+        let mut result = Rows {
+            columns: base.len(),
+            joints: Vec::with_capacity(n),
+            kept: kept.len(),
+            row_period_s: step as f64 * record.period_s,
+            left_out: Vec::with_capacity(n),
+            moving,
+            lag_s,
+        };
         let slides = |j: usize, k: usize| slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
-        let used: Vec<Vec<usize>> = (0..n).map(|j| kept.iter().copied().filter(|k| slides(j, *k)).collect()).collect();
+        let mut places: Vec<Vec<usize>> =
+            (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
+        let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
         for (j, (Pair { d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
+            let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
             let mut tau = record.tau[j].clone();
             filter.apply(&mut tau);
+            let rate = |k: usize| {
+                let (before, after) = (k.saturating_sub(1), (k + 1).min(tau.len() - 1));
+                (tau[after] - tau[before]) / ((after - before).max(1) as f64 * record.period_s)
+            };
+            let tau_rate = used.iter().map(|k| rate(*k)).collect();
+            let bend = |k: usize| {
+                let k = k.clamp(1, tau.len().saturating_sub(2).max(1));
+                if tau.len() < 3 { 0.0 } else { (tau[k + 1] - 2.0 * tau[k] + tau[k - 1]) / record.period_s.powi(2) }
+            };
+            let tau_bend = used.iter().map(|k| bend(*k)).collect();
             let tau = used.iter().map(|k| tau[*k]).collect();
-            result.joints.push(JointRows { d, z, tau });
+            result.joints.push(JointRows { d, z, tau, tau_rate, tau_bend, place });
         }
         Ok(result)
     }
@@ -160,6 +188,11 @@ impl Rows {
             reference.add(j, &rows.d, &rows.tau);
         }
         reference
+    }
+
+    /// Time from the first row to the last \[s\].
+    pub(super) fn seconds(&self) -> f64 {
+        self.kept as f64 * self.row_period_s
     }
 
     /// Number of rows of joint `joint` (from 0).
