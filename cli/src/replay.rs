@@ -54,7 +54,7 @@ fn parse_speed(word: &str) -> Result<Speed, String> {
 pub(crate) const TOO_SHORT: &str = "the log is shorter than [publish] every: no parameters were published";
 
 /// Samples that may be on the way: a quarter of the daemon's ring, so that none is ever overwritten.
-const IN_FLIGHT: u64 = 256;
+const IN_FLIGHT: usize = 256;
 
 /// Without any progress for this long, the daemon counts as dead.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -174,12 +174,12 @@ fn play(
     let mut progress = crate::progress::Progress::new("replaying", recording.len());
     for k in 0..recording.len() {
         let period = recording.period(k);
-        let seq = period.state.seq;
         if let Speed::Factor(factor) = speed {
             let due = begin + Duration::from_nanos((period.state.stamp_ns as f64 / factor) as u64);
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
         }
-        wait_until(&mut received, ports, children, shutdown, |received| seq <= received.seq() + IN_FLIGHT)?;
+        let oldest = recording.seq(k.saturating_sub(IN_FLIGHT));
+        wait_until(&mut received, ports, children, shutdown, |received| k < IN_FLIGHT || oldest <= received.seq())?;
         if let Some(setpoint) = &period.setpoint {
             ports.setpoints.send(setpoint)?;
         }
@@ -187,7 +187,7 @@ fn play(
         ports.arrival.notify()?;
         progress.set(k + 1);
     }
-    let last = recording.len() as u64;
+    let last = recording.last_seq();
     wait_until(&mut received, ports, children, shutdown, |received| received.seq() >= last)?;
     progress.done();
     Ok(received)
@@ -230,10 +230,12 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
     let skipped = received.stream.windows(2).any(|pair| pair[1].epoch != pair[0].epoch + 1);
     let lost = recording.len() as u64
         - (health.samples + health.refused_invalid + health.rejected_faults).min(recording.len() as u64);
-    if health.lost > 0 || lost > 0 || skipped || health.dropped_messages > 0 {
+    let missing = recording.missing();
+    if health.lost != missing || lost > 0 || skipped || health.dropped_messages > 0 {
         eprintln!(
             "rivet replay: {} samples lost, {lost} unaccounted for, {} messages dropped: this run does not count",
-            health.lost, health.dropped_messages
+            health.lost.abs_diff(missing),
+            health.dropped_messages
         );
         return Ok(ExitCode::FAILURE);
     }

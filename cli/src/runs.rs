@@ -33,12 +33,17 @@ pub(crate) struct Piece {
     pub(crate) report: ResampleReport,
 }
 
+/// The step of time that is a hole in a log of usual step `usual_s` \[s\].
+pub(crate) fn hole_s(usual_s: f64) -> f64 {
+    HOLE_S.max(HOLE_STEPS * usual_s)
+}
+
 /// Cuts a log at its holes and puts each piece on a grid of `period_s`, or of the log's own usual step where that is
 /// longer: interpolation adds no knowledge.
 pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
     let usual = log.median_step_s();
     let period = if usual > 1.1 * period_s { usual } else { period_s };
-    let cut = log.split_at_gaps(HOLE_S.max(HOLE_STEPS * usual));
+    let cut = log.split_at_gaps(hole_s(usual));
     cut.into_iter()
         .map(|logged| {
             let (grid, report) = logged.resample(period)?;

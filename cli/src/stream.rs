@@ -1,5 +1,6 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
+use crate::runs::hole_s;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_ipc_schema::{JointState, MAX_JOINTS, Parameters, Setpoint};
@@ -13,13 +14,21 @@ pub(crate) struct Period {
     pub(crate) setpoint: Option<Setpoint>,
 }
 
-/// A log on the grid of the robot's sample period.
+/// A log on the grid of the robot's sample period. Where its time has a hole, sequence numbers are missing, as they would
+/// be from a robot controller that was silent: nothing is made up.
 pub(crate) struct Recording {
-    log: Log,
+    pieces: Vec<Stretch>,
     joints: usize,
     /// What resampling did to the log.
     pub(crate) report: ResampleReport,
     period_s: f64,
+}
+
+/// Rows without a hole: how many rows come before, and the first sequence number.
+struct Stretch {
+    log: Log,
+    before: usize,
+    first_seq: u64,
 }
 
 impl Recording {
@@ -34,19 +43,56 @@ impl Recording {
         };
         let log = rivet_logs::read(path, &options)?;
         log.torque()?;
-        let (log, report) = log.resample(config.sample_period_s)?;
-        Ok(Recording { log, joints, report, period_s: config.sample_period_s })
+        let period_s = config.sample_period_s;
+        let begin = log.t.first().copied().unwrap_or(0.0);
+        let mut pieces: Vec<Stretch> = Vec::new();
+        let mut first_report = None;
+        for piece in log.split_at_gaps(hole_s(log.median_step_s())) {
+            let (grid, report) = piece.resample(period_s)?;
+            let (before, least) = pieces.last().map_or((0, 1), |last| {
+                // A hole leaves out one number at the least.
+                (last.before + last.log.len(), last.first_seq + last.log.len() as u64 + 1)
+            });
+            let first_seq = ((piece.t[0] - begin) / period_s).round() as u64 + 1;
+            pieces.push(Stretch { log: grid, before, first_seq: first_seq.max(least) });
+            first_report.get_or_insert(report);
+        }
+        let report = first_report.with_context(|| format!("{}: no ten rows without a hole in time", path.display()))?;
+        Ok(Recording { pieces, joints, report, period_s })
     }
 
     /// Number of periods.
     pub(crate) fn len(&self) -> usize {
-        self.log.len()
+        self.pieces.last().map_or(0, |last| last.before + last.log.len())
+    }
+
+    /// Sequence number of the last period.
+    pub(crate) fn last_seq(&self) -> u64 {
+        self.pieces.last().map_or(0, |last| last.first_seq + last.log.len() as u64 - 1)
+    }
+
+    /// Periods that the log's holes leave out.
+    pub(crate) fn missing(&self) -> u64 {
+        self.last_seq() - self.len() as u64
+    }
+
+    /// The stretch of period `k`, and its row there.
+    fn place(&self, k: usize) -> (&Stretch, usize) {
+        let piece = self.pieces.partition_point(|piece| piece.before <= k).saturating_sub(1);
+        (&self.pieces[piece], k - self.pieces[piece].before)
+    }
+
+    /// Sequence number of period `k`.
+    pub(crate) fn seq(&self, k: usize) -> u64 {
+        let (stretch, row) = self.place(k);
+        stretch.first_seq + row as u64
     }
 
     /// Period `k`. Stamps count from the log's start, so that two replays send the same bytes.
     pub(crate) fn period(&self, k: usize) -> Period {
-        let seq = k as u64 + 1;
-        let stamp_ns = (k as f64 * self.period_s * 1e9).round() as u64;
+        let seq = self.seq(k);
+        let (Stretch { log, .. }, k) = self.place(k);
+        let stamp_ns = ((seq - 1) as f64 * self.period_s * 1e9).round() as u64;
         let at = |signals: &Vec<Vec<f64>>| {
             let mut row = [0.0; MAX_JOINTS];
             for (out, signal) in row.iter_mut().zip(signals) {
@@ -55,14 +101,14 @@ impl Recording {
             row
         };
         let mut state = JointState { seq, stamp_ns, joints: self.joints as u32, ..JointState::default() };
-        state.q = at(&self.log.q);
-        if let Some((_, tau)) = &self.log.tau {
+        state.q = at(&log.q);
+        if let Some((_, tau)) = &log.tau {
             state.tau = at(tau);
         }
-        if let Some(temperature) = &self.log.temperature {
+        if let Some(temperature) = &log.temperature {
             state.temperature[..self.joints].copy_from_slice(&at(temperature)[..self.joints]);
         }
-        let setpoint = match (&self.log.q_des, &self.log.qd_des, &self.log.qdd_des) {
+        let setpoint = match (&log.q_des, &log.qd_des, &log.qdd_des) {
             (Some(q), Some(qd), Some(qdd)) => Some(Setpoint {
                 seq,
                 stamp_ns,

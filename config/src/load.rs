@@ -75,6 +75,9 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
 
     let name = sections::name(&mut reader);
     let written_urdf = reader.text("", "urdf");
+    if written_urdf.is_empty() && reader.is_sound("", "urdf") {
+        reader.reject("", "urdf", "must name a file", "give the path of the arm's URDF, from this file's folder");
+    }
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
     let sample_period_s = reader.number("", "sample_period_s");
     let gravity = sections::gravity(&mut reader);

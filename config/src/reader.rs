@@ -184,6 +184,11 @@ impl<'a> Reader<'a> {
     }
 
     /// A mistake in entry `i` (from 0) of an array.
+    /// Whether the key is in the file and nothing was found wrong with it so far.
+    pub(crate) fn is_sound(&self, section: &'static str, name: &'static str) -> bool {
+        self.values.contains_key(&(section, name)) && !self.bad.contains(&(section, name))
+    }
+
     pub(crate) fn reject_entry(
         &mut self,
         section: &'static str,

@@ -2,6 +2,7 @@
 //! comes with each log: the same sample must put the arm into the same pose.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use rivet_config::Robot;
@@ -21,7 +22,8 @@ fn robot(name: &str) -> Robot {
 fn data_urdf(path: &str) -> Option<Arm> {
     let path = project("../shared/data/real").join(path);
     let Ok(text) = fs::read_to_string(&path) else {
-        eprintln!("SKIPPED: {} is not here", path.display());
+        // Past the test harness, which keeps what a passing test says through the macros to itself.
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not here", path.display());
         return None;
     };
     // The TX40's last link is rounded to no inertia at all; only its frame matters here.

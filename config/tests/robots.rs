@@ -1,6 +1,7 @@
 //! Every robot of the project loads, and so do files with only the contract part.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 fn below(folder: &str) -> PathBuf {
@@ -38,7 +39,8 @@ fn contract_only_files_load() {
     for folder in ["../shared/data/practice", "../shared/data/practice-wrong-nominal"] {
         let files = robot_files(&below(folder));
         if files.is_empty() {
-            eprintln!("SKIPPED: {folder} is not here");
+            // Past the test harness, which keeps what a passing test says through the macros to itself.
+            let _ = writeln!(std::io::stderr(), "SKIPPED: {folder} is not here");
         }
         for file in files {
             let robot = rivet_config::load(&file).unwrap_or_else(|e| panic!("{e}"));

@@ -1,6 +1,7 @@
 //! Reading: what is written comes back, CSV and Parquet agree, and every broken rule is named.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use rivet_logs::{ReadOptions, TorqueSource, read, read_columns, write_columns};
@@ -215,7 +216,8 @@ fn columns_of_any_name_are_read_back() {
 fn every_measured_log_reads() {
     let real = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/real");
     if !real.is_dir() {
-        eprintln!("SKIPPED: {} is not there", real.display());
+        // Past the test harness, which keeps what a passing test says through the macros to itself.
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there", real.display());
         return;
     }
     let joints = [

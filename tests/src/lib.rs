@@ -3,6 +3,7 @@
 pub mod batch;
 pub mod closed;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -29,7 +30,8 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     if found.exists() {
         return Some(found);
     }
-    eprintln!("SKIPPED: ../shared/{path} is not on this machine");
+    // Past the test harness, which keeps what a passing test says through the macros to itself.
+    let _ = writeln!(std::io::stderr(), "SKIPPED: ../shared/{path} is not on this machine");
     None
 }
 

@@ -65,6 +65,29 @@ fn two_replays_and_the_run_without_processes_are_bit_identical() {
     }
 }
 
+/// Nobody knows what the arm did while the log was silent: the numbers of those periods are missing, nothing is made up.
+#[test]
+fn a_hole_in_the_log_is_a_hole_in_the_numbers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, log) = (folder.path().join("whole.csv"), folder.path().join("hole.csv"));
+    write_log(&whole, true);
+    let text = std::fs::read_to_string(&whole).expect("a log");
+    let later = |(k, line): (usize, &str)| {
+        let Some((t, rest)) = line.split_once(',').filter(|_| k > 2500) else { return format!("{line}\n") };
+        format!("{},{rest}\n", t.parse::<f64>().expect("a time") + 40.0)
+    };
+    std::fs::write(&log, text.lines().enumerate().map(later).collect::<String>()).expect("a log");
+    let json = folder.path().join("summary.json");
+    let mut replay = rivet();
+    let file = folder.path().join("replay.csv");
+    replay.arg("replay").arg(robot("dd2")).arg(&log).arg("--json").arg(&json).arg("--stream").arg(&file);
+    succeed(&mut replay);
+    let summary: Value = serde_json::from_slice(&std::fs::read(&json).expect("a summary")).expect("JSON");
+    assert_eq!((&summary["samples"], &summary["lost"]), (&Value::from(6000), &Value::from(40000)), "{summary:#}");
+    let offline = stream(folder.path(), "offline.csv", &["identify", "--online"], &log);
+    assert!(std::fs::read(&file).expect("a parameter stream") == offline, "replay and identify --online differ");
+}
+
 #[test]
 fn a_replay_tells_its_instruments_and_loses_nothing() {
     for (setpoints, source) in [(true, "setpoint"), (false, "delayed")] {

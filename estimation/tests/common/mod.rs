@@ -3,6 +3,7 @@
 
 use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, Workspace, WristCoupling};
 use rivet_estimation::Motion;
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ pub fn urdf(arm: &str) -> Option<String> {
         [root.join(format!("robots/{arm}/robot.urdf")), root.join(format!("../shared/robots/{arm}/{arm}.urdf"))];
     let text = places.iter().find_map(|place| std::fs::read_to_string(place).ok());
     if text.is_none() {
-        eprintln!("SKIPPED: no URDF of {arm} in robots/ or ../shared/robots/");
+        // Past the test harness, which keeps what a passing test says through the macros to itself.
+        let _ = writeln!(std::io::stderr(), "SKIPPED: no URDF of {arm} in robots/ or ../shared/robots/");
     }
     text
 }
