@@ -130,7 +130,15 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Run>> {
         let settings = runs::settings(robot, log.q_des.is_some());
         if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
             bail!(
-                "{}: no q_des columns, but [estimator] instruments = \"setpoint\" in {}; \"auto\" takes delayed ones",
+                "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
+                path.display(),
+                robot.config.path.display()
+            );
+        }
+        if settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none) {
+            bail!(
+                "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
+                 joint",
                 path.display(),
                 robot.config.path.display()
             );
@@ -197,6 +205,7 @@ fn instrument_text(run: &Run) -> String {
             let lags: Vec<String> = run.rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
             format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
         }
+        InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
         InstrumentSource::Delayed(seconds) => {
             let back = (seconds / run.piece.report.period_s).round();
             let why = if run.piece.grid.q_des.is_none() {
@@ -327,6 +336,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
             "left_out": run.rows.left_out,
             "instruments": match run.source {
                 InstrumentSource::Desired => json!({"kind": "desired", "lag_s": run.rows.lag_s}),
+                InstrumentSource::SecondEncoder => json!({"kind": "second_encoder"}),
                 InstrumentSource::Delayed(delay_s) => json!({"kind": "delayed", "delay_s": delay_s}),
             },
         })

@@ -18,7 +18,7 @@ pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: O
     let mut progress = crate::progress::Progress::new("identifying", recording.len());
     for k in 0..recording.len() {
         let period = recording.period(k);
-        if core.tick(&period.state, period.setpoint.as_ref()).publish {
+        if core.tick_with_link(&period.state, period.setpoint.as_ref(), period.link.as_ref()).publish {
             let mut parameters = Parameters::default();
             core.write_parameters(&mut parameters);
             stream.push(parameters);

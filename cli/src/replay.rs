@@ -6,7 +6,7 @@ use crate::summary::Summary;
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
 use rivet_ipc_schema::{Bus, BusConfig, Health, Notifier, Parameters, PrivateBus, Publisher, RobotName, Subscriber};
-use rivet_ipc_schema::{JointState, Setpoint};
+use rivet_ipc_schema::{JointState, LinkState, Setpoint};
 use rivet_realtime::Shutdown;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     /// The robot file.
     robot: PathBuf,
-    /// The log (Parquet or CSV; t, q1..N, tau1..N, optional q_des1..N, qd_des1..N, qdd_des1..N).
+    /// The log (Parquet or CSV; t, q1..N, tau1..N, optional q_des1..N, qd_des1..N, qdd_des1..N, q_link1..N).
     log: PathBuf,
     /// How many times faster than it was recorded, or max: as fast as the daemon takes it.
     #[arg(long, default_value = "max", value_parser = parse_speed)]
@@ -63,6 +63,7 @@ struct Ports {
     states: Publisher<JointState>,
     arrival: Notifier,
     setpoints: Publisher<Setpoint>,
+    links: Publisher<LinkState>,
     parameters: Subscriber<Parameters>,
     health: Subscriber<Health>,
 }
@@ -93,6 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         states: bus.joint_state_publisher()?,
         arrival: bus.joint_state_notifier()?,
         setpoints: bus.setpoint_publisher()?,
+        links: bus.link_state_publisher()?,
         parameters: bus.parameters_subscriber()?,
         health: bus.health_subscriber()?,
     };
@@ -121,7 +123,7 @@ pub(crate) fn own_stderr() -> Result<std::fs::File> {
 
 fn wait_for_daemon(ports: &Ports, children: &mut Children, shutdown: &Shutdown) -> Result<()> {
     let deadline = Instant::now() + PATIENCE;
-    while ports.states.subscribers() == 0 || ports.setpoints.subscribers() == 0 {
+    while ports.states.subscribers() == 0 || ports.setpoints.subscribers() == 0 || ports.links.subscribers() == 0 {
         check_alive(children, shutdown)?;
         if Instant::now() > deadline {
             bail!("no rivetd listens on this bus");
@@ -182,6 +184,9 @@ fn play(
         wait_until(&mut received, ports, children, shutdown, |received| k < IN_FLIGHT || oldest <= received.seq())?;
         if let Some(setpoint) = &period.setpoint {
             ports.setpoints.send(setpoint)?;
+        }
+        if let Some(link) = &period.link {
+            ports.links.send(link)?;
         }
         ports.states.send(&period.state)?;
         ports.arrival.notify()?;

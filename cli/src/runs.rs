@@ -64,16 +64,22 @@ pub(crate) fn record(piece: &Piece) -> Result<Record> {
             qdd: log.qdd_des.clone().unwrap_or(differences.qdd),
         }
     });
-    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired })
+    let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
+    let second = second.map(|q| Trajectory::from_positions(&q, period_s));
+    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
 }
 
 /// How rows are made of a log of this robot; instruments as configured, desired motion only where the log has one.
 pub(crate) fn settings(robot: &Robot, has_desired: bool) -> OfflineSettings {
     let (config, signal) = (&robot.config, &robot.config.signal);
     let instrument = match config.estimator.instruments {
-        Instruments::Setpoint => InstrumentSource::Desired,
+        // Off-line the tracking lag of the whole record is known: the setpoint always goes through it.
+        Instruments::Setpoint | Instruments::SetpointThroughLoop => InstrumentSource::Desired,
         Instruments::Auto { .. } if has_desired => InstrumentSource::Desired,
-        Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => InstrumentSource::Delayed(delay_s),
+        Instruments::Auto { delay_s, .. }
+        | Instruments::PreviousCycle { delay_s, .. }
+        | Instruments::Delayed { delay_s } => InstrumentSource::Delayed(delay_s),
+        Instruments::SecondEncoder => InstrumentSource::SecondEncoder,
     };
     OfflineSettings {
         filter_hz: signal.model_filter_hz,

@@ -3,7 +3,7 @@
 use crate::runs::hole_s;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
-use rivet_ipc_schema::{JointState, MAX_JOINTS, Parameters, Setpoint};
+use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ReadOptions, ResampleReport};
 use std::io::Write;
 use std::path::Path;
@@ -12,6 +12,8 @@ use std::path::Path;
 pub(crate) struct Period {
     pub(crate) state: JointState,
     pub(crate) setpoint: Option<Setpoint>,
+    /// Where the log has a second encoder of every joint.
+    pub(crate) link: Option<LinkState>,
 }
 
 /// A log on the grid of the robot's sample period. Where its time has a hole, sequence numbers are missing, as they would
@@ -120,7 +122,12 @@ impl Recording {
             }),
             _ => None,
         };
-        Period { state, setpoint }
+        let mut link = LinkState { seq, stamp_ns, joints: self.joints as u32, ..LinkState::default() };
+        for (out, signal) in link.q.iter_mut().zip(&self.log.q_link) {
+            *out = signal.as_ref().map_or(f64::NAN, |signal| signal[k]);
+        }
+        let link = link.q[..self.joints].iter().all(|q| q.is_finite()).then_some(link);
+        Period { state, setpoint, link }
     }
 }
 

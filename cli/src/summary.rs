@@ -23,6 +23,11 @@ impl<'a> Summary<'a> {
     fn instruments(&self) -> &'static str {
         match InstrumentSource::try_from(self.parameters.instruments) {
             Ok(InstrumentSource::Setpoint) => "setpoint (the log has the desired motion)",
+            Ok(InstrumentSource::SetpointThroughLoop) => "setpoint through the identified closed loop",
+            Ok(InstrumentSource::SecondEncoder) => "second encoders (q_link of the log)",
+            Ok(InstrumentSource::PreviousCycle) => {
+                "previous cycle (the motion repeats, and the log has no desired motion)"
+            }
             Ok(InstrumentSource::Delayed) => "delayed (no desired motion: the measured regressor some time ago)",
             Ok(InstrumentSource::None) => "none (least squares)",
             Err(_) => "unknown",

@@ -268,10 +268,15 @@ pub const KEYS: &[Key] = &[
         "Forget old samples exponentially, or never (off-line on one record)."),
     key("estimator", "window_s", Number, "s", Within(0.05, 3600.0), Fallback::Number(10.0),
         "Time constant of the exponential window. At least 20 samples after decimation."),
-    key("estimator", "instruments", Choice(&["auto", "setpoint", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
-        "Instruments from the desired motion, from the measured motion `delay_s` ago, or desired where there is one and delayed where not."),
+    key("estimator", "instruments", Choice(&["auto", "setpoint-through-loop", "setpoint", "second-encoder", "previous-cycle", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
+        "Motion that instruments are made of: the desired one as the arm follows it, by a model of each joint's position loop identified \
+         while running (`setpoint-through-loop`); the desired one as it is; that of second encoders (service `link-state`, log columns \
+         `q_link`); the same phase of the previous cycle of repetitive work, delayed while none is found; the measured one `delay_s` ago. \
+         `auto` takes the first of them that is at hand, in this order but for the raw setpoint, and health says which."),
     key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
         "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation."),
+    key("estimator", "longest_cycle_s", Number, "s", Within(1.0, 120.0), Fallback::Number(20.0),
+        "`auto`, `previous-cycle`: longest cycle that is looked for. At 100 rows a second and six joints, 20 s take 300 kB."),
     key("estimator", "prior", Number, "-", Above(0.0, 1000.0), Fallback::Number(1.0),
         "Relative standard deviation of the nominal parameters at the start; large is weak."),
 

@@ -467,11 +467,15 @@ pub(crate) fn estimator(
         let rule = format!("must be at most {MAX_DELAY_ROWS} samples after decimation, here {} s", short(longest));
         reader.reject("estimator", "delay_s", rule, "shorten the delay or raise signal.decimation");
     }
+    let longest_cycle_s = reader.number("estimator", "longest_cycle_s");
     let instruments = chosen(
         &word,
         &[
-            ("auto", Instruments::Auto { delay_s }),
+            ("auto", Instruments::Auto { delay_s, longest_cycle_s }),
+            ("setpoint-through-loop", Instruments::SetpointThroughLoop),
             ("setpoint", Instruments::Setpoint),
+            ("second-encoder", Instruments::SecondEncoder),
+            ("previous-cycle", Instruments::PreviousCycle { delay_s, longest_cycle_s }),
             ("delayed", Instruments::Delayed { delay_s }),
         ],
     );

@@ -2,10 +2,10 @@
 
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
-use rivet_estimation::{Identifier, Instrument, Motion, ParameterState as Estimated, SettingsError, Step};
+use rivet_estimation::{Identifier, Instrument, Motion, ParameterState as Estimated, Sample, SettingsError, Step};
 use rivet_ipc_schema::{
-    ControlCommand, DaemonMode, Health, InstrumentSource, JointState, MAX_PARAMETERS, ParameterState, Parameters,
-    Setpoint, parameter_flags,
+    ControlCommand, DaemonMode, Health, InstrumentSource, JointState, LinkState, MAX_PARAMETERS, ParameterState,
+    Parameters, Setpoint, parameter_flags,
 };
 use std::sync::Arc;
 
@@ -60,6 +60,7 @@ const PROVISIONAL_S: f64 = 2.0;
 pub struct Core {
     identifier: Identifier,
     dof: usize,
+    row_period_s: f64,
     count: usize,
     hash: u64,
     publish_every: u64,
@@ -88,6 +89,7 @@ impl Core {
         Ok(Core {
             identifier,
             dof: robot.model.arm.dof(),
+            row_period_s: settings.row_period_s(),
             count: robot.base.len().min(MAX_PARAMETERS),
             hash: robot.hash,
             publish_every: robot.config.publish.every as u64,
@@ -109,7 +111,17 @@ impl Core {
     ///
     /// Real-time safe: bounded work; no allocation, lock, system call or panic.
     pub fn tick(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Output {
-        let taken = self.take(sample, setpoint);
+        self.tick_with_link(sample, setpoint, None)
+    }
+
+    /// Like [`tick`](Self::tick), with what the second encoders saw in the same period, if there are some.
+    pub fn tick_with_link(
+        &mut self,
+        sample: &JointState,
+        setpoint: Option<&Setpoint>,
+        link: Option<&LinkState>,
+    ) -> Output {
+        let taken = self.take(sample, setpoint, link);
         let mut publish = false;
         if taken.is_ok() {
             self.since_publication += 1;
@@ -122,7 +134,12 @@ impl Core {
         Output { publish, taken }
     }
 
-    fn take(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Result<(), Refused> {
+    fn take(
+        &mut self,
+        sample: &JointState,
+        setpoint: Option<&Setpoint>,
+        link: Option<&LinkState>,
+    ) -> Result<(), Refused> {
         let n = self.dof;
         if let Some(last) = self.last_seq {
             if sample.seq <= last {
@@ -165,7 +182,9 @@ impl Core {
             self.identifier.restart_signals();
         }
         let desired = setpoint.map(|s| Motion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
-        if let Step::Refused(_) = self.identifier.push(&sample.q[..n], &sample.tau[..n], desired) {
+        let second = link.filter(|l| l.seq == sample.seq && l.count() == n).map(|l| &l.q[..n]);
+        let sample = Sample { q: &sample.q[..n], second, tau: &sample.tau[..n], setpoint: desired };
+        if let Step::Refused(_) = self.identifier.push_sample(sample) {
             self.counts.invalid += 1;
             return Err(Refused::Invalid);
         }
@@ -248,6 +267,11 @@ impl Core {
         out.residual_rms[..m].copy_from_slice(&estimate.residual_rms[..m]);
         out.nominal_residual_rms[..m].copy_from_slice(&estimate.nominal_residual_rms[..m]);
         out.torque_rms[..m].copy_from_slice(&estimate.torque_rms[..m]);
+        for (lag, found) in out.loop_lag_s[..m].iter_mut().zip(estimate.loop_lag_s) {
+            *lag = *found;
+        }
+        out.window_s = estimate.window_rows * self.row_period_s;
+        out.cycle_s = estimate.cycle_s.unwrap_or(f64::NAN);
         out.mode = if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {
@@ -280,6 +304,9 @@ fn source(kind: Instrument) -> InstrumentSource {
     match kind {
         Instrument::None | Instrument::Regressor => InstrumentSource::None,
         Instrument::Setpoint => InstrumentSource::Setpoint,
+        Instrument::SetpointThroughLoop => InstrumentSource::SetpointThroughLoop,
+        Instrument::SecondEncoder => InstrumentSource::SecondEncoder,
+        Instrument::PreviousCycle => InstrumentSource::PreviousCycle,
         Instrument::Delayed => InstrumentSource::Delayed,
     }
 }

@@ -6,8 +6,8 @@ use crate::error::StartError;
 use crate::progress::{Progress, Snapshot};
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, Listener, Parameters, RobotName,
-    Setpoint, Subscriber,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, LinkState, Listener, Parameters,
+    RobotName, Setpoint, Subscriber,
 };
 use rivet_realtime::{LogHistogram, PeriodTimer, RealTimeSettings, Shutdown, now_ns};
 use std::sync::mpsc::Sender;
@@ -42,8 +42,10 @@ const QUIET_PERIODS: u64 = 3;
 struct Input {
     states: Subscriber<JointState>,
     setpoints: Subscriber<Setpoint>,
-    /// A setpoint that came before its sample.
+    links: Subscriber<LinkState>,
+    /// A setpoint, and second encoders, that came before their sample.
     pending: Option<Setpoint>,
+    pending_link: Option<LinkState>,
 }
 
 enum Pace {
@@ -57,9 +59,9 @@ struct Wake {
 }
 
 impl Input {
-    /// The oldest sample not yet taken, and the setpoint of its period if that has come. A setpoint is published before
-    /// its sample, so it is there when the sample is. Bounded by the ring of the setpoints.
-    fn next(&mut self) -> Option<(JointState, Option<Setpoint>)> {
+    /// The oldest sample not yet taken, and the setpoint and second encoders of its period if they have come. They are
+    /// published before their sample, so they are there when the sample is. Bounded by their rings.
+    fn next(&mut self) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
         // A port that fails has no sample; the publisher's absence shows in the health message.
         let state = self.states.receive().ok().flatten()?;
         for _ in 0..self.setpoints.capacity() {
@@ -71,7 +73,17 @@ impl Input {
                 _ => break,
             }
         }
-        Some((state, self.pending.filter(|setpoint| setpoint.seq == state.seq)))
+        for _ in 0..self.links.capacity() {
+            if self.pending_link.is_some_and(|link| link.seq >= state.seq) {
+                break;
+            }
+            match self.links.receive() {
+                Ok(Some(link)) => self.pending_link = Some(link),
+                _ => break,
+            }
+        }
+        let setpoint = self.pending.filter(|setpoint| setpoint.seq == state.seq);
+        Some((state, setpoint, self.pending_link.filter(|link| link.seq == state.seq)))
     }
 }
 
@@ -118,7 +130,13 @@ impl Timing {
 }
 
 fn open(bus: &Bus, settings: &LoopSettings) -> Result<(Input, Pace), BusError> {
-    let input = Input { states: bus.joint_state_subscriber()?, setpoints: bus.setpoint_subscriber()?, pending: None };
+    let input = Input {
+        states: bus.joint_state_subscriber()?,
+        setpoints: bus.setpoint_subscriber()?,
+        links: bus.link_state_subscriber()?,
+        pending: None,
+        pending_link: None,
+    };
     let pace = match settings.trigger {
         Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period)),
         Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
@@ -170,9 +188,9 @@ pub(crate) fn run(
         }
         let mut taken = 0;
         while taken < settings.catch_up {
-            let Some((sample, setpoint)) = input.next() else { break };
+            let Some((sample, setpoint, link)) = input.next() else { break };
             taken += 1;
-            if core.tick(&sample, setpoint.as_ref()).publish {
+            if core.tick_with_link(&sample, setpoint.as_ref(), link.as_ref()).publish {
                 core.write_parameters(&mut parameters);
                 timing.dropped += u64::from(outbound.push(Outbound::Parameters(parameters)).is_err());
             }

@@ -188,7 +188,7 @@ impl Energy {
     }
 
     /// The estimate with what is said of joints put in torque units.
-    pub(crate) fn report<'a>(&'a self, estimate: Estimate<'a>) -> Estimate<'a> {
+    pub(crate) fn report<'a>(&'a self, estimate: &Estimate<'a>) -> Estimate<'a> {
         let [residual_rms, nominal_residual_rms, torque_rms] = &self.watch.rms;
         Estimate {
             torque_noise: residual_rms,
@@ -197,7 +197,7 @@ impl Energy {
             torque_rms,
             rows_used: &self.watch.used,
             rows_left_out: &self.watch.left_out,
-            ..estimate
+            ..*estimate
         }
     }
 }

@@ -404,6 +404,13 @@ impl Estimator {
             rows_used: &self.residuals.used,
             rows_left_out: &self.residuals.left_out,
             instrument: self.instrument,
+            loop_lag_s: &[],
+            cycle_s: None,
+            window_rows: if self.settings.forgetting < 1.0 {
+                -1.0 / self.settings.forgetting.ln()
+            } else {
+                f64::INFINITY
+            },
             verdict: self.verdict,
             changes: self.change.as_ref().map_or(0, Change::seen),
             updates: self.updates,

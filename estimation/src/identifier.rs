@@ -5,9 +5,10 @@ use crate::differentiate::Aligned;
 use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
-use crate::report::{Estimate, Instrument, Motion, Refusal, Setpoint, Step};
+use crate::reference::Reference;
+use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Step};
 use crate::scales::Scales;
-use crate::settings::{Filtering, InputSignals, Instruments, Settings, SettingsError, Window, per_joint};
+use crate::settings::{Filtering, InputSignals, Settings, SettingsError, Window, per_joint};
 use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
 use std::sync::Arc;
@@ -48,7 +49,6 @@ pub struct Identifier {
     dof: usize,
     dead_zone: Vec<f64>,
     decimation: usize,
-    instruments: Instruments,
     /// Largest change of a position between two samples \[rad\].
     jump: Vec<f64>,
     previous: Option<[f64; MAX_JOINTS]>,
@@ -62,6 +62,9 @@ pub struct Identifier {
     desired: RowFilter,
     /// Only with the energy model; the torque rows then serve reports alone.
     energy: Option<Energy>,
+    /// What the instruments of now are made of, and the motion that they are made of.
+    reference: Reference,
+    chosen: Instrument,
     past: Past,
     phase: usize,
     d: Vec<f64>,
@@ -134,7 +137,6 @@ impl Identifier {
             dof,
             dead_zone: settings.dead_zone.clone(),
             decimation: settings.decimation,
-            instruments: settings.instruments,
             jump,
             previous: None,
             interrupted: false,
@@ -156,6 +158,8 @@ impl Identifier {
                 let (period, span) = (settings.sample_period_s, settings.energy_rows());
                 Energy::new(&model, &base, nominal_base, over_rows, period, span, estimator.residual_memory)
             }),
+            reference: Reference::new(dof, settings, &filter),
+            chosen: Instrument::None,
             past: Past::new(if with_energy { n } else { dof * n }, settings.delay_rows().unwrap_or(0)),
             phase: 0,
             d: vec![0.0; dof * n],
@@ -170,6 +174,12 @@ impl Identifier {
     ///
     /// Real-time safe: bounded work; no allocation, lock, system call or panic.
     pub fn push(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> Step {
+        self.push_sample(Sample { q, second: None, tau, setpoint })
+    }
+
+    /// Like [`push`](Self::push), with second encoders where the arm has them. A joint without one (NaN) leaves all out.
+    pub fn push_sample(&mut self, sample: Sample<'_>) -> Step {
+        let Sample { q, second, tau, setpoint } = sample;
         if let Err(why) = self.check(Motion { q, qd: &[], qdd: &[] }, tau, setpoint) {
             return self.refuse(why);
         }
@@ -177,6 +187,8 @@ impl Identifier {
             self.restart_signals();
         }
         self.remember(q);
+        let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
+        self.reference.read_second(second.filter(whole), tau);
         if !self.aligned.push(q, tau, setpoint) {
             self.estimator.work();
             return Step::WarmingUp;
@@ -213,6 +225,7 @@ impl Identifier {
         if let Some(energy) = &mut self.energy {
             energy.restart_signals();
         }
+        self.reference.restart();
         self.past.restart();
         self.phase = 0;
     }
@@ -249,7 +262,8 @@ impl Identifier {
     #[must_use]
     pub fn estimate(&self) -> Estimate<'_> {
         let estimate = self.estimator.estimate();
-        self.energy.as_ref().map_or(estimate, |energy| energy.report(estimate))
+        let estimate = self.energy.as_ref().map_or(estimate, |energy| energy.report(&estimate));
+        Estimate { loop_lag_s: self.reference.lag_s(), cycle_s: self.reference.cycle_s(), ..estimate }
     }
 
     fn refuse(&mut self, why: Refusal) -> Step {
@@ -300,7 +314,20 @@ impl Identifier {
     }
 
     fn process(&mut self) -> Step {
-        let Identifier { aligned, input, measured, desired, energy, model, base, regressors, dead_zone, .. } = self;
+        let Identifier {
+            aligned,
+            input,
+            measured,
+            desired,
+            energy,
+            model,
+            base,
+            regressors,
+            dead_zone,
+            reference,
+            chosen,
+            ..
+        } = self;
         if let Some(input) = input {
             input.step(aligned);
         }
@@ -308,15 +335,20 @@ impl Identifier {
         let structure = &model.structure;
         let moving =
             (0..dead_zone.len()).map(|j| f64::from(u8::from(slides(structure, dead_zone, |j| aligned.qd[j], j))));
-        let setpoint = aligned.setpoint();
-        if let Some(energy) = energy {
-            energy.step(model, base, motion, &aligned.tau, setpoint);
+        let moves = (0..dead_zone.len()).any(|j| aligned.qd[j].abs() >= dead_zone[j]);
+        let found = reference.choose(aligned, moves).unwrap_or(Instrument::None);
+        if !same_motion(found, *chosen) {
+            desired.restart();
         }
-        regressors.evaluate(model, motion, setpoint);
+        *chosen = found;
+        let second = reference.motion(found, aligned);
+        if let Some(energy) = energy {
+            energy.step(model, base, motion, &aligned.tau, second);
+        }
+        regressors.evaluate(model, motion, second);
         measured.step(regressors, Side::Measured, aligned.tau.iter().copied().chain(moving));
-        match setpoint {
-            Some(_) => desired.step(regressors, Side::Second, std::iter::empty()),
-            None => desired.restart(),
+        if second.is_some() {
+            desired.step(regressors, Side::Second, std::iter::empty());
         }
         self.phase += 1;
         let due = self.phase >= self.decimation;
@@ -342,13 +374,13 @@ impl Identifier {
         for (used, moving) in used.iter_mut().zip(moving) {
             *used = *moving >= MOVED;
         }
-        let wants_setpoint = !matches!(self.instruments, Instruments::Delayed { .. });
+        self.reference.learn(&used[..self.dof], &self.aligned);
         if let Some(energy) = &mut self.energy {
             let used = &used[..self.dof];
             energy.watch(&self.d, tau, used, self.estimator.estimate().values);
             let (row, work, planned) = energy.take(self.settled);
-            let instruments = match planned.filter(|_| wants_setpoint) {
-                Some(row) => Some((row, Instrument::Setpoint)),
+            let instruments = match planned {
+                Some(row) => Some((row, self.chosen)),
                 None => self.past.oldest().map(|row| (row, Instrument::Delayed)),
             };
             let moving = used.iter().any(|used| *used);
@@ -356,9 +388,9 @@ impl Identifier {
             self.past.store(row);
             return result.map_or_else(Step::Skipped, |rows| Step::Updated { rows });
         }
-        let instruments = if wants_setpoint && self.desired.age() >= self.settled {
+        let instruments = if self.desired.age() >= self.settled {
             self.desired.rows(&mut self.z);
-            Some((&self.z[..], Instrument::Setpoint))
+            Some((&self.z[..], self.chosen))
         } else {
             self.past.oldest().map(|rows| (rows, Instrument::Delayed))
         };
@@ -369,4 +401,11 @@ impl Identifier {
             Err(why) => Step::Skipped(why),
         }
     }
+}
+
+/// Whether the filters of one go on with the other: the closed loop's model, once identified, moves the setpoint by no more
+/// than the arm's lag.
+fn same_motion(a: Instrument, b: Instrument) -> bool {
+    let setpoint = |i| matches!(i, Instrument::Setpoint | Instrument::SetpointThroughLoop);
+    a == b || (setpoint(a) && setpoint(b))
 }

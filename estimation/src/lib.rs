@@ -15,6 +15,7 @@
 //! The method is that of Schmidt & Pruefer, "Parameter identification in robot control"; numbers of sections and
 //! equations refer to it.
 mod change;
+mod closed_loop;
 pub mod consistency;
 mod dead_zone;
 pub mod differentiate;
@@ -27,6 +28,8 @@ mod kernels;
 mod linear;
 mod noise;
 pub mod offline;
+mod reference;
+mod repetition;
 mod report;
 mod residuals;
 mod scales;
@@ -38,10 +41,11 @@ mod torque_rows;
 pub mod ud;
 pub use estimator::{Correlation, Estimator, EstimatorSettings};
 pub use identifier::Identifier;
-pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Setpoint, Skip, Step, Verdict};
+pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;
 pub use settings::{
     ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Filtering, InputSignals, Instruments,
-    MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision, Window,
+    LONGEST_CYCLE_S, MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision,
+    Window,
 };
 pub use torque_rows::TorqueRows;

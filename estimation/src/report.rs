@@ -6,6 +6,19 @@ pub use rivet_dynamics::State as Motion;
 /// The desired motion that belongs to a sample.
 pub type Setpoint<'a> = Motion<'a>;
 
+/// What is measured at one instant, and what was wanted of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<'a> {
+    /// Joint positions \[rad\]: the encoders that regressors are made of.
+    pub q: &'a [f64],
+    /// Positions of the same joints by second encoders \[rad\], if there are some.
+    pub second: Option<&'a [f64]>,
+    /// Joint torques \[N·m\].
+    pub tau: &'a [f64],
+    /// The setpoint of the same period, if there is one.
+    pub setpoint: Option<Setpoint<'a>>,
+}
+
 /// How a parameter stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterState {
@@ -24,6 +37,12 @@ pub enum Instrument {
     None,
     /// The regressor of the desired motion.
     Setpoint,
+    /// The regressor of the desired motion as the arm follows it, by the identified closed loop.
+    SetpointThroughLoop,
+    /// The regressor of the motion that the second encoders see.
+    SecondEncoder,
+    /// The regressor of the same phase of the previous cycle.
+    PreviousCycle,
     /// The measured regressor of some time ago.
     Delayed,
     /// The regressor itself: least squares.
@@ -126,6 +145,13 @@ pub struct Estimate<'a> {
     pub rows_left_out: &'a [u64],
     /// Instruments of the last used row.
     pub instrument: Instrument,
+    /// Delay of each joint behind its setpoint in slow motion \[s\], NaN until the closed loop is identified; empty where
+    /// that is not asked for.
+    pub loop_lag_s: &'a [f64],
+    /// Length of the cycle that the motion repeats \[s\]; `None` while it repeats none, or none is looked for.
+    pub cycle_s: Option<f64>,
+    /// Length of the window \[rows\]: those after which a row weighs 1/e; infinite while nothing is forgotten.
+    pub window_rows: f64,
     /// What the supervision saw last.
     pub verdict: Verdict,
     /// How often the arm was seen to change (a payload grasped or let go of), which empties the window.

@@ -26,6 +26,8 @@ pub const MAX_HALF_WIDTH: usize = 500;
 pub const MAX_FILTER_ORDER: usize = 8;
 /// Most rows of delayed instruments that are kept.
 pub const MAX_DELAY_ROWS: usize = 4096;
+/// Longest cycle that is looked for unless something else is asked for \[s\].
+pub const LONGEST_CYCLE_S: f64 = 20.0;
 
 impl Differentiator {
     /// Whole samples that every signal waits in the differentiator. The state filter lets none wait: it delays by filtering
@@ -106,18 +108,57 @@ pub enum Window {
 /// Where instruments come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruments {
-    /// The desired motion while there is one, delayed rows otherwise.
+    /// The best at hand, sample by sample: the setpoint through the closed loop, the second encoders, the previous cycle,
+    /// delayed rows.
     Auto {
         /// Age of delayed rows \[s\].
         delay_s: f64,
+        /// Longest cycle that is looked for \[s\].
+        longest_cycle_s: f64,
     },
     /// The regressor of the desired motion. Without setpoints the estimator holds.
     Setpoint,
+    /// The regressor of the desired motion as the arm will follow it, by a model of each joint's position loop that is
+    /// identified while running; the desired motion itself until then. Without setpoints the estimator holds.
+    SetpointThroughLoop,
+    /// The regressor of the motion that second encoders see, on the link or on the motor. Without them the estimator holds.
+    SecondEncoder,
+    /// The regressor at the same phase of the previous cycle of a motion that repeats; delayed rows while none does.
+    PreviousCycle {
+        /// Age of delayed rows \[s\].
+        delay_s: f64,
+        /// Longest cycle that is looked for \[s\]; memory grows with it.
+        longest_cycle_s: f64,
+    },
     /// The measured, filtered regressor of some time ago.
     Delayed {
         /// How long ago \[s\]; rounded up to whole rows.
         delay_s: f64,
     },
+}
+
+impl Instruments {
+    /// Age of delayed rows \[s\], where they may serve.
+    #[must_use]
+    pub fn delay_s(&self) -> Option<f64> {
+        match *self {
+            Instruments::Auto { delay_s, .. }
+            | Instruments::PreviousCycle { delay_s, .. }
+            | Instruments::Delayed { delay_s } => Some(delay_s),
+            Instruments::Setpoint | Instruments::SetpointThroughLoop | Instruments::SecondEncoder => None,
+        }
+    }
+
+    /// Longest cycle that is looked for \[s\], where one is.
+    #[must_use]
+    pub fn longest_cycle_s(&self) -> Option<f64> {
+        match *self {
+            Instruments::Auto { longest_cycle_s, .. } | Instruments::PreviousCycle { longest_cycle_s, .. } => {
+                Some(longest_cycle_s)
+            }
+            _ => None,
+        }
+    }
 }
 
 /// The paper's scheme of section 3.2.3, on the windowed information of the instruments in torque units.
@@ -242,7 +283,10 @@ impl Settings {
             estimator: EstimatorKind::Riv,
             energy_span_s: 1.0,
             window: Window::Exponential { seconds: 10.0 },
-            instruments: Instruments::Auto { delay_s: (2.0 * sample_period_s).max(0.02) },
+            instruments: Instruments::Auto {
+                delay_s: (2.0 * sample_period_s).max(0.02),
+                longest_cycle_s: LONGEST_CYCLE_S,
+            },
             supervision: Supervision::Eigen(EigenSettings::default()),
             prior: Prior { relative_std: 1.0 },
         }
@@ -269,16 +313,12 @@ impl Settings {
         (self.energy_span_s / self.row_period_s() - 1e-9).ceil().clamp(0.0, 1e9) as usize
     }
 
-    /// Age of delayed instruments in rows; `None` when only setpoints serve as instruments.
+    /// Age of delayed instruments in rows; `None` where they do not serve.
     #[must_use]
     pub fn delay_rows(&self) -> Option<usize> {
-        match self.instruments {
-            Instruments::Setpoint => None,
-            Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => {
-                // A hair less than the quotient: 0.02 s of 0.01 s rows is 2 rows, whatever the rounding.
-                Some(((delay_s / self.row_period_s() - 1e-9).ceil()).clamp(1.0, 1e9) as usize)
-            }
-        }
+        // A hair less than the quotient: 0.02 s of 0.01 s rows is 2 rows, whatever the rounding.
+        let rows = |delay_s: f64| ((delay_s / self.row_period_s() - 1e-9).ceil()).clamp(1.0, 1e9) as usize;
+        self.instruments.delay_s().map(rows)
     }
 
     /// Checks every value for an arm of `dof` joints.
@@ -322,14 +362,13 @@ impl Settings {
             let fits = seconds >= least * (1.0 - 1e-9) && seconds.is_finite();
             require("window", seconds, fits, &format!("it must be at least 20 rows long, {least:.4} s"))?;
         }
-        if let Some(rows) = self.delay_rows() {
-            let delay_s = match self.instruments {
-                Instruments::Auto { delay_s } | Instruments::Delayed { delay_s } => delay_s,
-                Instruments::Setpoint => 0.0,
-            };
+        if let (Some(rows), Some(delay_s)) = (self.delay_rows(), self.instruments.delay_s()) {
             let longest = MAX_DELAY_ROWS as f64 * self.row_period_s();
             let fits = delay_s > 0.0 && rows <= MAX_DELAY_ROWS;
             require("delay_s", delay_s, fits, &format!("it must be positive and at most {longest:.3} s"))?;
+        }
+        if let Some(longest) = self.instruments.longest_cycle_s() {
+            require("longest_cycle_s", longest, (1.0..=120.0).contains(&longest), "it must lie in 1..=120 s")?;
         }
         let prior = self.prior.relative_std;
         require("prior", prior, prior > 0.0 && prior.is_finite(), "it must be positive")?;

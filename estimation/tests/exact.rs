@@ -42,7 +42,10 @@ fn known_motion_gives_exact_parameters() {
                     "{arm} {supervision:?} {window:?}: error {error:.1e}, condition {:.1e}",
                     estimate.verdict.condition
                 );
-                assert_eq!((estimate.instrument, estimate.verdict.active), (Instrument::Setpoint, bench.len()));
+                assert_eq!(
+                    (estimate.instrument, estimate.verdict.active),
+                    (Instrument::SetpointThroughLoop, bench.len())
+                );
                 assert!(error < 1e-8, "{error:e}");
             }
         }
@@ -84,7 +87,7 @@ fn positions_give_exact_parameters() {
     for differentiator in [Differentiator::Central, Differentiator::SavitzkyGolay { half_width: 8 }] {
         let settings = Settings {
             differentiator,
-            instruments: Instruments::Auto { delay_s: 0.05 },
+            instruments: Instruments::Auto { delay_s: 0.05, longest_cycle_s: 20.0 },
             window: Window::Exponential { seconds: 5.0 },
             ..Settings::new(bench.dof(), period)
         };
@@ -120,7 +123,8 @@ fn positions_give_exact_parameters() {
         println!("{differentiator:?}: error {error:.1e}");
         assert!(error < 1e-8, "{error:e}");
         // Setpoints that come and go switch the instruments; neither kind spoils the other.
-        assert_eq!(instruments, [Instrument::None, Instrument::Setpoint, Instrument::Delayed]);
+        let expected = [Instrument::None, Instrument::Setpoint, Instrument::SetpointThroughLoop, Instrument::Delayed];
+        assert_eq!(instruments, expected);
     }
 }
 

@@ -110,7 +110,7 @@ fn record(model: &Model, base: &BaseSet, truth: &[f64], phase: f64, noise_q: f64
             desired.q.iter().map(|q| q.iter().map(|q| q + noise_q * noise.next()).collect()).collect();
         Trajectory::from_positions(&q, PERIOD)
     };
-    Record { period_s: PERIOD, measured, tau, desired: Some(desired) }
+    Record { period_s: PERIOD, measured, tau, desired: Some(desired), second: None }
 }
 
 /// τ = D x without any filter.
@@ -207,7 +207,7 @@ fn what_the_motion_leaves_open_stays_nominal_and_says_so() {
     let mut tau = torque(&model, &base, &truth, &still);
     let mut noise = Noise(7);
     tau.iter_mut().flatten().for_each(|tau| *tau += 0.3 * noise.next());
-    let record = Record { period_s: PERIOD, measured: still, tau, desired: None };
+    let record = Record { period_s: PERIOD, measured: still, tau, desired: None, second: None };
     let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
     let fit = fit(&rows, &nominal, 0.2, Method::Instrumental).expect("fit");
     let open = fit.determined.iter().filter(|d| **d == Determined::ByPrior).count();

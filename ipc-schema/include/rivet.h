@@ -1,7 +1,7 @@
 /* rivet's messages for C and C++: the same bytes as the Rust structs in src/messages. A change there without one
  * here fails the tests. The type names are what the bus compares; a new layout or meaning gets a new one.
  *
- * Services: rivet/<robot>/joint-state, setpoint, parameters, health, controller-health (publish-subscribe), command and parameters
+ * Services: rivet/<robot>/joint-state, setpoint, link-state, parameters, health, controller-health (publish-subscribe), command and parameters
  * (blackboards with one entry, key uint64_t 0, and the attribute rivet.type that names the type), control
  * (request-response). Stamps are CLOCK_MONOTONIC [ns]. */
 #ifndef RIVET_H
@@ -58,6 +58,12 @@ enum {
     RIVET_INSTRUMENT_SOURCE_SETPOINT = 1,
     /* Regressor of the measured motion, delayed. */
     RIVET_INSTRUMENT_SOURCE_DELAYED = 2,
+    /* Regressor of the planned motion through the identified closed loop. */
+    RIVET_INSTRUMENT_SOURCE_SETPOINT_THROUGH_LOOP = 3,
+    /* Regressor of the motion that second encoders see (service link-state). */
+    RIVET_INSTRUMENT_SOURCE_SECOND_ENCODER = 4,
+    /* Regressor of the same phase of the previous cycle. */
+    RIVET_INSTRUMENT_SOURCE_PREVIOUS_CYCLE = 5,
 };
 
 /* What became of one parameter (Parameters::state). On the wire one byte. */
@@ -240,6 +246,29 @@ RIVET_ASSERT(offsetof(rivet_setpoint_v1, qdd) == 144);
 RIVET_ASSERT(offsetof(rivet_setpoint_v1, joints) == 208);
 RIVET_ASSERT(offsetof(rivet_setpoint_v1, flags) == 212);
 
+/* What second encoders see, on service `rivet/<robot>/link-state`; only for robots that have them. It carries the seq of
+ * the joint state of the same period and is published *before* it, as the setpoint is. */
+#define RIVET_LINK_STATE_TYPE_NAME "rivet.LinkState.v1"
+typedef struct {
+    /* seq of the joint state this belongs to. */
+    uint64_t seq;
+    /* When the encoders were latched, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Joint positions by the second encoder of each joint, in the zero and sign of the first [rad, or m for a prismatic
+     * joint]; NaN where a joint has none. */
+    double q[RIVET_MAX_JOINTS];
+    /* How many entries of the array are in use, 1..=8. */
+    uint32_t joints;
+    /* Zero. No bit has a meaning yet; a reader ignores those it does not know. */
+    uint32_t flags;
+} rivet_link_state_v1;
+RIVET_ASSERT(sizeof(rivet_link_state_v1) == 88);
+RIVET_ASSERT(offsetof(rivet_link_state_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_link_state_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_link_state_v1, q) == 16);
+RIVET_ASSERT(offsetof(rivet_link_state_v1, joints) == 80);
+RIVET_ASSERT(offsetof(rivet_link_state_v1, flags) == 84);
+
 /* The torque the controller asks for, latest value on blackboard `rivet/<robot>/command`. A robot ignores a command
  * whose stamp_ns is older than a few periods: a blackboard keeps the last value of a writer that has died. */
 #define RIVET_COMMAND_TYPE_NAME "rivet.Command.v1"
@@ -318,7 +347,7 @@ RIVET_ASSERT(offsetof(rivet_parameters_v1, residual_rms) == 4336);
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v1"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v2"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -368,32 +397,58 @@ typedef struct {
     uint64_t worst_wake_ns;
     /* Longest work of a period [ns]. */
     uint64_t worst_work_ns;
-} rivet_health_v1;
-RIVET_ASSERT(sizeof(rivet_health_v1) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v1, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v1, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v1, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v1, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v1, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v1, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v1, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v1, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v1, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v1, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v1, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v1, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v1, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v1, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v1, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v1, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v1, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v1, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v1, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v1, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v1, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v1, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v1, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v1, worst_work_ns) == 576);
+    /* Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while unknown. */
+    double loop_lag_s[RIVET_MAX_JOINTS];
+    /* Per joint: what noise in the regressor puts on least squares over what is left of it with the instruments; NaN
+     * where it cannot be told. */
+    double instrument_ratio[RIVET_MAX_JOINTS];
+    /* Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are; NaN
+     * before the first. */
+    double hausman;
+    /* Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing. */
+    double hausman_p;
+    /* Length of the cycle that the motion repeats [s]; NaN while none is known. */
+    double cycle_s;
+    /* Length of the window [s of motion]; infinite while nothing is forgotten. */
+    double window_s;
+    /* Directions that the statistic compares. */
+    uint32_t hausman_degrees;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
+    uint32_t reserved;
+} rivet_health_v2;
+RIVET_ASSERT(sizeof(rivet_health_v2) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v2, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v2, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v2, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v2, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v2, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v2, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v2, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v2, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v2, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v2, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v2, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v2, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v2, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v2, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v2, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v2, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v2, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v2, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v2, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v2, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v2, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v2, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v2, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v2, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v2, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v2, instrument_ratio) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v2, hausman) == 712);
+RIVET_ASSERT(offsetof(rivet_health_v2, hausman_p) == 720);
+RIVET_ASSERT(offsetof(rivet_health_v2, cycle_s) == 728);
+RIVET_ASSERT(offsetof(rivet_health_v2, window_s) == 736);
+RIVET_ASSERT(offsetof(rivet_health_v2, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v2, reserved) == 748);
 
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.

@@ -46,7 +46,7 @@ FLAG_PROVISIONAL = 1 << 2
 #: Which model the torque of a Command was computed with.
 COMMAND_MODE = {"none": 0, "nominal": 1, "identified": 2}
 #: Where the instruments of the instrumental-variable estimator come from.
-INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2}
+INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2, "setpoint_through_loop": 3, "second_encoder": 4, "previous_cycle": 5}
 #: What became of one parameter (Parameters::state). On the wire one byte.
 PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
@@ -124,6 +124,27 @@ class Setpoint(_Message):
     ]
 
 
+class LinkState(_Message):
+    """What second encoders see, on service `rivet/<robot>/link-state`; only for robots that have them. It carries
+    the seq of the joint state of the same period and is published *before* it, as the setpoint is.
+    """
+
+    TYPE_NAME = "rivet.LinkState.v1"
+    _fields_ = [
+        # seq of the joint state this belongs to.
+        ("seq", ctypes.c_uint64),
+        # When the encoders were latched, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Joint positions by the second encoder of each joint, in the zero and sign of the first [rad, or m for a
+        # prismatic joint]; NaN where a joint has none.
+        ("q", ctypes.c_double * MAX_JOINTS),
+        # How many entries of the array are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # Zero. No bit has a meaning yet; a reader ignores those it does not know.
+        ("flags", ctypes.c_uint32),
+    ]
+
+
 class Command(_Message):
     """The torque the controller asks for, latest value on blackboard `rivet/<robot>/command`. A robot ignores a
     command whose stamp_ns is older than a few periods: a blackboard keeps the last value of a writer that has
@@ -193,7 +214,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v1"
+    TYPE_NAME = "rivet.Health.v2"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -243,6 +264,25 @@ class Health(_Message):
         ("worst_wake_ns", ctypes.c_uint64),
         # Longest work of a period [ns].
         ("worst_work_ns", ctypes.c_uint64),
+        # Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while
+        # unknown.
+        ("loop_lag_s", ctypes.c_double * MAX_JOINTS),
+        # Per joint: what noise in the regressor puts on least squares over what is left of it with the
+        # instruments; NaN where it cannot be told.
+        ("instrument_ratio", ctypes.c_double * MAX_JOINTS),
+        # Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are;
+        # NaN before the first.
+        ("hausman", ctypes.c_double),
+        # Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing.
+        ("hausman_p", ctypes.c_double),
+        # Length of the cycle that the motion repeats [s]; NaN while none is known.
+        ("cycle_s", ctypes.c_double),
+        # Length of the window [s of motion]; infinite while nothing is forgotten.
+        ("window_s", ctypes.c_double),
+        # Directions that the statistic compares.
+        ("hausman_degrees", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
+        ("reserved", ctypes.c_uint32),
     ]
 
 
@@ -357,6 +397,13 @@ LAYOUT = {
         "joints": 208,
         "flags": 212,
     }),
+    LinkState: (88, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "q": 16,
+        "joints": 80,
+        "flags": 84,
+    }),
     Command: (88, {
         "seq": 0,
         "stamp_ns": 8,
@@ -381,7 +428,7 @@ LAYOUT = {
         "torque_noise": 4272,
         "residual_rms": 4336,
     }),
-    Health: (584, {
+    Health: (752, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -406,6 +453,14 @@ LAYOUT = {
         "work_histogram": 440,
         "worst_wake_ns": 568,
         "worst_work_ns": 576,
+        "loop_lag_s": 584,
+        "instrument_ratio": 648,
+        "hausman": 712,
+        "hausman_p": 720,
+        "cycle_s": 728,
+        "window_s": 736,
+        "hausman_degrees": 744,
+        "reserved": 748,
     }),
     ControllerHealth: (528, {
         "seq": 0,

@@ -13,7 +13,9 @@ use crate::blackboard::{BlackboardReader, BlackboardWriter};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
-use crate::messages::{Command, ControllerHealth, Health, JointState, Message, Parameters, Setpoint, Stamped};
+use crate::messages::{
+    Command, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint, Stamped,
+};
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
 
@@ -209,6 +211,16 @@ impl Bus {
     /// Receives the plan; the ring holds 1024 samples.
     pub fn setpoint_subscriber(&self) -> Result<Subscriber<Setpoint>, BusError> {
         self.subscriber(Service::Setpoint)
+    }
+
+    /// Robot controller: publishes what second encoders see, before the joint state of that period.
+    pub fn link_state_publisher(&self) -> Result<Publisher<LinkState>, BusError> {
+        self.publisher(Service::LinkState)
+    }
+
+    /// Receives what second encoders see; the ring holds 1024 samples.
+    pub fn link_state_subscriber(&self) -> Result<Subscriber<LinkState>, BusError> {
+        self.subscriber(Service::LinkState)
     }
 
     /// Daemon: publishes the parameters. Call [`Publisher::refresh`] often: it hands the latest to late subscribers.

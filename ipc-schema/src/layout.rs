@@ -2,7 +2,7 @@
 
 use crate::messages::{
     Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, ControllerHealth,
-    ControllerState, DaemonMode, Health, InstrumentSource, JointState, ParameterRefusal, ParameterSource,
+    ControllerState, DaemonMode, Health, InstrumentSource, JointState, LinkState, ParameterRefusal, ParameterSource,
     ParameterState, Parameters, Setpoint, SourceReason,
 };
 
@@ -31,9 +31,10 @@ pub struct Enumeration {
 }
 
 /// All messages.
-pub const MESSAGES: [Layout; 8] = [
+pub const MESSAGES: [Layout; 9] = [
     JointState::LAYOUT,
     Setpoint::LAYOUT,
+    LinkState::LAYOUT,
     Command::LAYOUT,
     Parameters::LAYOUT,
     Health::LAYOUT,

@@ -51,6 +51,8 @@ pub enum Service {
     JointState,
     /// Publish-subscribe: planner -> all.
     Setpoint,
+    /// Publish-subscribe: robot controller -> all, where joints have second encoders.
+    LinkState,
     /// Blackboard: controller -> robot.
     Command,
     /// Publish-subscribe with history 1, and a blackboard of the same name: daemon -> all.
@@ -69,6 +71,7 @@ impl Service {
         match self {
             Self::JointState => "joint-state",
             Self::Setpoint => "setpoint",
+            Self::LinkState => "link-state",
             Self::Command => "command",
             Self::Parameters => "parameters",
             Self::Health => "health",

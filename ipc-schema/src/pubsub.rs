@@ -33,7 +33,7 @@ impl Quality {
     pub(crate) fn of(service: Service) -> Self {
         match service {
             // A second of 1 kHz samples: the daemon must not lose any while it catches up.
-            Service::JointState | Service::Setpoint => Self { history: 0, buffer: 1024 },
+            Service::JointState | Service::Setpoint | Service::LinkState => Self { history: 0, buffer: 1024 },
             Service::Parameters => Self { history: 1, buffer: 64 },
             // A late monitor has something to show before the next report.
             _ => Self { history: 1, buffer: 16 },

@@ -44,7 +44,8 @@ fn bits() -> [(&'static str, u32); 7] {
 fn the_header_asserts_the_layout_of_every_message() {
     let header = text("include/rivet.h");
     for message in MESSAGES {
-        let (name, c_name) = (snake(message.name), format!("rivet_{}_v1", snake(message.name)));
+        let (_, version) = message.type_name.rsplit_once(".v").expect("a version");
+        let (name, c_name) = (snake(message.name), format!("rivet_{}_v{version}", snake(message.name)));
         let mut expected = format!("}} {c_name};\nRIVET_ASSERT(sizeof({c_name}) == {});\n", message.size);
         for (field, offset) in message.fields {
             writeln!(expected, "RIVET_ASSERT(offsetof({c_name}, {field}) == {offset});").expect("a string");

@@ -250,7 +250,7 @@ mod tests {
             }
             let measured = Trajectory::from_positions(&read, period);
             let tau = vec![vec![1.0; 10_000]; 2];
-            let record = Record { period_s: period, measured, tau, desired: Some(desired) };
+            let record = Record { period_s: period, measured, tau, desired: Some(desired), second: None };
             let settings = OfflineSettings {
                 filter_hz: 450.0,
                 filter_order: 2,

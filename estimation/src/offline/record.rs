@@ -119,6 +119,8 @@ pub struct Record {
     pub tau: Vec<Vec<f64>>,
     /// Commanded motion, free of the noise of the measured one.
     pub desired: Option<Trajectory>,
+    /// Motion that second encoders saw, whose noise is their own.
+    pub second: Option<Trajectory>,
 }
 
 /// Torque of the model with base parameters `x` along a motion \[N m\], `[joint][sample]`, low-passed by `smooth`:

@@ -14,6 +14,8 @@ use super::zero_phase::ZeroPhase;
 pub enum InstrumentSource {
     /// The regressor on the commanded motion, each joint delayed by its tracking lag.
     Desired,
+    /// The regressor on the motion that second encoders saw.
+    SecondEncoder,
     /// The regressor as it was so long ago \[s\]: its noise has nothing to do with that of now.
     Delayed(f64),
 }
@@ -137,6 +139,15 @@ impl Rows {
             }
             (InstrumentSource::Desired, None) => {
                 return Err(OfflineError::Shape { what: "desired motion", found: 0, expected: rows });
+            }
+            (InstrumentSource::SecondEncoder, _) => {
+                let second = record.second.as_ref().ok_or(OfflineError::Shape {
+                    what: "motion by second encoders",
+                    found: 0,
+                    expected: rows,
+                })?;
+                second.check(n, rows)?;
+                (Some(second.clone()), 0, vec![0.0; n])
             }
             (InstrumentSource::Delayed(seconds), _) => {
                 (None, (seconds / record.period_s).round().max(1.0) as usize, Vec::new())

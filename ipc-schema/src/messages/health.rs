@@ -1,4 +1,4 @@
-//! `rivet.Health.v1`
+//! `rivet.Health.v2`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -10,9 +10,10 @@ pub const HISTOGRAM_BINS: usize = 32;
 
 /// How the daemon is doing, a few times a second, on service `rivet/<robot>/health`.
 ///
-/// Counters run since the daemon's start and never go back.
+/// Counters run since the daemon's start and never go back. Version 2 adds everything after the times: what the estimator
+/// says about its instruments, about bias and about its window.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.Health.v1")]
+#[type_name("rivet.Health.v2")]
 #[repr(C)]
 pub struct Health {
     /// `seq` of the last joint state taken in.
@@ -63,6 +64,24 @@ pub struct Health {
     pub worst_wake_ns: u64,
     /// Longest work of a period \[ns\].
     pub worst_work_ns: u64,
+    /// Delay of each joint behind its setpoint in slow motion \[s\], by the identified closed loop; NaN while unknown.
+    pub loop_lag_s: [f64; MAX_JOINTS],
+    /// Per joint: what noise in the regressor puts on least squares over what is left of it with the instruments (the paper's
+    /// 65 to 300); NaN where it cannot be told.
+    pub instrument_ratio: [f64; MAX_JOINTS],
+    /// Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are; NaN before
+    /// the first.
+    pub hausman: f64,
+    /// Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing.
+    pub hausman_p: f64,
+    /// Length of the cycle that the motion repeats \[s\]; NaN while none is known.
+    pub cycle_s: f64,
+    /// Length of the window \[s of motion\]; infinite while nothing is forgotten.
+    pub window_s: f64,
+    /// Directions that the statistic compares.
+    pub hausman_degrees: u32,
+    /// Zero. Padding is spelt out, so the layout can be read off the source.
+    pub reserved: u32,
 }
 
 wire_enum!(
@@ -81,17 +100,21 @@ wire_enum!(
     }
 );
 
-message!(Health v 1, size 584 align 8, empty Health {
+message!(Health v 2, size 752 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
     residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS], torque_rms: [0.0; MAX_JOINTS],
     wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
+    loop_lag_s: [f64::NAN; MAX_JOINTS], instrument_ratio: [f64::NAN; MAX_JOINTS], hausman: f64::NAN, hausman_p: f64::NAN,
+    cycle_s: f64::NAN, window_s: f64::NAN, hausman_degrees: 0, reserved: 0,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
     held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
     torque_rms @ 248, wake_histogram @ 312, work_histogram @ 440, worst_wake_ns @ 568, worst_work_ns @ 576,
+    loop_lag_s @ 584, instrument_ratio @ 648, hausman @ 712, hausman_p @ 720, cycle_s @ 728, window_s @ 736,
+    hausman_degrees @ 744, reserved @ 748,
 });
 
 impl Stamped for Health {

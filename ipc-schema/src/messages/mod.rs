@@ -5,6 +5,7 @@ mod control;
 mod controller_health;
 mod health;
 mod joint_state;
+mod link_state;
 mod parameters;
 mod setpoint;
 
@@ -15,6 +16,7 @@ pub use controller_health::{
 };
 pub use health::{DaemonMode, HISTOGRAM_BINS, Health};
 pub use joint_state::{JointState, faults};
+pub use link_state::LinkState;
 pub use parameters::{InstrumentSource, ParameterState, Parameters, parameter_flags};
 pub use setpoint::Setpoint;
 

@@ -105,6 +105,12 @@ wire_enum!(
         Setpoint = 1,
         /// Regressor of the measured motion, delayed.
         Delayed = 2,
+        /// Regressor of the planned motion through the identified closed loop.
+        SetpointThroughLoop = 3,
+        /// Regressor of the motion that second encoders see (service `link-state`).
+        SecondEncoder = 4,
+        /// Regressor of the same phase of the previous cycle.
+        PreviousCycle = 5,
     }
 );
 
