@@ -399,24 +399,12 @@ typedef struct {
     uint64_t worst_work_ns;
     /* Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while unknown. */
     double loop_lag_s[RIVET_MAX_JOINTS];
-    /* Per joint: what noise in the regressor puts on least squares over what is left of it with the instruments; NaN
-     * where it cannot be told. */
-    double instrument_ratio[RIVET_MAX_JOINTS];
-    /* Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are; NaN
-     * before the first. */
-    double hausman;
-    /* Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing. */
-    double hausman_p;
     /* Length of the cycle that the motion repeats [s]; NaN while none is known. */
     double cycle_s;
     /* Length of the window [s of motion]; infinite while nothing is forgotten. */
     double window_s;
-    /* Directions that the statistic compares. */
-    uint32_t hausman_degrees;
-    /* Zero. Padding is spelt out, so the layout can be read off the source. */
-    uint32_t reserved;
 } rivet_health_v2;
-RIVET_ASSERT(sizeof(rivet_health_v2) == 752);
+RIVET_ASSERT(sizeof(rivet_health_v2) == 664);
 RIVET_ASSERT(offsetof(rivet_health_v2, seq) == 0);
 RIVET_ASSERT(offsetof(rivet_health_v2, stamp_ns) == 8);
 RIVET_ASSERT(offsetof(rivet_health_v2, samples) == 16);
@@ -442,13 +430,8 @@ RIVET_ASSERT(offsetof(rivet_health_v2, work_histogram) == 440);
 RIVET_ASSERT(offsetof(rivet_health_v2, worst_wake_ns) == 568);
 RIVET_ASSERT(offsetof(rivet_health_v2, worst_work_ns) == 576);
 RIVET_ASSERT(offsetof(rivet_health_v2, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v2, instrument_ratio) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v2, hausman) == 712);
-RIVET_ASSERT(offsetof(rivet_health_v2, hausman_p) == 720);
-RIVET_ASSERT(offsetof(rivet_health_v2, cycle_s) == 728);
-RIVET_ASSERT(offsetof(rivet_health_v2, window_s) == 736);
-RIVET_ASSERT(offsetof(rivet_health_v2, hausman_degrees) == 744);
-RIVET_ASSERT(offsetof(rivet_health_v2, reserved) == 748);
+RIVET_ASSERT(offsetof(rivet_health_v2, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v2, window_s) == 656);
 
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.

@@ -267,22 +267,10 @@ class Health(_Message):
         # Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while
         # unknown.
         ("loop_lag_s", ctypes.c_double * MAX_JOINTS),
-        # Per joint: what noise in the regressor puts on least squares over what is left of it with the
-        # instruments; NaN where it cannot be told.
-        ("instrument_ratio", ctypes.c_double * MAX_JOINTS),
-        # Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are;
-        # NaN before the first.
-        ("hausman", ctypes.c_double),
-        # Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing.
-        ("hausman_p", ctypes.c_double),
         # Length of the cycle that the motion repeats [s]; NaN while none is known.
         ("cycle_s", ctypes.c_double),
         # Length of the window [s of motion]; infinite while nothing is forgotten.
         ("window_s", ctypes.c_double),
-        # Directions that the statistic compares.
-        ("hausman_degrees", ctypes.c_uint32),
-        # Zero. Padding is spelt out, so the layout can be read off the source.
-        ("reserved", ctypes.c_uint32),
     ]
 
 
@@ -428,7 +416,7 @@ LAYOUT = {
         "torque_noise": 4272,
         "residual_rms": 4336,
     }),
-    Health: (752, {
+    Health: (664, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -454,13 +442,8 @@ LAYOUT = {
         "worst_wake_ns": 568,
         "worst_work_ns": 576,
         "loop_lag_s": 584,
-        "instrument_ratio": 648,
-        "hausman": 712,
-        "hausman_p": 720,
-        "cycle_s": 728,
-        "window_s": 736,
-        "hausman_degrees": 744,
-        "reserved": 748,
+        "cycle_s": 648,
+        "window_s": 656,
     }),
     ControllerHealth: (528, {
         "seq": 0,

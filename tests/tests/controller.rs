@@ -193,7 +193,8 @@ fn a_daemon_that_is_killed_leaves_the_last_good_parameters() {
     println!(
         "undisturbed: step {step:.5} of the limit, error {error:.3e} rad; killed: {killed_step:.5}, {killed_error:.3e} rad"
     );
-    assert!(killed_step <= 1.1 * step, "largest step {killed_step} of the torque limit, undisturbed {step}");
+    // The largest of 10⁴ noisy steps differs by some 15 % from run to run; the rate limit itself would be 1.45 times it.
+    assert!(killed_step <= 1.25 * step, "largest step {killed_step} of the torque limit, undisturbed {step}");
     assert!(killed_error <= 1.1 * error, "tracking error {killed_error} rad, undisturbed {error}");
 }
 

@@ -66,22 +66,10 @@ pub struct Health {
     pub worst_work_ns: u64,
     /// Delay of each joint behind its setpoint in slow motion \[s\], by the identified closed loop; NaN while unknown.
     pub loop_lag_s: [f64; MAX_JOINTS],
-    /// Per joint: what noise in the regressor puts on least squares over what is left of it with the instruments (the paper's
-    /// 65 to 300); NaN where it cannot be told.
-    pub instrument_ratio: [f64; MAX_JOINTS],
-    /// Durbin-Wu-Hausman statistic of the window: how far apart least squares and instrumental variables are; NaN before
-    /// the first.
-    pub hausman: f64,
-    /// Probability of a statistic as large as that if the regressor has no noise and the model lacks nothing.
-    pub hausman_p: f64,
     /// Length of the cycle that the motion repeats \[s\]; NaN while none is known.
     pub cycle_s: f64,
     /// Length of the window \[s of motion\]; infinite while nothing is forgotten.
     pub window_s: f64,
-    /// Directions that the statistic compares.
-    pub hausman_degrees: u32,
-    /// Zero. Padding is spelt out, so the layout can be read off the source.
-    pub reserved: u32,
 }
 
 wire_enum!(
@@ -100,21 +88,19 @@ wire_enum!(
     }
 );
 
-message!(Health v 2, size 752 align 8, empty Health {
+message!(Health v 2, size 664 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
     residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS], torque_rms: [0.0; MAX_JOINTS],
     wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
-    loop_lag_s: [f64::NAN; MAX_JOINTS], instrument_ratio: [f64::NAN; MAX_JOINTS], hausman: f64::NAN, hausman_p: f64::NAN,
-    cycle_s: f64::NAN, window_s: f64::NAN, hausman_degrees: 0, reserved: 0,
+    loop_lag_s: [f64::NAN; MAX_JOINTS], cycle_s: f64::NAN, window_s: f64::NAN,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
     held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
     torque_rms @ 248, wake_histogram @ 312, work_histogram @ 440, worst_wake_ns @ 568, worst_work_ns @ 576,
-    loop_lag_s @ 584, instrument_ratio @ 648, hausman @ 712, hausman_p @ 720, cycle_s @ 728, window_s @ 736,
-    hausman_degrees @ 744, reserved @ 748,
+    loop_lag_s @ 584, cycle_s @ 648, window_s @ 656,
 });
 
 impl Stamped for Health {
