@@ -123,7 +123,7 @@ impl Recording {
             _ => None,
         };
         let mut link = LinkState { seq, stamp_ns, joints: self.joints as u32, ..LinkState::default() };
-        for (out, signal) in link.q.iter_mut().zip(&self.log.q_link) {
+        for (out, signal) in link.q.iter_mut().zip(&log.q_link) {
             *out = signal.as_ref().map_or(f64::NAN, |signal| signal[k]);
         }
         let link = link.q[..self.joints].iter().all(|q| q.is_finite()).then_some(link);
