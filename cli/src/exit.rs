@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use rivet_config::ConfigErrors;
+use rivet_diagnosis::DiagnosisError;
 use rivet_logs::LogError;
 
 /// Bad input data.
@@ -10,11 +11,11 @@ const DATA: u8 = 65;
 /// Bad configuration; systemd does not restart on it.
 const CONFIG: u8 = 78;
 
-/// The exit code of a failure: 78 for a robot file, 65 for a log, 1 for the rest.
+/// The exit code of a failure: 78 for a robot file, 65 for a log or runs that cannot be diagnosed, 1 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
-    } else if error.chain().any(<dyn Error>::is::<LogError>) {
+    } else if error.chain().any(|e| e.is::<LogError>() || e.is::<DiagnosisError>()) {
         DATA
     } else {
         1
