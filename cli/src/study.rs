@@ -1,5 +1,7 @@
 //! `rivet study`: computes a table anew from seeds and prints it.
 
+mod supervision;
+
 use anyhow::{Context, Result};
 use rivet_studies::tracking::{ARMS, tracking};
 use std::path::PathBuf;
@@ -10,6 +12,8 @@ use std::process::ExitCode;
 pub(crate) enum Args {
     /// Tracking error with wrong, live and true parameters, with an unknown payload and after it is let go of
     Tracking(TrackingArgs),
+    /// Supervision schemes side by side on a staged workload
+    Supervision(supervision::Args),
 }
 
 /// Without a robot file the arms of the table, from `robots/`.
@@ -32,6 +36,7 @@ pub(crate) struct TrackingArgs {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     match args {
         Args::Tracking(args) => run_tracking(args),
+        Args::Supervision(args) => supervision::run(args),
     }
 }
 

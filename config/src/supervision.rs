@@ -1,6 +1,6 @@
 //! `[supervision]`: which directions of the parameter space may move.
 
-use rivet_estimation::{ColumnsSettings, EigenSettings, Supervision};
+use rivet_estimation::{ColumnsSettings, EigenSettings, Supervision, TrackedSettings};
 
 use crate::reader::Reader;
 
@@ -10,11 +10,21 @@ pub(crate) fn supervision(reader: &mut Reader<'_>) -> Supervision {
     let tolerance = reader.number("supervision", "tolerance");
     let hysteresis = reader.number("supervision", "hysteresis");
     let relevance = reader.number("supervision", "relevance");
+    let dwell = reader.count("supervision", "dwell") as u32;
+    let rounds = reader.count("supervision", "rounds");
     let min_angle = reader.number("supervision", "min_angle");
     let max_condition = reader.number("supervision", "max_condition");
     match kind.as_str() {
         "off" => Supervision::Off,
         "columns" => Supervision::Columns(ColumnsSettings { tolerance, min_angle, max_condition }),
-        _ => Supervision::Eigen(EigenSettings { tolerance, hysteresis, relevance }),
+        "eigen" => Supervision::Eigen(EigenSettings { tolerance, hysteresis, relevance }),
+        _ => Supervision::Tracked(TrackedSettings {
+            tolerance,
+            hysteresis,
+            relevance,
+            dwell,
+            rounds,
+            ..TrackedSettings::default()
+        }),
     }
 }

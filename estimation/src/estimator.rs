@@ -20,7 +20,7 @@ use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::residuals::Residuals;
 use crate::scales::{LaneScratch, Scales, Whitening};
 use crate::settings::{EstimatorKind, Prior, Supervision};
-use crate::supervision::{Columns, Directions, Judge};
+use crate::supervision::{self, Columns, Judge, Tracked};
 use crate::ud::UdFilter;
 use cycle::Cycle;
 use long_run::LongRun;
@@ -123,6 +123,16 @@ pub struct Estimator {
     instrument: Instrument,
 }
 
+/// What supervision by directions has decided, in coordinates in which a reference workload excites every direction
+/// alike \[torque-noise sigma\].
+#[derive(Clone, Debug)]
+pub struct Directions<'a> {
+    /// The estimate, n.
+    pub coordinates: &'a [f64],
+    /// Orthonormal directions, and whether each moved in the last step.
+    pub directions: Vec<(&'a [f64], bool)>,
+}
+
 #[derive(Clone, Debug)]
 struct Rows {
     d: Vec<f64>,
@@ -146,9 +156,10 @@ impl Estimator {
         let judge = match settings.supervision {
             Supervision::Off => Judge::Off,
             Supervision::Columns(columns) => Judge::Columns(Columns::new(n, columns)),
-            Supervision::Eigen(eigen) => Judge::Directions(Directions::new(n, eigen)),
+            Supervision::Eigen(eigen) => Judge::Directions(supervision::Directions::new(n, eigen)),
+            Supervision::Tracked(tracked) => Judge::Tracked(Box::new(Tracked::new(n, p, tracked))),
         };
-        let whitening = matches!(judge, Judge::Directions(_)).then(|| scales.whitening());
+        let whitening = matches!(judge, Judge::Directions(_) | Judge::Tracked(_)).then(|| scales.whitening());
         let scaled: Vec<f64> = nominal.iter().zip(&scales.column).map(|(x, c)| x * c).collect();
         let variance: Vec<f64> = prior.iter().map(|std| std * std).collect();
         let zeros = || vec![0.0; p];
@@ -362,6 +373,14 @@ impl Estimator {
             }
         }
         // Rows that are not used have weight 0: their products are zeros.
+        if let Some(tracked) = self.cycle.tracked() {
+            tracked.add(lambda, &rows.z, &rows.d, &rows.tau);
+            for (z, residual) in rows.z.chunks_exact(n).zip(&rows.residual) {
+                self.long_run.add(z, *residual);
+            }
+            self.long_run.advance();
+            return;
+        }
         add_products(&mut self.m, lambda, &rows.z, &rows.d, n, Part::All);
         add_products(&mut self.s, lambda, &rows.z, &rows.z, n, Part::Lower);
         for y in &mut self.y {
@@ -385,6 +404,13 @@ impl Estimator {
         self.window_share()
             * self.settings.correlation.factor(self.noise.correlation())
             * self.noise.equation_variance()
+    }
+
+    /// The directions that the supervision judges, and the estimate in their coordinates; `None` where it judges
+    /// parameters.
+    #[must_use]
+    pub fn directions(&self) -> Option<Directions<'_>> {
+        self.cycle.directions()
     }
 
     /// What is known now.

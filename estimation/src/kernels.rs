@@ -40,6 +40,28 @@ pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     }
 }
 
+/// `out = T·x` for the whole row-major T (n x n).
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
+    let n = x.len();
+    let mut rows = t.chunks_exact(n).zip(out.iter_mut());
+    while let Some((a, out_a)) = rows.next() {
+        let mut sum = [[0.0; MAX_JOINTS]; 2];
+        // An odd last row is multiplied twice.
+        let (b, out_b) = rows.next().map_or((a, None), |(b, out)| (b, Some(out)));
+        for ((x, a), b) in x.iter().zip(a).zip(b) {
+            for lane in 0..MAX_JOINTS {
+                sum[0][lane] += a * x[lane];
+                sum[1][lane] += b * x[lane];
+            }
+        }
+        *out_a = sum[0];
+        if let Some(out_b) = out_b {
+            *out_b = sum[1];
+        }
+    }
+}
+
 /// Which entries of a square matrix an update touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {

@@ -39,13 +39,13 @@ mod state_filter;
 mod supervision;
 mod torque_rows;
 pub mod ud;
-pub use estimator::{Correlation, Estimator, EstimatorSettings};
+pub use estimator::{Correlation, Directions, Estimator, EstimatorSettings};
 pub use identifier::Identifier;
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;
 pub use settings::{
     ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Filtering, InputSignals, Instruments,
     LONGEST_CYCLE_S, MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision,
-    Window,
+    TrackedSettings, Window,
 };
 pub use torque_rows::TorqueRows;

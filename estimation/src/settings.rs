@@ -198,6 +198,29 @@ impl Default for EigenSettings {
     }
 }
 
+/// Every direction judged at recursive cost (3.2.4): a basis that follows the information by Jacobi rotations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackedSettings {
+    /// As [`EigenSettings::tolerance`].
+    pub tolerance: f64,
+    /// As [`EigenSettings::hysteresis`].
+    pub hysteresis: f64,
+    /// As [`EigenSettings::relevance`].
+    pub relevance: f64,
+    /// A direction that has come to be held stays so for at least this many rows; 0 to 100 000.
+    pub dwell: u32,
+    /// Rounds of rotations a sample, 1 to 64; one round turns every direction once.
+    pub rounds: usize,
+    /// Whether information that a direction may owe to a stronger one, because the basis lags, is taken off.
+    pub deflation: bool,
+}
+
+impl Default for TrackedSettings {
+    fn default() -> Self {
+        TrackedSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3, dwell: 20, rounds: 1, deflation: true }
+    }
+}
+
 /// Which parameters, or directions of the parameter space, may move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Supervision {
@@ -207,6 +230,8 @@ pub enum Supervision {
     Columns(ColumnsSettings),
     /// Eigenvalues and eigenvectors (3.2.2): the reference that other schemes are measured by.
     Eigen(EigenSettings),
+    /// Tracked directions (3.2.4): what the reference decides, at a fraction of its cost.
+    Tracked(TrackedSettings),
 }
 
 /// What is known before the first sample. It acts through parameters that are held, through the threshold at which
@@ -385,6 +410,14 @@ impl Settings {
                 let fits = hysteresis > 0.0 && hysteresis <= 1.0;
                 require("hysteresis", hysteresis, fits, "it must lie in (0, 1]")?;
                 require("relevance", relevance, (0.0..1.0).contains(&relevance), "it must lie in [0, 1)")
+            }
+            Supervision::Tracked(TrackedSettings { tolerance, hysteresis, relevance, dwell, rounds, .. }) => {
+                require("tolerance", tolerance, tolerance > 0.0 && tolerance.is_finite(), "it must be positive")?;
+                let fits = hysteresis > 0.0 && hysteresis <= 1.0;
+                require("hysteresis", hysteresis, fits, "it must lie in (0, 1]")?;
+                require("relevance", relevance, (0.0..1.0).contains(&relevance), "it must lie in [0, 1)")?;
+                require("dwell", dwell, dwell <= 100_000, "it must be at most 100000 rows")?;
+                require("rounds", rounds, (1..=64).contains(&rounds), "it must lie in 1..=64")
             }
         }
     }

@@ -6,9 +6,12 @@
 
 mod columns;
 mod directions;
+mod rotations;
+mod tracked;
 
 pub(crate) use columns::Columns;
 pub(crate) use directions::Directions;
+pub(crate) use tracked::Tracked;
 
 use crate::report::Verdict;
 use crate::scales::Whitening;
@@ -31,6 +34,8 @@ pub(crate) enum Judge {
     Off,
     Columns(Columns),
     Directions(Directions),
+    /// Judges and solves by itself, every period: see [`Tracked::solve`].
+    Tracked(Box<Tracked>),
 }
 
 impl Judge {
@@ -40,13 +45,14 @@ impl Judge {
             Judge::Off => 1.0,
             Judge::Columns(scheme) => scheme.tolerance(),
             Judge::Directions(scheme) => scheme.settings().tolerance,
+            Judge::Tracked(scheme) => scheme.settings().tolerance,
         }
     }
 
     /// Begins to judge `s` (n x n, symmetric).
     pub(crate) fn start(&mut self, s: &[f64]) {
         match self {
-            Judge::Off => {}
+            Judge::Off | Judge::Tracked(_) => {}
             Judge::Columns(scheme) => scheme.start(),
             Judge::Directions(scheme) => scheme.start(s),
         }
@@ -64,6 +70,7 @@ impl Judge {
             }
             Judge::Columns(scheme) => scheme.advance(s, known, active, verdict),
             Judge::Directions(scheme) => scheme.advance(known, active, verdict),
+            Judge::Tracked(_) => true,
         }
     }
 }

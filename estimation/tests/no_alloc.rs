@@ -6,7 +6,7 @@ mod common;
 use common::{Bench, Random, Wave};
 use rivet_estimation::{
     ColumnsSettings, EigenSettings, EstimatorKind, Filtering, Identifier, InputSignals, Motion, Refusal, Settings,
-    Step, Supervision,
+    Step, Supervision, TrackedSettings,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -47,6 +47,7 @@ fn pushing_never_allocates() {
     let still = vec![0.0; n];
     for (estimator, supervision) in [
         (EstimatorKind::Riv, Supervision::Eigen(EigenSettings::default())),
+        (EstimatorKind::Riv, Supervision::Tracked(TrackedSettings::default())),
         (EstimatorKind::Riv, Supervision::Columns(ColumnsSettings::default())),
         (EstimatorKind::Riv, Supervision::Off),
         (EstimatorKind::Rls, Supervision::Off),

@@ -5,10 +5,23 @@ mod common;
 use common::{Bench, Random, Wave};
 use rivet_estimation::{
     ColumnsSettings, Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument,
-    Motion, ParameterState, Prior, Scales, Settings, Supervision, Window,
+    Motion, ParameterState, Prior, Scales, Settings, Supervision, TrackedSettings, Window,
 };
 
 const EIGEN: Supervision = Supervision::Eigen(EigenSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3 });
+
+const TRACKED: Supervision = Supervision::Tracked(TrackedSettings {
+    tolerance: 0.5,
+    hysteresis: 0.7,
+    relevance: 0.3,
+    dwell: 20,
+    rounds: 1,
+    deflation: true,
+});
+
+fn judges_directions(supervision: Supervision) -> bool {
+    matches!(supervision, Supervision::Eigen(_) | Supervision::Tracked(_))
+}
 
 fn columns() -> Supervision {
     Supervision::Columns(ColumnsSettings::default())
@@ -48,7 +61,7 @@ fn feed(estimator: &mut Estimator, row: &[f64], tau: f64) {
 #[test]
 fn a_dead_column_is_held() {
     let truth = [3.0, -1.5, 0.8];
-    for supervision in [columns(), EIGEN] {
+    for supervision in [columns(), EIGEN, TRACKED] {
         let mut random = Random(8);
         let scales = in_sigmas(0.05, 3);
         let mut estimator = Estimator::new(&[2.0, -1.0, 1.0], &scales, &settings(supervision));
@@ -80,7 +93,7 @@ fn a_dead_column_is_held() {
 fn proportional_columns() {
     let truth = [3.0, 1.0, 2.0];
     let start = [2.0, 0.5, 3.0];
-    for supervision in [columns(), EIGEN] {
+    for supervision in [columns(), EIGEN, TRACKED] {
         let mut random = Random(19);
         let scales = in_sigmas(0.02, 3);
         let mut estimator = Estimator::new(&start, &scales, &settings(supervision));
@@ -101,7 +114,7 @@ fn proportional_columns() {
         let pair = e.values[1] + 2.0 * e.values[2];
         assert!((pair - 5.0).abs() < 0.05, "{supervision:?}: {:?}", e.values);
         assert_eq!(e.verdict.active, 2);
-        if matches!(supervision, Supervision::Eigen(_)) {
+        if judges_directions(supervision) {
             let unseen = 2.0 * (e.values[1] - start[1]) - (e.values[2] - start[2]);
             assert!(unseen.abs() < 1e-9, "moved along the null space by {unseen}");
             assert_ne!(e.state[1], ParameterState::Active);
@@ -140,7 +153,7 @@ fn the_columns_scheme_suspends_what_it_cannot_name() {
 #[test]
 fn indicators_are_right() {
     let scales = in_sigmas(0.5, 2);
-    for supervision in [columns(), EIGEN] {
+    for supervision in [columns(), EIGEN, TRACKED] {
         let mut s = settings(supervision);
         s.forgetting = 1.0;
         let mut estimator = Estimator::new(&[1.0, 1.0], &scales, &s);
@@ -155,7 +168,7 @@ fn indicators_are_right() {
         let determinant = 20.0_f64.powi(2) * (210.0 - 25.0);
         assert!((verdict.trace - 20.0 * 31.0).abs() < 1e-9 * verdict.trace);
         assert!((verdict.log_determinant - determinant.ln()).abs() < 1e-9);
-        let expected = if supervision == EIGEN {
+        let expected = if judges_directions(supervision) {
             // Eigenvalues of [[10, 5], [5, 21]]: 15.5 ± √(5.5² + 25).
             let half = (5.5_f64 * 5.5 + 25.0).sqrt();
             (15.5 + half) / (15.5 - half)
@@ -172,7 +185,7 @@ fn indicators_are_right() {
 fn standstill_winds_nothing_up() {
     let Some(mut bench) = Bench::new("manutec-r3") else { return };
     let n = bench.dof();
-    for (supervision, dead_zone) in [(EIGEN, 0.01), (columns(), 0.01), (EIGEN, 0.0)] {
+    for (supervision, dead_zone) in [(EIGEN, 0.01), (TRACKED, 0.01), (columns(), 0.01), (EIGEN, 0.0), (TRACKED, 0.0)] {
         let settings = Settings {
             supervision,
             dead_zone: vec![dead_zone; n],
@@ -240,7 +253,7 @@ fn a_payload_is_followed() {
     let Some(mut bench) = Bench::new("manutec-r3") else { return };
     let n = bench.dof();
     let window = 5.0;
-    for supervision in [EIGEN, columns()] {
+    for supervision in [EIGEN, TRACKED, columns()] {
         let settings =
             Settings { supervision, window: Window::Exponential { seconds: window }, ..Settings::new(n, 0.001) };
         let mut identifier = Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, &settings)

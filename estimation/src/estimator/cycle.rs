@@ -3,11 +3,11 @@
 //! A cycle works on a copy of the sums; what comes in meanwhile is for the next one. Its number of steps is bounded, and
 //! each step is bounded by `STEP_WORK`, so no period of the loop pays for more than one of them.
 
-use super::{Estimator, PRIOR_CAUTION};
+use super::{Directions, Estimator, PRIOR_CAUTION};
 use crate::linear::{Lu, axpy, dot, items_per_step};
 use crate::report::{ParameterState, Verdict};
 use crate::scales::Whitening;
-use crate::supervision::{Judge, Known};
+use crate::supervision::{Judge, Known, Tracked};
 
 /// How often a cycle may find that it promised too much; then it holds everything.
 const MOST_ROUNDS: usize = 4;
@@ -16,6 +16,9 @@ const MOST_ROUNDS: usize = 4;
 const HELD_SHARE: f64 = 0.25;
 /// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
 const VARIANCE_SLACK: f64 = 2.0;
+
+/// Standard deviations that the tracked scheme refreshes with each row.
+const TRACKED_DEVIATIONS: usize = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
@@ -123,9 +126,29 @@ impl Cycle {
             *belief = PRIOR_CAUTION * prior;
         }
         self.width.copy_from_slice(prior);
-        if let Judge::Directions(scheme) = &mut self.judge {
-            scheme.forget_history();
+        match &mut self.judge {
+            Judge::Directions(scheme) => scheme.forget_history(),
+            Judge::Tracked(scheme) => scheme.restart(),
+            Judge::Off | Judge::Columns(_) => {}
         }
+    }
+
+    /// The scheme that keeps its own sums.
+    pub(super) fn tracked(&mut self) -> Option<&mut Tracked> {
+        match &mut self.judge {
+            Judge::Tracked(scheme) => Some(scheme),
+            _ => None,
+        }
+    }
+
+    pub(super) fn directions(&self) -> Option<Directions<'_>> {
+        let n = self.x.len();
+        let directions = match &self.judge {
+            Judge::Directions(scheme) => scheme.vectors().chunks_exact(n).zip(self.active.iter().copied()).collect(),
+            Judge::Tracked(scheme) => scheme.directions().collect(),
+            Judge::Off | Judge::Columns(_) => return None,
+        };
+        Some(Directions { coordinates: &self.x, directions })
     }
 
     /// Rows of M·v_k from `row` on, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
@@ -213,7 +236,7 @@ impl Cycle {
             let k = self.index[a];
             let allowed = match &self.judge {
                 Judge::Directions(scheme) => scheme.belief(k),
-                Judge::Off | Judge::Columns(_) => self.judge.tolerance().max(self.belief[k]).powi(2),
+                _ => self.judge.tolerance().max(self.belief[k]).powi(2),
             };
             let kept = variance <= VARIANCE_SLACK * allowed;
             if !kept {
@@ -251,7 +274,7 @@ impl Cycle {
                 Judge::Directions(scheme) => {
                     axpy(self.step[a], &scheme.vectors()[k * n..(k + 1) * n], &mut self.scratch);
                 }
-                Judge::Off | Judge::Columns(_) => self.scratch[k] += self.step[a],
+                _ => self.scratch[k] += self.step[a],
             }
         }
         if self.scratch.iter().all(|x| x.is_finite()) {
@@ -270,6 +293,9 @@ impl Cycle {
     /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of a that V does
     /// not see, taken back to parameters. Leaves `VA⁻ᵀVᵀa` in `covector`.
     fn variance_of(&mut self, i: usize, whitening: Option<&Whitening>) -> (f64, f64) {
+        if let Judge::Tracked(scheme) = &mut self.judge {
+            return scheme.variance_of(i, self.variance, &self.width, whitening, &mut self.covector);
+        }
         let n = self.x.len();
         let size = self.index.len();
         let Cycle { judge, index, scratch, step, unseen, width, lu, covector, .. } = self;
@@ -300,7 +326,7 @@ impl Cycle {
         for (share, &k) in step.iter().zip(index.iter()) {
             match &*judge {
                 Judge::Directions(scheme) => axpy(*share, &scheme.vectors()[k * n..(k + 1) * n], covector),
-                Judge::Off | Judge::Columns(_) => covector[k] = *share,
+                _ => covector[k] = *share,
             }
         }
         (self.variance * self.spread(&self.step[..size]), held)
@@ -314,6 +340,12 @@ impl Estimator {
     pub fn work(&mut self) {
         if self.plain_rls() {
             self.follow_ud();
+            return;
+        }
+        if let Some(tracked) = self.cycle.tracked() {
+            if tracked.turn() {
+                self.follow_tracked(TRACKED_DEVIATIONS);
+            }
             return;
         }
         let next = match self.cycle.stage {
@@ -378,6 +410,17 @@ impl Estimator {
             }
             return;
         }
+        if let Judge::Tracked(_) = self.cycle.judge {
+            for _ in 0..2 {
+                let variance = self.row_variance();
+                let Cycle { judge, belief, .. } = &mut self.cycle;
+                if let Judge::Tracked(scheme) = judge {
+                    scheme.align(Known { variance, belief, whitening: self.whitening.as_ref() });
+                }
+                self.follow_tracked(self.n);
+            }
+            return;
+        }
         // Twice: the second solution refines the first, and judges with what the first has taught.
         for _ in 0..2 {
             self.cycle.stage = Stage::Idle;
@@ -409,12 +452,35 @@ impl Estimator {
                 cycle.s[j * n + i] = v;
             }
         }
+        let Cycle { judge, s, .. } = cycle;
+        judge.start(s);
+        self.excitations();
+    }
+
+    fn excitations(&mut self) {
+        let cycle = &self.cycle;
         let tolerance = cycle.judge.tolerance();
         for (k, (out, information)) in self.excitation.iter_mut().zip(&self.excited).enumerate() {
             *out = information * tolerance.max(cycle.belief[k]).powi(2) / cycle.variance;
         }
-        let Cycle { judge, s, .. } = cycle;
-        judge.start(s);
+    }
+
+    /// One whole period of the tracked scheme: judge, solve, move, and refresh `count` standard deviations.
+    fn follow_tracked(&mut self, count: usize) {
+        self.cycle.variance = self.row_variance();
+        self.cycle.fresh = false;
+        self.excitations();
+        let Cycle { judge, variance, belief, x, active, verdict, .. } = &mut self.cycle;
+        let Judge::Tracked(scheme) = judge else { return };
+        let known = Known { variance: *variance, belief, whitening: self.whitening.as_ref() };
+        let moved = scheme.solve(known, x, active, verdict);
+        self.cycle.solved = moved;
+        self.verdict = self.cycle.verdict;
+        self.verdict.suspended = !moved && self.verdict.active > 0;
+        if moved {
+            self.publish_values();
+        }
+        self.deviations(count);
     }
 
     fn judge(&mut self) -> bool {
@@ -434,13 +500,18 @@ impl Estimator {
         self.verdict.active = cycle.active.iter().filter(|a| **a).count();
         self.verdict.suspended |= wanted && !moved;
         if moved {
-            match &self.whitening {
-                Some(whitening) => whitening.parameters(&cycle.x, &mut self.rows.scaled),
-                None => self.rows.scaled.copy_from_slice(&cycle.x),
-            }
-            for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
-                *out = x / c;
-            }
+            self.publish_values();
+        }
+    }
+
+    /// Values from the working coordinates.
+    fn publish_values(&mut self) {
+        match &self.whitening {
+            Some(whitening) => whitening.parameters(&self.cycle.x, &mut self.rows.scaled),
+            None => self.rows.scaled.copy_from_slice(&self.cycle.x),
+        }
+        for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
+            *out = x / c;
         }
     }
 

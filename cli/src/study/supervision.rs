@@ -1,0 +1,77 @@
+//! `rivet study supervision`: supervision schemes side by side on a staged workload.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use rivet_studies::supervision::{Options, Outcome, study, table};
+
+use crate::table::show;
+
+/// Arguments of `rivet study supervision`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Robot file; may be given more than once.
+    #[arg(
+        long = "arm",
+        value_name = "ROBOT.toml",
+        default_values = ["robots/manutec-r3/robot.toml", "robots/staubli-tx40/robot.toml"]
+    )]
+    arms: Vec<PathBuf>,
+    /// Number of seeds.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Rounds of rotations a period of the tracked scheme.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
+    rounds: u16,
+    /// Hysteresis of the tracked scheme.
+    #[arg(long, default_value_t = 0.7)]
+    hysteresis: f64,
+    /// Rows for which the tracked scheme holds what it has come to hold.
+    #[arg(long, default_value_t = 20)]
+    dwell: u32,
+    /// Judge by the plain diagonal, as if the basis never lagged.
+    #[arg(long)]
+    no_deflation: bool,
+    /// Factor on all durations.
+    #[arg(long, default_value_t = 1.0)]
+    length: f64,
+    /// Writes the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Runs the study on each arm.
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let mut options = Options { seeds: args.seeds, length: args.length, ..Options::default() };
+    options.tracked.rounds = usize::from(args.rounds);
+    options.tracked.hysteresis = args.hysteresis;
+    options.tracked.dwell = args.dwell;
+    options.tracked.deflation = !args.no_deflation;
+    let start = Instant::now();
+    let clock = || start.elapsed().as_secs_f64();
+    let mut all = serde_json::Map::new();
+    for arm in &args.arms {
+        let robot = rivet_config::load(arm)?;
+        let outcomes = study(&robot, &options, Some(&clock));
+        show(&format!("{}\n\n{}", robot.config.name, table(&outcomes)))?;
+        all.insert(robot.config.name.clone(), outcomes.iter().map(json).collect());
+    }
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&all)?;
+        std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn json(outcome: &Outcome) -> serde_json::Value {
+    serde_json::json!({
+        "scheme": outcome.name,
+        "error_sigma": outcome.phases,
+        "efficiency": outcome.efficiency,
+        "same_decisions": outcome.agreement,
+        "held_moved": outcome.held,
+        "time_ratio": outcome.time,
+    })
+}
