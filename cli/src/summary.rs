@@ -1,8 +1,10 @@
 //! What an on-line run identified, for people and for programs.
 
+use crate::evidence::{bias_json, bias_text};
 use crate::stream::Recording;
 use rivet_config::Robot;
 use rivet_dynamics::ParameterGroup;
+use rivet_estimation::offline::Bias;
 use rivet_ipc_schema::{Health, InstrumentSource, ParameterState, Parameters};
 use serde_json::{Value, json};
 use std::fmt;
@@ -43,6 +45,18 @@ impl<'a> Summary<'a> {
         }
     }
 
+    /// Least squares against the instruments in the last window, once it has been compared.
+    fn bias(&self) -> Option<Bias> {
+        let health = self.health;
+        let ratio = &health.instrument_ratio[..self.robot.model.arm.dof()];
+        health.hausman.is_finite().then(|| Bias {
+            hausman: health.hausman,
+            degrees: health.hausman_degrees as usize,
+            p_value: health.hausman_p_value,
+            ratio: if ratio.iter().any(|r| r.is_nan()) { Vec::new() } else { ratio.to_vec() },
+        })
+    }
+
     /// Everything, under the same names as the text.
     pub(crate) fn json(&self) -> Value {
         let p = self.parameters;
@@ -76,6 +90,7 @@ impl<'a> Summary<'a> {
             "robot": self.robot.config.name, "samples": self.samples, "used": self.health.samples,
             "lost": self.health.lost, "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
             "instruments": self.instruments(), "parameters": parameters, "joints": joints,
+            "bias": self.bias().as_ref().map(bias_json),
         })
     }
 }
@@ -136,6 +151,10 @@ impl fmt::Display for Summary<'_> {
                 joint.name, p.residual_rms[j], self.health.nominal_residual_rms[j], self.health.torque_rms[j], left
             )?;
         }
-        write!(f, "residual: model-filtered torque not explained one step ahead, rms over the window")
+        writeln!(f, "residual: model-filtered torque not explained one step ahead, rms over the window\n")?;
+        match self.bias() {
+            Some(bias) => write!(f, "{}", bias_text(&bias).trim_end()),
+            None => write!(f, "bias of LS: the last window has too few rows to compare it with the instruments"),
+        }
     }
 }

@@ -272,6 +272,13 @@ impl Core {
         }
         out.window_s = estimate.window_rows * self.row_period_s;
         out.cycle_s = estimate.cycle_s.unwrap_or(f64::NAN);
+        let compared = self.identifier.hausman();
+        out.hausman = compared.map_or(f64::NAN, |found| found.statistic);
+        out.hausman_p_value = compared.map_or(f64::NAN, |found| found.p_value());
+        out.hausman_degrees = compared.map_or(0, |found| found.degrees as u32);
+        for (j, ratio) in out.instrument_ratio[..m].iter_mut().enumerate() {
+            *ratio = self.identifier.instrument_ratio(j);
+        }
         out.mode = if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {

@@ -9,8 +9,11 @@
 //! The prior is not part of M: noise-free data give exact parameters. Rows are taken in at once; everything of order n³
 //! (judging the information, solving, standard deviations) runs in a cycle of bounded steps, see [`Estimator::work`].
 
+mod comparison;
 mod cycle;
 mod long_run;
+
+pub use comparison::Hausman;
 
 use crate::change::Change;
 use crate::kernels::{Part, add_products};
@@ -22,6 +25,7 @@ use crate::scales::{LaneScratch, Scales, Whitening};
 use crate::settings::{EstimatorKind, Prior, Supervision};
 use crate::supervision::{self, Columns, Judge, Tracked};
 use crate::ud::UdFilter;
+use comparison::Comparison;
 use cycle::Cycle;
 use long_run::LongRun;
 
@@ -106,6 +110,7 @@ pub struct Estimator {
     /// Σ λ^(N−i) and Σ λ^2(N−i).
     count: [f64; 2],
     long_run: LongRun,
+    comparison: Comparison,
     cycle: Cycle,
     /// Scaled, weighted rows, and the same in working coordinates.
     rows: Rows,
@@ -178,6 +183,7 @@ impl Estimator {
             excited: vec![0.0; n],
             count: [0.0; 2],
             long_run: LongRun::new(n, settings.block.max(1), settings.forgetting),
+            comparison: Comparison::new(p, n),
             cycle: Cycle::new(n, judge),
             rows: Rows {
                 d: vec![0.0; p * n],
@@ -243,6 +249,7 @@ impl Estimator {
         self.verdict = Verdict { of: self.n, ..Verdict::NONE };
         self.count = [0.0; 2];
         self.long_run.restart();
+        self.comparison.restart();
         self.instrument = Instrument::None;
     }
 
@@ -309,6 +316,7 @@ impl Estimator {
         for j in 0..tau.len() {
             scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.z[j * n..(j + 1) * n]);
         }
+        self.compare(d, z, used);
         self.accumulate(used);
         let lambda = self.settings.forgetting;
         self.count[0] = lambda * self.count[0] + 1.0;
@@ -316,6 +324,37 @@ impl Estimator {
         self.updates += 1;
         self.cycle.fresh();
         Ok(count)
+    }
+
+    /// What the regressor has that the instruments have not, beside both.
+    fn compare(&mut self, d: &[f64], z: &[f64], used: &[bool]) {
+        let (n, rows) = (self.n, &self.rows);
+        self.comparison.forget(self.settings.forgetting);
+        for j in (0..used.len()).filter(|&j| used[j]) {
+            let own = j * n..(j + 1) * n;
+            let pairs = d[own.clone()].iter().zip(&z[own.clone()]).zip(&self.values);
+            let off = rows.weight[j] * pairs.map(|((d, z), x)| (d - z) * x).sum::<f64>();
+            self.comparison.add(j, [&rows.d[own.clone()], &rows.z[own]], rows.tau[j], off);
+        }
+    }
+
+    /// Whether least squares is biased by noise in the regressor, going by the window; `None` without enough rows. Work of
+    /// order n² times joints; allocates nothing.
+    #[must_use]
+    pub fn hausman(&self) -> Option<Hausman> {
+        let variance = self.row_variance() / self.window_share();
+        self.comparison.hausman(&self.ud, variance, self.count[0])
+    }
+
+    /// What noise in the regressor of joint `j` puts on least squares, over what is left of it with instruments
+    /// ([`Bias::ratio`](crate::offline::Bias::ratio), along the estimate); near 1 the instruments see the noise as well.
+    /// NaN with delayed instruments, which differ from the regressor by motion, and without rows.
+    #[must_use]
+    pub fn instrument_ratio(&self, j: usize) -> f64 {
+        match self.instrument {
+            Instrument::None | Instrument::Delayed | Instrument::Regressor => f64::NAN,
+            _ => self.comparison.ratio(j, self.values.iter().zip(&self.column).map(|(x, c)| x * c)),
+        }
     }
 
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.

@@ -3,7 +3,7 @@
 use crate::dead_zone::slides;
 use crate::differentiate::Aligned;
 use crate::energy::Energy;
-use crate::estimator::{Correlation, Estimator, EstimatorSettings};
+use crate::estimator::{Correlation, Estimator, EstimatorSettings, Hausman};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::reference::Reference;
 use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Step};
@@ -264,6 +264,19 @@ impl Identifier {
         let estimate = self.estimator.estimate();
         let estimate = self.energy.as_ref().map_or(estimate, |energy| energy.report(&estimate));
         Estimate { loop_lag_s: self.reference.lag_s(), cycle_s: self.reference.cycle_s(), ..estimate }
+    }
+
+    /// Whether least squares is biased, going by the window: see [`Estimator::hausman`].
+    #[must_use]
+    pub fn hausman(&self) -> Option<Hausman> {
+        self.estimator.hausman()
+    }
+
+    /// How much less the noise of joint `j` matters with instruments: see [`Estimator::instrument_ratio`]. NaN with the
+    /// energy model, whose rows belong to no joint.
+    #[must_use]
+    pub fn instrument_ratio(&self, j: usize) -> f64 {
+        if self.energy.is_some() { f64::NAN } else { self.estimator.instrument_ratio(j) }
     }
 
     fn refuse(&mut self, why: Refusal) -> Step {

@@ -15,6 +15,7 @@
 //! The method is that of Schmidt & Pruefer, "Parameter identification in robot control"; numbers of sections and
 //! equations refer to it.
 mod change;
+mod chi_square;
 mod closed_loop;
 pub mod consistency;
 mod dead_zone;
@@ -39,7 +40,7 @@ mod state_filter;
 mod supervision;
 mod torque_rows;
 pub mod ud;
-pub use estimator::{Correlation, Directions, Estimator, EstimatorSettings};
+pub use estimator::{Correlation, Directions, Estimator, EstimatorSettings, Hausman};
 pub use identifier::Identifier;
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;

@@ -93,6 +93,12 @@ impl UdFilter {
         (i..self.n).map(|j| self.columns[j * self.n + i].powi(2) * self.d[j]).sum()
     }
 
+    /// Columns of U down to the diagonal, each with its entry of D: `P = Σ d·u·uᵀ`.
+    pub(crate) fn factors(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        let columns = self.columns.chunks_exact(self.n.max(1)).enumerate().map(|(j, column)| &column[..=j]);
+        columns.zip(self.d.iter().copied())
+    }
+
     /// Whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {

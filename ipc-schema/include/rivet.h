@@ -347,7 +347,7 @@ RIVET_ASSERT(offsetof(rivet_parameters_v1, residual_rms) == 4336);
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v2"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v3"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -403,35 +403,54 @@ typedef struct {
     double cycle_s;
     /* Length of the window [s of motion]; infinite while nothing is forgotten. */
     double window_s;
-} rivet_health_v2;
-RIVET_ASSERT(sizeof(rivet_health_v2) == 664);
-RIVET_ASSERT(offsetof(rivet_health_v2, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v2, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v2, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v2, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v2, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v2, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v2, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v2, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v2, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v2, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v2, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v2, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v2, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v2, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v2, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v2, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v2, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v2, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v2, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v2, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v2, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v2, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v2, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v2, worst_work_ns) == 576);
-RIVET_ASSERT(offsetof(rivet_health_v2, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v2, cycle_s) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v2, window_s) == 656);
+    /* Durbin-Wu-Hausman statistic of the window: least squares (reference of the parameters) against the instruments; NaN
+     * while unknown. */
+    double hausman;
+    /* Probability of a statistic as large as that if the regressor has no noise and the model is complete; NaN while
+     * unknown. */
+    double hausman_p_value;
+    /* What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN while
+     * unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from its
+     * setpoint. */
+    double instrument_ratio[RIVET_MAX_JOINTS];
+    /* Degrees of freedom of the statistic: joints whose regressor and instruments differ. */
+    uint32_t hausman_degrees;
+    /* Zero; keeps the size a multiple of eight. */
+    uint32_t reserved;
+} rivet_health_v3;
+RIVET_ASSERT(sizeof(rivet_health_v3) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v3, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v3, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v3, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v3, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v3, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v3, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v3, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v3, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v3, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v3, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v3, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v3, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v3, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v3, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v3, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v3, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v3, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v3, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v3, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v3, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v3, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v3, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v3, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v3, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v3, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v3, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v3, window_s) == 656);
+RIVET_ASSERT(offsetof(rivet_health_v3, hausman) == 664);
+RIVET_ASSERT(offsetof(rivet_health_v3, hausman_p_value) == 672);
+RIVET_ASSERT(offsetof(rivet_health_v3, instrument_ratio) == 680);
+RIVET_ASSERT(offsetof(rivet_health_v3, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v3, reserved) == 748);
 
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.

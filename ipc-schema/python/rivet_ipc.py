@@ -214,7 +214,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v2"
+    TYPE_NAME = "rivet.Health.v3"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -271,6 +271,20 @@ class Health(_Message):
         ("cycle_s", ctypes.c_double),
         # Length of the window [s of motion]; infinite while nothing is forgotten.
         ("window_s", ctypes.c_double),
+        # Durbin-Wu-Hausman statistic of the window: least squares (reference of the parameters) against the instruments;
+        # NaN while unknown.
+        ("hausman", ctypes.c_double),
+        # Probability of a statistic as large as that if the regressor has no noise and the model is complete; NaN while
+        # unknown.
+        ("hausman_p_value", ctypes.c_double),
+        # What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN while
+        # unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from
+        # its setpoint.
+        ("instrument_ratio", ctypes.c_double * MAX_JOINTS),
+        # Degrees of freedom of the statistic: joints whose regressor and instruments differ.
+        ("hausman_degrees", ctypes.c_uint32),
+        # Zero; keeps the size a multiple of eight.
+        ("reserved", ctypes.c_uint32),
     ]
 
 
@@ -416,7 +430,7 @@ LAYOUT = {
         "torque_noise": 4272,
         "residual_rms": 4336,
     }),
-    Health: (664, {
+    Health: (752, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -444,6 +458,11 @@ LAYOUT = {
         "loop_lag_s": 584,
         "cycle_s": 648,
         "window_s": 656,
+        "hausman": 664,
+        "hausman_p_value": 672,
+        "instrument_ratio": 680,
+        "hausman_degrees": 744,
+        "reserved": 748,
     }),
     ControllerHealth: (528, {
         "seq": 0,

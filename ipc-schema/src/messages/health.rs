@@ -1,4 +1,4 @@
-//! `rivet.Health.v2`
+//! `rivet.Health.v3`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -10,10 +10,10 @@ pub const HISTOGRAM_BINS: usize = 32;
 
 /// How the daemon is doing, a few times a second, on service `rivet/<robot>/health`.
 ///
-/// Counters run since the daemon's start and never go back. Version 2 adds everything after the times: what the estimator
-/// says about its instruments, about bias and about its window.
+/// Counters run since the daemon's start and never go back. Version 2 adds what the estimator says about its instruments and
+/// its window, version 3 how far least squares can be trusted beside them.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.Health.v2")]
+#[type_name("rivet.Health.v3")]
 #[repr(C)]
 pub struct Health {
     /// `seq` of the last joint state taken in.
@@ -70,6 +70,20 @@ pub struct Health {
     pub cycle_s: f64,
     /// Length of the window \[s of motion\]; infinite while nothing is forgotten.
     pub window_s: f64,
+    /// Durbin-Wu-Hausman statistic of the window: least squares (`Parameters::reference`) against the instruments; NaN while
+    /// unknown.
+    pub hausman: f64,
+    /// Probability of a statistic as large as that if the regressor has no noise and the model is complete; NaN while
+    /// unknown.
+    pub hausman_p_value: f64,
+    /// What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN while
+    /// unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from its
+    /// setpoint.
+    pub instrument_ratio: [f64; MAX_JOINTS],
+    /// Degrees of freedom of the statistic: joints whose regressor and instruments differ.
+    pub hausman_degrees: u32,
+    /// Zero; keeps the size a multiple of eight.
+    pub reserved: u32,
 }
 
 wire_enum!(
@@ -88,19 +102,21 @@ wire_enum!(
     }
 );
 
-message!(Health v 2, size 664 align 8, empty Health {
+message!(Health v 3, size 752 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
     residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS], torque_rms: [0.0; MAX_JOINTS],
     wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
     loop_lag_s: [f64::NAN; MAX_JOINTS], cycle_s: f64::NAN, window_s: f64::NAN,
+    hausman: f64::NAN, hausman_p_value: f64::NAN, instrument_ratio: [f64::NAN; MAX_JOINTS], hausman_degrees: 0, reserved: 0,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
     held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
     torque_rms @ 248, wake_histogram @ 312, work_histogram @ 440, worst_wake_ns @ 568, worst_work_ns @ 576,
-    loop_lag_s @ 584, cycle_s @ 648, window_s @ 656,
+    loop_lag_s @ 584, cycle_s @ 648, window_s @ 656, hausman @ 664, hausman_p_value @ 672, instrument_ratio @ 680,
+    hausman_degrees @ 744, reserved @ 748,
 });
 
 impl Stamped for Health {
