@@ -149,9 +149,7 @@ impl Design {
         };
         for (r, run) in runs.iter().enumerate() {
             let rows = run.rows();
-            let root: Vec<Vec<f64>> = (0..n)
-                .map(|j| run.doubt[j].iter().map(|u| 1.0 / (1.0 + (u / noise[j]).powi(2)).sqrt()).collect())
-                .collect();
+            let root: Vec<Vec<f64>> = (0..n).map(|j| doubt_weights(&run.doubt[j], noise[j])).collect();
             let mut d = Vec::with_capacity(n);
             let mut y = Vec::with_capacity(n);
             for j in 0..n {
@@ -179,6 +177,23 @@ impl Design {
         }
         design.multiply();
         design
+    }
+
+    /// Weighs rows in doubt anew, against other torque noise of each joint \[N·m\].
+    pub(crate) fn weigh_doubt(&mut self, runs: &[&Prepared], noise: &[f64]) {
+        for (r, run) in runs.iter().enumerate() {
+            for j in 0..noise.len() {
+                let root = doubt_weights(&run.doubt[j], noise[j]);
+                let (d, y) = (&mut self.d[r][j], &mut self.y[r][j]);
+                for (row, (new, old)) in root.iter().zip(&self.root[r][j]).enumerate() {
+                    let factor = new / old;
+                    d.row_mut(row).scale_mut(factor);
+                    y[row] *= factor;
+                }
+                self.root[r][j] = root;
+            }
+        }
+        self.multiply();
     }
 
     pub(crate) fn joints(&self) -> usize {
@@ -255,6 +270,11 @@ impl Design {
         let of = |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
         self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect()
     }
+}
+
+/// Roots of rows' weights: one over the standard deviation of noise and doubt together, in units of the noise.
+fn doubt_weights(doubt: &[f64], noise: f64) -> Vec<f64> {
+    doubt.iter().map(|u| 1.0 / (1.0 + (u / noise).powi(2)).sqrt()).collect()
 }
 
 /// Most rows per independent row: a longer memory is an effect, not noise, and must not hide itself.

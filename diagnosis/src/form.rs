@@ -22,7 +22,7 @@ pub(crate) enum Form {
     Temperature { joint: usize },
     /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
     Presliding { joint: usize, length: f64 },
-    /// `s·cos(kq)`, `s·sin(kq)`
+    /// `s·cos(kq)`, `s·sin(kq)`, `s`: a part of a turn has a mean
     PositionFriction { joint: usize, order: f64 },
     /// The joint's whole torque
     Gain { joint: usize },
@@ -201,7 +201,11 @@ impl Form {
                 vec![on(j, &|k| level * (z[k] - s(j, k)))]
             }
             Form::PositionFriction { joint: j, order } => {
-                vec![on(j, &|k| s(j, k) * (order * q(j, k)).cos()), on(j, &|k| s(j, k) * (order * q(j, k)).sin())]
+                vec![
+                    on(j, &|k| s(j, k) * (order * q(j, k)).cos()),
+                    on(j, &|k| s(j, k) * (order * q(j, k)).sin()),
+                    on(j, &|k| s(j, k)),
+                ]
             }
             Form::Gain { joint: j } => vec![on(j, &|k| p.torque[j][k])],
             Form::Ripple { joint: j, order } => {

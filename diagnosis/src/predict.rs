@@ -1,9 +1,12 @@
 //! How far the gap will shrink on a motion whose torque nobody has looked at.
 //!
 //! ```text
-//! rms_k² = v + E_k        v: what the full model leaves on the runs looked at
+//! rms_k² = v + E_k        v: what the full model will leave
 //!                         E_k: mean square by which model k differs from the full model, along the sealed motion
+//! v = mean of v(|q̇|)      v(|q̇|): mean square that it leaves at that speed on the runs looked at
 //! ```
+//!
+//! A motion that creeps more leaves more; how fast it goes is known from the motion alone.
 //!
 //! The interval is that of a block bootstrap of coefficients and v, widened for what bootstraps do not know: inner values
 //! and the form itself.
@@ -16,6 +19,11 @@ use nalgebra::DVector;
 const BOOTSTRAPS: usize = 40;
 /// Widening on either side.
 const WIDENED: f64 = 0.03;
+/// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
+const BINS: usize = 9;
+const SLOWEST: f64 = 3.5;
+/// Rows that the mean over all speeds counts as, at each speed.
+const FEW: f64 = 10.0;
 /// The interval's ends among sorted resamplings.
 const TAIL: f64 = 0.05;
 
@@ -33,18 +41,12 @@ pub(crate) fn predict(
     steps: &Steps,
     x: &DVector<f64>,
     means: &[f64],
+    silent: &[usize],
 ) -> Option<Prediction> {
     let blocks = search.design.background.blocks();
-    let left = |x: &DVector<f64>| -> Vec<f64> {
-        let mut sum = vec![0.0; search.floor.len()];
-        for run in seen {
-            let stages = run.stages(nominal, steps, x, means);
-            let own = mean_square_between(&stages.tau, &stages.models[steps.len()]);
-            sum.iter_mut().zip(own).for_each(|(s, o)| *s += o / seen.len() as f64);
-        }
-        sum
-    };
-    let v = left(x);
+    let mut heard = x.clone();
+    silent.iter().for_each(|c| heard[*c] = -means[*c]);
+    let v = left(seen, &heard, sealed, |run, x| run.stages(nominal, steps, x, means), steps.len());
     let full = sealed.stages(nominal, steps, x, means);
     let reference = &full.models[steps.len()];
     let square: Vec<f64> = mean_square(reference).iter().zip(&v).map(|(m, v)| m + v).collect();
@@ -90,6 +92,45 @@ pub(crate) fn predict(
         })
         .collect();
     Some(Prediction { shrink })
+}
+
+/// Mean square by joint that the full model will leave on the sealed run: what it leaves on the runs looked at, speed by
+/// speed.
+fn left<'a>(
+    seen: &'a [RunColumns<'a>],
+    x: &DVector<f64>,
+    sealed: &RunColumns<'_>,
+    stages: impl Fn(&'a RunColumns<'a>, &DVector<f64>) -> Stages,
+    last: usize,
+) -> Vec<f64> {
+    let joints = sealed.run.floor.len();
+    let mut bins = vec![[[0.0; 2]; BINS]; joints];
+    for run in seen {
+        let own = stages(run, x);
+        for j in 0..joints {
+            let speed = run.run.chain.sample(&run.run.motion.qd[j]);
+            for ((tau, model), v) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed) {
+                let bin = &mut bins[j][bin_of(v)];
+                bin[0] += (tau - model).powi(2);
+                bin[1] += 1.0;
+            }
+        }
+    }
+    (0..joints)
+        .map(|j| {
+            let [square, rows] = bins[j].iter().fold([0.0; 2], |s, b| [s[0] + b[0], s[1] + b[1]]);
+            let usual = square / f64::max(rows, 1.0);
+            // Few rows at a speed say little: the joint's mean counts as so many more.
+            let at = |bin: usize| (bins[j][bin][0] + FEW * usual) / (bins[j][bin][1] + FEW);
+            let speed = sealed.run.chain.sample(&sealed.run.motion.qd[j]);
+            speed.iter().map(|v| at(bin_of(*v))).sum::<f64>() / speed.len().max(1) as f64
+        })
+        .collect()
+}
+
+/// Which half decade a speed \[rad/s\] is in.
+fn bin_of(speed: f64) -> usize {
+    ((speed.abs().max(1e-9).log10() + SLOWEST) * 2.0).clamp(0.0, (BINS - 1) as f64) as usize
 }
 
 /// A small generator (xorshift64*): resampling must be the same on every machine.

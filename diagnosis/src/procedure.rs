@@ -31,8 +31,10 @@ const TRANSFERS: f64 = 0.3;
 const EXPLAINED: f64 = 0.7;
 /// The same where the form is a simulated gear, delay or bristle, never exact.
 const EXPLAINED_SIMULATED: f64 = 0.5;
-/// A joint whose residual is above this multiple of its noise floor, with no cause, is unexplained.
-const UNEXPLAINED: f64 = 9.0;
+/// The same where more than noise is left: an effect that is in the library leaves little else.
+const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
+/// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
+const UNEXPLAINED: f64 = 4.0;
 /// A shrink below this is no cause worth naming.
 const MATERIAL: f64 = 0.01;
 
@@ -155,6 +157,14 @@ impl Procedure<'_> {
     fn run(&self, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let adopted = select(&mut search, say)?;
+        let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
+        let first: Vec<String> =
+            search.first_noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
+        say(&format!(
+            "residual over the noise floor, by joint: {}; before effects {}",
+            over.join(" "),
+            first.join(" ")
+        ));
         let wrong = values::wrong(&mut search)?;
         let x = search.solved(search.scale)?.x;
         let steps = Self::steps(&search, adopted, wrong);
@@ -165,7 +175,13 @@ impl Procedure<'_> {
         let remainder = remainder(&search, &steps);
         let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
         say("prediction of the sealed run");
-        let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means)?;
+        // The motion does not tell when contact comes: on the sealed run it is part of what is left.
+        let silent: Vec<usize> = steps
+            .iter()
+            .filter(|s| matches!(s.adopted.as_ref().map(|a| &a.form), Some(Form::Force { .. })))
+            .flat_map(|s| s.columns.clone())
+            .collect();
+        let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
         say("the sealed torque");
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
@@ -225,15 +241,17 @@ impl Procedure<'_> {
         let mut causes = Vec::new();
         let mut withdrawn = Vec::new();
         let explained = explained(search);
+        let noisy: Vec<bool> = search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect();
         for (k, step) in steps.iter().enumerate() {
             let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
             let predictable = step.adopted.as_ref().is_none_or(|a| a.form.is_predictable());
-            let (predicted, low, high) = if predictable {
-                prediction.shrink[k]
-            } else {
-                // The motion does not tell when a contact comes or a command is cut: as before, if it comes again.
-                let before = shrink_of(seen, k);
-                (before, 0.0_f64.min(before), before.max(0.95))
+            let (predicted, low, high) = match step.adopted.as_ref().map(|a| &a.form) {
+                // As before, if the command is cut as often again.
+                Some(Form::Saturation { .. }) => {
+                    let before = shrink_of(seen, k);
+                    (before, 0.0_f64.min(before), before.max(0.95))
+                }
+                _ => prediction.shrink[k],
             };
             let shrink = Shrink { predicted, low, high, measured: measured_shrink };
             let rivals: Vec<Effect> = step.adopted.as_ref().map(|a| a.rivals.clone()).unwrap_or_default();
@@ -247,7 +265,7 @@ impl Procedure<'_> {
                 indistinguishable_from: rivals,
             };
             let transfers = self.transfers(search, seen, measured, k) || !predictable;
-            let enough = step.adopted.as_ref().is_none_or(|a| stands(a, &explained));
+            let enough = step.adopted.as_ref().is_none_or(|a| stands(a, &explained, &noisy));
             let material = step.adopted.is_some() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
             if transfers && enough && material {
                 causes.push(cause);
@@ -267,7 +285,7 @@ impl Procedure<'_> {
             .collect();
         let pooled_floor = pooled(&floors);
         let unexplained_share = share_left(before, after, pooled_floor);
-        let left_over = (0..names.len()).any(|j| search.noise[j] > UNEXPLAINED * search.floor[j]);
+        let left_over = noisy.iter().any(|n| *n);
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
         let verdict = match (structure, causes.is_empty()) {
@@ -422,12 +440,18 @@ fn shrink_of(seen: &[Stages], k: usize) -> f64 {
 }
 
 /// Whether the joints that the effect is reported on are explained.
-fn stands(adopted: &Adopted, explained: &[f64]) -> bool {
-    if adopted.form.effect().kind() == Kind::Value || adopted.form.hides() {
+fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bool {
+    if adopted.form.effect().kind() == Kind::Value {
         return true;
     }
-    let least = if adopted.form.has_fixed_gain() { EXPLAINED_SIMULATED } else { EXPLAINED };
-    adopted.form.joints().iter().all(|j| explained[*j] >= least)
+    let least = |j: usize| match (adopted.form.has_fixed_gain(), noisy[j]) {
+        (true, _) => EXPLAINED_SIMULATED,
+        (false, true) => EXPLAINED_ABOVE_NOISE,
+        // What wrong values took over before is not seen in the residual.
+        (false, false) if adopted.form.hides() => 0.0,
+        (false, false) => EXPLAINED,
+    };
+    adopted.form.joints().iter().all(|j| explained[*j] >= least(*j))
 }
 
 fn at_floor(search: &Search<'_>) -> bool {

@@ -17,6 +17,13 @@ const FIXED: f64 = 0.15;
 /// Of the time between torque and position, in samples: a command is held over the period after its sample.
 const TIMING: f64 = 0.5;
 
+/// Log evidence that an inner value costs: it was chosen among some twenty.
+const INNER_VALUE: f64 = 3.0;
+/// Times that rows in doubt are weighed anew.
+const REWEIGHINGS: usize = 4;
+/// Noise that changes by less than this share stays.
+const SETTLED: f64 = 0.05;
+
 /// A candidate with its products.
 pub(crate) struct Candidate {
     pub(crate) form: Form,
@@ -82,8 +89,7 @@ impl<'a> Search<'a> {
             scale: 1.0,
         };
         search.weigh()?;
-        search.design = Design::new(&search.runs, nominal, &search.noise, &extra, &timing);
-        search.weigh()?;
+        search.reweigh()?;
         search.first_noise.copy_from_slice(&search.noise);
         Some(search)
     }
@@ -112,6 +118,20 @@ impl<'a> Search<'a> {
                 self.noise[j] = (square / rows.max(1) as f64).sqrt().max(1e-9);
                 self.correlations[j] = correlation(&records);
                 self.weights[j] = 1.0 / (self.noise[j].powi(2) * self.correlations[j]);
+            }
+        }
+        Some(())
+    }
+
+    /// Weights from the residual, those of rows in doubt included: they leave a weighted residual of about the noise that
+    /// they were weighed with, so the noise comes down to what holds in steps.
+    pub(crate) fn reweigh(&mut self) -> Option<()> {
+        for _ in 0..REWEIGHINGS {
+            let before = self.noise.clone();
+            self.design.weigh_doubt(&self.runs, &before);
+            self.weigh()?;
+            if before.iter().zip(&self.noise).all(|(b, n)| (b - n).abs() <= SETTLED * b) {
+                break;
             }
         }
         Some(())
@@ -173,7 +193,8 @@ impl<'a> Search<'a> {
                     .filter_map(|s| s.add(&c.cells, &c.belief, &self.weights, |_| true))
                     .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
                 c.form.plausible(added.c.as_slice()).then_some(())?;
-                Some(Standing { at, gain: added.log_evidence - base.log_evidence, added })
+                let searched = INNER_VALUE * c.form.inner_values() as f64;
+                Some(Standing { at, gain: added.log_evidence - base.log_evidence - searched, added })
             })
             .collect();
         standings.sort_by(|a, b| b.gain.total_cmp(&a.gain));

@@ -67,6 +67,7 @@ pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Opti
         let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
         search.design.adopt(&candidate.columns, &mean, &std);
         search.weigh()?;
+        search.reweigh()?;
         say(&format!(
             "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
             adoption.form, adoption.gain, adoption.share
