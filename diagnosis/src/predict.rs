@@ -45,7 +45,9 @@ pub(crate) fn predict(
 ) -> Option<Prediction> {
     let blocks = search.design.background.blocks();
     let mut heard = x.clone();
-    silent.iter().for_each(|c| heard[*c] = -means[*c]);
+    for c in silent {
+        heard[*c] = -means[*c];
+    }
     let v = left(seen, &heard, sealed, |run, x| run.stages(nominal, steps, x, means), steps.len());
     let full = sealed.stages(nominal, steps, x, means);
     let reference = &full.models[steps.len()];
