@@ -30,6 +30,14 @@ pub(crate) fn export(
     let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
     let mut moved = robot.clone();
     moved.config.urdf.clone_from(&urdf);
+    if robot.model.structure.load_friction {
+        // The bodies that made the carried torque, as they were: robot.urdf gets others.
+        let from = robot.config.friction.load_urdf.as_ref().unwrap_or(&robot.config.urdf);
+        let load = folder.join("load.urdf");
+        let bodies = std::fs::read_to_string(from).with_context(|| named(from))?;
+        runs::write_whole(&load, &bodies).with_context(|| named(&load))?;
+        moved.config.friction.load_urdf = Some(load);
+    }
     match consistent {
         Ok(found) => {
             let drives = drives(robot, &found.standard);
@@ -69,6 +77,8 @@ fn drives(robot: &Robot, standard: &[f64]) -> Joints {
             Parameter::Viscous(j) => joints.viscous[j] = value,
             Parameter::Coulomb(j) => joints.coulomb[j] = value,
             Parameter::Offset(j) => joints.offset[j] = value,
+            Parameter::LoadFriction(j) => joints.load_friction[j] = value,
+            Parameter::ViscousQuadratic(j) => joints.viscous_quadratic[j] = value,
             Parameter::CouplingInertia => joints.coupling[0] = value,
             Parameter::CouplingViscous => joints.coupling[1] = value,
             Parameter::CouplingCoulomb => joints.coupling[2] = value,

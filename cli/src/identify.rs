@@ -1,20 +1,22 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use rivet_config::{EstimatorKind, Robot};
+use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
     Bias, Delay, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent,
     torque_delay,
 };
+use rivet_logs::Log;
 use serde_json::{Value, json};
 
 use crate::compare::{self, Alone};
 use crate::export::export;
+use crate::predict;
 use crate::progress::Progress;
 use crate::runs::{self, Piece};
 use crate::table::{Table, number, paragraph, show};
@@ -32,6 +34,9 @@ pub(crate) struct Args {
     /// Logs with positions and torque or current (Parquet or CSV). Each keeps its own edges.
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
+    /// A log that is not learnt from, on which the result is judged; may be given several times.
+    #[arg(long, value_name = "LOG", conflicts_with = "online")]
+    hold_out: Vec<PathBuf>,
     /// Also write the result as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -50,16 +55,24 @@ pub(crate) struct Args {
     stream: Option<PathBuf>,
 }
 
-/// One stretch of a log and its rows.
+/// One stretch of a log.
 struct Run {
     piece: Piece,
     source: InstrumentSource,
-    rows: Rows,
+}
+
+/// Errors on a log that was not learnt from: `100*|tau-pred|/|tau|` per joint below the model filter's cut-off \[%\].
+struct HeldOut {
+    file: String,
+    nominal: Vec<f64>,
+    identified: Vec<f64>,
 }
 
 /// Everything that was found.
 struct Findings {
     runs: Vec<Run>,
+    /// Rows of each run.
+    rows: Vec<Rows>,
     least_squares: Fit,
     instrumental: Fit,
     /// Residuals per joint \[%\]: nominal, least squares, instrumental.
@@ -72,6 +85,7 @@ struct Findings {
     reference: Reference,
     /// Physically consistent parameters near those of the fit that counts.
     consistent: Result<Projection, ConsistencyError>,
+    held_out: Vec<HeldOut>,
 }
 
 impl Findings {
@@ -105,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.compare {
         return compare(&robot, args);
     }
-    let result = identify(&robot, &args.logs)?;
+    let result = identify(&robot, &args.logs, &args.hold_out)?;
     show(&text(&robot, &result))?;
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", to_json(&robot, &result));
@@ -119,51 +133,22 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Rows of every log, filtered.
-fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Run>> {
+/// The stretches of every log and their rows, filtered.
+fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>)> {
     let mut progress = Progress::new("identify: filtering", logs.len());
-    let mut all = Vec::new();
+    let (mut all, mut all_rows) = (Vec::new(), Vec::new());
     for (k, path) in logs.iter().enumerate() {
         progress.set(k);
-        let log = runs::read_log(robot, path)?;
-        log.torque()?;
-        let settings = runs::settings(robot, log.q_des.is_some());
-        if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
-            bail!(
-                "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
-                path.display(),
-                robot.config.path.display()
-            );
-        }
-        if settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none) {
-            bail!(
-                "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
-                 joint",
-                path.display(),
-                robot.config.path.display()
-            );
-        }
-        let mut still = None;
-        let before = all.len();
-        for piece in runs::pieces(&log, robot.config.sample_period_s)? {
-            let record = runs::record(&piece)?;
-            match Rows::new(&robot.model, &robot.base, &settings, &record) {
-                Ok(rows) => all.push(Run { piece, source: settings.instrument, rows }),
-                Err(why @ OfflineError::NoMotion { .. }) => still = Some(why),
-                Err(why) => return Err(why).with_context(|| path.display().to_string()),
-            }
-        }
-        if let Some(why) = still.filter(|_| all.len() == before) {
-            return Err(why).with_context(|| path.display().to_string());
-        }
+        let (runs, rows) = rows_of(robot, &runs::read_log(robot, path)?)?;
+        all.extend(runs);
+        all_rows.extend(rows);
     }
     progress.done();
-    Ok(all)
+    Ok((all, all_rows))
 }
 
-fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
-    let all = read_rows(robot, logs)?;
-    let rows: Vec<Rows> = all.iter().map(|run| run.rows.clone()).collect();
+fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
+    let (runs, rows) = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let least_squares = fit(&rows, &robot.nominal_base, prior, Method::LeastSquares)?;
     let instrumental = fit(&rows, &robot.nominal_base, prior, Method::Instrumental)?;
@@ -174,7 +159,8 @@ fn identify(robot: &Robot, logs: &[PathBuf]) -> Result<Findings> {
     let delays = torque_delay(&rows, &robot.nominal_base, prior, chosen)?;
     let reference = Rows::reference(&rows);
     let consistent = project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference);
-    Ok(Findings { runs: all, least_squares, instrumental, residuals, bias, delays, reference, consistent })
+    let held_out = held_out(robot, &chosen.values, hold_out)?;
+    Ok(Findings { runs, rows, least_squares, instrumental, residuals, bias, delays, reference, consistent, held_out })
 }
 
 /// Fits every log on its own.
@@ -184,8 +170,7 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
         if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares };
     let mut alone = Vec::new();
     for path in &args.logs {
-        let runs = read_rows(robot, std::slice::from_ref(path))?;
-        let rows: Vec<Rows> = runs.into_iter().map(|run| run.rows).collect();
+        let (_, rows) = read_rows(robot, std::slice::from_ref(path))?;
         let fit = fit(&rows, &robot.nominal_base, prior, method).with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows });
     }
@@ -198,11 +183,72 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The stretches of a log and their rows.
+fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)> {
+    log.torque()?;
+    let settings = runs::settings(robot, log.q_des.is_some());
+    if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
+        bail!(
+            "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
+            log.path.display(),
+            robot.config.path.display()
+        );
+    }
+    if settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none) {
+        bail!(
+            "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
+             joint",
+            log.path.display(),
+            robot.config.path.display()
+        );
+    }
+    let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
+    for piece in runs::pieces(log, robot.config.sample_period_s)? {
+        let record = runs::record(&piece)?;
+        match Rows::new(&robot.model, &robot.base, &settings, &record) {
+            Ok(rows) => {
+                found.push(Run { piece, source: settings.instrument });
+                all_rows.push(rows);
+            }
+            Err(why @ OfflineError::NoMotion { .. }) => still = Some(why),
+            Err(why) => return Err(why).with_context(|| log.path.display().to_string()),
+        }
+    }
+    match still.filter(|_| found.is_empty()) {
+        Some(why) => Err(why).with_context(|| log.path.display().to_string()),
+        None => Ok((found, all_rows)),
+    }
+}
+
+/// The fit that counts, of logs that were read already.
+pub(crate) fn fit_of(robot: &Robot, logs: &[Log]) -> Result<Fit> {
+    let mut rows = Vec::new();
+    for log in logs {
+        rows.extend(rows_of(robot, log)?.1);
+    }
+    let riv = robot.config.estimator.kind == EstimatorKind::Riv;
+    let method = if riv { Method::Instrumental } else { Method::LeastSquares };
+    Ok(fit(&rows, &robot.nominal_base, WEAKER_PRIOR * robot.config.estimator.prior, method)?)
+}
+
+/// Errors of the identified parameters on logs that had no part in them.
+fn held_out(robot: &Robot, values: &[f64], logs: &[PathBuf]) -> Result<Vec<HeldOut>> {
+    let mut trained = robot.clone();
+    trained.identified = Some(Identified { values: values.to_vec(), std: vec![0.0; values.len()] });
+    let of = |path: &PathBuf| {
+        let log = runs::read_log(robot, path)?;
+        let (mut nominal, identified) = (robot.clone(), predict::errors(&trained, &log)?);
+        nominal.identified = None;
+        Ok(HeldOut { file: path.display().to_string(), nominal: predict::errors(&nominal, &log)?, identified })
+    };
+    logs.iter().map(of).collect()
+}
+
 /// Why these instruments, in words.
-fn instrument_text(run: &Run) -> String {
+fn instrument_text(run: &Run, rows: &Rows) -> String {
     match run.source {
         InstrumentSource::Desired => {
-            let lags: Vec<String> = run.rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
+            let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
             format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
         }
         InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
@@ -229,11 +275,11 @@ fn text(robot: &Robot, result: &Findings) -> String {
         base.len(),
         signal.model_filter_hz
     );
-    for run in &result.runs {
-        let (grid, range) = (&run.piece.grid, &run.rows.moving);
+    for (run, rows) in result.runs.iter().zip(&result.rows) {
+        let (grid, range) = (&run.piece.grid, &rows.moving);
         out += &paragraph("  log         ", &format!("{}: {}", runs::short_name(&grid.path), run.piece.report));
-        let left_out: Vec<String> = run.rows.left_out.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
-        let counts: Vec<String> = (0..robot.dof()).map(|j| run.rows.count(j).to_string()).collect();
+        let left_out: Vec<String> = rows.left_out.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
+        let counts: Vec<String> = (0..robot.dof()).map(|j| rows.count(j).to_string()).collect();
         out += &paragraph(
             "  motion      ",
             &format!(
@@ -244,7 +290,7 @@ fn text(robot: &Robot, result: &Findings) -> String {
                 left_out.join(" ")
             ),
         );
-        out += &paragraph("  instruments ", &instrument_text(run));
+        out += &paragraph("  instruments ", &instrument_text(run, rows));
     }
     out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
@@ -254,6 +300,15 @@ fn text(robot: &Robot, result: &Findings) -> String {
         table.row([name, percent(0), percent(1), percent(2), noise, correlation]);
     }
     out += &table.text();
+    for held in &result.held_out {
+        out +=
+            &paragraph("\n", &format!("held out, 100*|tau-pred|/|tau| on {}", runs::short_name(Path::new(&held.file))));
+        let mut table = Table::new(["joint", "nominal %", "identified %"]);
+        for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
+            table.row([name, format!("{:.1}", held.nominal[j]), format!("{:.1}", held.identified[j])]);
+        }
+        out += &table.text();
+    }
     let by_prior = chosen.determined.iter().filter(|d| **d == Determined::ByPrior).count();
     let (shift, at) = largest_shift(result);
     // Writing to a String cannot fail, here and below.
@@ -320,9 +375,9 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
             "regrouped": regrouped,
         })
     };
-    let log = |run: &Run| {
+    let log = |(run, rows): (&Run, &Rows)| {
         let report = &run.piece.report;
-        let range = &run.rows.moving;
+        let range = &rows.moving;
         json!({
             "file": run.piece.logged.path.display().to_string(),
             "rows": report.rows_in,
@@ -332,10 +387,10 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
             "period_s": report.period_s,
             "resampling": report.to_string(),
             "motion_s": [run.piece.grid.t[range.start], run.piece.grid.t[range.end - 1]],
-            "rows_per_joint": (0..robot.dof()).map(|j| run.rows.count(j)).collect::<Vec<_>>(),
-            "left_out": run.rows.left_out,
+            "rows_per_joint": (0..robot.dof()).map(|j| rows.count(j)).collect::<Vec<_>>(),
+            "left_out": rows.left_out,
             "instruments": match run.source {
-                InstrumentSource::Desired => json!({"kind": "desired", "lag_s": run.rows.lag_s}),
+                InstrumentSource::Desired => json!({"kind": "desired", "lag_s": rows.lag_s}),
                 InstrumentSource::SecondEncoder => json!({"kind": "second_encoder"}),
                 InstrumentSource::Delayed(delay_s) => json!({"kind": "delayed", "delay_s": delay_s}),
             },
@@ -359,7 +414,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         "robot": robot.config.name,
         "model_hash": format!("{:016x}", robot.hash),
         "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
-        "logs": result.runs.iter().map(log).collect::<Vec<_>>(),
+        "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
         "rank": chosen.rank,
         "base_parameters": base.len(),
@@ -367,6 +422,11 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
         "bias": crate::evidence::bias_json(&result.bias),
         "consistent": crate::evidence::consistency_json(robot, &result.consistent),
+        "held_out": result.held_out.iter().map(|held| json!({
+            "file": held.file,
+            "nominal_percent": held.nominal,
+            "identified_percent": held.identified,
+        })).collect::<Vec<_>>(),
         "parameters": (0..base.len()).map(parameter).collect::<Vec<_>>(),
     })
 }

@@ -17,6 +17,7 @@ mod replay;
 mod runs;
 mod stream;
 mod study;
+mod study_real;
 mod summary;
 mod table;
 

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
-use rivet_logs::{interpolate, write_columns};
+use rivet_logs::{Log, interpolate, write_columns};
 
 use crate::runs::{self, Piece};
 use crate::table::{Table, paragraph, show};
@@ -36,11 +36,31 @@ struct Sums {
     filtered: [f64; 2],
 }
 
-/// Predicts and writes; prints errors when the log has torque.
-pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.model)?;
-    let log = runs::read_log(&robot, &args.log)?;
-    let pieces = runs::pieces(&log, log.median_step_s())?;
+/// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
+pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
+    let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
+    for piece in whole_pieces(log)? {
+        let predicted = predict_piece(robot, &piece)?;
+        for (tau, grid) in tau.iter_mut().zip(&predicted) {
+            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged.t));
+        }
+    }
+    Ok(tau)
+}
+
+/// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
+pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
+    let mut sums = vec![Sums::default(); robot.dof()];
+    for piece in whole_pieces(log)? {
+        let predicted = predict_piece(robot, &piece)?;
+        compare(robot, &piece, &predicted, &mut sums)?;
+    }
+    Ok(sums.iter().map(|s| percent(s.filtered)).collect())
+}
+
+/// The pieces of a log between holes; no row is left over.
+fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
+    let pieces = runs::pieces(log, log.median_step_s())?;
     let rows: usize = pieces.iter().map(|p| p.logged.len()).sum();
     if rows != log.len() {
         bail!(
@@ -49,6 +69,18 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             log.len() - rows
         );
     }
+    Ok(pieces)
+}
+
+fn percent([error, torque]: [f64; 2]) -> f64 {
+    100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Predicts and writes; prints errors when the log has torque.
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let robot = rivet_config::load(&args.model)?;
+    let log = runs::read_log(&robot, &args.log)?;
+    let pieces = whole_pieces(&log)?;
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
@@ -123,7 +155,7 @@ fn report(robot: &Robot, log: &str, piece: Option<&Piece>, sums: Option<&[Sums]>
     };
     let hz = robot.config.signal.model_filter_hz;
     let mut table = Table::new(["100*|tau-pred|/|tau| [%]", "as logged", &format!("below {hz} Hz")]);
-    let percent = |[error, torque]: [f64; 2]| format!("{:.1}", 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt());
+    let percent = |sums: [f64; 2]| format!("{:.1}", percent(sums));
     for (name, sums) in runs::joint_names(robot).into_iter().zip(sums) {
         table.row([name, percent(sums.raw), percent(sums.filtered)]);
     }

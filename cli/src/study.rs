@@ -2,6 +2,7 @@
 
 mod supervision;
 
+use crate::study_real;
 use anyhow::{Context, Result};
 use rivet_studies::tracking::{ARMS, tracking};
 use std::path::PathBuf;
@@ -14,6 +15,8 @@ pub(crate) enum Args {
     Tracking(TrackingArgs),
     /// Supervision schemes side by side on a staged workload
     Supervision(supervision::Args),
+    /// Measured arms: trained on one motion, judged on another, beside plain least squares
+    Real(study_real::Args),
 }
 
 /// Without a robot file the arms of the table, from `robots/`.
@@ -37,6 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     match args {
         Args::Tracking(args) => run_tracking(args),
         Args::Supervision(args) => supervision::run(args),
+        Args::Real(args) => study_real::run(args),
     }
 }
 

@@ -216,6 +216,19 @@ pub const KEYS: &[Key] = &[
         "Viscous friction."),
     key("friction", "offset", PerJoint, "N m", Magnitude(1e5), Required,
         "Constant torque, for example asymmetric friction or the zero of the torque signal."),
+    key("friction", "load_dependent", PerJointOrOne, "-", Within(0.0, 1e4), Absent,
+        "Coulomb friction per torque that the gear carries: adds `load_dependent*|tau of the links|*s(qd)`, tooth friction under load. \
+         With the key, 0 included, the model has the term and it is identified; without it, it has not."),
+    key("friction", "viscous_quadratic", PerJointOrOne, "N m s^2/rad^2", Magnitude(1e6), Absent,
+        "Adds `viscous_quadratic*qd*|qd|`; negative where friction flattens with speed (grease of harmonic drives). With the key, 0 included, \
+         the model has the term and it is identified."),
+    key("friction", "presliding_travel", Number, "rad", Within(0.0, 0.1), Fallback::Number(0.0),
+        "Travel in which Coulomb friction builds up after a reversal, as one spring and one slider, and is kept at rest. Takes the place of \
+         `signal.friction_velocity` wherever there is a motion to follow (estimator, `rivet predict`). At least the steps of the encoder; \
+         0 switches it off."),
+    key("friction", "load_urdf", Text, "", Bounds::None, Fallback::Text(""),
+        "URDF whose bodies make the torque of `load_dependent`, relative to the robot file; `urdf` without it. Written by \
+         `rivet identify --export`: better bodies must not change what the identified values mean."),
 
     key("coupling", "driving", Shape::Joint, "", Bounds::None, Required,
         "Joint whose motion the motor of `driven` takes part in (TX40: 5)."),
@@ -300,6 +313,9 @@ pub const KEYS: &[Key] = &[
 
     key("publish", "every", Integer, "samples", Within(1.0, 100_000.0), Fallback::Integer(100),
         "Samples from one parameter message to the next."),
+    key("publish", "consistent_hz", Number, "Hz", Within(0.0, 50.0), Fallback::Number(5.0),
+        "How often the latest parameters are projected onto an arm that can be built and published as `parameters-consistent`, by a \
+         thread that is not real-time; 0 switches it off."),
     key("publish", "health_every", Integer, "samples", Within(1.0, 1_000_000.0), Fallback::Integer(1000),
         "Samples from one health message to the next."),
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use rivet_dynamics::{Arm, BaseSet, Model, Structure, WristCoupling, model_hash};
+use rivet_dynamics::{Arm, BaseSet, LinkParameters, Model, Structure, WristCoupling, model_hash};
 use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors};
@@ -81,12 +81,14 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
     let sample_period_s = reader.number("", "sample_period_s");
     let gravity = sections::gravity(&mut reader);
-    let arm = if written_urdf.is_empty() { None } else { read_arm(&mut reader, &urdf, &written_urdf, gravity) };
+    let arm =
+        if written_urdf.is_empty() { None } else { read_arm(&mut reader, ("", "urdf"), &urdf, &written_urdf, gravity) };
     if let Some(arm) = &arm {
         reader.set_joints(arm.joints.iter().map(|j| j.name.clone()).collect());
     }
     let drive = sections::drive(&mut reader);
-    let friction = sections::friction(&mut reader);
+    let mut friction = sections::friction(&mut reader);
+    let load = load_bodies(&mut reader, &mut friction, path, gravity, arm.as_ref());
     let coupling = sections::coupling(&mut reader);
     let log = sections::log(&mut reader);
     let signal = sections::signal(&mut reader, sample_period_s);
@@ -109,8 +111,15 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
                 offset: estimator.offsets,
                 coupling: coupling.as_ref().map(|c| WristCoupling { driving: c.driving, driven: c.driven }),
                 sign_velocity: signal.friction_velocity,
+                presliding_travel: friction.presliding_travel,
+                load_friction: friction.load_dependent.is_some(),
+                viscous_quadratic: friction.viscous_quadratic.is_some(),
             };
             let model = Model::new(arm, structure);
+            let model = match load {
+                Some(bodies) => model.with_load(bodies),
+                None => model,
+            };
             let base = BaseSet::new(&model);
             if let Err(why) = &base {
                 let hint = "round off what is nearly parallel or nearly zero in the URDF's kinematics";
@@ -157,13 +166,44 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     Ok(Robot { config, model: Arc::new(model), base: Arc::new(base), hash, nominal, nominal_base, identified })
 }
 
-/// Reads the URDF; whatever is wrong with it is a mistake of the key `urdf`.
-fn read_arm(reader: &mut Reader<'_>, urdf: &Path, written: &str, gravity: [f64; 3]) -> Option<Arm> {
+/// The bodies of `friction.load_urdf`, where it is given: those of the same arm.
+fn load_bodies(
+    reader: &mut Reader<'_>,
+    friction: &mut sections::Friction,
+    path: &Path,
+    gravity: [f64; 3],
+    arm: Option<&Arm>,
+) -> Option<Vec<LinkParameters>> {
+    const KEY: (&str, &str) = ("friction", "load_urdf");
+    let written = reader.text(KEY.0, KEY.1);
+    if written.is_empty() {
+        return None;
+    }
+    let urdf = path.parent().unwrap_or(Path::new("")).join(&written);
+    let other = read_arm(reader, KEY, &urdf, &written, gravity)?;
+    friction.load_urdf = Some(urdf);
+    let arm = arm?;
+    if other.joints != arm.joints {
+        let hint = "only bodies may differ: take a copy of `urdf` and change its <inertial> elements";
+        reader.reject(KEY.0, KEY.1, "must have the joints of `urdf`, with the same names and places", hint);
+        return None;
+    }
+    Some(other.links)
+}
+
+/// Reads a URDF; whatever is wrong with it is a mistake of `key`.
+fn read_arm(
+    reader: &mut Reader<'_>,
+    key: (&'static str, &'static str),
+    urdf: &Path,
+    written: &str,
+    gravity: [f64; 3],
+) -> Option<Arm> {
     let text = match fs::read_to_string(urdf) {
         Ok(text) => text,
         Err(why) => {
             let hint = format!("the path is relative to this file; looked for {}", urdf.display());
-            reader.reject("", "urdf", format!("cannot be read ({why})"), hint);
+            reader.reject(key.0, key.1, format!("cannot be read ({why})"), hint);
             return None;
         }
     };
@@ -172,7 +212,7 @@ fn read_arm(reader: &mut Reader<'_>, urdf: &Path, written: &str, gravity: [f64; 
     match Arm::from_urdf(&text, gravity) {
         Ok(arm) => Some(arm),
         Err(why) => {
-            reader.reject("", "urdf", why.to_string(), format!("correct it in {written}"));
+            reader.reject(key.0, key.1, why.to_string(), format!("correct it in {written}"));
             None
         }
     }

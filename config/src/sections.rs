@@ -60,6 +60,8 @@ impl RobotConfig {
             viscous: self.friction.viscous.clone(),
             coulomb: self.friction.coulomb.clone(),
             offset: self.friction.offset.clone(),
+            load_friction: self.friction.load_dependent.clone().unwrap_or_default(),
+            viscous_quadratic: self.friction.viscous_quadratic.clone().unwrap_or_default(),
             coupling: self.coupling.as_ref().map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
         }
     }
@@ -109,6 +111,14 @@ pub struct Friction {
     pub viscous: Vec<f64>,
     /// Constant torque \[N m\].
     pub offset: Vec<f64>,
+    /// Coulomb friction per carried torque \[-\]; `None` leaves the term out of the model.
+    pub load_dependent: Option<Vec<f64>>,
+    /// Friction with the square of the speed \[N m s²/rad²\]; `None` leaves the term out of the model.
+    pub viscous_quadratic: Option<Vec<f64>>,
+    /// Travel in which friction builds up after a reversal \[rad\]; 0 is friction without memory.
+    pub presliding_travel: f64,
+    /// URDF whose bodies make the carried torque, resolved; `None` is the robot's own.
+    pub load_urdf: Option<PathBuf>,
 }
 
 /// `[coupling]`: the motor of `driven` turns with q_driving + q_driven.
@@ -172,10 +182,12 @@ pub struct Estimator {
 }
 
 /// `[publish]`
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Publish {
     /// Samples between parameter messages.
     pub every: usize,
+    /// Projections onto an arm that can be built, a second; 0 is none.
+    pub consistent_hz: f64,
     /// Samples between health messages.
     pub health_every: usize,
 }
@@ -320,6 +332,10 @@ pub(crate) fn friction(reader: &mut Reader<'_>) -> Friction {
         coulomb: reader.numbers("friction", "coulomb"),
         viscous: reader.numbers("friction", "viscous"),
         offset: reader.numbers("friction", "offset"),
+        load_dependent: reader.optional_numbers("friction", "load_dependent"),
+        viscous_quadratic: reader.optional_numbers("friction", "viscous_quadratic"),
+        presliding_travel: reader.number("friction", "presliding_travel"),
+        load_urdf: None,
     }
 }
 
@@ -484,7 +500,11 @@ pub(crate) fn estimator(
 }
 
 pub(crate) fn publish(reader: &mut Reader<'_>) -> Publish {
-    Publish { every: reader.count("publish", "every"), health_every: reader.count("publish", "health_every") }
+    Publish {
+        every: reader.count("publish", "every"),
+        consistent_hz: reader.number("publish", "consistent_hz"),
+        health_every: reader.count("publish", "health_every"),
+    }
 }
 
 pub(crate) fn realtime(reader: &mut Reader<'_>) -> Realtime {

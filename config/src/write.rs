@@ -9,7 +9,7 @@ use rivet_dynamics::Joints;
 
 use crate::describe::{number_text, value_text};
 use crate::load::Robot;
-use crate::reader::{Origin, Value};
+use crate::reader::{Origin, Resolved, Value};
 
 /// Writes `robot` with identified base parameters as a robot file that [`load`](crate::load) reads again.
 ///
@@ -38,6 +38,8 @@ pub fn write_consistent(robot: &Robot, drives: &Joints, values: &[f64], std: &[f
             ("friction", "viscous") => Value::Numbers(drives.viscous.clone()),
             ("friction", "coulomb") => Value::Numbers(drives.coulomb.clone()),
             ("friction", "offset") => Value::Numbers(drives.offset.clone()),
+            ("friction", "load_dependent") => Value::Numbers(drives.load_friction.clone()),
+            ("friction", "viscous_quadratic") => Value::Numbers(drives.viscous_quadratic.clone()),
             ("coupling", "rotor_inertia") => Value::Number(drives.coupling[0]),
             ("coupling", "viscous") => Value::Number(drives.coupling[1]),
             ("coupling", "coulomb") => Value::Number(drives.coupling[2]),
@@ -72,7 +74,8 @@ fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Pat
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     };
-    let text = model_text(robot, note, values, std, &relative(&robot.config.urdf, folder)?);
+    let load = robot.config.friction.load_urdf.as_ref().map(|load| relative(load, folder)).transpose()?;
+    let text = model_text(robot, note, values, std, &relative(&robot.config.urdf, folder)?, load.as_deref());
     let temporary = path.with_extension(format!("tmp{}", std::process::id()));
     let written = File::create(&temporary).and_then(|mut file| {
         file.write_all(text.as_bytes())?;
@@ -86,22 +89,30 @@ fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Pat
     written
 }
 
-fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Path) -> String {
+fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Path, load_urdf: Option<&Path>) -> String {
     let mut out = format!(
         "# {} with identified base parameters; written by rivet. Keys: docs/robot-toml.md.\n",
         robot.config.name
     );
     out += note;
     let mut section = "";
-    let given = robot.config.resolved.iter().filter(|r| matches!(r.origin, Origin::Line(_)));
-    for r in given.filter(|r| r.key.section != "identified" && r.value != Value::Absent) {
+    // The file's own place of the bodies of load friction is set by who writes; it stands in the order of the keys.
+    let quoted = |path: &Path| format!("{:?}", path.display().to_string());
+    let load = |r: &&Resolved| r.key.path() == "friction.load_urdf" && load_urdf.is_some();
+    let given = robot.config.resolved.iter().filter(|r| {
+        load(r) || matches!(r.origin, Origin::Line(_)) && r.key.section != "identified" && r.value != Value::Absent
+    });
+    for r in given {
         // Writing to a String cannot fail, here and below.
         if r.key.section != section {
             section = r.key.section;
             let _ = write!(out, "\n[{section}]\n");
         }
-        let text =
-            if r.key.path() == "urdf" { format!("{:?}", urdf.display().to_string()) } else { value_text(&r.value) };
+        let text = match r.key.path().as_str() {
+            "urdf" => quoted(urdf),
+            "friction.load_urdf" => load_urdf.map_or_else(String::new, quoted),
+            _ => value_text(&r.value),
+        };
         let unit = if r.key.unit.is_empty() { String::new() } else { format!("  # {}", r.key.unit) };
         let _ = writeln!(out, "{} = {text}{unit}", r.key.name);
     }

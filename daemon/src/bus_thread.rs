@@ -1,5 +1,6 @@
 //! The thread that owns every port that may allocate or wait.
 
+use crate::consistent::Waiting;
 use crate::error::StartError;
 use crate::keeper::Latest;
 use crate::progress::Progress;
@@ -46,6 +47,7 @@ pub(crate) fn run(
     mut outbound: rtrb::Consumer<Outbound>,
     mut commands: rtrb::Producer<ControlCommand>,
     kept: Option<&Latest>,
+    waiting: &Waiting,
     progress: &Progress,
     shutdown: &Shutdown,
     ready: &Sender<Result<(), StartError>>,
@@ -66,8 +68,8 @@ pub(crate) fn run(
     let mut complained = false;
     loop {
         let stopping = shutdown.is_requested();
-        let result =
-            turn(&ports, &mut outbound, &mut commands, kept, progress, turns.is_multiple_of(TURNS_PER_REFRESH));
+        let refresh = turns.is_multiple_of(TURNS_PER_REFRESH);
+        let result = turn(&ports, &mut outbound, &mut commands, kept, waiting, progress, refresh);
         if let Err(why) = result
             && !complained
         {
@@ -87,6 +89,7 @@ fn turn(
     outbound: &mut rtrb::Consumer<Outbound>,
     commands: &mut rtrb::Producer<ControlCommand>,
     kept: Option<&Latest>,
+    waiting: &Waiting,
     progress: &Progress,
     refresh: bool,
 ) -> Result<(), rivet_ipc_schema::PortError> {
@@ -97,6 +100,7 @@ fn turn(
                     kept.offer(&parameters);
                 }
                 ports.latest.write(&parameters);
+                waiting.put(&parameters);
                 ports.parameters.send(&parameters)?;
             }
             Outbound::Health(health) => {

@@ -4,6 +4,7 @@
 //! the clock and the bus.
 
 mod bus_thread;
+mod consistent;
 mod core;
 mod error;
 mod keeper;
@@ -11,6 +12,7 @@ mod loop_thread;
 mod progress;
 pub mod shell;
 
+pub use crate::consistent::Projector;
 pub use crate::core::{Core, Counts, Output, Refused};
 pub use error::StartError;
 pub use shell::{Options, run};

@@ -5,6 +5,7 @@
 //! manager.
 
 use crate::bus_thread::{self, Outbound};
+use crate::consistent::{self, Projector, Waiting};
 use crate::core::Core;
 use crate::error::StartError;
 use crate::keeper::{Keeper, Latest};
@@ -107,6 +108,7 @@ fn run_threads(
     let (outbound, outbound_end) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
     let (commands, commands_end) = rtrb::RingBuffer::<ControlCommand>::new(INBOUND);
     let (ready, readiness) = mpsc::channel();
+    let waiting = Arc::new(Waiting::default());
 
     // Service threads come first: what the loop thread starts would inherit its scheduling.
     let kept = Arc::new(Latest::default());
@@ -121,10 +123,31 @@ fn run_threads(
     let publisher = {
         let (bus, name, shutdown, progress, ready) =
             (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress), ready.clone());
+        let waiting = Arc::clone(&waiting);
         let kept = stores.then_some(kept);
         spawn("rivetd-bus", move || {
-            bus_thread::run(&bus, &name, outbound_end, commands, kept.as_deref(), &progress, &shutdown, &ready);
+            bus_thread::run(
+                &bus,
+                &name,
+                outbound_end,
+                commands,
+                kept.as_deref(),
+                &waiting,
+                &progress,
+                &shutdown,
+                &ready,
+            );
         })?
+    };
+    let hz = robot.config.publish.consistent_hz;
+    let projection = if hz > 0.0 {
+        let (bus, name, shutdown, ready) = (bus.clone(), name.clone(), shutdown.clone(), ready.clone());
+        let (projector, period) = (Projector::new(robot), Duration::from_secs_f64(1.0 / hz));
+        Some(spawn("rivetd-consistent", move || {
+            consistent::run(&projector, period, &bus, &name, &waiting, &shutdown, &ready);
+        })?)
+    } else {
+        None
     };
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
@@ -133,15 +156,17 @@ fn run_threads(
         })?
     };
 
-    let started =
-        (0..2).try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
+    let threads: Vec<_> = [Some(publisher), projection, Some(estimator)].into_iter().flatten().collect();
+    let started = threads
+        .iter()
+        .try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
     if started.is_ok() {
         eprintln!("rivetd: {}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
-        watch(&progress, shutdown, &[&publisher, &estimator]);
+        watch(&progress, shutdown, &threads);
     }
     shutdown.request();
     // The store is last: it writes what the others left.
-    let ended = [publisher.join(), estimator.join()].into_iter().chain(keeping.map(std::thread::JoinHandle::join));
+    let ended = threads.into_iter().chain(keeping).map(std::thread::JoinHandle::join);
     let panicked = ended.filter(Result::is_err).count() > 0;
     started?;
     if panicked {
@@ -157,7 +182,7 @@ fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread
 }
 
 /// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
-fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[&std::thread::JoinHandle<()>]) {
+fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>]) {
     use sd_notify::NotifyState;
     let patience = sd_notify::watchdog_enabled().map_or(Duration::from_millis(500), |watchdog| watchdog / 3);
     let (mut announced, mut periods) = (false, 0);

@@ -53,6 +53,9 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], torque: &[f64]) -
                 _ => 1.5 * BODY * mass * (arm * arm + size * size).max(1e-6),
             }
         }
+        // Without unit or scale of their own: as far off as themselves, or a hundredth of the torque.
+        Parameter::LoadFriction(_) => of(parameter).max(0.05),
+        Parameter::ViscousQuadratic(j) => of(parameter).max(0.01 * torque[j]),
         Parameter::RotorInertia(j) => ROTOR * of(parameter).max(1e-4 * torque[j]),
         Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * of(parameter).max(0.05 * torque[j]),
         Parameter::Offset(j) => OFFSET * of(Parameter::Coulomb(j)).max(0.05 * torque[j]),

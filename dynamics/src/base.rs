@@ -2,7 +2,8 @@
 //!
 //! Numerically (Gautier 1990): a tall regressor over random states is factored column by column; a column that the
 //! kept ones span is dropped and its parameter folded into theirs. The order of the visit is fixed, so that one model
-//! has one base: drives first (`rotor_inertia`, `viscous`, `coulomb`, `offset`, `coupling`), then links tip to base.
+//! has one base: drives first (`rotor_inertia`, `viscous`, `coulomb`, `offset`, `load_friction`,
+//! `viscous_quadratic`, `coupling`), then links tip to base.
 //! A drive parameter so stays itself where that is possible, and link parameters fold into it or into links nearer
 //! the tip.
 
@@ -172,8 +173,10 @@ fn visiting_order(model: &Model) -> Vec<usize> {
         Parameter::Viscous(_) => 1,
         Parameter::Coulomb(_) => 2,
         Parameter::Offset(_) => 3,
-        Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => 4,
-        Parameter::Link { link, .. } => 5 + model.arm.dof() - link,
+        Parameter::LoadFriction(_) => 4,
+        Parameter::ViscousQuadratic(_) => 5,
+        Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => 6,
+        Parameter::Link { link, .. } => 7 + model.arm.dof() - link,
     });
     order
 }
@@ -192,12 +195,14 @@ fn scales(model: &Model, columns: &[Vec<f64>]) -> Vec<f64> {
         Parameter::CouplingInertia => 7,
         Parameter::CouplingViscous => 8,
         Parameter::CouplingCoulomb => 9,
+        Parameter::LoadFriction(_) => 10,
+        Parameter::ViscousQuadratic(_) => 11,
     };
     // Not f64::max, which would lose a NaN.
     let larger = |a: f64, b: f64| if a >= b { a } else { b };
     let norms: Vec<f64> = columns.iter().map(|column| norm(column)).collect();
     let floor = SMALLEST_KIND * norms.iter().copied().fold(0.0, larger);
-    let mut largest = [floor; 10];
+    let mut largest = [floor; 12];
     for (c, &norm) in norms.iter().enumerate() {
         largest[kind(c)] = larger(largest[kind(c)], norm);
     }

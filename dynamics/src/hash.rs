@@ -44,6 +44,16 @@ pub fn model_hash(model: &Model, base: &BaseSet) -> u64 {
         hash.word(coupling.driven as u64);
     }
     hash.numbers(&[structure.sign_velocity]);
+    // Only where they are used: models without them keep the hash they always had.
+    if structure.presliding_travel > 0.0 {
+        hash.word(1);
+        hash.numbers(&[structure.presliding_travel]);
+    }
+    if structure.load_friction {
+        hash.word(2);
+        // What a URDF's digits may lose must not make two equal loads differ: steps of a millionth.
+        hash.numbers(&model.load().as_flattened().iter().map(|x| x * 1e-3).collect::<Vec<f64>>());
+    }
     hash.word(base.len() as u64);
     for i in 0..base.len() {
         let (kind, at) = match base.parameter(model, i) {
@@ -55,6 +65,8 @@ pub fn model_hash(model: &Model, base: &BaseSet) -> u64 {
             Parameter::CouplingInertia => (5, 0),
             Parameter::CouplingViscous => (6, 0),
             Parameter::CouplingCoulomb => (7, 0),
+            Parameter::LoadFriction(j) => (8, j),
+            Parameter::ViscousQuadratic(j) => (9, j),
         };
         hash.word(kind);
         hash.word(at as u64);

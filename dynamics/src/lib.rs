@@ -14,6 +14,7 @@ mod model;
 pub mod parameters;
 mod pseudo_inertia;
 mod rigid;
+mod slip;
 mod spatial;
 mod urdf;
 
@@ -24,4 +25,5 @@ pub use model::{Joints, Model, Structure, WristCoupling, friction_sign};
 pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, body_from_com, body_in_frame};
 pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia, smallest_eigenvalue};
 pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
+pub use slip::Slip;
 pub use urdf::{UrdfError, WrittenUrdf, write_urdf};

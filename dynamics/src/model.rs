@@ -2,8 +2,9 @@
 
 use crate::arm::{Arm, MAX_JOINTS};
 use crate::lanes::{Lanes, Pair};
-use crate::parameters::{LINK_PARAMETERS, Parameter};
+use crate::parameters::{LINK_PARAMETERS, LinkParameters, Parameter};
 use crate::rigid::{State, Workspace, regressor_pair_rows, regressor_rows};
+use crate::slip::Slip;
 
 /// A motor that turns with two joints (0-based), as in the TX40's wrist `{ driving: 4, driven: 5 }`: motor 6 turns
 /// with q5 + q6, so its inertia and friction act on both.
@@ -24,6 +25,13 @@ pub struct Structure {
     pub coupling: Option<WristCoupling>,
     /// v0 of `s(v) = tanh(v/v0)` \[rad/s\]; 0 is the hard sign.
     pub sign_velocity: f64,
+    /// Travel \[rad\] in which Coulomb friction builds up after a reversal, with [`Model::regressor_sliding`]; 0 is
+    /// friction without memory, `s(v)`.
+    pub presliding_travel: f64,
+    /// Coulomb friction in proportion to the torque that the gear carries.
+    pub load_friction: bool,
+    /// Friction with the square of the speed.
+    pub viscous_quadratic: bool,
 }
 
 /// Values of the drive parameters, one entry a joint; what a URDF cannot say.
@@ -37,6 +45,10 @@ pub struct Joints {
     pub coulomb: Vec<f64>,
     /// \[N·m\]; read only with [`Structure::offset`].
     pub offset: Vec<f64>,
+    /// Coulomb friction over carried torque \[-\]; read only with [`Structure::load_friction`].
+    pub load_friction: Vec<f64>,
+    /// \[N·m·s²/rad²\]; read only with [`Structure::viscous_quadratic`].
+    pub viscous_quadratic: Vec<f64>,
     /// Inertia \[kg·m²\], viscous \[N·m·s/rad\] and Coulomb \[N·m\] of the coupled motor; read only with
     /// [`Structure::coupling`].
     pub coupling: [f64; 3],
@@ -63,6 +75,9 @@ pub struct Model {
     pub structure: Structure,
     /// Meaning of each entry of the standard vector, in order.
     pub parameters: Vec<Parameter>,
+    /// Bodies whose torque is what the gears carry, for [`Structure::load_friction`]: those of the arm, until
+    /// [`with_load`](Model::with_load) gives better ones. Part of what a load-friction parameter means.
+    load: Vec<LinkParameters>,
 }
 
 impl Model {
@@ -84,11 +99,34 @@ impl Model {
         if structure.offset {
             parameters.extend((0..dof).map(Parameter::Offset));
         }
+        if structure.load_friction {
+            parameters.extend((0..dof).map(Parameter::LoadFriction));
+        }
+        if structure.viscous_quadratic {
+            parameters.extend((0..dof).map(Parameter::ViscousQuadratic));
+        }
         if structure.coupling.is_some() {
             use Parameter::{CouplingCoulomb, CouplingInertia, CouplingViscous};
             parameters.extend([CouplingInertia, CouplingViscous, CouplingCoulomb]);
         }
-        Model { arm, structure, parameters }
+        let load = arm.links.clone();
+        Model { arm, structure, parameters, load }
+    }
+
+    /// The same model with other bodies for the torque that the gears carry (one a joint, in its frame).
+    ///
+    /// # Panics
+    /// If there is not one body a joint.
+    #[must_use]
+    pub fn with_load(mut self, bodies: Vec<LinkParameters>) -> Model {
+        assert_eq!(bodies.len(), self.arm.dof(), "one body a joint");
+        self.load = bodies;
+        self
+    }
+
+    /// Bodies whose torque is what the gears carry.
+    pub fn load(&self) -> &[LinkParameters] {
+        &self.load
     }
 
     /// Number of standard parameters.
@@ -114,6 +152,12 @@ impl Model {
         if self.structure.offset {
             x.extend(drives(&joints.offset, "offset"));
         }
+        if self.structure.load_friction {
+            x.extend(drives(&joints.load_friction, "load friction"));
+        }
+        if self.structure.viscous_quadratic {
+            x.extend(drives(&joints.viscous_quadratic, "quadratic friction"));
+        }
         if self.structure.coupling.is_some() {
             x.extend(joints.coupling);
         }
@@ -122,15 +166,50 @@ impl Model {
 
     /// Regressor of the whole model, N x [`len`](Model::len) row-major, written to `y`. Real-time safe.
     ///
-    /// Drive of joint j: `τⱼ = Iaⱼ·q̈ⱼ + Fvⱼ·q̇ⱼ + Fcⱼ·s(q̇ⱼ) + offsetⱼ`. Coupled motor, with a the driving and b the
-    /// driven joint: `τa += Iam·q̈b + Fvm·q̇b + Fcm·s(q̇a + q̇b)`, `τb += Iam·q̈a + Fvm·q̇a + Fcm·s(q̇a + q̇b)`.
+    /// Drive of joint j: `τⱼ = Iaⱼ·q̈ⱼ + Fvⱼ·q̇ⱼ + Fcⱼ·s(q̇ⱼ) + offsetⱼ + klⱼ·|τ_loadⱼ|·s(q̇ⱼ) + Fqⱼ·q̇ⱼ·|q̇ⱼ|`, where τ_load is
+    /// the torque of the links alone. Coupled motor, with a the driving and b the driven joint:
+    /// `τa += Iam·q̈b + Fvm·q̇b + Fcm·s(q̇a + q̇b)`, `τb += Iam·q̈a + Fvm·q̇a + Fcm·s(q̇a + q̇b)`.
+    ///
+    /// Friction without memory, whatever [`Structure::presliding_travel`] says: for single states.
     pub fn regressor(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], y: &mut [f64]) {
-        let (states, width) = ([State { q, qd, qdd }], self.len());
+        let states = [State { q, qd, qdd }];
+        self.single(ws, states, &self.directions(states), y);
+    }
+
+    /// As [`regressor`](Model::regressor), for the states of one motion in their order: with
+    /// [`Structure::presliding_travel`], friction has the direction that `slip` remembers. Real-time safe.
+    pub fn regressor_sliding(
+        &self,
+        ws: &mut Workspace,
+        slip: &mut Slip,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        y: &mut [f64],
+    ) {
+        let states = [State { q, qd, qdd }];
+        let directions = if self.structure.presliding_travel > 0.0 {
+            slip.advance(q);
+            slip.directions().map(|z| [z])
+        } else {
+            self.directions(states)
+        };
+        self.single(ws, states, &directions, y);
+    }
+
+    fn single(
+        &self,
+        ws: &mut Workspace,
+        states: [State<'_>; 1],
+        directions: &[[f64; 1]; MAX_JOINTS + 1],
+        y: &mut [f64],
+    ) {
+        let ([State { q, qd, qdd }], width) = (states, self.len());
         regressor_rows(&self.arm, ws, q, qd, qdd, y, width);
         for row in y.chunks_exact_mut(width) {
             row[LINK_PARAMETERS * self.arm.dof()..].fill(0.0);
         }
-        self.drives(states, &self.directions(states), y.as_chunks_mut::<1>().0);
+        self.drives(states, directions, y.as_chunks_mut::<1>().0);
     }
 
     /// [`regressor`](Model::regressor) of two states at once, `[first, second]` in each entry, for about the cost of one.
@@ -139,6 +218,26 @@ impl Model {
     pub fn regressor_pair(&self, ws: &mut Workspace, states: [State<'_>; 2], y: &mut [[f64; 2]]) {
         regressor_pair_rows(&self.arm, ws, states, y, self.len());
         self.drives(states, &self.directions(states), y);
+    }
+
+    /// As [`regressor_pair`](Model::regressor_pair), for the states of two motions in their order: with
+    /// [`Structure::presliding_travel`], friction has the directions that `slips` remember. Real-time safe.
+    pub fn regressor_pair_sliding(
+        &self,
+        ws: &mut Workspace,
+        slips: &mut [Slip; 2],
+        states: [State<'_>; 2],
+        y: &mut [[f64; 2]],
+    ) {
+        if self.structure.presliding_travel <= 0.0 {
+            return self.regressor_pair(ws, states, y);
+        }
+        for (slip, state) in slips.iter_mut().zip(&states) {
+            slip.advance(state.q);
+        }
+        let [a, b] = [slips[0].directions(), slips[1].directions()];
+        regressor_pair_rows(&self.arm, ws, states, y, self.len());
+        self.drives(states, &std::array::from_fn(|j| [a[j], b[j]]), y);
     }
 
     /// Directions of friction, joint by joint and then of the coupled motor, of each state.
@@ -175,12 +274,24 @@ impl Model {
         let qdd = |j: usize| -> [f64; STATES] { std::array::from_fn(|lane| states[lane].qdd[j]) };
         let drives = LINK_PARAMETERS * dof;
         for j in 0..dof {
-            let row = &mut y[j * width + drives..(j + 1) * width];
+            let (links, row) = y[j * width..(j + 1) * width].split_at_mut(drives);
             row[j] = qdd(j);
             row[dof + j] = qd(j);
             row[2 * dof + j] = directions[j];
+            let mut at = 3 * dof + j;
             if self.structure.offset {
-                row[3 * dof + j] = [1.0; STATES];
+                row[at] = [1.0; STATES];
+                at += dof;
+            }
+            if self.structure.load_friction {
+                row[at] = std::array::from_fn(|lane| {
+                    let carried: f64 = links.iter().zip(self.load.as_flattened()).map(|(y, x)| y[lane] * x).sum();
+                    carried.abs() * directions[j][lane]
+                });
+                at += dof;
+            }
+            if self.structure.viscous_quadratic {
+                row[at] = qd(j).map(|v| v * v.abs());
             }
         }
         if let Some(WristCoupling { driving, driven }) = self.structure.coupling {

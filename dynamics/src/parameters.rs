@@ -7,6 +7,8 @@
 //!   viscous           N
 //!   coulomb           N
 //!   offset            N    only with Structure::offset
+//!   load_friction     N    only with Structure::load_friction
+//!   viscous_quadratic N    only with Structure::viscous_quadratic
 //!   coupling          3    rotor_inertia, viscous, coulomb; only with Structure::coupling
 //! ```
 
@@ -81,6 +83,10 @@ pub enum Parameter {
     Coulomb(usize),
     /// Constant torque, e.g. of the amplifier's zero.
     Offset(usize),
+    /// Coulomb friction per torque that the gear carries: `τ = kl·|τ_load|·s(q̇)`.
+    LoadFriction(usize),
+    /// Friction that bends away from the viscous line: `τ = Fq·q̇·|q̇|`, negative where it flattens with speed.
+    ViscousQuadratic(usize),
     /// Drive inertia of the motor that turns with both coupled joints.
     CouplingInertia,
     /// Its viscous friction.
@@ -96,7 +102,7 @@ pub enum ParameterGroup {
     Inertial,
     /// Drive inertia.
     RotorInertia,
-    /// Viscous and Coulomb friction.
+    /// Viscous and Coulomb friction, with what load and speed add to them.
     Friction,
     /// Torque offsets.
     Offset,
@@ -118,6 +124,8 @@ impl Parameter {
             Parameter::Viscous(j) => format!("j{}.viscous", j + 1),
             Parameter::Coulomb(j) => format!("j{}.coulomb", j + 1),
             Parameter::Offset(j) => format!("j{}.offset", j + 1),
+            Parameter::LoadFriction(j) => format!("j{}.load_friction", j + 1),
+            Parameter::ViscousQuadratic(j) => format!("j{}.viscous_quadratic", j + 1),
             Parameter::CouplingInertia => "coupling.rotor_inertia".to_owned(),
             Parameter::CouplingViscous => "coupling.viscous".to_owned(),
             Parameter::CouplingCoulomb => "coupling.coulomb".to_owned(),
@@ -128,6 +136,9 @@ impl Parameter {
     pub fn unit(&self, arm: &Arm) -> &'static str {
         let slides = |j: usize| arm.joints.get(j).is_some_and(|joint| joint.kind == JointKind::Prismatic);
         match *self {
+            Parameter::ViscousQuadratic(j) if slides(j) => "N s^2/m^2",
+            Parameter::ViscousQuadratic(_) => "N m s^2/rad^2",
+            Parameter::LoadFriction(_) => "-",
             Parameter::Link { entry: 0, .. } => "kg",
             Parameter::Link { entry: 1..=3, .. } => "kg m",
             Parameter::RotorInertia(j) if slides(j) => "kg",
@@ -144,7 +155,10 @@ impl Parameter {
         match self {
             Parameter::Link { .. } => ParameterGroup::Inertial,
             Parameter::RotorInertia(_) => ParameterGroup::RotorInertia,
-            Parameter::Viscous(_) | Parameter::Coulomb(_) => ParameterGroup::Friction,
+            Parameter::Viscous(_)
+            | Parameter::Coulomb(_)
+            | Parameter::LoadFriction(_)
+            | Parameter::ViscousQuadratic(_) => ParameterGroup::Friction,
             Parameter::Offset(_) => ParameterGroup::Offset,
             Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
                 ParameterGroup::Coupling
@@ -159,7 +173,9 @@ impl Parameter {
             | Parameter::RotorInertia(j)
             | Parameter::Viscous(j)
             | Parameter::Coulomb(j)
-            | Parameter::Offset(j) => Some(j),
+            | Parameter::Offset(j)
+            | Parameter::LoadFriction(j)
+            | Parameter::ViscousQuadratic(j) => Some(j),
             Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => None,
         }
     }

@@ -18,7 +18,7 @@ fn arm(name: &str) -> Arm {
 }
 
 fn model(name: &str, offset: bool, coupling: Option<WristCoupling>) -> Model {
-    Model::new(arm(name), Structure { offset, coupling, sign_velocity: 0.0 })
+    Model::new(arm(name), Structure { offset, coupling, ..Structure::default() })
 }
 
 fn base_of(model: &Model) -> BaseSet {
@@ -113,7 +113,7 @@ fn random_arms_lose_nothing() {
         let mut random = Random::new(seed);
         let dof = 1 + (seed as usize % 8);
         let coupling = (dof > 1).then(|| WristCoupling { driving: dof - 2, driven: dof - 1 });
-        let structure = Structure { offset: seed % 2 == 0, coupling, sign_velocity: 0.0 };
+        let structure = Structure { offset: seed % 2 == 0, coupling, ..Structure::default() };
         let model = Model::new(random.arm(dof), structure);
         let base = BaseSet::new(&model).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         println!("seed {seed}: {dof} joints, {} of {} columns, gap {:?}", base.len(), model.len(), base.gap);

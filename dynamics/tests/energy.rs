@@ -12,7 +12,8 @@ fn energy_and_dissipation_add_up_to_power() {
         let dof = 2 + seed as usize % 6;
         let arm = random.arm(dof);
         let coupling = (seed % 2 == 0).then_some(WristCoupling { driving: dof - 2, driven: dof - 1 });
-        let model = Model::new(arm, Structure { offset: seed % 3 == 0, coupling, sign_velocity: 0.05 });
+        let model =
+            Model::new(arm, Structure { offset: seed % 3 == 0, coupling, sign_velocity: 0.05, ..Structure::default() });
         let ws = &mut Workspace::new(&model.arm);
         let [q, qd, qdd] = [3.0, 2.0, 5.0].map(|reach| random.vector(dof, reach));
         let width = model.len();

@@ -56,9 +56,17 @@ fn a_pair_of_states_is_two_states() {
     for dof in 1..=8 {
         let (arm, a) = arm_and_state(7 + dof as u64, dof);
         let (_, b) = arm_and_state(70 + dof as u64, dof);
-        for sign_velocity in [0.0, 0.4] {
+        for (sign_velocity, more) in [(0.0, false), (0.4, false), (0.4, true)] {
             let coupling = (dof > 1).then_some(WristCoupling { driving: dof - 2, driven: dof - 1 });
-            let model = Model::new(arm.clone(), Structure { offset: true, coupling, sign_velocity });
+            let structure = Structure {
+                offset: true,
+                coupling,
+                sign_velocity,
+                load_friction: more,
+                viscous_quadratic: more,
+                ..Structure::default()
+            };
+            let model = Model::new(arm.clone(), structure);
             let mut ws = Workspace::new(&model.arm);
             let mut pair = vec![[0.0; 2]; dof * model.len()];
             let states = [&a, &b].map(|s| rivet_dynamics::State { q: &s.q, qd: &s.qd, qdd: &s.qdd });

@@ -40,7 +40,8 @@ static ALLOCATOR: Counting = Counting;
 fn nothing_allocates_in_the_loop() {
     let mut random = Random::new(7);
     let coupling = Some(WristCoupling { driving: 6, driven: 7 });
-    let model = Model::new(random.arm(8), Structure { offset: true, coupling, sign_velocity: 0.02 });
+    let model =
+        Model::new(random.arm(8), Structure { offset: true, coupling, sign_velocity: 0.02, ..Structure::default() });
     let (arm, dof, width) = (&model.arm, model.arm.dof(), model.len());
     let base = BaseSet::new(&model).expect("a base");
     let mut ws = Workspace::new(arm);

@@ -17,7 +17,7 @@
 mod blocks;
 
 use nalgebra::{DMatrix, DVector};
-use rivet_dynamics::{BaseSet, LINK_PARAMETERS, LinkParameters, Model, smallest_eigenvalue};
+use rivet_dynamics::{BaseSet, LINK_PARAMETERS, LinkParameters, Model, Workspace, smallest_eigenvalue};
 
 use blocks::Blocks;
 
@@ -34,6 +34,8 @@ const WORTH_WHILE: f64 = 1e-3;
 const PATIENCE: usize = 3;
 /// Newton steps for one γ.
 const NEWTON_STEPS: usize = 60;
+/// Without a covariance: torque cost \[%\] below which a projection counts as exact.
+const EXACT_PERCENT: f64 = 0.5;
 /// Directions of the covariance below this share of the largest are rounding.
 const COVARIANCE_RANK: f64 = 1e-12;
 
@@ -96,6 +98,40 @@ impl Reference {
         self.count[joint] += tau.len() as f64;
     }
 
+    /// The reference workload of the arm (seeded states within its limits at moderate speed); the torques that `values`
+    /// make there are what costs are measured by. Off line and on the bus thread's side: it allocates.
+    pub fn workload(model: &Model, base: &BaseSet, values: &[f64]) -> Reference {
+        let (dof, full, k) = (model.arm.dof(), model.len(), base.len());
+        let (mut ws, mut y, mut d) = (Workspace::new(&model.arm), vec![0.0; dof * full], vec![0.0; dof * k]);
+        let mut reference = Reference::new(dof, k);
+        let mut rows = vec![Vec::new(); dof];
+        crate::scales::workload(model, |q, qd, qdd| {
+            model.regressor(&mut ws, q, qd, qdd, &mut y);
+            base.select(&y, full, &mut d);
+            rows.iter_mut().zip(d.chunks_exact(k)).for_each(|(rows, d): (&mut Vec<f64>, _)| rows.extend_from_slice(d));
+        });
+        for (joint, d) in rows.iter().enumerate() {
+            let tau: Vec<f64> = d.chunks_exact(k).map(|d| d.iter().zip(values).map(|(d, x)| d * x).sum()).collect();
+            reference.add(joint, d, &tau);
+        }
+        reference
+    }
+
+    /// The same rows with the torques of other base parameters.
+    #[must_use]
+    pub fn with_torque_of(mut self, values: &[f64]) -> Reference {
+        self.torque_square = (0..self.gram.len()).map(|j| self.square(j, values)).collect();
+        self
+    }
+
+    /// `Σ_j G_j/(n·‖τ_j‖²)`, so that `δᵀ·M·δ` is the square of the torque cost of δ as a share.
+    fn metric(&self) -> DMatrix<f64> {
+        let n = self.gram.len().max(1) as f64;
+        let most = self.torque_square.iter().fold(f64::MIN_POSITIVE, |m, t| m.max(*t));
+        let zero = DMatrix::zeros(self.columns, self.columns);
+        self.gram.iter().zip(&self.torque_square).fold(zero, |sum, (g, t)| sum + g / (n * t.max(1e-9 * most)))
+    }
+
     /// Torque that base parameters `delta` make on these rows, per joint: root mean square \[N·m\].
     pub fn rms(&self, delta: &[f64]) -> Vec<f64> {
         (0..self.gram.len()).map(|j| (self.square(j, delta) / self.count[j].max(1.0)).sqrt()).collect()
@@ -154,6 +190,38 @@ pub fn project(
     nominal: &[f64],
     reference: &Reference,
 ) -> Result<Projection, ConsistencyError> {
+    check(model, base, values, nominal, reference)?;
+    if covariance.iter().any(|x| !x.is_finite()) {
+        return Err(ConsistencyError::NotFinite { what: "covariances" });
+    }
+    nearest(model, base, values, &information(covariance, base.len())?, nominal, reference)
+}
+
+/// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each
+/// joint's in parts of its own, and half a percent of torque counts as none. For sets whose covariance is not at hand.
+///
+/// # Errors
+/// See [`ConsistencyError`].
+pub fn project_torque(
+    model: &Model,
+    base: &BaseSet,
+    values: &[f64],
+    nominal: &[f64],
+    reference: &Reference,
+) -> Result<Projection, ConsistencyError> {
+    check(model, base, values, nominal, reference)?;
+    let exact = EXACT_PERCENT / 100.0;
+    let information = reference.metric() * (base.len() as f64 / (exact * exact));
+    nearest(model, base, values, &information, nominal, reference)
+}
+
+fn check(
+    model: &Model,
+    base: &BaseSet,
+    values: &[f64],
+    nominal: &[f64],
+    reference: &Reference,
+) -> Result<(), ConsistencyError> {
     let (k, full) = (base.len(), model.len());
     let shape = |what, found, expected| Err(ConsistencyError::Shape { what, found, expected });
     if values.len() != k {
@@ -165,13 +233,22 @@ pub fn project(
     if reference.columns != k || reference.gram.len() != model.arm.dof() {
         return shape("columns of the reference rows", reference.columns, k);
     }
-    for (what, list) in [("base parameters", values), ("covariances", covariance)] {
-        if list.iter().any(|x| !x.is_finite()) {
-            return Err(ConsistencyError::NotFinite { what });
-        }
+    if values.iter().any(|x| !x.is_finite()) {
+        return Err(ConsistencyError::NotFinite { what: "base parameters" });
     }
-    let information = information(covariance, k)?;
-    let problem = Problem::new(model, base, values, &information, nominal)?;
+    Ok(())
+}
+
+fn nearest(
+    model: &Model,
+    base: &BaseSet,
+    values: &[f64],
+    information: &DMatrix<f64>,
+    nominal: &[f64],
+    reference: &Reference,
+) -> Result<Projection, ConsistencyError> {
+    let k = base.len();
+    let problem = Problem::new(model, base, values, information, nominal)?;
     let mut chi = problem.blocks.start.clone();
     let (mut gamma, mut iterations, mut idle) = (FIRST, 0, 0);
     let mut last = f64::INFINITY;

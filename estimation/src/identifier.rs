@@ -217,6 +217,7 @@ impl Identifier {
         self.interrupted = false;
         self.previous = None;
         self.aligned.restart();
+        self.regressors.restart();
         self.measured.restart();
         self.desired.restart();
         if let Some(input) = &mut self.input {

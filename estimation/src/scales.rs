@@ -51,22 +51,12 @@ impl Scales {
         let (dof, n, full) = (model.arm.dof(), base.len(), model.len());
         let mut ws = Workspace::new(&model.arm);
         let (mut y, mut d) = (vec![0.0; dof * full], vec![0.0; dof * n]);
-        let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
-        let mut seed = 0x7269_7665_7465_7374;
         let mut rows = Vec::with_capacity(STATES * dof * n);
-        for _ in 0..STATES {
-            for (j, joint) in model.arm.joints.iter().enumerate() {
-                let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
-                let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
-                q[j] = low + (high - low) * unit(&mut seed);
-                let speed = SPEED_SHARE * speed_limit(joint);
-                qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
-                qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
-            }
-            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+        workload(model, |q, qd, qdd| {
+            model.regressor(&mut ws, q, qd, qdd, &mut y);
             base.select(&y, full, &mut d);
             rows.extend_from_slice(&d);
-        }
+        });
         let mut square = vec![0.0; dof];
         for (k, row) in rows.chunks_exact(n).enumerate() {
             square[k % dof] += dot(row, nominal_base).powi(2) / STATES as f64;
@@ -202,6 +192,24 @@ impl Whitening {
 
 fn speed_limit(joint: &rivet_dynamics::Joint) -> f64 {
     if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
+}
+
+/// The states of the reference workload: positions, speeds, accelerations.
+pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64])) {
+    let dof = model.arm.dof();
+    let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+    let mut seed = 0x7269_7665_7465_7374;
+    for _ in 0..STATES {
+        for (j, joint) in model.arm.joints.iter().enumerate() {
+            let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
+            let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
+            q[j] = low + (high - low) * unit(&mut seed);
+            let speed = SPEED_SHARE * speed_limit(joint);
+            qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
+            qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
+        }
+        each(&q, &qd, &qdd);
+    }
 }
 
 /// SplitMix64 (Steele, Lea & Flood 2014) on [0, 1): the same workload on every machine.

@@ -4,13 +4,15 @@ use crate::differentiate::Aligned;
 use crate::filter::{Bank, Butterworth};
 use crate::report::Motion;
 use crate::settings::InputSignals;
-use rivet_dynamics::{BaseSet, Model, Parameter, Workspace};
+use rivet_dynamics::{BaseSet, Model, Parameter, Slip, Workspace};
 
 /// Standard regressors of the measured motion and of a second one, side by side: together they cost what one does.
 #[derive(Clone, Debug)]
 pub(crate) struct Regressors {
     pair: Vec<[f64; 2]>,
     ws: Workspace,
+    /// Friction along each motion.
+    slips: [Slip; 2],
 }
 
 /// Which of the two motions of [`Regressors`].
@@ -22,14 +24,26 @@ pub(crate) enum Side {
 
 impl Regressors {
     pub(crate) fn new(model: &Model) -> Regressors {
-        Regressors { pair: vec![[0.0; 2]; model.arm.dof() * model.len()], ws: Workspace::new(&model.arm) }
+        Regressors {
+            pair: vec![[0.0; 2]; model.arm.dof() * model.len()],
+            ws: Workspace::new(&model.arm),
+            slips: [Slip::new(model), Slip::new(model)],
+        }
+    }
+
+    /// Both motions begin anew.
+    pub(crate) fn restart(&mut self) {
+        self.slips.iter_mut().for_each(Slip::restart);
     }
 
     /// Evaluates both; without a second motion its side means nothing.
     pub(crate) fn evaluate(&mut self, model: &Model, measured: Motion<'_>, second: Option<Motion<'_>>) {
         // The lanes do not touch each other: an idle one may hold anything.
         let states = [measured, second.unwrap_or(measured)];
-        model.regressor_pair(&mut self.ws, states, &mut self.pair);
+        model.regressor_pair_sliding(&mut self.ws, &mut self.slips, states, &mut self.pair);
+        if second.is_none() {
+            self.slips[Side::Second as usize].restart();
+        }
     }
 }
 
@@ -124,7 +138,12 @@ pub(crate) fn structural_entries(model: &Model, base: &BaseSet) -> Vec<Entry> {
 fn touches(model: &Model, parameter: Parameter, joint: usize) -> bool {
     match parameter {
         Parameter::Link { link, .. } => link >= joint,
-        Parameter::RotorInertia(j) | Parameter::Viscous(j) | Parameter::Coulomb(j) | Parameter::Offset(j) => j == joint,
+        Parameter::RotorInertia(j)
+        | Parameter::Viscous(j)
+        | Parameter::Coulomb(j)
+        | Parameter::Offset(j)
+        | Parameter::LoadFriction(j)
+        | Parameter::ViscousQuadratic(j) => j == joint,
         Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
             model.structure.coupling.is_some_and(|c| c.driving == joint || c.driven == joint)
         }

@@ -37,7 +37,7 @@ fn arm() -> Arm {
 
 /// Model, base, base parameters of the truth, and of a nominal arm whose drives are off by a third.
 fn setup() -> (Model, BaseSet, Vec<f64>, Vec<f64>) {
-    let model = Model::new(arm(), Structure { offset: true, coupling: None, sign_velocity: 0.05 });
+    let model = Model::new(arm(), Structure { offset: true, sign_velocity: 0.05, ..Structure::default() });
     let base = BaseSet::new(&model).expect("clear rank");
     let joints = |factor: f64| Joints {
         rotor_inertia: [0.6, 0.5, 0.2].map(|v| v * factor).to_vec(),
@@ -45,6 +45,7 @@ fn setup() -> (Model, BaseSet, Vec<f64>, Vec<f64>) {
         coulomb: [3.0, 4.0, 1.5].map(|v| v * factor).to_vec(),
         offset: if factor == 1.0 { vec![0.3, -0.2, 0.1] } else { vec![0.0; 3] },
         coupling: [0.0; 3],
+        ..Joints::default()
     };
     let truth = base.from_standard(&model.nominal(&joints(1.0)));
     let nominal = base.from_standard(&model.nominal(&joints(1.3)));

@@ -1,7 +1,8 @@
 /* rivet's messages for C and C++: the same bytes as the Rust structs in src/messages. A change there without one
  * here fails the tests. The type names are what the bus compares; a new layout or meaning gets a new one.
  *
- * Services: rivet/<robot>/joint-state, setpoint, link-state, parameters, health, controller-health (publish-subscribe), command and parameters
+ * Services: rivet/<robot>/joint-state, setpoint, link-state, parameters, parameters-consistent, health,
+ * controller-health (publish-subscribe), command and parameters
  * (blackboards with one entry, key uint64_t 0, and the attribute rivet.type that names the type), control
  * (request-response). Stamps are CLOCK_MONOTONIC [ns]. */
 #ifndef RIVET_H
@@ -20,6 +21,8 @@
 #define RIVET_MAX_JOINTS 8
 /* Most base parameters a message carries. */
 #define RIVET_MAX_PARAMETERS 128
+/* Numbers of the bodies of all joints, ten each. */
+#define RIVET_BODY_VALUES 80
 /* Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above. */
 #define RIVET_HISTOGRAM_BINS 32
 /* Entries of controller_health.refusals. */
@@ -344,6 +347,55 @@ RIVET_ASSERT(offsetof(rivet_parameters_v1, reference) == 3120);
 RIVET_ASSERT(offsetof(rivet_parameters_v1, state) == 4144);
 RIVET_ASSERT(offsetof(rivet_parameters_v1, torque_noise) == 4272);
 RIVET_ASSERT(offsetof(rivet_parameters_v1, residual_rms) == 4336);
+
+/* Physically consistent parameters near estimated ones, a few times a second, on service
+ * `rivet/<robot>/parameters-consistent`: of an arm that can be built, with a mass matrix that is positive definite in
+ * every pose. The estimated set itself, without that constraint, is on `rivet/<robot>/parameters`. */
+#define RIVET_CONSISTENT_PARAMETERS_TYPE_NAME "rivet.ConsistentParameters.v1"
+typedef struct {
+    /* epoch of the estimated set this was made from. */
+    uint64_t epoch;
+    /* seq of that set. */
+    uint64_t seq;
+    /* stamp_ns of that set, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* model_hash of that set. */
+    uint64_t model_hash;
+    /* How many entries of values are in use. */
+    uint32_t count;
+    /* How many joints there are, 1..=8. */
+    uint32_t joints;
+    /* flags of that set. */
+    uint32_t flags;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
+    uint32_t reserved;
+    /* Base parameters, in the order and units of the estimated ones. */
+    double values[RIVET_MAX_PARAMETERS];
+    /* The link that each joint moves, ten numbers each: mass [kg], first moment x y z [kg m], inertia about the
+     * joint frame's origin xx xy yy xz yz zz [kg m^2], in the joint frame. What torque cannot tell is as in the
+     * URDF. */
+    double bodies[RIVET_BODY_VALUES];
+    /* Torque between this set and the estimated one on the reference workload, RMS of each joint [N m, or N]. */
+    double torque_rms[RIVET_MAX_JOINTS];
+    /* The same over all joints, each in parts of its own torque [%]. */
+    double torque_percent;
+    /* Smallest eigenvalue of any link's pseudo-inertia [kg, kg m, kg m^2]: above zero. */
+    double smallest_eigenvalue;
+} rivet_consistent_parameters_v1;
+RIVET_ASSERT(sizeof(rivet_consistent_parameters_v1) == 1792);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, epoch) == 0);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, seq) == 8);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, stamp_ns) == 16);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, model_hash) == 24);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, count) == 32);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, joints) == 36);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, flags) == 40);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, reserved) == 44);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, values) == 48);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, bodies) == 1072);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, torque_rms) == 1712);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, torque_percent) == 1776);
+RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, smallest_eigenvalue) == 1784);
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */

@@ -23,6 +23,8 @@ import ctypes
 MAX_JOINTS = 8
 #: Most base parameters a message carries.
 MAX_PARAMETERS = 128
+#: Numbers of the bodies of all joints, ten each.
+BODY_VALUES = 80
 #: Bins of a histogram: bin b counts 2^b to 2^(b+1)-1 ns, bin 0 also 0 ns, the last one everything above.
 HISTOGRAM_BINS = 32
 #: Entries of ControllerHealth.refusals.
@@ -206,6 +208,45 @@ class Parameters(_Message):
         ("torque_noise", ctypes.c_double * MAX_JOINTS),
         # RMS of the torque residual of each joint over the window [N m, or N].
         ("residual_rms", ctypes.c_double * MAX_JOINTS),
+    ]
+
+
+class ConsistentParameters(_Message):
+    """Physically consistent parameters near estimated ones, a few times a second, on service
+    `rivet/<robot>/parameters-consistent`: of an arm that can be built, with a mass matrix that is positive definite
+    in every pose. The estimated set itself, without that constraint, is on `rivet/<robot>/parameters`.
+    """
+
+    TYPE_NAME = "rivet.ConsistentParameters.v1"
+    _fields_ = [
+        # epoch of the estimated set this was made from.
+        ("epoch", ctypes.c_uint64),
+        # seq of that set.
+        ("seq", ctypes.c_uint64),
+        # stamp_ns of that set, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # model_hash of that set.
+        ("model_hash", ctypes.c_uint64),
+        # How many entries of values are in use.
+        ("count", ctypes.c_uint32),
+        # How many joints there are, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # flags of that set.
+        ("flags", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
+        ("reserved", ctypes.c_uint32),
+        # Base parameters, in the order and units of the estimated ones.
+        ("values", ctypes.c_double * MAX_PARAMETERS),
+        # The link that each joint moves, ten numbers each: mass [kg], first moment x y z [kg m], inertia about the
+        # joint frame's origin xx xy yy xz yz zz [kg m^2], in the joint frame. What torque cannot tell is as in the
+        # URDF.
+        ("bodies", ctypes.c_double * BODY_VALUES),
+        # Torque between this set and the estimated one on the reference workload, RMS of each joint [N m, or N].
+        ("torque_rms", ctypes.c_double * MAX_JOINTS),
+        # The same over all joints, each in parts of its own torque [%].
+        ("torque_percent", ctypes.c_double),
+        # Smallest eigenvalue of any link's pseudo-inertia [kg, kg m, kg m^2]: above zero.
+        ("smallest_eigenvalue", ctypes.c_double),
     ]
 
 
@@ -429,6 +470,21 @@ LAYOUT = {
         "state": 4144,
         "torque_noise": 4272,
         "residual_rms": 4336,
+    }),
+    ConsistentParameters: (1792, {
+        "epoch": 0,
+        "seq": 8,
+        "stamp_ns": 16,
+        "model_hash": 24,
+        "count": 32,
+        "joints": 36,
+        "flags": 40,
+        "reserved": 44,
+        "values": 48,
+        "bodies": 1072,
+        "torque_rms": 1712,
+        "torque_percent": 1776,
+        "smallest_eigenvalue": 1784,
     }),
     Health: (752, {
         "seq": 0,

@@ -14,7 +14,8 @@ use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
 use crate::messages::{
-    Command, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint, Stamped,
+    Command, ConsistentParameters, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint,
+    Stamped,
 };
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
@@ -241,6 +242,16 @@ impl Bus {
     /// Reads the latest parameters from the blackboard.
     pub fn latest_parameters_reader(&self) -> Result<BlackboardReader<Parameters>, BusError> {
         self.reader(Service::Parameters)
+    }
+
+    /// Daemon: publishes physically consistent parameters.
+    pub fn consistent_parameters_publisher(&self) -> Result<Publisher<ConsistentParameters>, BusError> {
+        self.publisher(Service::ParametersConsistent)
+    }
+
+    /// Receives physically consistent parameters, the latest at once; the ring holds 16.
+    pub fn consistent_parameters_subscriber(&self) -> Result<Subscriber<ConsistentParameters>, BusError> {
+        self.subscriber(Service::ParametersConsistent)
     }
 
     /// Daemon: publishes its health.

@@ -1,9 +1,9 @@
 //! Layout and enumerations as tables: the C header and the Python mirror are held against them.
 
 use crate::messages::{
-    Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, ControllerHealth,
-    ControllerState, DaemonMode, Health, InstrumentSource, JointState, LinkState, ParameterRefusal, ParameterSource,
-    ParameterState, Parameters, Setpoint, SourceReason,
+    Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest, ControlStatus,
+    ControllerHealth, ControllerState, DaemonMode, Health, InstrumentSource, JointState, LinkState, ParameterRefusal,
+    ParameterSource, ParameterState, Parameters, Setpoint, SourceReason,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -31,12 +31,13 @@ pub struct Enumeration {
 }
 
 /// All messages.
-pub const MESSAGES: [Layout; 9] = [
+pub const MESSAGES: [Layout; 10] = [
     JointState::LAYOUT,
     Setpoint::LAYOUT,
     LinkState::LAYOUT,
     Command::LAYOUT,
     Parameters::LAYOUT,
+    ConsistentParameters::LAYOUT,
     Health::LAYOUT,
     ControllerHealth::LAYOUT,
     ControlRequest::LAYOUT,

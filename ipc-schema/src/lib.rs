@@ -42,10 +42,10 @@ pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier};
 pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
 pub use messages::{
-    Command, CommandMode, ControlCommand, ControlReply, ControlRequest, ControlStatus, ControllerHealth,
-    ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InstrumentSource, JointState, LinkState, MAX_JOINTS,
-    MAX_PARAMETERS, Message, ParameterRefusal, ParameterSource, ParameterState, Parameters, REFUSALS, Setpoint,
-    SourceReason, Stamped, UnknownValue, faults, parameter_flags,
+    BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
+    ControlStatus, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InstrumentSource, JointState,
+    LinkState, MAX_JOINTS, MAX_PARAMETERS, Message, ParameterRefusal, ParameterSource, ParameterState, Parameters,
+    REFUSALS, Setpoint, SourceReason, Stamped, UnknownValue, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use pubsub::{Publisher, Subscriber};

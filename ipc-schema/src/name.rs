@@ -57,6 +57,8 @@ pub enum Service {
     Command,
     /// Publish-subscribe with history 1, and a blackboard of the same name: daemon -> all.
     Parameters,
+    /// Publish-subscribe with history 1: daemon -> all; the same as an arm that can be built.
+    ParametersConsistent,
     /// Publish-subscribe: daemon -> all.
     Health,
     /// Publish-subscribe: controller -> all.
@@ -74,6 +76,7 @@ impl Service {
             Self::LinkState => "link-state",
             Self::Command => "command",
             Self::Parameters => "parameters",
+            Self::ParametersConsistent => "parameters-consistent",
             Self::Health => "health",
             Self::ControllerHealth => "controller-health",
             Self::Control => "control",

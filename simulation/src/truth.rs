@@ -96,6 +96,9 @@ impl Truth {
         joints.coupling[1] *= disturbances.friction;
         joints.coupling[2] *= disturbances.friction;
         joints.offset.resize(arm.dof(), 0.0);
+        // The plant has friction laws of its own: neither of these.
+        joints.load_friction = vec![0.0; arm.dof()];
+        joints.viscous_quadratic = vec![0.0; arm.dof()];
         if let (Some(payload), Some(last)) = (disturbances.payload, arm.links.last_mut()) {
             for (entry, extra) in last.iter_mut().zip(payload.body()) {
                 *entry += extra;
@@ -106,7 +109,6 @@ impl Truth {
 
     /// True values in the standard order of the model that this truth was made from.
     pub fn standard(&self, model: &Model) -> Vec<f64> {
-        Model { arm: self.arm.clone(), structure: model.structure, parameters: model.parameters.clone() }
-            .nominal(&self.joints)
+        Model::new(self.arm.clone(), model.structure).nominal(&self.joints)
     }
 }

@@ -1,4 +1,7 @@
 //! Studies of the estimators: the paper's figures, supervision schemes side by side, measured arms. Each is a command of
 //! `rivet` that computes everything anew from seeds or logs and prints what it found; none runs in the daemon.
+
+pub mod batch;
+pub mod real;
 pub mod supervision;
 pub mod tracking;

@@ -1,6 +1,6 @@
 //! What the cross-crate tests share: the program under test, the folder of measured data, the robots.
 
-pub mod batch;
+pub use rivet_studies::batch;
 pub mod closed;
 
 use std::io::Write as _;

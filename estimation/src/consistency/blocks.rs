@@ -85,7 +85,7 @@ impl Blocks {
         }
         // Values of drives: one number each, and for a coupled pair also the matrix that multiplies both speeds.
         for (i, parameter) in model.parameters.iter().enumerate() {
-            if matches!(parameter, Parameter::Link { .. } | Parameter::Offset(_)) {
+            if matches!(parameter, Parameter::Link { .. } | Parameter::Offset(_) | Parameter::ViscousQuadratic(_)) {
                 continue;
             }
             let least = if curvature[i] > 0.0 { DRIVE_TORQUE_SHARE / curvature[i].sqrt() } else { 1e-3 };

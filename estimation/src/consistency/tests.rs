@@ -30,6 +30,7 @@ impl Robot {
                 coulomb: vec![6.9822, 7.8301, 6.1939, 2.4063, 3.4092, 0.282],
                 offset: vec![0.0; 6],
                 coupling: [9.64e-3, 0.616, 1.95],
+                ..Joints::default()
             };
             (Some(WristCoupling { driving: 4, driven: 5 }), joints)
         } else {
@@ -39,10 +40,11 @@ impl Robot {
                 coulomb: vec![42.0, 105.0, 42.0, 21.8, 30.1, 10.9],
                 offset: vec![0.0; 6],
                 coupling: [0.0; 3],
+                ..Joints::default()
             };
             (None, joints)
         };
-        let model = Model::new(arm, Structure { offset: true, coupling, sign_velocity: 0.02 });
+        let model = Model::new(arm, Structure { offset: true, coupling, sign_velocity: 0.02, ..Structure::default() });
         let base = BaseSet::new(&model).expect("a base");
         let nominal = model.nominal(&joints);
         Robot { model, base, nominal }

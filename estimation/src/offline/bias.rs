@@ -162,7 +162,7 @@ mod tests {
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.urdf");
         let text = std::fs::read_to_string(path).expect("a URDF of the project");
         let arm = Arm::from_urdf(&text, [0.0, 0.0, -9.81]).expect("an arm");
-        let model = Model::new(arm, Structure { offset: false, coupling: None, sign_velocity: 0.0 });
+        let model = Model::new(arm, Structure::default());
         let base = BaseSet::new(&model).expect("a base");
         let drives = Joints {
             rotor_inertia: vec![0.0; 2],

@@ -4,7 +4,7 @@
 //! The filter runs forwards over the whole record and backwards over one block after the other. Before a block's own
 //! samples the backward pass runs over as many of the next ones as it takes for its start to be forgotten.
 
-use rivet_dynamics::{BaseSet, Model, State, Workspace};
+use rivet_dynamics::{BaseSet, Model, Slip, State, Workspace};
 
 use super::record::Trajectory;
 use super::zero_phase::ZeroPhase;
@@ -95,6 +95,8 @@ struct Source<'a> {
     entries: Vec<crate::signals::Entry>,
     padding: usize,
     ws: Workspace,
+    /// Friction along both motions, whose samples are evaluated once each and in order.
+    slips: [Slip; 2],
     pair: Vec<[f64; 2]>,
     states: [[Vec<f64>; 3]; 2],
     /// Entries of the first and of the last samples, one more than the padding is long.
@@ -120,6 +122,7 @@ impl<'a> Source<'a> {
             entries: structural_entries(model, base),
             padding,
             ws: Workspace::new(&model.arm),
+            slips: [Slip::new(model), Slip::new(model)],
             pair: vec![[0.0; 2]; n * model.len()],
             states: [state(), state()],
             head: Vec::new(),
@@ -179,7 +182,7 @@ impl<'a> Source<'a> {
         }
         let [a, b] = &self.states;
         let states = [a, b].map(|[q, qd, qdd]| State { q, qd, qdd });
-        self.model.regressor_pair(&mut self.ws, states, &mut self.pair);
+        self.model.regressor_pair_sliding(&mut self.ws, &mut self.slips, states, &mut self.pair);
         if self.lanes == 2 {
             for (out, entry) in out.as_chunks_mut::<2>().0.iter_mut().zip(&self.entries) {
                 *out = self.pair[entry.standard];

@@ -1,6 +1,6 @@
 //! A uniform record, its derivatives, and the torque a model predicts for it.
 
-use rivet_dynamics::{BaseSet, Model, Workspace};
+use rivet_dynamics::{BaseSet, Model, Slip, Workspace};
 
 use super::zero_phase::ZeroPhase;
 
@@ -138,13 +138,13 @@ pub fn predict(
     if x.len() != k {
         return Err(OfflineError::Shape { what: "base parameters", found: x.len(), expected: k });
     }
-    let mut ws = Workspace::new(&model.arm);
+    let (mut ws, mut slip) = (Workspace::new(&model.arm), Slip::new(model));
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let (mut y, mut d) = (vec![0.0; n * full], vec![0.0; n * k]);
     let mut tau = vec![vec![0.0; rows]; n];
     for row in 0..rows {
         motion.state(row, &mut q, &mut qd, &mut qdd);
-        model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+        model.regressor_sliding(&mut ws, &mut slip, &q, &qd, &qdd, &mut y);
         base.select(&y, full, &mut d);
         for (j, tau) in tau.iter_mut().enumerate() {
             tau[row] = d[j * k..(j + 1) * k].iter().zip(x).map(|(d, x)| d * x).sum();

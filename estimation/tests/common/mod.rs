@@ -37,7 +37,7 @@ impl Bench {
         let arm = Arm::from_urdf(&urdf(arm)?, [0.0, 0.0, -9.81]).expect("a sound URDF");
         let coupling =
             (arm.name.contains("tx40") || arm.name.contains("TX40")).then_some(WristCoupling { driving: 4, driven: 5 });
-        Some(Bench::of(arm, Structure { offset: true, coupling, sign_velocity: 0.05 }))
+        Some(Bench::of(arm, Structure { offset: true, coupling, sign_velocity: 0.05, ..Structure::default() }))
     }
 
     pub fn of(arm: Arm, structure: Structure) -> Bench {
@@ -53,6 +53,7 @@ impl Bench {
             coulomb: sized(0.8, 15.0),
             offset: sized(0.1, 0.8),
             coupling: [0.02, 0.3, 0.5],
+            ..Joints::default()
         };
         let truth = base.from_standard(&model.nominal(&joints));
         let nominal = truth.iter().enumerate().map(|(i, x)| x * [0.7, 1.3, 0.85, 1.1][i % 4]).collect();

@@ -1,6 +1,7 @@
 //! The messages, one file each: fixed layout, the same bytes in Rust, C and Python.
 
 mod command;
+mod consistent_parameters;
 mod control;
 mod controller_health;
 mod health;
@@ -10,6 +11,7 @@ mod parameters;
 mod setpoint;
 
 pub use command::{Command, CommandMode};
+pub use consistent_parameters::{BODY_VALUES, ConsistentParameters};
 pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus};
 pub use controller_health::{
     ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,

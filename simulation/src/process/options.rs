@@ -147,14 +147,7 @@ fn point(text: &str) -> Result<[f64; 3], String> {
 
 /// Nominal drive values of a robot file.
 pub fn nominal_joints(robot: &Robot) -> Joints {
-    let config = &robot.config;
-    Joints {
-        rotor_inertia: config.drive.rotor_inertia.clone(),
-        viscous: config.friction.viscous.clone(),
-        coulomb: config.friction.coulomb.clone(),
-        offset: config.friction.offset.clone(),
-        coupling: config.coupling.as_ref().map_or([0.0; 3], |c| [c.rotor_inertia, c.viscous, c.coulomb]),
-    }
+    robot.config.nominal_joints()
 }
 
 impl Options {

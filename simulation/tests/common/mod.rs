@@ -73,12 +73,13 @@ pub(crate) fn six_drives() -> Joints {
         coulomb: vec![9.0, 11.0, 5.0, 2.0, 1.8, 0.6],
         offset: vec![0.3, -0.4, 0.2, 0.0, 0.1, -0.1],
         coupling: [0.02, 0.3, 0.7],
+        ..Joints::default()
     }
 }
 
 pub(crate) fn six_model(sign_velocity: f64) -> Model {
     let coupling = Some(WristCoupling { driving: 4, driven: 5 });
-    Model::new(six_axes(), Structure { offset: true, coupling, sign_velocity })
+    Model::new(six_axes(), Structure { offset: true, coupling, sign_velocity, ..Structure::default() })
 }
 
 pub(crate) const SIX_LIMITS: [f64; 6] = [300.0, 300.0, 150.0, 60.0, 40.0, 40.0];
@@ -93,8 +94,9 @@ pub(crate) fn ideal(arm: Arm) -> (Model, Joints) {
         coulomb: zero.clone(),
         offset: zero,
         coupling: [0.0; 3],
+        ..Joints::default()
     };
-    (Model::new(arm, Structure { offset: false, coupling: None, sign_velocity: 0.0 }), joints)
+    (Model::new(arm, Structure::default()), joints)
 }
 
 pub(crate) fn truth(model: &Model, joints: &Joints) -> Truth {

@@ -1,0 +1,64 @@
+//! Friction that remembers where it came from.
+//!
+//! Below breakaway a joint does not slide: its contacts are springs, and a reversal must first unwind them. As one
+//! spring and one slider (Prandtl 1928, Iwan 1966), with travel d from full friction one way to none:
+//!
+//! ```text
+//! z ← clamp(z + Δq/d, −1, 1)          τ = Fc·z
+//! ```
+//!
+//! It depends on positions only, so speed noise at rest does not shake it, and a joint that stops keeps its friction.
+
+use crate::arm::MAX_JOINTS;
+use crate::model::{Model, WristCoupling};
+
+/// Direction of friction of every joint along one motion, and of the coupled motor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slip {
+    dof: usize,
+    travel: f64,
+    pair: Option<WristCoupling>,
+    /// Last positions, none before the first; the coupled motor's behind the joints'.
+    last: Option<[f64; MAX_JOINTS + 1]>,
+    z: [f64; MAX_JOINTS + 1],
+}
+
+impl Slip {
+    /// Friction that no motion has directed yet.
+    #[must_use]
+    pub fn new(model: &Model) -> Slip {
+        Slip {
+            dof: model.arm.dof(),
+            travel: model.structure.presliding_travel,
+            pair: model.structure.coupling,
+            last: None,
+            z: [0.0; MAX_JOINTS + 1],
+        }
+    }
+
+    /// Another motion begins.
+    pub fn restart(&mut self) {
+        self.last = None;
+        self.z = [0.0; MAX_JOINTS + 1];
+    }
+
+    /// The motion has come to `q` \[rad\].
+    pub(crate) fn advance(&mut self, q: &[f64]) {
+        let mut now = [0.0; MAX_JOINTS + 1];
+        now[..self.dof].copy_from_slice(&q[..self.dof]);
+        if let Some(WristCoupling { driving, driven }) = self.pair {
+            now[MAX_JOINTS] = q[driving] + q[driven];
+        }
+        if let Some(last) = &self.last {
+            for ((z, now), last) in self.z.iter_mut().zip(&now).zip(last) {
+                *z = (*z + (now - last) / self.travel).clamp(-1.0, 1.0);
+            }
+        }
+        self.last = Some(now);
+    }
+
+    /// One entry a joint, −1 to 1, and last that of the coupled motor.
+    pub(crate) fn directions(&self) -> [f64; MAX_JOINTS + 1] {
+        self.z
+    }
+}
