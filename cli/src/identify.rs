@@ -8,16 +8,18 @@ use anyhow::{Context, Result, bail};
 use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent,
+    Bias, Delay, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent, solve,
     torque_delay,
 };
 use rivet_logs::Log;
+use rivet_studies::real::Found;
 use serde_json::{Value, json};
 
 use crate::compare::{self, Alone};
 use crate::export::export;
 use crate::predict;
 use crate::progress::Progress;
+use crate::refine::refine;
 use crate::runs::{self, Piece};
 use crate::table::{Table, number, paragraph, show};
 
@@ -47,6 +49,9 @@ pub(crate) struct Args {
     /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
     #[arg(long, conflicts_with = "export")]
     online: bool,
+    /// Choose the law of friction first: the one that predicts best the parts of the logs that it was not fitted to.
+    #[arg(long, conflicts_with_all = ["online", "compare"])]
+    refine: bool,
     /// Fit every log on its own and tell whether they agree within their standard deviations.
     #[arg(long, conflicts_with_all = ["export", "online"])]
     compare: bool,
@@ -56,7 +61,7 @@ pub(crate) struct Args {
 }
 
 /// One stretch of a log.
-struct Run {
+pub(crate) struct Run {
     piece: Piece,
     source: InstrumentSource,
 }
@@ -119,8 +124,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.compare {
         return compare(&robot, args);
     }
+    let refined = if args.refine { Some(refine(&robot, &read_logs(&robot, &args.logs)?)?) } else { None };
+    let robot = refined.as_ref().map_or(robot, |refined| refined.robot.clone());
     let result = identify(&robot, &args.logs, &args.hold_out)?;
     show(&text(&robot, &result))?;
+    if let Some(refined) = &refined {
+        show(&refined.text())?;
+    }
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", to_json(&robot, &result));
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
@@ -131,6 +141,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn read_logs(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Log>> {
+    logs.iter().map(|path| runs::read_log(robot, path)).collect()
 }
 
 /// The stretches of every log and their rows, filtered.
@@ -166,12 +180,10 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
 /// Fits every log on its own.
 fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
-    let method =
-        if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares };
     let mut alone = Vec::new();
     for path in &args.logs {
         let (_, rows) = read_rows(robot, std::slice::from_ref(path))?;
-        let fit = fit(&rows, &robot.nominal_base, prior, method).with_context(|| path.display().to_string())?;
+        let fit = fit(&rows, &robot.nominal_base, prior, method(robot)).with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows });
     }
     show(&compare::text(robot, &alone)?)?;
@@ -184,7 +196,7 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
 }
 
 /// The stretches of a log and their rows.
-fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)> {
+pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)> {
     log.torque()?;
     let settings = runs::settings(robot, log.q_des.is_some());
     if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
@@ -220,15 +232,26 @@ fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)> {
     }
 }
 
-/// The fit that counts, of logs that were read already.
-pub(crate) fn fit_of(robot: &Robot, logs: &[Log]) -> Result<Fit> {
+/// The fit that counts and the consistent parameters near it, of logs that were read already.
+pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
     let mut rows = Vec::new();
     for log in logs {
         rows.extend(rows_of(robot, log)?.1);
     }
-    let riv = robot.config.estimator.kind == EstimatorKind::Riv;
-    let method = if riv { Method::Instrumental } else { Method::LeastSquares };
-    Ok(fit(&rows, &robot.nominal_base, WEAKER_PRIOR * robot.config.estimator.prior, method)?)
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    let fit = fit(&rows, &robot.nominal_base, prior, method(robot))?;
+    let reference = Rows::reference(&rows);
+    let near = project(&robot.model, &robot.base, &fit.values, &fit.covariance, &robot.nominal, &reference)?;
+    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
+}
+
+/// The values of the fit that counts, of rows.
+pub(crate) fn values_of(robot: &Robot, rows: &[Rows]) -> Result<Vec<f64>> {
+    Ok(solve(rows, &robot.nominal_base, WEAKER_PRIOR * robot.config.estimator.prior, method(robot))?)
+}
+
+fn method(robot: &Robot) -> Method {
+    if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares }
 }
 
 /// Errors of the identified parameters on logs that had no part in them.

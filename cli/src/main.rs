@@ -13,6 +13,7 @@ mod identify;
 mod online;
 mod predict;
 mod progress;
+mod refine;
 mod replay;
 mod runs;
 mod stream;

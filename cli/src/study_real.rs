@@ -9,7 +9,7 @@ use rivet_logs::Log;
 use rivet_studies::real;
 
 use crate::table::show;
-use crate::{identify, predict, runs};
+use crate::{identify, predict, refine, runs};
 
 /// Arguments of `rivet study real`.
 #[derive(Debug, clap::Args)]
@@ -32,11 +32,10 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let text = |e: anyhow::Error| format!("{e:#}");
     let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
-    let fit = |robot: &Robot, logs: &[Log]| {
-        identify::fit_of(robot, logs).map(|fit| (fit.values, fit.condition)).map_err(text)
-    };
+    let refine = |robot: &Robot, logs: &[Log]| refine::refine(robot, logs).map(|found| found.robot).map_err(text);
+    let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
     let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
-    let engine = real::Engine { read: &read, identify: &fit, predict: &along };
+    let engine = real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along };
     let (outcomes, skipped) = real::run(&args.root, &args.data, &engine).map_err(|why| anyhow!(why))?;
     if outcomes.is_empty() {
         bail!("{}: none of the data sets is there", args.data.display());

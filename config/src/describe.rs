@@ -120,6 +120,7 @@ fn value_lines(out: &mut String, resolved: &Resolved) {
     let origin = match resolved.origin {
         Origin::Line(line) => format!("line {line}"),
         Origin::Default => "default".to_owned(),
+        Origin::Chosen => "chosen".to_owned(),
     };
     let mut rows = vec![String::new()];
     for part in value_text(&resolved.value).split_inclusive(", ") {

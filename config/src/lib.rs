@@ -5,6 +5,7 @@
 
 mod describe;
 mod error;
+mod friction_law;
 pub mod keys;
 mod load;
 mod reader;
@@ -15,6 +16,7 @@ mod write;
 pub use error::{ConfigError, ConfigErrors};
 pub use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Supervision};
 
+pub use friction_law::FrictionLaw;
 pub use load::{Identified, Robot, load, parse};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{

@@ -34,6 +34,8 @@ pub enum Origin {
     Line(usize),
     /// The default of the key.
     Default,
+    /// Chosen by the program, from data.
+    Chosen,
 }
 
 /// A key with the value that holds.

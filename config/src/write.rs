@@ -100,7 +100,7 @@ fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Pat
     let quoted = |path: &Path| format!("{:?}", path.display().to_string());
     let load = |r: &&Resolved| r.key.path() == "friction.load_urdf" && load_urdf.is_some();
     let given = robot.config.resolved.iter().filter(|r| {
-        load(r) || matches!(r.origin, Origin::Line(_)) && r.key.section != "identified" && r.value != Value::Absent
+        load(r) || r.origin != Origin::Default && r.key.section != "identified" && r.value != Value::Absent
     });
     for r in given {
         // Writing to a String cannot fail, here and below.

@@ -310,7 +310,17 @@ fn finite(values: &[f64], what: &'static str, name: &str, quantity: &'static str
 fn pose(origin: &Pose, what: &'static str, name: &str) -> Result<(Mat3, Vec3), UrdfError> {
     finite(&origin.xyz.0, what, name, "origin xyz")?;
     finite(&origin.rpy.0, what, name, "origin rpy")?;
-    Ok((from_roll_pitch_yaw(&origin.rpy.0), origin.xyz.0))
+    Ok((from_roll_pitch_yaw(&origin.rpy.0.map(quarter_turns)), origin.xyz.0))
+}
+
+/// Angles within so much of quarter turns are quarter turns \[rad\]: 1.5708 and 3.1416 are π/2 and π, written short.
+const QUARTER_TURN: f64 = 1e-5;
+
+/// Axes that are parallel but for a rounded angle would each make base parameters of their own, which no data can tell.
+fn quarter_turns(angle: f64) -> f64 {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turns = (angle / quarter).round() * quarter;
+    if (angle - turns).abs() <= QUARTER_TURN { turns } else { angle }
 }
 
 /// A link's own body in the link frame; zero when it has no `<inertial>`.
@@ -415,4 +425,19 @@ fn moving_joint(joint: &urdf_rs::Joint, rotation: &Mat3, translation: &Vec3) -> 
     let (velocity, effort) = (bound(limit.velocity, "velocity")?, bound(limit.effort, "effort")?);
     let link = joint.child.link.clone();
     Ok(Joint { name, kind, axis, rotation: *rotation, translation: *translation, lower, upper, velocity, effort, link })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    #[test]
+    fn quarter_turns_written_short_are_quarter_turns() {
+        for (written, meant) in [(1.5708, FRAC_PI_2), (-1.5708, -FRAC_PI_2), (3.1416, PI), (0.0, 0.0), (1.9575, 1.9575)]
+        {
+            assert_eq!(quarter_turns(written), meant);
+        }
+        assert_eq!(quarter_turns(1.571), 1.571, "a millimetre at five metres is no rounding");
+    }
 }

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use rivet_dynamics::{Model, Workspace};
+use rivet_dynamics::{Model, Slip, Workspace};
 use rivet_logs::Log;
 
 /// Signals on a uniform grid, `[joint][sample]`.
@@ -146,7 +146,7 @@ impl Rows {
 pub fn rows(model: &Model, grid: &Grid, filter: &LowPass, dead_zone: &[f64], every: usize) -> Rows {
     let (n, k, count) = (model.arm.dof(), model.len(), grid.t.len());
     let velocity = grid.velocity();
-    let mut workspace = Workspace::new(&model.arm);
+    let (mut workspace, mut slip) = (Workspace::new(&model.arm), Slip::new(model));
     let mut y = vec![0.0; n * k];
     let mut columns = vec![vec![0.0; count]; n * k];
     for sample in 0..count {
@@ -155,7 +155,7 @@ pub fn rows(model: &Model, grid: &Grid, filter: &LowPass, dead_zone: &[f64], eve
         let q: Vec<f64> = grid.q.iter().map(|q| q[i]).collect();
         let qd: Vec<f64> = velocity.iter().map(|v| v[i]).collect();
         let qdd: Vec<f64> = grid.q.iter().map(acceleration).collect();
-        model.regressor(&mut workspace, &q, &qd, &qdd, &mut y);
+        model.regressor_sliding(&mut workspace, &mut slip, &q, &qd, &qdd, &mut y);
         columns.iter_mut().zip(&y).for_each(|(column, y)| column[sample] = *y);
     }
     let moving = grid.moving(filter);

@@ -1,29 +1,41 @@
 //! Measured arms: trained on one motion, judged on another, beside a plain batch least squares of the same split.
 //!
-//! Which friction the model has is chosen inside the training runs alone, by leaving one of them (or one half of a
-//! single one) out in turn; the test run is read once, at the end.
+//! Which friction the model has is chosen inside the training runs alone; the test run is read once, at the end.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use rivet_config::{Identified, Robot};
-use rivet_dynamics::{BaseSet, Model, Structure, model_hash};
+use rivet_config::{FrictionLaw, Identified, Robot};
 use rivet_logs::Log;
 use serde_json::{Value, json};
 
 use crate::batch::{Grid, LowPass, four_points, least_squares, percent, percent_of, rows};
 
-/// Base parameters from logs, and the condition of their equations.
-pub type Identify<'a> = dyn Fn(&Robot, &[Log]) -> Result<(Vec<f64>, f64), String> + 'a;
+/// What identification found of a robot.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Base parameters.
+    pub values: Vec<f64>,
+    /// Physically consistent ones near them.
+    pub consistent: Vec<f64>,
+    /// Condition of the equations.
+    pub condition: f64,
+}
+
+/// The robot with the law of friction that predicts left-out parts of the logs best.
+pub type Refine<'a> = dyn Fn(&Robot, &[Log]) -> Result<Robot, String> + 'a;
+/// Base parameters from logs.
+pub type Identify<'a> = dyn Fn(&Robot, &[Log]) -> Result<Found, String> + 'a;
 /// Torque of a robot's parameters along a log, on its own rows, `[joint][row]`.
 pub type Predict<'a> = dyn Fn(&Robot, &Log) -> Result<Vec<Vec<f64>>, String> + 'a;
 
-/// What `rivet identify` and `rivet predict` do, handed in by the program that has them.
+/// What `rivet identify --refine` and `rivet predict` do, handed in by the program that has them.
 pub struct Engine<'a> {
     /// Reads a log of a robot.
     pub read: &'a dyn Fn(&Robot, &Path) -> Result<Log, String>,
-    /// Base parameters from logs, and the condition of their equations.
+    /// Chooses the law of friction.
+    pub refine: &'a Refine<'a>,
+    /// Base parameters from logs.
     pub identify: &'a Identify<'a>,
     /// Torque of a robot's parameters along a log, on its own rows, `[joint][row]`.
     pub predict: &'a Predict<'a>,
@@ -113,81 +125,42 @@ const SPLITS: &[Split] = &[
     },
 ];
 
-/// Friction beyond a viscous line and a sign of the speed.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Extra {
-    /// `friction.presliding_travel` \[rad\].
-    pub travel: f64,
-    /// `friction.load_dependent`.
-    pub load: bool,
-    /// `friction.viscous_quadratic`.
-    pub quadratic: bool,
-}
-
-impl Extra {
-    fn text(self) -> String {
-        let mut parts = Vec::new();
-        if self.travel > 0.0 {
-            parts.push(format!("travel {:.0e} rad", self.travel));
-        }
-        parts.extend(self.load.then(|| "load".to_owned()));
-        parts.extend(self.quadratic.then(|| "quadratic".to_owned()));
-        if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
-    }
-
-    /// The robot with this friction in its model, its values as in the file or zero.
-    fn of(self, robot: &Robot) -> Result<Robot, String> {
-        let structure = Structure {
-            presliding_travel: self.travel,
-            load_friction: self.load,
-            viscous_quadratic: self.quadratic,
-            ..robot.model.structure
-        };
-        let model = Model::new(robot.model.arm.clone(), structure).with_load(robot.model.load().to_vec());
-        let base = BaseSet::new(&model).map_err(|e| e.to_string())?;
-        let mut joints = robot.config.nominal_joints();
-        joints.load_friction.resize(robot.dof(), 0.0);
-        joints.viscous_quadratic.resize(robot.dof(), 0.0);
-        let nominal = model.nominal(&joints);
-        let nominal_base = base.from_standard(&nominal);
-        let hash = model_hash(&model, &base);
-        let config = robot.config.clone();
-        Ok(Robot {
-            config,
-            model: Arc::new(model),
-            base: Arc::new(base),
-            hash,
-            nominal,
-            nominal_base,
-            identified: None,
-        })
-    }
-}
-
-/// Travels that are tried \[rad\].
-const TRAVELS: [f64; 5] = [3e-5, 1e-4, 2e-4, 4e-4, 1e-3];
-/// A term must lower the error of the left-out training data by this share to be taken.
-const WORTH: f64 = 0.01;
-
 /// What a split gave; errors are `100 |tau - predicted|/|tau|` per joint on the test run \[%\].
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The split.
     pub name: &'static str,
     /// Friction that the training runs chose.
-    pub extra: Extra,
-    /// Plain batch least squares.
+    pub law: FrictionLaw,
+    /// Plain batch least squares, friction of the robot file.
     pub plain: Vec<f64>,
-    /// `rivet identify` with the same friction as the plain one.
+    /// Plain batch least squares, friction chosen.
+    pub plain_chosen: Vec<f64>,
+    /// `rivet identify`, friction of the robot file.
     pub same: Vec<f64>,
-    /// `rivet identify` with the friction chosen.
-    pub chosen: Vec<f64>,
-    /// Condition of the last one's equations.
+    /// `rivet identify --refine`.
+    pub refined: Vec<f64>,
+    /// The same with its physically consistent parameters.
+    pub consistent: Vec<f64>,
+    /// Torque between the two on the test run, all joints \[%\].
+    pub consistency_cost: f64,
+    /// Condition of the refined equations.
     pub condition: f64,
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+/// Root mean square over joints.
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+fn law_text(law: FrictionLaw) -> String {
+    let mut text = if law.presliding_travel > 0.0 {
+        format!("travel {:.0e} rad", law.presliding_travel)
+    } else {
+        format!("tanh, {} rad/s", law.sign_velocity)
+    };
+    text += if law.viscous_quadratic { ", quadratic" } else { "" };
+    text + if law.load_dependent { ", load" } else { "" }
 }
 
 /// All splits whose data are below `data`; the others are told by name. `root`: the checkout.
@@ -215,69 +188,54 @@ fn one(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<O
         Ok(log.slice(at(part.1)..at(part.2)))
     };
     let train: Vec<Log> = split.train.iter().map(read).collect::<Result<_, _>>()?;
-    let extra = choose(split, &robot, &train, engine)?;
+    let chosen = (engine.refine)(&robot, &train)?;
     let test = read(&split.test)?;
-    let (same, _) = errors(split, &Extra::default().of(&robot)?, &train, &test, engine)?;
-    let (chosen, condition) = errors(split, &extra.of(&robot)?, &train, &test, engine)?;
-    let plain = plain(split, &Extra::default().of(&robot)?, &train, &test);
-    Ok(Outcome { name: split.name, extra, plain, same, chosen, condition })
+    let found = (engine.identify)(&robot, &train)?;
+    let same = errors(split, &robot, &found.values, &test, engine)?;
+    let found = (engine.identify)(&chosen, &train)?;
+    Ok(Outcome {
+        name: split.name,
+        law: chosen.friction_law(),
+        plain: plain(split, &robot, &train, &test),
+        plain_chosen: plain(split, &chosen, &train, &test),
+        same,
+        refined: errors(split, &chosen, &found.values, &test, engine)?,
+        consistent: errors(split, &chosen, &found.consistent, &test, engine)?,
+        consistency_cost: cost(split, &chosen, &found, &test, engine)?,
+        condition: found.condition,
+    })
 }
 
-/// Friction that predicts left-out training data best; the test run has no part in it.
-fn choose(split: &Split, robot: &Robot, train: &[Log], engine: &Engine<'_>) -> Result<Extra, String> {
-    let pieces: Vec<Log> = match train {
-        [single] => {
-            let middle = single.len() / 2;
-            vec![single.slice(0..middle), single.slice(middle..single.len())]
-        }
-        several => several.to_vec(),
-    };
-    let score = |extra: Extra| -> Result<f64, String> {
-        let robot = extra.of(robot)?;
-        let mut found = Vec::new();
-        for out in 0..pieces.len() {
-            let rest: Vec<Log> = (0..pieces.len()).filter(|k| *k != out).map(|k| pieces[k].clone()).collect();
-            // A joint that only one run moves cannot be left out.
-            if let Ok((errors, _)) = errors(split, &robot, &rest, &pieces[out], engine) {
-                found.extend(errors.into_iter().filter(|e| e.is_finite()));
-            }
-        }
-        if found.is_empty() { Ok(f64::INFINITY) } else { Ok(mean(&found)) }
-    };
-    let mut best = (Extra::default(), score(Extra::default())?);
-    let steps: [&dyn Fn(Extra) -> Vec<Extra>; 3] = [
-        &|e| TRAVELS.iter().map(|&travel| Extra { travel, ..e }).collect(),
-        &|e| vec![Extra { load: true, ..e }],
-        &|e| vec![Extra { quadratic: true, ..e }],
-    ];
-    for step in steps {
-        let from = best;
-        for candidate in step(from.0) {
-            let found = score(candidate)?;
-            if found < best.1 && found < (1.0 - WORTH) * from.1 {
-                best = (candidate, found);
-            }
-        }
-    }
-    Ok(best.0)
-}
-
-/// Trains, predicts, compares below the model filter's cut-off.
-fn errors(
+/// Torque that parameters predict along a log, on the grid of the split.
+fn predicted(
     split: &Split,
     robot: &Robot,
-    train: &[Log],
+    values: &[f64],
     test: &Log,
     engine: &Engine<'_>,
-) -> Result<(Vec<f64>, f64), String> {
-    let (values, condition) = (engine.identify)(robot, train)?;
+) -> Result<(Grid, Vec<Vec<f64>>), String> {
     let mut trained = robot.clone();
-    trained.identified = Some(Identified { std: vec![0.0; values.len()], values });
+    trained.identified = Some(Identified { std: vec![0.0; values.len()], values: values.to_vec() });
     let predicted = (engine.predict)(&trained, test)?;
     let grid = Grid::new(test, split.period_s);
-    let on_grid: Vec<Vec<f64>> = predicted.iter().map(|tau| four_points(&test.t, tau, &grid.t)).collect();
+    let on_grid = predicted.iter().map(|tau| four_points(&test.t, tau, &grid.t)).collect();
+    Ok((grid, on_grid))
+}
+
+/// Errors of parameters on the test run, below the model filter's cut-off.
+fn errors(split: &Split, robot: &Robot, values: &[f64], test: &Log, engine: &Engine<'_>) -> Result<Vec<f64>, String> {
+    let (grid, on_grid) = predicted(split, robot, values, test, engine)?;
     let filter = LowPass::new(robot.config.signal.model_filter_hz, split.period_s);
-    Ok((percent_of(&grid, &on_grid, &filter)[..split.joints].to_vec(), condition))
+    Ok(percent_of(&grid, &on_grid, &filter)[..split.joints].to_vec())
+}
+
+/// Torque between free and consistent parameters on the test run, each joint in parts of its own \[%\].
+fn cost(split: &Split, robot: &Robot, found: &Found, test: &Log, engine: &Engine<'_>) -> Result<f64, String> {
+    let (mut grid, free) = predicted(split, robot, &found.values, test, engine)?;
+    let (_, consistent) = predicted(split, robot, &found.consistent, test, engine)?;
+    grid.tau = free;
+    let filter = LowPass::new(robot.config.signal.model_filter_hz, split.period_s);
+    Ok(rms(&percent_of(&grid, &consistent, &filter)[..split.joints]))
 }
 
 fn plain(split: &Split, robot: &Robot, train: &[Log], test: &Log) -> Vec<f64> {
@@ -296,19 +254,21 @@ fn plain(split: &Split, robot: &Robot, train: &[Log], test: &Log) -> Vec<f64> {
 /// The table as Markdown.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut out = String::from(
-        "| split | method | joints, base to flange [%] | mean | friction chosen in training | condition |\n\
-         |---|---|---|---:|---|---:|\n",
+        "| split | method | joints, base to flange [%] | rms | friction | condition |\n|---|---|---|---:|---|---:|\n",
     );
     for o in outcomes {
-        let figures = |e: &[f64]| e.iter().map(|e| format!("{e:.1}")).collect::<Vec<_>>().join(" ");
         // Writing to a String cannot fail.
-        let mut row = |method: &str, e: &[f64], extra: &str, condition: &str| {
-            let (joints, mean) = (figures(e), mean(e));
-            let _ = writeln!(out, "| {} | {method} | {joints} | {mean:.1} | {extra} | {condition} |", o.name);
+        let mut row = |method: &str, e: &[f64], law: &str, condition: &str| {
+            let joints = e.iter().map(|e| format!("{e:.1}")).collect::<Vec<_>>().join(" ");
+            let _ = writeln!(out, "| {} | {method} | {joints} | {:.1} | {law} | {condition} |", o.name, rms(e));
         };
-        row("plain least squares", &o.plain, "", "");
-        row("rivet, same friction", &o.same, "", "");
-        row("rivet", &o.chosen, &o.extra.text(), &format!("{:.0}", o.condition));
+        let law = law_text(o.law);
+        row("plain least squares", &o.plain, "robot file", "");
+        row("plain least squares", &o.plain_chosen, "chosen", "");
+        row("rivet identify", &o.same, "robot file", "");
+        row("**rivet identify --refine**", &o.refined, &law, &format!("{:.0}", o.condition));
+        let text = format!("consistent set ({:.2} % of torque away)", o.consistency_cost);
+        row(&text, &o.consistent, &law, "");
     }
     out
 }
@@ -318,10 +278,12 @@ pub fn to_json(outcomes: &[Outcome]) -> Value {
     let each = |o: &Outcome| {
         json!({
             "split": o.name,
-            "friction": {"presliding_travel": o.extra.travel, "load_dependent": o.extra.load,
-                         "viscous_quadratic": o.extra.quadratic},
+            "friction": {"friction_velocity": o.law.sign_velocity, "presliding_travel": o.law.presliding_travel,
+                         "load_dependent": o.law.load_dependent, "viscous_quadratic": o.law.viscous_quadratic},
             "condition": o.condition,
-            "error_percent": {"plain": o.plain, "same_friction": o.same, "rivet": o.chosen},
+            "error_percent": {"plain": o.plain, "plain_chosen_friction": o.plain_chosen, "same_friction": o.same,
+                              "rivet": o.refined, "consistent": o.consistent},
+            "consistency_cost_percent": o.consistency_cost,
         })
     };
     json!({"splits": outcomes.iter().map(each).collect::<Vec<_>>()})

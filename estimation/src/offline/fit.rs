@@ -62,6 +62,34 @@ pub struct Fit {
 ///   would make 0.5 % of the torque of some joint)
 pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
+    let Weighed { solution, noise, correlation } = weigh(rows, nominal, prior, method)?;
+    let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
+    let scaled = solution.long_run_covariance(rows, &weights, method);
+    let (std, determined) = solution.certainty(&scaled);
+    let scale = &solution.scale;
+    let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
+    let (rank, condition) = solution.conditioning();
+    let values = solution.x.as_slice().to_vec();
+    Ok(Fit { values, std, covariance, determined, noise, correlation, rank, condition })
+}
+
+/// The values of [`fit`] alone, for a part of the work.
+///
+/// # Errors
+/// As for [`fit`].
+pub fn solve(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Vec<f64>, OfflineError> {
+    Ok(weigh(rows, nominal, prior, method)?.solution.x.as_slice().to_vec())
+}
+
+/// A solution, and what its own residuals say of the rows.
+struct Weighed {
+    solution: Solution,
+    noise: Vec<f64>,
+    correlation: Vec<f64>,
+}
+
+fn weigh(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Weighed, OfflineError> {
+    let k = nominal.len();
     let n = rows.first().map_or(0, |r| r.joints.len());
     if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
         return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
@@ -89,23 +117,21 @@ pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result
         solved = Some(solution);
     }
     let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
-    let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-    let scaled = solution.long_run_covariance(rows, &weights, method);
-    let (std, determined) = solution.certainty(&scaled);
-    let scale = &solution.scale;
-    let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
-    let (rank, condition) = solution.conditioning();
-    let values = solution.x.as_slice().to_vec();
-    Ok(Fit { values, std, covariance, determined, noise, correlation, rank, condition })
+    Ok(Weighed { solution, noise, correlation })
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
 pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
+    let percent = |[error, torque]: [f64; 2]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt();
+    residual_squares(rows, x).into_iter().map(percent).collect()
+}
+
+/// `[‖τ - D x‖², ‖τ‖²]` over all rows, per joint.
+pub fn residual_squares(rows: &[Rows], x: &[f64]) -> Vec<[f64; 2]> {
     let n = rows.first().map_or(0, |r| r.joints.len());
     let of = |j: usize| {
         let error: f64 = rows.iter().flat_map(|r| residual(&r.joints[j], x)).map(|e| e * e).sum();
-        let torque: f64 = rows.iter().flat_map(|r| &r.joints[j].tau).map(|t| t * t).sum();
-        100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()
+        [error, rows.iter().flat_map(|r| &r.joints[j].tau).map(|t| t * t).sum()]
     };
     (0..n).map(of).collect()
 }

@@ -201,6 +201,44 @@ impl Rows {
         reference
     }
 
+    /// Stretch `part` (from 0) of `parts` of equal time, one after the other.
+    #[must_use]
+    pub fn part(&self, part: usize, parts: usize) -> Rows {
+        let parts = parts.max(1);
+        let (first, end) = (part * self.kept / parts, (part + 1) * self.kept / parts);
+        let k = self.columns;
+        let cut = |rows: &JointRows| {
+            let at = |place: usize| rows.place.partition_point(|p| *p < place);
+            let (from, until) = (at(first), at(end));
+            JointRows {
+                d: rows.d[from * k..until * k].to_vec(),
+                z: rows.z[from * k..until * k].to_vec(),
+                tau: rows.tau[from..until].to_vec(),
+                tau_rate: rows.tau_rate[from..until].to_vec(),
+                tau_bend: rows.tau_bend[from..until].to_vec(),
+                place: rows.place[from..until].iter().map(|p| p - first).collect(),
+            }
+        };
+        let length = self.moving.len();
+        Rows {
+            joints: self.joints.iter().map(cut).collect(),
+            kept: end - first,
+            moving: self.moving.start + part * length / parts..self.moving.start + (part + 1) * length / parts,
+            ..self.without_rows()
+        }
+    }
+
+    /// Everything but the rows.
+    fn without_rows(&self) -> Rows {
+        Rows {
+            joints: Vec::new(),
+            left_out: self.left_out.clone(),
+            lag_s: self.lag_s.clone(),
+            moving: self.moving.clone(),
+            ..*self
+        }
+    }
+
     /// Time from the first row to the last \[s\].
     pub(super) fn seconds(&self) -> f64 {
         self.kept as f64 * self.row_period_s

@@ -1,0 +1,146 @@
+//! `rivet identify --refine`: the law of friction that predicts best what it has not seen.
+//!
+//! No single law of friction is right for all gears, and a term more always lowers the residual of the rows it is fitted
+//! to. Each candidate is therefore fitted to the logs without one part and judged on that part, every part in turn: whole
+//! logs where there are several (another motion is the harder test), else four stretches of the one. Rows below the dead
+//! zone are not fitted, but they are predicted.
+
+use anyhow::{Result, anyhow};
+use rivet_config::{FrictionLaw, Robot};
+use rivet_estimation::offline::{Rows, residual_squares};
+use rivet_logs::Log;
+
+use crate::identify;
+use crate::table::Table;
+
+/// Speeds over which friction turns about that are tried \[rad/s\].
+const VELOCITIES: [f64; 5] = [0.001, 0.003, 0.01, 0.03, 0.1];
+/// Presliding travels that are tried \[rad\].
+const TRAVELS: [f64; 6] = [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3];
+/// A law with a parameter more is taken where it lowers the error by this share.
+const WORTH: f64 = 0.01;
+/// Parts of a single log.
+const STRETCHES: usize = 4;
+
+/// A law and what it left of the parts that it was not fitted to.
+#[derive(Clone, Debug)]
+pub(crate) struct Tried {
+    pub(crate) law: FrictionLaw,
+    /// `100*|tau - D x|/|tau|` per joint \[%\].
+    pub(crate) joints: Vec<f64>,
+}
+
+impl Tried {
+    /// Root mean square over the joints \[%\].
+    pub(crate) fn error(&self) -> f64 {
+        (self.joints.iter().map(|e| e * e).sum::<f64>() / self.joints.len().max(1) as f64).sqrt()
+    }
+}
+
+/// What was chosen.
+pub(crate) struct Refined {
+    /// The robot with the law that predicts left-out parts best.
+    pub(crate) robot: Robot,
+    /// Every law that was tried, in order; the first is the robot file's.
+    tried: Vec<Tried>,
+}
+
+impl Refined {
+    /// The laws and their errors as a table.
+    pub(crate) fn text(&self) -> String {
+        let mut table =
+            Table::new(["friction_velocity", "presliding_travel", "quadratic", "load", "left-out error %", ""]);
+        let chosen = self.robot.friction_law();
+        for tried in &self.tried {
+            let law = tried.law;
+            let number = |x: f64| if x > 0.0 { format!("{x:.0e}") } else { "-".to_owned() };
+            let yes = |x: bool| if x { "yes" } else { "-" }.to_owned();
+            table.row([
+                if law.presliding_travel > 0.0 { "-".to_owned() } else { number(law.sign_velocity) },
+                number(law.presliding_travel),
+                yes(law.viscous_quadratic),
+                yes(law.load_dependent),
+                format!("{:.2}", tried.error()),
+                if law == chosen { "chosen" } else { "" }.to_owned(),
+            ]);
+        }
+        format!("\nlaws of friction, judged by parts of the logs that they were not fitted to\n{}", table.text())
+    }
+}
+
+/// Tries laws of friction on `logs`.
+pub(crate) fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
+    let mut tried: Vec<Tried> = Vec::new();
+    let mut best = judge(robot, robot.friction_law(), logs)?;
+    tried.push(best.clone());
+    let mut step = |best: &mut Tried, candidates: Vec<FrictionLaw>, worth: f64| -> Result<()> {
+        let before = best.error();
+        for law in candidates {
+            let found = judge(robot, law, logs)?;
+            if found.error() < best.error() && found.error() < (1.0 - worth) * before {
+                *best = found.clone();
+            }
+            tried.push(found);
+        }
+        Ok(())
+    };
+    let plain = FrictionLaw { presliding_travel: 0.0, load_dependent: false, viscous_quadratic: false, ..best.law };
+    let memory = |law: FrictionLaw| {
+        let soft = VELOCITIES.map(|sign_velocity| FrictionLaw { sign_velocity, presliding_travel: 0.0, ..law });
+        let sliding = TRAVELS.map(|presliding_travel| FrictionLaw { presliding_travel, ..law });
+        soft.into_iter().chain(sliding).collect::<Vec<_>>()
+    };
+    // One number for another: whatever is better.
+    step(&mut best, memory(plain), 0.0)?;
+    let law = best.law;
+    step(&mut best, vec![FrictionLaw { viscous_quadratic: true, ..law }], WORTH)?;
+    let law = best.law;
+    step(&mut best, vec![FrictionLaw { load_dependent: true, ..law }], WORTH)?;
+    Ok(Refined { robot: robot.with_friction_law(best.law)?, tried })
+}
+
+/// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
+fn judge(robot: &Robot, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
+    let robot = robot.with_friction_law(law)?;
+    let mut everywhere = robot.clone();
+    everywhere.config.signal.dead_zone.fill(0.0);
+    let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
+    // Rows to fit and rows to judge by, part by part.
+    let (mut fitted, mut judged): (Vec<Vec<Rows>>, Vec<Vec<Rows>>) = (Vec::new(), Vec::new());
+    for log in logs {
+        let rows = identify::rows_of(&robot, log)?.1;
+        let all = identify::rows_of(&everywhere, log)?.1;
+        if stretches == 1 {
+            fitted.push(rows);
+            judged.push(all);
+        } else {
+            for part in 0..stretches {
+                fitted.push(rows.iter().map(|r| r.part(part, stretches)).collect());
+                judged.push(all.iter().map(|r| r.part(part, stretches)).collect());
+            }
+        }
+    }
+    let mut sums = vec![[0.0; 2]; robot.dof()];
+    let mut failed = None;
+    for (out, judged) in judged.iter().enumerate() {
+        let rest = fitted.iter().enumerate().filter(|(k, _)| *k != out);
+        let rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
+        // A part that alone moves a joint cannot be left out.
+        let x = match identify::values_of(&robot, &rest) {
+            Ok(x) => x,
+            Err(why) => {
+                failed = Some(why);
+                continue;
+            }
+        };
+        for (sum, found) in sums.iter_mut().zip(residual_squares(judged, &x)) {
+            sum[0] += found[0];
+            sum[1] += found[1];
+        }
+    }
+    if sums.iter().all(|[_, torque]| *torque == 0.0) {
+        return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
+    }
+    let joints = sums.iter().map(|[error, torque]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()).collect();
+    Ok(Tried { law, joints })
+}

@@ -1,0 +1,83 @@
+//! The same robot with another law of friction.
+
+use std::sync::Arc;
+
+use rivet_dynamics::{BaseError, BaseSet, Model, Structure, model_hash};
+
+use crate::load::Robot;
+use crate::reader::{Origin, Value};
+
+/// Which friction the model of a robot has, beyond a Coulomb and a viscous parameter each joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionLaw {
+    /// `signal.friction_velocity` \[rad/s\]; without meaning where there is a presliding travel.
+    pub sign_velocity: f64,
+    /// `friction.presliding_travel` \[rad\]; 0 is friction without memory.
+    pub presliding_travel: f64,
+    /// Whether there is `friction.load_dependent`.
+    pub load_dependent: bool,
+    /// Whether there is `friction.viscous_quadratic`.
+    pub viscous_quadratic: bool,
+}
+
+impl Robot {
+    /// The law of friction of this robot's model.
+    pub fn friction_law(&self) -> FrictionLaw {
+        let structure = &self.model.structure;
+        FrictionLaw {
+            sign_velocity: structure.sign_velocity,
+            presliding_travel: structure.presliding_travel,
+            load_dependent: structure.load_friction,
+            viscous_quadratic: structure.viscous_quadratic,
+        }
+    }
+
+    /// The robot with another law; values that the file has no opinion on are zero, identified parameters are dropped.
+    ///
+    /// # Errors
+    /// When the base parameters of the new model are unclear.
+    pub fn with_friction_law(&self, law: FrictionLaw) -> Result<Robot, BaseError> {
+        let mut config = self.config.clone();
+        let zeros = || vec![0.0; self.dof()];
+        config.signal.friction_velocity = law.sign_velocity;
+        let friction = &mut config.friction;
+        friction.presliding_travel = law.presliding_travel;
+        friction.load_dependent = law.load_dependent.then(|| friction.load_dependent.take().unwrap_or_else(zeros));
+        friction.viscous_quadratic =
+            law.viscous_quadratic.then(|| friction.viscous_quadratic.take().unwrap_or_else(zeros));
+        let numbers = |given: &Option<Vec<f64>>| given.clone().map_or(Value::Absent, Value::Numbers);
+        for resolved in &mut config.resolved {
+            let value = match resolved.key.path().as_str() {
+                "signal.friction_velocity" => Value::Number(law.sign_velocity),
+                "friction.presliding_travel" => Value::Number(law.presliding_travel),
+                "friction.load_dependent" => numbers(&friction.load_dependent),
+                "friction.viscous_quadratic" => numbers(&friction.viscous_quadratic),
+                _ => continue,
+            };
+            if resolved.value != value {
+                (resolved.value, resolved.origin) = (value, Origin::Chosen);
+            }
+        }
+        let structure = Structure {
+            sign_velocity: law.sign_velocity,
+            presliding_travel: law.presliding_travel,
+            load_friction: law.load_dependent,
+            viscous_quadratic: law.viscous_quadratic,
+            ..self.model.structure
+        };
+        let model = Model::new(self.model.arm.clone(), structure).with_load(self.model.load().to_vec());
+        let base = BaseSet::new(&model)?;
+        let hash = model_hash(&model, &base);
+        let nominal = model.nominal(&config.nominal_joints());
+        let nominal_base = base.from_standard(&nominal);
+        Ok(Robot {
+            config,
+            model: Arc::new(model),
+            base: Arc::new(base),
+            hash,
+            nominal,
+            nominal_base,
+            identified: None,
+        })
+    }
+}
