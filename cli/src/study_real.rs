@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
 use rivet_logs::Log;
 use rivet_studies::real;
@@ -36,8 +36,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
     let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
     let engine = real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along };
-    let (outcomes, skipped) = real::run(&args.root, &args.data, &engine).map_err(|why| anyhow!(why))?;
-    if outcomes.is_empty() {
+    let (outcomes, skipped, failed) = real::run(&args.root, &args.data, &engine);
+    if outcomes.is_empty() && failed.is_empty() {
         bail!("{}: none of the data sets is there", args.data.display());
     }
     let table = real::markdown(&outcomes);
@@ -51,6 +51,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", real::to_json(&outcomes));
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+    }
+    if !failed.is_empty() {
+        bail!("{}", failed.join("\n"));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -434,8 +434,10 @@ mod tests {
 
     #[test]
     fn quarter_turns_written_short_are_quarter_turns() {
-        for (written, meant) in [(1.5708, FRAC_PI_2), (-1.5708, -FRAC_PI_2), (3.1416, PI), (0.0, 0.0), (1.9575, 1.9575)]
-        {
+        // As text, which is what a file has.
+        let cases = [("1.5708", FRAC_PI_2), ("-1.5708", -FRAC_PI_2), ("3.1416", PI), ("0", 0.0), ("1.9575", 1.9575)];
+        for (written, meant) in cases {
+            let written: f64 = written.parse().expect("a number");
             assert_eq!(quarter_turns(written), meant);
         }
         assert_eq!(quarter_turns(1.571), 1.571, "a millimetre at five metres is no rounding");
