@@ -12,6 +12,8 @@
 mod comparison;
 mod cycle;
 mod long_run;
+#[cfg(test)]
+mod nees;
 
 pub use comparison::Hausman;
 

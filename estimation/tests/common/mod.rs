@@ -1,6 +1,7 @@
 //! Arms, motions and noise shared by the tests of this crate.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
+use rivet_dynamics::parameters::{LINK_PARAMETERS, body_from_com};
 use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, Workspace, WristCoupling};
 use rivet_estimation::Motion;
 use std::io::Write as _;
@@ -68,6 +69,16 @@ impl Bench {
             full: vec![0.0; dof * full],
             row: vec![0.0; dof * n],
         }
+    }
+
+    /// The true parameters with a ball of `mass` \[kg\] and 10 cm radius at `centre` \[m\] of the last link's frame.
+    pub fn with_load(&self, mass: f64, centre: [f64; 3]) -> Vec<f64> {
+        let own = 0.4 * mass * 0.1_f64.powi(2);
+        let ball = [[own, 0.0, 0.0], [0.0, own, 0.0], [0.0, 0.0, own]];
+        let mut load = vec![0.0; self.model.len()];
+        let last = LINK_PARAMETERS * (self.dof() - 1);
+        load[last..last + LINK_PARAMETERS].copy_from_slice(&body_from_com(mass, &centre, &ball));
+        self.truth.iter().zip(self.base.from_standard(&load)).map(|(x, load)| x + load).collect()
     }
 
     pub fn dof(&self) -> usize {
