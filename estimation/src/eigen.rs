@@ -58,6 +58,23 @@ impl SymmetricEigen {
         self.converged = true;
     }
 
+    /// The same from a lower triangle, [`packed`](crate::linear::packed).
+    pub(crate) fn start_packed(&mut self, triangle: &[f64]) {
+        for i in 0..self.n {
+            for (j, &value) in triangle[crate::linear::packed(i)].iter().enumerate() {
+                self.a[i * self.n + j] = value;
+                self.a[j * self.n + i] = value;
+            }
+        }
+        self.stage = Stage::Reduce { k: 0 };
+        self.converged = true;
+    }
+
+    /// Eigenvectors, eigenvalues, and the matrix that was decomposed as room for others until the next start.
+    pub(crate) fn parts(&mut self) -> (&[f64], &[f64], &mut [f64]) {
+        (&self.rows, &self.values, &mut self.a)
+    }
+
     /// Does one step of work (about 10⁵ multiply-adds); true when the decomposition is complete.
     pub fn advance(&mut self) -> bool {
         let mut work = 0;

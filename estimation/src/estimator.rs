@@ -19,7 +19,7 @@ pub use comparison::Hausman;
 
 use crate::change::Change;
 use crate::kernels::{Part, add_products};
-use crate::linear::axpy;
+use crate::linear::{axpy, packed};
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::residuals::Residuals;
@@ -104,7 +104,7 @@ pub struct Estimator {
     prior: Vec<f64>,
     noise: Noise,
     ud: UdFilter,
-    /// M, S (lower triangle) and y in working coordinates.
+    /// M, S (lower triangle, packed) and y in working coordinates; M and S are empty where the tracked scheme has them.
     m: Vec<f64>,
     s: Vec<f64>,
     y: Vec<f64>,
@@ -166,7 +166,8 @@ impl Estimator {
             Supervision::Eigen(eigen) => Judge::Directions(supervision::Directions::new(n, eigen)),
             Supervision::Tracked(tracked) => Judge::Tracked(Box::new(Tracked::new(n, p, tracked))),
         };
-        let whitening = matches!(judge, Judge::Directions(_) | Judge::Tracked(_)).then(|| scales.whitening());
+        let tracked = matches!(judge, Judge::Tracked(_));
+        let whitening = (tracked || matches!(judge, Judge::Directions(_))).then(|| scales.whitening());
         let scaled: Vec<f64> = nominal.iter().zip(&scales.column).map(|(x, c)| x * c).collect();
         let variance: Vec<f64> = prior.iter().map(|std| std * std).collect();
         let zeros = || vec![0.0; p];
@@ -179,8 +180,8 @@ impl Estimator {
             prior,
             noise: Noise::new(&scales.torque_noise, settings.noise_known, settings.noise_memory, settings.outlier),
             ud: UdFilter::new(&scaled, &variance),
-            m: vec![0.0; n * n],
-            s: vec![0.0; n * n],
+            m: vec![0.0; if tracked { 0 } else { n * n }],
+            s: vec![0.0; if tracked { 0 } else { packed(n).start }],
             y: vec![0.0; n],
             excited: vec![0.0; n],
             count: [0.0; 2],
@@ -423,7 +424,7 @@ impl Estimator {
             return;
         }
         add_products(&mut self.m, lambda, &rows.z, &rows.d, n, Part::All);
-        add_products(&mut self.s, lambda, &rows.z, &rows.z, n, Part::Lower);
+        add_products(&mut self.s, lambda, &rows.z, &rows.z, n, Part::Packed);
         for y in &mut self.y {
             *y *= lambda;
         }

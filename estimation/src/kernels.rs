@@ -4,17 +4,18 @@
 //! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
+use crate::linear::packed;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
 /// One entry a row, of at most [`MAX_JOINTS`] rows.
 pub(crate) type Lanes = [f64; MAX_JOINTS];
 
-/// `out = T·x` for the lower triangle of the row-major T (n x n) and as many vectors as there are lanes.
+/// `out = T·x` for a lower triangle T ([`packed`]) and as many vectors as there are lanes.
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
-    let mut rows = t.chunks_exact(n).zip(out.iter_mut()).enumerate();
+    let mut rows = (0..n).map(|i| &t[packed(i)]).zip(out.iter_mut()).enumerate();
     // Two rows at a time: one addition need not wait for the other's.
     while let Some((i, (a, out_a))) = rows.next() {
         let mut sum = [[0.0; MAX_JOINTS]; 2];
@@ -68,9 +69,11 @@ pub(crate) enum Part {
     All,
     /// The diagonal and what is left of it.
     Lower,
+    /// The same, stored without gaps ([`packed`]).
+    Packed,
 }
 
-/// `M ← λM + Σᵣ zᵣ·dᵣᵀ`, M n x n row-major, over the rows r of `z` and `d` (n entries each, one after the other).
+/// `M ← λM + Σᵣ zᵣ·dᵣᵀ`, M n x n row-major (or its lower triangle, packed), over the rows r of `z` and `d` (n entries each, one after the other).
 pub(crate) fn add_products(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: usize, part: Part) {
     let mut lambda = lambda;
     let (mut z, mut d) = (z, d);
@@ -97,14 +100,18 @@ fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64],
     for (row, d) in rows.iter_mut().zip(d.chunks_exact(n)) {
         *row = d;
     }
-    for (i, m) in m.chunks_exact_mut(n).enumerate() {
-        let end = if part == Part::Lower { i + 1 } else { n };
+    for i in 0..n {
+        let m = match part {
+            Part::All => &mut m[i * n..(i + 1) * n],
+            Part::Lower => &mut m[i * n..=i * n + i],
+            Part::Packed => &mut m[packed(i)],
+        };
         let mut zs = [0.0; ROWS];
         for (r, zs) in zs.iter_mut().enumerate() {
             *zs = z[r * n + i];
             rows[r] = &rows[r][..n];
         }
-        for (j, m) in m[..end].iter_mut().enumerate() {
+        for (j, m) in m.iter_mut().enumerate() {
             let mut sum = lambda * *m;
             for r in 0..ROWS {
                 sum += zs[r] * rows[r][j];
@@ -138,6 +145,11 @@ mod tests {
                     assert!((m - expected).abs() < 1e-13 * (1.0 + expected.abs()), "{n} {rows} {i} {j}");
                 }
             }
+            let triangle = |m: &[f64]| -> Vec<f64> { (0..n).flat_map(|i| m[i * n..=i * n + i].to_vec()).collect() };
+            let (mut lower, mut small) = (before.clone(), triangle(&before));
+            add_products(&mut lower, 0.9, &z, &d, n, Part::Lower);
+            add_products(&mut small, 0.9, &z, &d, n, Part::Packed);
+            assert_eq!(small, triangle(&lower));
         }
     }
 
@@ -148,7 +160,8 @@ mod tests {
             let t = random(&mut seed, n * n);
             let x: Vec<Lanes> = (0..n).map(|_| std::array::from_fn(|_| seed.normal())).collect();
             let mut out = vec![[f64::NAN; MAX_JOINTS]; n];
-            lower_times(&t, &x, &mut out);
+            let triangle: Vec<f64> = (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect();
+            lower_times(&triangle, &x, &mut out);
             for i in 0..n {
                 for lane in 0..MAX_JOINTS {
                     let expected: f64 = (0..=i).map(|k| t[i * n + k] * x[k][lane]).sum();

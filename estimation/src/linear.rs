@@ -53,6 +53,12 @@ pub(crate) fn dot_four(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     [total(p, a[0]), total(q, a[1]), total(r, a[2]), total(s, a[3])]
 }
 
+/// Where row i of a lower triangle lies that is stored row after row, i + 1 entries in row i.
+#[inline(always)]
+pub(crate) fn packed(i: usize) -> std::ops::Range<usize> {
+    i * (i + 1) / 2..(i + 1) * (i + 2) / 2
+}
+
 /// `y += a·x`
 #[inline(always)]
 pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
@@ -84,6 +90,22 @@ impl Lu {
             smallest_allowed: 0.0,
             singular: true,
         }
+    }
+
+    /// Without memory of its own, which [`lend`](Self::lend) brings for a time.
+    pub(crate) fn borrowing(capacity: usize) -> Lu {
+        Lu { a: Vec::new(), ..Lu::new(capacity) }
+    }
+
+    /// Memory for the factors, as large as the capacity asks for; what it holds is overwritten.
+    pub(crate) fn lend(&mut self, memory: Vec<f64>) {
+        self.a = memory;
+    }
+
+    /// The memory that was lent; there are no factors any more.
+    pub(crate) fn reclaim(&mut self) -> Vec<f64> {
+        (self.n, self.singular) = (0, true);
+        std::mem::take(&mut self.a)
     }
 
     /// Begins a factorisation of size `n`; returns the place for its matrix.

@@ -5,7 +5,7 @@
 //! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
 use crate::kernels::{Lanes, lower_times};
-use crate::linear::{axpy, dot};
+use crate::linear::{axpy, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, Model, Workspace};
 
 /// States of the reference workload.
@@ -123,15 +123,14 @@ impl Scales {
                 t[i * n + column] = (f64::from(u8::from(i == column)) - sum) / l[i * n + i];
             }
         }
-        Whitening { n, l, t }
+        Whitening { n, t: (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect() }
     }
 }
 
-/// The Cholesky factor L of the scaled workload, and its inverse T.
+/// The inverse T of the Cholesky factor L of the scaled workload: a lower triangle, packed. L is applied by substitution.
 #[derive(Clone, Debug)]
 pub(crate) struct Whitening {
     n: usize,
-    l: Vec<f64>,
     t: Vec<f64>,
 }
 
@@ -163,9 +162,12 @@ impl Whitening {
 
     /// Parameters in these coordinates: `Lᵀ·x`.
     pub(crate) fn coordinates(&self, x: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
-        for (k, &x) in x.iter().enumerate() {
-            axpy(x, &self.l[k * self.n..=k * self.n + k], &mut out[..=k]);
+        out.copy_from_slice(x);
+        for k in (0..self.n).rev() {
+            let (row, pivot) = self.row(k);
+            out[k] /= pivot;
+            let x = out[k];
+            axpy(-x, row, &mut out[..k]);
         }
     }
 
@@ -173,20 +175,27 @@ impl Whitening {
     pub(crate) fn parameters(&self, coordinates: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for (k, &x) in coordinates.iter().enumerate() {
-            axpy(x, &self.t[k * self.n..=k * self.n + k], &mut out[..=k]);
+            axpy(x, &self.t[packed(k)], &mut out[..=k]);
         }
     }
 
     /// A direction of these coordinates expressed as a covector on parameters: `L·v`, so that `v·x̃ = (L·v)·x`.
     pub(crate) fn covector(&self, v: &[f64], out: &mut [f64]) {
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = dot(&self.l[i * self.n..=i * self.n + i], &v[..=i]);
+        for i in 0..self.n {
+            let (row, pivot) = self.row(i);
+            out[i] = (v[i] - dot(row, &out[..i])) / pivot;
         }
+    }
+
+    /// Row k of T left of its diagonal, and that.
+    fn row(&self, k: usize) -> (&[f64], f64) {
+        let row = &self.t[packed(k)];
+        (&row[..k], row[k])
     }
 
     /// How coordinate k enters parameter i: `T[k][i]`.
     pub(crate) fn share(&self, i: usize, k: usize) -> f64 {
-        self.t[k * self.n + i]
+        self.t[packed(k)][i]
     }
 }
 

@@ -49,7 +49,7 @@ impl Judge {
         }
     }
 
-    /// Begins to judge `s` (n x n, symmetric).
+    /// Begins to judge S, given as its lower triangle ([`packed`](crate::linear::packed)).
     pub(crate) fn start(&mut self, s: &[f64]) {
         match self {
             Judge::Off | Judge::Tracked(_) => {}

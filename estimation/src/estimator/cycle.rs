@@ -4,7 +4,7 @@
 //! each step is bounded by `STEP_WORK`, so no period of the loop pays for more than one of them.
 
 use super::{Directions, Estimator, PRIOR_CAUTION};
-use crate::linear::{Lu, axpy, dot, items_per_step};
+use crate::linear::{Lu, axpy, dot, items_per_step, packed};
 use crate::report::{ParameterState, Verdict};
 use crate::scales::Whitening;
 use crate::supervision::{Judge, Known, Tracked};
@@ -47,7 +47,8 @@ pub(super) struct Cycle {
     stage: Stage,
     fresh: bool,
     judge: Judge,
-    /// Copies of the sums; S in full.
+    /// Copies of the sums. M becomes the memory of `lu` where the judge has mapped it; S, in full, is empty where the judge
+    /// keeps its own. The tracked scheme needs neither.
     m: Vec<f64>,
     s: Vec<f64>,
     y: Vec<f64>,
@@ -55,9 +56,9 @@ pub(super) struct Cycle {
     x: Vec<f64>,
     active: Vec<bool>,
     index: Vec<usize>,
-    /// Row k: M·v_k.
-    mapped: Vec<f64>,
     lu: Lu,
+    /// `y − M·x`: held coordinates enter as known.
+    rest: Vec<f64>,
     solved: bool,
     /// Verification took something out, and how often it has done so in this cycle.
     excess: bool,
@@ -79,18 +80,23 @@ pub(super) struct Cycle {
 
 impl Cycle {
     pub(super) fn new(n: usize, judge: Judge) -> Cycle {
+        let (m, s, lu) = match &judge {
+            Judge::Off | Judge::Columns(_) => (n * n, n * n, Lu::new(n)),
+            Judge::Directions(_) => (n * n, 0, Lu::borrowing(n)),
+            Judge::Tracked(_) => (0, 0, Lu::borrowing(n)),
+        };
         Cycle {
             stage: Stage::Idle,
             fresh: false,
             judge,
-            m: vec![0.0; n * n],
-            s: vec![0.0; n * n],
+            m: vec![0.0; m],
+            s: vec![0.0; s],
             y: vec![0.0; n],
             x: vec![0.0; n],
             active: vec![false; n],
             index: Vec::with_capacity(n),
-            mapped: vec![0.0; n * n],
-            lu: Lu::new(n),
+            lu,
+            rest: vec![0.0; n],
             solved: false,
             excess: false,
             rounds: 0,
@@ -151,22 +157,28 @@ impl Cycle {
         Some(Directions { coordinates: &self.x, directions })
     }
 
-    /// Rows of M·v_k from `row` on, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
+    /// Rows of M·v_k from `row` on, into the room that the decomposition leaves, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
     fn map(&mut self, row: usize) -> usize {
         let n = self.x.len();
-        let Judge::Directions(scheme) = &self.judge else { return n };
+        if row == 0 {
+            for (out, (m, y)) in self.rest.iter_mut().zip(self.m.chunks_exact(n).zip(&self.y)) {
+                *out = y - dot(m, &self.x);
+            }
+        }
+        let Judge::Directions(scheme) = &mut self.judge else { return n };
         let relevance = scheme.settings().relevance;
+        let (vectors, values, room) = scheme.parts();
         let end = (row + items_per_step(n * n)).min(n);
         for k in row..end {
             if !self.active[k] {
                 continue;
             }
-            let v = &scheme.vectors()[k * n..(k + 1) * n];
-            let mapped = &mut self.mapped[k * n..(k + 1) * n];
+            let v = &vectors[k * n..(k + 1) * n];
+            let mapped = &mut room[k * n..(k + 1) * n];
             for (out, m) in mapped.iter_mut().zip(self.m.chunks_exact(n)) {
                 *out = dot(m, v);
             }
-            let ratio = dot(v, mapped) / scheme.values()[k];
+            let ratio = dot(v, mapped) / values[k];
             self.active[k] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
         }
         end
@@ -182,28 +194,29 @@ impl Cycle {
                     self.index.push(k);
                 }
             }
-            // y − M·x: held coordinates enter as known.
-            for (out, (m, y)) in self.scratch.iter_mut().zip(self.m.chunks_exact(n).zip(&self.y)) {
-                *out = y - dot(m, &self.x);
+            if matches!(self.judge, Judge::Directions(_)) && !self.m.is_empty() {
+                // It is mapped: what it was made of becomes the room for the factors.
+                self.lu.lend(std::mem::take(&mut self.m));
             }
         }
         let size = self.index.len();
         let end = (row + items_per_step(n * size)).min(size);
-        let Cycle { judge, lu, index, mapped, m, step, scratch, .. } = self;
+        let Cycle { judge, lu, index, m, step, rest, .. } = self;
         let matrix = if row == 0 { lu.start(size) } else { lu.matrix() };
         for a in row..end {
             let out = &mut matrix[a * size..(a + 1) * size];
-            if let Judge::Directions(scheme) = &*judge {
-                let v = &scheme.vectors()[index[a] * n..(index[a] + 1) * n];
+            if let Judge::Directions(scheme) = &mut *judge {
+                let (vectors, _, mapped) = scheme.parts();
+                let v = &vectors[index[a] * n..(index[a] + 1) * n];
                 for (out, &k) in out.iter_mut().zip(index.iter()) {
                     *out = dot(v, &mapped[k * n..(k + 1) * n]);
                 }
-                step[a] = dot(v, scratch);
+                step[a] = dot(v, rest);
             } else {
                 for (out, &k) in out.iter_mut().zip(index.iter()) {
                     *out = m[index[a] * n + k];
                 }
-                step[a] = scratch[index[a]];
+                step[a] = rest[index[a]];
             }
         }
         end
@@ -443,17 +456,20 @@ impl Estimator {
         let (n, cycle) = (self.n, &mut self.cycle);
         cycle.variance = variance;
         cycle.fresh = false;
+        if cycle.m.is_empty() {
+            cycle.m = cycle.lu.reclaim();
+        }
         cycle.m.copy_from_slice(&self.m);
         cycle.y.copy_from_slice(&self.y);
-        for i in 0..n {
-            for j in 0..=i {
-                let v = self.s[i * n + j];
-                cycle.s[i * n + j] = v;
-                cycle.s[j * n + i] = v;
+        if !cycle.s.is_empty() {
+            for i in 0..n {
+                for (j, &value) in self.s[packed(i)].iter().enumerate() {
+                    cycle.s[i * n + j] = value;
+                    cycle.s[j * n + i] = value;
+                }
             }
         }
-        let Cycle { judge, s, .. } = cycle;
-        judge.start(s);
+        cycle.judge.start(&self.s);
         self.excitations();
     }
 

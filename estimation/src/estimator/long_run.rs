@@ -26,7 +26,7 @@ pub(super) struct LongRun {
     filled: usize,
     /// The block after a start is dropped: its residuals are those of values that nothing is known about.
     starting: bool,
-    /// Ω, lower triangle.
+    /// Ω, lower triangle, packed.
     sum: Vec<f64>,
     /// Σ λ^(age) over the updates in Ω, and over its blocks.
     covered: f64,
@@ -43,7 +43,7 @@ impl LongRun {
             score: vec![0.0; n],
             filled: 0,
             starting: true,
-            sum: vec![0.0; n * n],
+            sum: vec![0.0; crate::linear::packed(n).start],
             covered: 0.0,
             blocks: 0.0,
         }
@@ -77,7 +77,7 @@ impl LongRun {
         }
         let keep = self.forgetting.powf(self.length as f64);
         for i in 0..self.n {
-            let row = &mut self.sum[i * self.n..=i * self.n + i];
+            let row = &mut self.sum[crate::linear::packed(i)];
             let own = self.score[i];
             for (sum, other) in row.iter_mut().zip(&self.score) {
                 *sum = keep * *sum + own * other;
@@ -94,9 +94,8 @@ impl LongRun {
             return white;
         }
         // Twice the lower triangle, less the diagonal.
-        let rows = self.sum.chunks_exact(self.n).enumerate();
-        let form: f64 =
-            rows.map(|(i, row)| p[i] * (2.0 * crate::linear::dot(&row[..=i], &p[..=i]) - row[i] * p[i])).sum();
+        let rows = (0..self.n).map(|i| &self.sum[crate::linear::packed(i)]).enumerate();
+        let form: f64 = rows.map(|(i, row)| p[i] * (2.0 * crate::linear::dot(row, &p[..=i]) - row[i] * p[i])).sum();
         let found = form.max(0.0) * count / self.covered;
         (self.blocks * found + PRIOR_BLOCKS * white) / (self.blocks + PRIOR_BLOCKS)
     }

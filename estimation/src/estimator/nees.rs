@@ -25,7 +25,7 @@ fn settings(forgetting: f64) -> EstimatorSettings {
 fn covariance(estimator: &Estimator) -> DMatrix<f64> {
     let n = estimator.n;
     let inverse = DMatrix::from_row_slice(n, n, &estimator.m).try_inverse().expect("identifiable");
-    let s = DMatrix::from_fn(n, n, |i, j| estimator.s[i.max(j) * n + i.min(j)]);
+    let s = DMatrix::from_fn(n, n, |i, j| estimator.s[packed(i.max(j))][i.min(j)]);
     estimator.row_variance() * &inverse * s * inverse.transpose()
 }
 

@@ -2,7 +2,7 @@
 
 use super::Known;
 use crate::eigen::SymmetricEigen;
-use crate::linear::{dot, items_per_step};
+use crate::linear::items_per_step;
 use crate::report::Verdict;
 use crate::settings::EigenSettings;
 
@@ -25,8 +25,9 @@ pub(crate) struct Directions {
     /// Variance of what is known along each eigenvector \[torque-noise sigma²\].
     belief: Vec<f64>,
     covector: Vec<f64>,
-    /// Directions that moved before, one a row: hysteresis recognises them although the basis turns.
-    moved: Vec<f64>,
+    /// Directions that moved before, one a row: hysteresis recognises them although the basis turns. Single precision will
+    /// do to recognise them.
+    moved: Vec<f32>,
     moved_count: usize,
     moved_share: Vec<f64>,
 }
@@ -54,8 +55,13 @@ impl Directions {
     }
 
     pub(crate) fn start(&mut self, s: &[f64]) {
-        self.eigen.start(s);
+        self.eigen.start_packed(s);
         self.stage = Stage::Decompose;
+    }
+
+    /// Eigenvectors as rows, eigenvalues, and room for a matrix until the next start.
+    pub(crate) fn parts(&mut self) -> (&[f64], &[f64], &mut [f64]) {
+        self.eigen.parts()
     }
 
     /// Eigenvectors as rows.
@@ -107,7 +113,7 @@ impl Directions {
                 for k in row..end {
                     let v = &self.eigen.vectors()[k * n..(k + 1) * n];
                     let moved = self.moved.chunks_exact(n).take(self.moved_count);
-                    self.moved_share[k] = moved.map(|old| dot(old, v).powi(2)).sum();
+                    self.moved_share[k] = moved.map(|old| share(old, v)).sum();
                 }
                 self.stage = Stage::Recognise { row: end };
                 if end == n {
@@ -147,8 +153,22 @@ impl Directions {
         let n = active.len();
         self.moved_count = 0;
         for (v, _) in self.eigen.vectors().chunks_exact(n).zip(active).filter(|(_, active)| **active) {
-            self.moved[self.moved_count * n..(self.moved_count + 1) * n].copy_from_slice(v);
+            let moved = &mut self.moved[self.moved_count * n..(self.moved_count + 1) * n];
+            moved.iter_mut().zip(v).for_each(|(moved, v)| *moved = *v as f32);
             self.moved_count += 1;
         }
     }
+}
+
+/// `(old·v)²`
+fn share(old: &[f32], v: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (x, y) = (old.chunks_exact(8), v.chunks_exact(8));
+    let rest: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| f64::from(*x) * y).sum();
+    for (x, y) in x.zip(y) {
+        for k in 0..8 {
+            sums[k] += f64::from(x[k]) * y[k];
+        }
+    }
+    (((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest).powi(2)
 }
