@@ -9,6 +9,7 @@ mod diagnose;
 mod evidence;
 mod exit;
 mod export;
+mod figures;
 mod identify;
 mod online;
 mod predict;
@@ -47,6 +48,8 @@ enum Command {
     Blind(blind::Args),
     /// Torque that a model predicts for a log
     Predict(predict::Args),
+    /// The paper's figures, computed anew, with the numbers that must hold
+    Figures(figures::Args),
     /// Whether a robot file is sound, and what it says
     Check(check::Args),
     /// Tables computed anew from seeds
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         Command::Diagnose(args) => diagnose::run(args),
         Command::Blind(args) => blind::run(args),
         Command::Predict(args) => predict::run(args),
+        Command::Figures(args) => figures::run(args),
         Command::Check(args) => check::run(args),
         Command::Study(args) => study::run(args),
         Command::Daemon(options) => {

@@ -277,10 +277,14 @@ pub const KEYS: &[Key] = &[
          decimation."),
     key("estimator", "offsets", Bool, "", Bounds::None, Derived("true where friction.offset is not all 0"),
         "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
-    key("estimator", "window", Choice(&["exponential", "none"]), "", Bounds::None, Fallback::Text("exponential"),
-        "Forget old samples exponentially, or never (off-line on one record)."),
+    key("estimator", "window", Choice(&["exponential", "constant-trace", "none"]), "", Bounds::None, Fallback::Text("exponential"),
+        "Forget old samples exponentially; as much as keeps the average variance of the parameters (Sripada & Fisher 1987: little \
+         excitation makes the window long, but one direction that is not excited makes it long for all); or never (off-line on one record)."),
     key("estimator", "window_s", Number, "s", Within(0.05, 3600.0), Fallback::Number(10.0),
-        "Time constant of the exponential window. At least 20 samples after decimation."),
+        "Time constant of the exponential window; the shortest of `constant-trace`. At least 20 samples after decimation."),
+    key("estimator", "window_deviation", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.1),
+        "`constant-trace`: standard deviation that parameters are kept at, rms over all of them, of each one's torque on the reference \
+         workload [torque-noise sigma]. Nothing is forgotten until it is reached."),
     key("estimator", "instruments", Choice(&["auto", "setpoint-through-loop", "setpoint", "second-encoder", "previous-cycle", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
         "Motion that instruments are made of: the desired one as the arm follows it, by a model of each joint's position loop identified \
          while running (`setpoint-through-loop`); the desired one as it is; that of second encoders (service `link-state`, log columns \

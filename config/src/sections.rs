@@ -79,7 +79,11 @@ impl RobotConfig {
             torque_noise: self.signal.torque_noise.clone(),
             estimator: self.estimator.kind,
             energy_span_s: self.estimator.energy_span_s,
-            window: self.estimator.window_s.map_or(Window::None, |seconds| Window::Exponential { seconds }),
+            window: match (self.estimator.window_s, self.estimator.window_deviation) {
+                (None, _) => Window::None,
+                (Some(seconds), None) => Window::Exponential { seconds },
+                (Some(shortest_s), Some(deviation)) => Window::ConstantTrace { shortest_s, deviation },
+            },
             instruments: self.estimator.instruments,
             supervision: self.supervision,
             prior: Prior { relative_std: self.estimator.prior },
@@ -173,8 +177,10 @@ pub struct Estimator {
     pub energy_span_s: f64,
     /// Whether a constant torque per joint is identified.
     pub offsets: bool,
-    /// Time constant of the exponential window \[s\]; `None` never forgets.
+    /// Time constant of the exponential window, or the shortest of one of constant trace \[s\]; `None` never forgets.
     pub window_s: Option<f64>,
+    /// With a window of constant trace: what it keeps \[torque-noise sigma\].
+    pub window_deviation: Option<f64>,
     /// Where instruments come from.
     pub instruments: Instruments,
     /// Relative standard deviation of the nominal parameters.
@@ -463,7 +469,10 @@ pub(crate) fn estimator(
         let rule = "must be true while friction.offset is not all 0: the model would leave that torque out";
         reader.reject("estimator", "offsets", rule, "set it to true, or friction.offset to 0");
     }
-    let forgets = reader.text("estimator", "window") != "none";
+    let window = reader.text("estimator", "window");
+    let forgets = window != "none";
+    let window_deviation = reader.number("estimator", "window_deviation");
+    let window_deviation = (window == "constant-trace").then_some(window_deviation);
     let window_s = reader.number("estimator", "window_s");
     let keys = [("estimator", "window_s"), ("", "sample_period_s"), ("signal", "decimation")];
     let shortest = 20.0 * sample_period_s * decimation as f64;
@@ -496,7 +505,8 @@ pub(crate) fn estimator(
         ],
     );
     let prior = reader.number("estimator", "prior");
-    Estimator { kind, energy_span_s, offsets, window_s: forgets.then_some(window_s), instruments, prior }
+    let window_s = forgets.then_some(window_s);
+    Estimator { kind, energy_span_s, offsets, window_s, window_deviation, instruments, prior }
 }
 
 pub(crate) fn publish(reader: &mut Reader<'_>) -> Publish {

@@ -41,6 +41,9 @@ const PRIOR_TORQUE_SHARE: f64 = 0.05;
 const PRIOR_CAUTION: f64 = 0.05;
 /// Coloured residuals count for at most this many times fewer rows than white ones.
 const MOST_COLOUR: f64 = 4.0;
+/// Beyond this condition number of the covariance a window of constant trace forgets nothing: it is then one badly known
+/// direction that fills the trace.
+const WORST_CONDITION: f64 = 1e10;
 /// Squares of rows larger than this would spoil the sums.
 const LARGEST_ROW: f64 = 1e60;
 
@@ -49,8 +52,11 @@ const LARGEST_ROW: f64 = 1e60;
 pub struct EstimatorSettings {
     /// Which estimator makes the values.
     pub kind: EstimatorKind,
-    /// λ: weight of the past at each update, in (0, 1].
+    /// λ: weight of the past at each update, in (0, 1]; the least there is with a `deviation`.
     pub forgetting: f64,
+    /// Forgetting varies and keeps the trace of the covariance: rms of the parameters' standard deviations, in units of the
+    /// scales and for white residuals.
+    pub deviation: Option<f64>,
     /// Which parameters or directions may move.
     pub supervision: Supervision,
     /// How well the nominal parameters are known.
@@ -125,6 +131,8 @@ pub struct Estimator {
     verdict: Verdict,
     /// `None` when nothing is forgotten: the arm is then taken to be one and the same.
     change: Option<Change>,
+    /// λ of the last update.
+    lambda: f64,
     updates: u64,
     frozen: bool,
     instrument: Instrument,
@@ -185,7 +193,7 @@ impl Estimator {
             y: vec![0.0; n],
             excited: vec![0.0; n],
             count: [0.0; 2],
-            long_run: LongRun::new(n, settings.block.max(1), settings.forgetting),
+            long_run: LongRun::new(n, settings.block.max(1)),
             comparison: Comparison::new(p, n),
             cycle: Cycle::new(n, judge),
             rows: Rows {
@@ -208,6 +216,7 @@ impl Estimator {
                 .change_row_s
                 .filter(|_| settings.forgetting < 1.0)
                 .map(|row_s| Change::new(p, row_s, 1.0 / (1.0 - settings.forgetting))),
+            lambda: settings.forgetting,
             updates: 0,
             frozen: false,
             instrument: Instrument::None,
@@ -302,12 +311,13 @@ impl Estimator {
         if changed {
             self.begin_window();
         }
+        self.lambda = self.forgetting();
         let rows = &mut self.rows;
         for j in 0..tau.len() {
             rows.tau[j] = tau[j] * rows.weight[j];
             scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.d[j * n..(j + 1) * n]);
         }
-        self.ud.forget(self.settings.forgetting);
+        self.ud.forget(self.lambda);
         for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
             self.ud.update(row, rows.tau[j]);
         }
@@ -321,7 +331,7 @@ impl Estimator {
         }
         self.compare(d, z, used);
         self.accumulate(used);
-        let lambda = self.settings.forgetting;
+        let lambda = self.lambda;
         self.count[0] = lambda * self.count[0] + 1.0;
         self.count[1] = lambda * lambda * self.count[1] + 1.0;
         self.updates += 1;
@@ -332,7 +342,7 @@ impl Estimator {
     /// What the regressor has that the instruments have not, beside both.
     fn compare(&mut self, d: &[f64], z: &[f64], used: &[bool]) {
         let (n, rows) = (self.n, &self.rows);
-        self.comparison.forget(self.settings.forgetting);
+        self.comparison.forget(self.lambda);
         for j in (0..used.len()).filter(|&j| used[j]) {
             let own = j * n..(j + 1) * n;
             let pairs = d[own.clone()].iter().zip(&z[own.clone()]).zip(&self.values);
@@ -358,6 +368,17 @@ impl Estimator {
             Instrument::None | Instrument::Delayed | Instrument::Regressor => f64::NAN,
             _ => self.comparison.ratio(j, self.values.iter().zip(&self.column).map(|(x, c)| x * c)),
         }
+    }
+
+    /// λ of the update that comes: with a `deviation`, what brings the trace of the covariance back to where it is kept, but no
+    /// less than the shortest window's and no more than 1.
+    fn forgetting(&self) -> f64 {
+        let least = self.settings.forgetting;
+        let Some(deviation) = self.settings.deviation else { return least };
+        if self.ud.least_condition() > WORST_CONDITION {
+            return 1.0;
+        }
+        (self.ud.trace() / (self.n as f64 * deviation * deviation)).clamp(least, 1.0)
     }
 
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
@@ -398,7 +419,7 @@ impl Estimator {
     /// `M ← λM + Σ z·dᵀ`, the lower triangle of `S ← λS + Σ z·zᵀ`, `y ← λy + Σ z·τ`.
     fn accumulate(&mut self, used: &[bool]) {
         let n = self.n;
-        let lambda = self.settings.forgetting;
+        let lambda = self.lambda;
         let rows = &mut self.rows;
         for v in &mut self.excited {
             *v *= lambda;
@@ -420,7 +441,7 @@ impl Estimator {
             for (z, residual) in rows.z.chunks_exact(n).zip(&rows.residual) {
                 self.long_run.add(z, *residual);
             }
-            self.long_run.advance();
+            self.long_run.advance(lambda);
             return;
         }
         add_products(&mut self.m, lambda, &rows.z, &rows.d, n, Part::All);
@@ -432,7 +453,7 @@ impl Estimator {
             axpy(*tau, z, &mut self.y);
             self.long_run.add(z, *residual);
         }
-        self.long_run.advance();
+        self.long_run.advance(lambda);
     }
 
     /// `Σλ^2(N−i)/Σλ^(N−i)`: a row of weight λᵏ brings noise of weight λ²ᵏ, so an exponential window holds twice as many
@@ -474,11 +495,7 @@ impl Estimator {
             instrument: self.instrument,
             loop_lag_s: &[],
             cycle_s: None,
-            window_rows: if self.settings.forgetting < 1.0 {
-                -1.0 / self.settings.forgetting.ln()
-            } else {
-                f64::INFINITY
-            },
+            window_rows: if self.lambda < 1.0 { -1.0 / self.lambda.ln() } else { f64::INFINITY },
             verdict: self.verdict,
             changes: self.change.as_ref().map_or(0, Change::seen),
             updates: self.updates,

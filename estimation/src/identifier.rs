@@ -105,16 +105,24 @@ impl Identifier {
         let row = settings.row_period_s();
         let (share, least, most) = NOISE_MEMORY;
         let (noise_memory, residual_memory) = match settings.window {
-            Window::Exponential { seconds } => ((share * seconds).clamp(least, most), seconds),
+            Window::Exponential { seconds } | Window::ConstantTrace { shortest_s: seconds, .. } => {
+                ((share * seconds).clamp(least, most), seconds)
+            }
             Window::None => (most, RESIDUAL_MEMORY),
         };
         let block_s = match settings.window {
-            Window::Exponential { seconds } => (BLOCK.0 * seconds).min(BLOCK.1),
+            Window::Exponential { seconds } | Window::ConstantTrace { shortest_s: seconds, .. } => {
+                (BLOCK.0 * seconds).min(BLOCK.1)
+            }
             Window::None => BLOCK.1,
         };
         let estimator = EstimatorSettings {
             kind: settings.estimator,
             forgetting: settings.forgetting(),
+            deviation: match settings.window {
+                Window::ConstantTrace { deviation, .. } => Some(deviation),
+                Window::Exponential { .. } | Window::None => None,
+            },
             supervision: settings.supervision,
             prior: settings.prior,
             // Of torques: what energies are off by depends on the motion.

@@ -101,6 +101,15 @@ pub enum Window {
         /// Time constant \[s\].
         seconds: f64,
     },
+    /// As much is forgotten as keeps the trace of the inverse information constant (Sripada & Fisher 1987; paper, 3.2.3), the
+    /// average variance of the parameters with it: little excitation makes the window long, none makes it endless.
+    ConstantTrace {
+        /// The window is never shorter than this \[s\].
+        shortest_s: f64,
+        /// Rms over the parameters of the standard deviation of their torque on the reference workload that is kept, for
+        /// white residuals \[torque-noise sigma\]. Until it is reached nothing is forgotten.
+        deviation: f64,
+    },
     /// Nothing is forgotten (λ = 1).
     None,
 }
@@ -323,11 +332,13 @@ impl Settings {
         self.sample_period_s * self.decimation as f64
     }
 
-    /// Weight of the past at each row: λ in (0, 1].
+    /// Weight of the past at each row: λ in (0, 1]; the least there is where it varies.
     #[must_use]
     pub fn forgetting(&self) -> f64 {
         match self.window {
-            Window::Exponential { seconds } => (-self.row_period_s() / seconds).exp(),
+            Window::Exponential { seconds } | Window::ConstantTrace { shortest_s: seconds, .. } => {
+                (-self.row_period_s() / seconds).exp()
+            }
             Window::None => 1.0,
         }
     }
@@ -382,10 +393,13 @@ impl Settings {
         if let Some(noise) = &self.torque_noise {
             per_joint("torque_noise", noise, dof, |v| v > 0.0, "N·m, positive")?;
         }
-        if let Window::Exponential { seconds } = self.window {
+        if let Window::Exponential { seconds } | Window::ConstantTrace { shortest_s: seconds, .. } = self.window {
             let least = 20.0 * self.row_period_s();
             let fits = seconds >= least * (1.0 - 1e-9) && seconds.is_finite();
             require("window", seconds, fits, &format!("it must be at least 20 rows long, {least:.4} s"))?;
+        }
+        if let Window::ConstantTrace { deviation, .. } = self.window {
+            require("window_deviation", deviation, deviation > 0.0 && deviation.is_finite(), "it must be positive")?;
         }
         if let (Some(rows), Some(delay_s)) = (self.delay_rows(), self.instruments.delay_s()) {
             let longest = MAX_DELAY_ROWS as f64 * self.row_period_s();

@@ -98,6 +98,19 @@ impl UdFilter {
         (0..self.n).map(|j| &self.columns[packed(j)]).zip(self.d.iter().copied())
     }
 
+    /// Sum of all variances over the noise variance: the trace of P.
+    #[must_use]
+    pub fn trace(&self) -> f64 {
+        self.factors().map(|(column, d)| d * dot(column, column)).sum()
+    }
+
+    /// Largest over smallest entry of D. P is at least as ill-conditioned: its eigenvalues enclose D.
+    #[must_use]
+    pub fn least_condition(&self) -> f64 {
+        let (low, high) = self.d.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), d| (low.min(*d), high.max(*d)));
+        high / low
+    }
+
     /// Whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {

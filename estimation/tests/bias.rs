@@ -27,6 +27,7 @@ fn white(forgetting: f64, off: f64, noise: f64, seed: u64) -> Option<Hausman> {
     let settings = EstimatorSettings {
         kind: EstimatorKind::Riv,
         forgetting,
+        deviation: None,
         supervision: Supervision::Off,
         prior: Prior { relative_std: 1e3 },
         noise_known: false,

@@ -14,6 +14,7 @@ fn settings(kind: EstimatorKind, supervision: Supervision) -> EstimatorSettings 
     EstimatorSettings {
         kind,
         forgetting: 1.0,
+        deviation: None,
         supervision,
         prior: Prior { relative_std: 1e4 },
         noise_known: true,

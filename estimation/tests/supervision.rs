@@ -31,6 +31,7 @@ fn settings(supervision: Supervision) -> EstimatorSettings {
     EstimatorSettings {
         kind: EstimatorKind::Riv,
         forgetting: 0.99,
+        deviation: None,
         supervision,
         prior: Prior { relative_std: 1.0 },
         noise_known: true,

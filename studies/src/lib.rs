@@ -2,6 +2,7 @@
 //! `rivet` that computes everything anew from seeds or logs and prints what it found; none runs in the daemon.
 
 pub mod batch;
+pub mod figures;
 pub mod real;
 pub mod supervision;
 pub mod tracking;

@@ -135,6 +135,7 @@ fn entries(workload: &Workload, options: &Options) -> Vec<Entry> {
             &EstimatorSettings {
                 kind,
                 forgetting: lambda,
+                deviation: None,
                 supervision,
                 prior: Prior { relative_std: 1.0 },
                 noise_known: false,

@@ -20,7 +20,8 @@ pub(super) struct LongRun {
     n: usize,
     /// Updates a block.
     length: usize,
-    forgetting: f64,
+    /// Weight that the block's start has kept.
+    kept: f64,
     /// Scores of the block that is filling, and how much of it is.
     score: Vec<f64>,
     filled: usize,
@@ -34,12 +35,12 @@ pub(super) struct LongRun {
 }
 
 impl LongRun {
-    /// For `n` parameters, blocks of `length` updates, of which each has the weight `forgetting` of the next.
-    pub(super) fn new(n: usize, length: usize, forgetting: f64) -> LongRun {
+    /// For `n` parameters, blocks of `length` updates.
+    pub(super) fn new(n: usize, length: usize) -> LongRun {
         LongRun {
             n,
             length,
-            forgetting,
+            kept: 1.0,
             score: vec![0.0; n],
             filled: 0,
             starting: true,
@@ -53,6 +54,7 @@ impl LongRun {
         self.score.fill(0.0);
         self.sum.fill(0.0);
         self.filled = 0;
+        self.kept = 1.0;
         self.starting = true;
         self.covered = 0.0;
         self.blocks = 0.0;
@@ -63,9 +65,10 @@ impl LongRun {
         crate::linear::axpy(residual, z, &mut self.score);
     }
 
-    /// Ends an update; a full block goes into Ω.
-    pub(super) fn advance(&mut self) {
+    /// Ends an update, before which the past had been given the weight `forgetting`; a full block goes into Ω.
+    pub(super) fn advance(&mut self, forgetting: f64) {
         self.filled += 1;
+        self.kept *= forgetting;
         if self.filled < self.length {
             return;
         }
@@ -75,7 +78,7 @@ impl LongRun {
             self.score.fill(0.0);
             return;
         }
-        let keep = self.forgetting.powf(self.length as f64);
+        let keep = std::mem::replace(&mut self.kept, 1.0);
         for i in 0..self.n {
             let row = &mut self.sum[crate::linear::packed(i)];
             let own = self.score[i];
@@ -111,14 +114,14 @@ mod tests {
     #[test]
     fn colour_is_found_direction_by_direction() {
         let mut random = Random(5);
-        let mut sums = LongRun::new(2, 100, 1.0);
+        let mut sums = LongRun::new(2, 100);
         let (rho, mut state) = (0.8_f64, 0.0);
         let count = 100_000;
         for _ in 0..count {
             state = rho * state + (1.0 - rho * rho).sqrt() * random.normal();
             sums.add(&[1.0, 0.0], state);
             sums.add(&[0.0, 1.0], random.normal());
-            sums.advance();
+            sums.advance(1.0);
         }
         let white = f64::from(count);
         let of = |p: [f64; 2]| sums.variance(&p, f64::from(count), white) / white;

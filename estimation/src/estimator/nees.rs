@@ -9,6 +9,7 @@ fn settings(forgetting: f64) -> EstimatorSettings {
     EstimatorSettings {
         kind: EstimatorKind::Riv,
         forgetting,
+        deviation: None,
         supervision: Supervision::Off,
         prior: Prior { relative_std: 1e3 },
         noise_known: false,

@@ -1,0 +1,52 @@
+//! `rivet figures`: the paper's figures, computed anew, on one page and as a table of what must hold.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page};
+
+use crate::progress::Progress;
+use crate::runs;
+use crate::table::{paragraph, show};
+
+/// Arguments of `rivet figures`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Numbers in the paper; all of them without a number.
+    #[arg(value_name = "N")]
+    numbers: Vec<u32>,
+    /// Where the page goes.
+    #[arg(long, value_name = "FILE.html", default_value = "figures.html")]
+    out: PathBuf,
+}
+
+/// Computes, writes the page, prints the table; fails if a number does not hold.
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let numbers = if args.numbers.is_empty() { FIGURES.to_vec() } else { args.numbers.clone() };
+    if let Some(unknown) = numbers.iter().find(|n| !FIGURES.contains(n)) {
+        bail!("figure {unknown} is not computed; there are {}", FIGURES.map(|n| n.to_string()).join(", "));
+    }
+    let mut figures: Vec<Figure> = Vec::new();
+    let mut progress = Progress::new("computing the figures,", numbers.len());
+    for (done, number) in numbers.iter().enumerate() {
+        progress.set(done);
+        let Some(figure) = figure(*number, REPETITIONS) else { continue };
+        progress.done();
+        show(&text(&figure))?;
+        figures.push(figure);
+    }
+    runs::write_whole(&args.out, &page(&figures)).with_context(|| args.out.display().to_string())?;
+    show(&format!("page written to {}\n", args.out.display()))?;
+    let holds = figures.iter().flat_map(|f| &f.checks).all(|c| c.pass);
+    Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn text(figure: &Figure) -> String {
+    let mut out = paragraph(&format!("Figure {}  ", figure.number), &figure.title);
+    for check in &figure.checks {
+        let word = if check.pass { "pass" } else { "FAIL" };
+        out += &paragraph(&format!("  {word}  "), &format!("{}: {} ({})", check.what, check.measured, check.limit));
+    }
+    out
+}
