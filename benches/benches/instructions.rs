@@ -24,6 +24,7 @@ fn ready(item: Kernel) -> Box<dyn FnMut()> {
 #[bench::least_squares(Kernel::LeastSquares)]
 #[bench::columns(Kernel::Columns)]
 #[bench::eigen(Kernel::Eigen)]
+#[bench::tracked(Kernel::Tracked)]
 #[bench::supervised(Kernel::Supervised)]
 #[bench::default(Kernel::Default)]
 fn hundred_calls(mut call: Box<dyn FnMut()>) {

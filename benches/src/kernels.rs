@@ -6,7 +6,9 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use rivet_dynamics::{Workspace, inverse_dynamics, regressor};
 use rivet_estimation::filter::{Bank, Butterworth};
-use rivet_estimation::{ColumnsSettings, EigenSettings, EstimatorKind, Identifier, Settings, Supervision};
+use rivet_estimation::{
+    ColumnsSettings, EigenSettings, EstimatorKind, Identifier, Settings, Supervision, TrackedSettings,
+};
 
 use crate::Workload;
 
@@ -29,6 +31,8 @@ pub enum Kernel {
     Columns,
     /// A period with RIV, supervised by a full eigen-decomposition, a step each period.
     Eigen,
+    /// A period with RIV, supervised in a basis that follows the information.
+    Tracked,
     /// A period as the robot file sets it, but with rows every sample.
     Supervised,
     /// A period as the robot file sets it.
@@ -37,7 +41,7 @@ pub enum Kernel {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Kernel; 10] = [
+    pub const ALL: [Kernel; 11] = [
         Kernel::InverseDynamics,
         Kernel::Regressor,
         Kernel::Filter,
@@ -46,6 +50,7 @@ impl Kernel {
         Kernel::LeastSquares,
         Kernel::Columns,
         Kernel::Eigen,
+        Kernel::Tracked,
         Kernel::Supervised,
         Kernel::Default,
     ];
@@ -61,6 +66,7 @@ impl Kernel {
             Kernel::LeastSquares => "least-squares",
             Kernel::Columns => "columns",
             Kernel::Eigen => "eigen",
+            Kernel::Tracked => "tracked",
             Kernel::Supervised => "supervised",
             Kernel::Default => "default",
         }
@@ -111,6 +117,7 @@ pub fn kernel<'a>(workload: &'a Workload, kernel: Kernel) -> Result<Box<dyn FnMu
         }
         Kernel::Columns => push(workload, &supervision(Supervision::Columns(ColumnsSettings::default())), advance)?,
         Kernel::Eigen => push(workload, &supervision(Supervision::Eigen(EigenSettings::default())), advance)?,
+        Kernel::Tracked => push(workload, &supervision(Supervision::Tracked(TrackedSettings::default())), advance)?,
         Kernel::Supervised => push(workload, &settings(1), advance)?,
         Kernel::Default => push(workload, &settings(robot.config.signal.decimation), advance)?,
     })

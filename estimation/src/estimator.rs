@@ -19,7 +19,7 @@ pub use comparison::Hausman;
 
 use crate::change::Change;
 use crate::kernels::{Part, add_products};
-use crate::linear::{axpy, packed};
+use crate::linear::{axpy, dot, packed};
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::residuals::Residuals;
@@ -345,8 +345,8 @@ impl Estimator {
         self.comparison.forget(self.lambda);
         for j in (0..used.len()).filter(|&j| used[j]) {
             let own = j * n..(j + 1) * n;
-            let pairs = d[own.clone()].iter().zip(&z[own.clone()]).zip(&self.values);
-            let off = rows.weight[j] * pairs.map(|((d, z), x)| (d - z) * x).sum::<f64>();
+            // Equal rows give zero exactly: both products are formed alike.
+            let off = rows.weight[j] * (dot(&d[own.clone()], &self.values) - dot(&z[own.clone()], &self.values));
             self.comparison.add(j, [&rows.d[own.clone()], &rows.z[own]], rows.tau[j], off);
         }
     }
@@ -387,16 +387,16 @@ impl Estimator {
         let n = self.n;
         self.rows.weight.fill(0.0);
         let values = &self.values;
-        let residual = |(j, row): (usize, &[f64])| (j, tau[j] - crate::linear::dot(row, values));
+        let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
         let moving = || d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]);
         let changed = self.change.as_mut().is_some_and(|change| change.add(moving().map(residual)));
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
-            let residual = tau[j] - crate::linear::dot(row, &self.values);
-            let nominal = tau[j] - crate::linear::dot(row, &self.nominal);
+            let residual = tau[j] - dot(row, &self.values);
+            let nominal = tau[j] - dot(row, &self.nominal);
             self.residuals.add(j, [residual, nominal, tau[j]]);
             // Noise is what the better of the two predictors leaves: values that are wrong (held, or a payload ago) must
             // not pass for noise, or the threshold would rise and hold them for ever.
-            let beside = tau[j] - crate::linear::dot(row, &self.rls_values);
+            let beside = tau[j] - dot(row, &self.rls_values);
             let noise = if beside.abs() < residual.abs() { beside } else { residual };
             // By the noise as it was before this row: no row excuses itself.
             self.rows.weight[j] = self.noise.weight(j, noise);

@@ -1,14 +1,14 @@
 //! Recursive least squares in factored covariance form (Bierman 1977, Factorization Methods for Discrete Sequential
 //! Estimation, ch. V): the paper's RLS, and the comparison beside every other estimator.
 
-use crate::linear::{axpy, dot, dot_four, packed};
+use crate::linear::{axpy, dot, dot_four};
 use multiversion::multiversion;
 
 /// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
 #[derive(Clone, Debug)]
 pub struct UdFilter {
     n: usize,
-    /// U transposed, packed: row j holds column j of U up to its diagonal, so that the update runs along rows.
+    /// U transposed, row-major: row j holds column j of U up to its diagonal, so that the update runs along rows.
     columns: Vec<f64>,
     d: Vec<f64>,
     x: Vec<f64>,
@@ -32,7 +32,7 @@ impl UdFilter {
         let n = x.len();
         let mut filter = UdFilter {
             n,
-            columns: vec![0.0; packed(n).start],
+            columns: vec![0.0; n * n],
             d: variance.to_vec(),
             x: x.to_vec(),
             start: variance.to_vec(),
@@ -52,7 +52,7 @@ impl UdFilter {
         self.d.copy_from_slice(&self.start);
         self.columns.fill(0.0);
         for i in 0..self.n {
-            self.columns[packed(i)][i] = 1.0;
+            self.columns[i * self.n + i] = 1.0;
         }
     }
 
@@ -90,12 +90,13 @@ impl UdFilter {
     /// Variance of parameter `i` over the noise variance: `Σⱼ Uᵢⱼ²·dⱼ`.
     #[must_use]
     pub fn variance(&self, i: usize) -> f64 {
-        (i..self.n).map(|j| self.columns[packed(j)][i].powi(2) * self.d[j]).sum()
+        (i..self.n).map(|j| self.columns[j * self.n + i].powi(2) * self.d[j]).sum()
     }
 
     /// Columns of U down to the diagonal, each with its entry of D: `P = Σ d·u·uᵀ`.
     pub(crate) fn factors(&self) -> impl Iterator<Item = (&[f64], f64)> {
-        (0..self.n).map(|j| &self.columns[packed(j)]).zip(self.d.iter().copied())
+        let columns = self.columns.chunks_exact(self.n.max(1)).enumerate().map(|(j, column)| &column[..=j]);
+        columns.zip(self.d.iter().copied())
     }
 
     /// Sum of all variances over the noise variance: the trace of P.
@@ -124,18 +125,19 @@ fn project(columns: &[f64], row: &[f64], f: &mut [f64]) {
     let n = f.len();
     let whole = n - n % 4;
     for start in (0..whole).step_by(4) {
-        let block: [&[f64]; 4] = std::array::from_fn(|k| &columns[packed(start + k)]);
-        let mut sums = dot_four(block.map(|column| &column[..start]), &row[..start]);
+        let block = &columns[start * n..];
+        let above = [&block[..start], &block[n..n + start], &block[2 * n..2 * n + start], &block[3 * n..3 * n + start]];
+        let mut sums = dot_four(above, &row[..start]);
         for k in 0..4 {
             for i in start..start + k {
-                sums[k] += block[k][i] * row[i];
+                sums[k] += block[k * n + i] * row[i];
             }
             sums[k] += row[start + k];
         }
         f[start..start + 4].copy_from_slice(&sums);
     }
     for j in whole..n {
-        f[j] = dot(&columns[packed(j)][..j], &row[..j]) + row[j];
+        f[j] = dot(&columns[j * n..j * n + j], &row[..j]) + row[j];
     }
 }
 
@@ -172,11 +174,11 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
     for start in (0..n).step_by(4) {
         let end = n.min(start + 4);
         let (above, own) = gain.split_at_mut(start);
-        let block = &mut columns[packed(start).start..packed(end).start];
+        let block = &mut columns[start * n..end * n];
         if let (&[va, vb, vc, vd, ..], &[la, lb, lc, ld, ..]) = (&own[..], &lambda[start..]) {
-            let (a, rest) = block.split_at_mut(start + 1);
-            let (b, rest) = rest.split_at_mut(start + 2);
-            let (c, d) = rest.split_at_mut(start + 3);
+            let (a, rest) = block.split_at_mut(n);
+            let (b, rest) = rest.split_at_mut(n);
+            let (c, d) = rest.split_at_mut(n);
             for ((((k, a), b), c), d) in above.iter_mut().zip(a).zip(b).zip(c).zip(d) {
                 step(a, k, la, va);
                 step(b, k, lb, vb);
@@ -184,15 +186,14 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
                 step(d, k, ld, vd);
             }
         } else {
-            for (j, (&v, &l)) in (start..end).zip(own.iter().zip(&lambda[start..])) {
-                above.iter_mut().zip(&mut columns[packed(j)]).for_each(|(k, u)| step(u, k, l, v));
+            for (column, (&v, &l)) in block.chunks_exact_mut(n).zip(own.iter().zip(&lambda[start..])) {
+                above.iter_mut().zip(column).for_each(|(k, u)| step(u, k, l, v));
             }
         }
         // Within the block.
-        for j in start..end {
+        for (column, j) in block.chunks_exact_mut(n).zip(start..end) {
             let (k, v) = gain.split_at_mut(j);
-            let column = &mut columns[packed(j)][start..j];
-            k[start..].iter_mut().zip(column).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
+            k[start..].iter_mut().zip(&mut column[start..j]).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
         }
     }
 }

@@ -114,6 +114,7 @@ fn items(workload: &Workload, rust: &Figures, other: &Figures) -> Vec<Item> {
         row("period, supervised", Kernel::Supervised, peer("supervised"), Some((5.0, 10.0))),
         row(&format!("the same, rows 1 in {decimation}"), Kernel::Default, mean("supervised"), None),
         row("period, eigen (sliced)", Kernel::Eigen, peer("supervised"), None),
+        row("period, tracked", Kernel::Tracked, peer("supervised"), Some((5.0, 10.0))),
         row("period, columns", Kernel::Columns, None, None),
         row("period, least squares (UD)", Kernel::LeastSquares, None, None),
         row("inverse dynamics", Kernel::InverseDynamics, None, None),
