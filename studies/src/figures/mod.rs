@@ -76,6 +76,7 @@ impl Unit {
         match self {
             Unit::Plain if value != 0.0 && (value.abs() < 1e-3 || value.abs() >= 1e4) => format!("{value:.1e}"),
             Unit::Plain => format!("{value:.3}"),
+            Unit::Percent if value != 0.0 && value.abs() < 1e-5 => format!("{value:.1e}"),
             Unit::Percent => format!("{:.2} %", 100.0 * value),
             Unit::Celsius => format!("{value:.1} °C"),
             Unit::Milliseconds => format!("{:.0} ms", 1000.0 * value),

@@ -59,9 +59,9 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         number: 18,
         title: "Poor identifiability of one parameter".into(),
         caption: "Joint 2 rests for eight seconds, trembling by a count of its encoder: the function d1 of its viscous friction x1 is zero. \
-                  Unsupervised least squares with a window of 1 s drifts on noise until the joint moves; supervised, x1 stays where it was and \
-                  settles within a second. All parameters start half too high. Where directions are held, it is the torque of the \
-                  reference workload that stays: x1 gives way a little while the others find their values."
+                  Unsupervised least squares with a window of 1 s drifts on noise until the joint moves. All parameters start half too high. Where coordinates are held, x1 stays \
+                  exactly, and goes on being held; where directions are held, it is the torque of the reference workload that \
+                  stays: x1 gives way a little while the others find their values, and settles within a second."
             .into(),
         panels: vec![
             panel("model function d1", "time [s]", "velocity of joint 2 [rad/s]", None, vec![line("", 1, function)]),
