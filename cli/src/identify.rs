@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Determined, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, residual_percent, solve,
+    Bias, Delay, Determined, Equations, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, solve,
     torque_delay,
 };
 use rivet_logs::Log;
@@ -49,7 +49,8 @@ pub(crate) struct Args {
     /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
     #[arg(long, conflicts_with = "export")]
     online: bool,
-    /// Choose the law of friction first: the one that predicts best the parts of the logs that it was not fitted to.
+    /// Choose instruments or least squares and the law of friction first: what predicts best the parts of the logs that it
+    /// was not fitted to.
     #[arg(long, conflicts_with_all = ["online", "compare"])]
     refine: bool,
     /// Fit every log on its own and tell whether they agree within their standard deviations.
@@ -164,14 +165,15 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>)> {
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
     let (runs, rows) = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
-    let least_squares = fit(&rows, &robot.nominal_base, prior, Method::LeastSquares)?;
-    let instrumental = fit(&rows, &robot.nominal_base, prior, Method::Instrumental)?;
+    let equations = Equations::new(&rows);
+    let least_squares = fit(&equations, &robot.nominal_base, prior, Method::LeastSquares)?;
+    let instrumental = fit(&equations, &robot.nominal_base, prior, Method::Instrumental)?;
     let residuals =
-        [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| residual_percent(&rows, x));
+        [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| equations.residual_percent(x));
     let chosen = choose(robot, &least_squares, &instrumental);
-    let bias = bias(&rows, &robot.nominal_base, prior, chosen)?;
-    let delays = torque_delay(&rows, &robot.nominal_base, prior, chosen)?;
-    let reference = Rows::reference(&rows);
+    let bias = bias(&equations, &robot.nominal_base, prior, chosen)?;
+    let delays = torque_delay(&equations, &robot.nominal_base, prior, chosen)?;
+    let reference = equations.reference();
     let consistent = project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference);
     let held_out = held_out(robot, &chosen.values, hold_out)?;
     Ok(Findings { runs, rows, least_squares, instrumental, residuals, bias, delays, reference, consistent, held_out })
@@ -183,7 +185,8 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let mut alone = Vec::new();
     for path in &args.logs {
         let (_, rows) = read_rows(robot, std::slice::from_ref(path))?;
-        let fit = fit(&rows, &robot.nominal_base, prior, method(robot)).with_context(|| path.display().to_string())?;
+        let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
+            .with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows });
     }
     show(&compare::text(robot, &alone)?)?;
@@ -239,15 +242,17 @@ pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
         rows.extend(rows_of(robot, log)?.1);
     }
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
-    let fit = fit(&rows, &robot.nominal_base, prior, method(robot))?;
-    let reference = Rows::reference(&rows);
+    let equations = Equations::new(&rows);
+    let fit = fit(&equations, &robot.nominal_base, prior, method(robot))?;
+    let reference = equations.reference();
     let near = project(&robot.model, &robot.base, &fit.values, &fit.covariance, &robot.nominal, &reference)?;
     Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
 }
 
 /// The values of the fit that counts, of rows.
 pub(crate) fn values_of(robot: &Robot, rows: &[Rows]) -> Result<Vec<f64>> {
-    Ok(solve(rows, &robot.nominal_base, WEAKER_PRIOR * robot.config.estimator.prior, method(robot))?)
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    Ok(solve(&Equations::new(rows), &robot.nominal_base, prior, method(robot))?)
 }
 
 fn method(robot: &Robot) -> Method {

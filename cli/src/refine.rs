@@ -1,7 +1,7 @@
-//! `rivet identify --refine`: the law of friction that predicts best what it has not seen.
+//! `rivet identify --refine`: the method and the law of friction that predict best what they have not seen.
 //!
 //! No single law of friction is right for all gears, and a term more always lowers the residual of the rows it is fitted
-//! to. Each candidate is therefore fitted to the logs without one part and judged on that part, every part in turn: whole
+//! to. Instruments take away the bias of least squares, at a price in variance that a short or slow log may not pay for. Each candidate is therefore fitted to the logs without one part and judged on that part, every part in turn: whole
 //! logs where there are several (another motion is the harder test), else four stretches of the one. Rows below the dead
 //! zone are not fitted, but they are predicted.
 
@@ -26,6 +26,7 @@ const STRETCHES: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Tried {
     pub(crate) law: FrictionLaw,
+    pub(crate) instruments: bool,
     /// `100*|tau - D x|/|tau|` per joint \[%\].
     pub(crate) joints: Vec<f64>,
 }
@@ -48,60 +49,101 @@ pub(crate) struct Refined {
 impl Refined {
     /// The laws and their errors as a table.
     pub(crate) fn text(&self) -> String {
-        let mut table =
-            Table::new(["friction_velocity", "presliding_travel", "quadratic", "load", "left-out error %", ""]);
+        let mut table = Table::new([
+            "method",
+            "friction_velocity",
+            "presliding_travel",
+            "quadratic",
+            "load",
+            "left-out error %",
+            "",
+        ]);
         let chosen = self.robot.friction_law();
         for tried in &self.tried {
             let law = tried.law;
             let number = |x: f64| if x > 0.0 { format!("{x:.0e}") } else { "-".to_owned() };
             let yes = |x: bool| if x { "yes" } else { "-" }.to_owned();
             table.row([
+                if tried.instruments { "IV" } else { "LS" }.to_owned(),
                 if law.presliding_travel > 0.0 { "-".to_owned() } else { number(law.sign_velocity) },
                 number(law.presliding_travel),
                 yes(law.viscous_quadratic),
                 yes(law.load_dependent),
                 format!("{:.2}", tried.error()),
-                if law == chosen { "chosen" } else { "" }.to_owned(),
+                if law == chosen && tried.instruments != self.robot.config.estimator.kind.least_squares() {
+                    "chosen"
+                } else {
+                    ""
+                }
+                .to_owned(),
             ]);
         }
-        format!("\nlaws of friction, judged by parts of the logs that they were not fitted to\n{}", table.text())
+        format!(
+            "\nmethods and laws of friction, judged by parts of the logs that they were not fitted to\n{}",
+            table.text()
+        )
     }
 }
 
-/// Tries laws of friction on `logs`.
+/// Tries methods and laws of friction on `logs`.
 pub(crate) fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
-    let mut tried: Vec<Tried> = Vec::new();
-    let mut best = judge(robot, robot.friction_law(), logs)?;
-    tried.push(best.clone());
-    let mut step = |best: &mut Tried, candidates: Vec<FrictionLaw>, worth: f64| -> Result<()> {
-        let before = best.error();
-        for law in candidates {
-            let found = judge(robot, law, logs)?;
-            if found.error() < best.error() && found.error() < (1.0 - worth) * before {
-                *best = found.clone();
-            }
-            tried.push(found);
+    let first = judge(robot, !robot.config.estimator.kind.least_squares(), robot.friction_law(), logs)?;
+    let mut search = Search { robot, logs, best: first.clone(), tried: vec![first] };
+    search.other_method()?;
+    let law = search.best.law;
+    let plain = FrictionLaw { presliding_travel: 0.0, load_dependent: false, viscous_quadratic: false, ..law };
+    let soft = VELOCITIES.map(|sign_velocity| FrictionLaw { sign_velocity, ..plain });
+    let sliding = TRAVELS.map(|presliding_travel| FrictionLaw { presliding_travel, ..plain });
+    // One number for another: whatever is better.
+    let laws: Vec<FrictionLaw> = soft.into_iter().chain(sliding).collect();
+    search.step(&laws, 0.0)?;
+    let law = search.best.law;
+    search.step(&[FrictionLaw { viscous_quadratic: true, ..law }], WORTH)?;
+    let law = search.best.law;
+    search.step(&[FrictionLaw { load_dependent: true, ..law }], WORTH)?;
+    search.other_method()?;
+    let Search { best, tried, .. } = search;
+    Ok(Refined { robot: robot.with_instruments(best.instruments).with_friction_law(best.law)?, tried })
+}
+
+/// What has been tried so far.
+struct Search<'a> {
+    robot: &'a Robot,
+    logs: &'a [Log],
+    best: Tried,
+    tried: Vec<Tried>,
+}
+
+impl Search<'_> {
+    /// Takes the best of `laws`, if it lowers the error by the share `worth`.
+    fn step(&mut self, laws: &[FrictionLaw], worth: f64) -> Result<()> {
+        let before = self.best.error();
+        for law in laws {
+            let found = judge(self.robot, self.best.instruments, *law, self.logs)?;
+            self.take(found, (1.0 - worth) * before);
         }
         Ok(())
-    };
-    let plain = FrictionLaw { presliding_travel: 0.0, load_dependent: false, viscous_quadratic: false, ..best.law };
-    let memory = |law: FrictionLaw| {
-        let soft = VELOCITIES.map(|sign_velocity| FrictionLaw { sign_velocity, presliding_travel: 0.0, ..law });
-        let sliding = TRAVELS.map(|presliding_travel| FrictionLaw { presliding_travel, ..law });
-        soft.into_iter().chain(sliding).collect::<Vec<_>>()
-    };
-    // One number for another: whatever is better.
-    step(&mut best, memory(plain), 0.0)?;
-    let law = best.law;
-    step(&mut best, vec![FrictionLaw { viscous_quadratic: true, ..law }], WORTH)?;
-    let law = best.law;
-    step(&mut best, vec![FrictionLaw { load_dependent: true, ..law }], WORTH)?;
-    Ok(Refined { robot: robot.with_friction_law(best.law)?, tried })
+    }
+
+    /// Instruments instead of least squares, or the reverse.
+    fn other_method(&mut self) -> Result<()> {
+        let (before, best) = (self.best.error(), &self.best);
+        let found = judge(self.robot, !best.instruments, best.law, self.logs)?;
+        self.take(found, (1.0 - WORTH) * before);
+        Ok(())
+    }
+
+    fn take(&mut self, found: Tried, below: f64) {
+        if found.error() < self.best.error().min(below) {
+            self.best = found.clone();
+        }
+        self.tried.push(found);
+    }
 }
 
 /// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
-fn judge(robot: &Robot, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
-    let robot = robot.with_friction_law(law)?;
+fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
+    let robot = robot.with_instruments(instruments).with_friction_law(law)?;
     let mut everywhere = robot.clone();
     everywhere.config.signal.dead_zone.fill(0.0);
     let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
@@ -142,5 +184,5 @@ fn judge(robot: &Robot, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
         return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
     }
     let joints = sums.iter().map(|[error, torque]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()).collect();
-    Ok(Tried { law, joints })
+    Ok(Tried { law, instruments, joints })
 }

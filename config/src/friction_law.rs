@@ -1,8 +1,9 @@
-//! The same robot with another law of friction.
+//! The same robot with another law of friction, or another estimator: what data may choose.
 
 use std::sync::Arc;
 
 use rivet_dynamics::{BaseError, BaseSet, Model, Structure, model_hash};
+use rivet_estimation::EstimatorKind;
 
 use crate::load::Robot;
 use crate::reader::{Origin, Value};
@@ -21,6 +22,21 @@ pub struct FrictionLaw {
 }
 
 impl Robot {
+    /// The robot with instrumental variables or with least squares, on torques.
+    #[must_use]
+    pub fn with_instruments(&self, instruments: bool) -> Robot {
+        let mut robot = self.clone();
+        let (kind, text) = if instruments { (EstimatorKind::Riv, "riv") } else { (EstimatorKind::Rls, "rls") };
+        robot.config.estimator.kind = kind;
+        let value = Value::Text(text.to_owned());
+        for resolved in robot.config.resolved.iter_mut().filter(|r| r.key.path() == "estimator.kind") {
+            if resolved.value != value {
+                (resolved.value, resolved.origin) = (value.clone(), Origin::Chosen);
+            }
+        }
+        robot
+    }
+
     /// The law of friction of this robot's model.
     pub fn friction_law(&self) -> FrictionLaw {
         let structure = &self.model.structure;

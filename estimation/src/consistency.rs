@@ -98,6 +98,13 @@ impl Reference {
         self.count[joint] += tau.len() as f64;
     }
 
+    /// Adds rows of one joint as sums: `gram` = Σ d·dᵀ over `count` rows, and Σ τ² \[N²·m²\].
+    pub(crate) fn add_sums(&mut self, joint: usize, gram: &DMatrix<f64>, torque_square: f64, count: f64) {
+        self.gram[joint] += gram;
+        self.torque_square[joint] += torque_square;
+        self.count[joint] += count;
+    }
+
     /// The reference workload of the arm (seeded states within its limits at moderate speed); the torques that `values`
     /// make there are what costs are measured by. Off line and on the bus thread's side: it allocates.
     pub fn workload(model: &Model, base: &BaseSet, values: &[f64]) -> Reference {

@@ -19,6 +19,7 @@ mod fit;
 mod pass;
 mod record;
 mod rows;
+mod sums;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
@@ -26,4 +27,5 @@ pub use delay::{Delay, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
+pub use sums::Equations;
 pub use zero_phase::ZeroPhase;

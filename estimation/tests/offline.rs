@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 use rivet_estimation::offline::{
-    Determined, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows, Trajectory, ZeroPhase, fit,
-    predict, residual_percent,
+    Determined, Equations, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows, Trajectory,
+    ZeroPhase, fit, predict, residual_percent,
 };
 
 const PERIOD: f64 = 0.002;
@@ -148,7 +148,7 @@ fn noise_free_records_give_the_truth() {
             .collect();
         assert!(rows[0].moving.start > 440 && rows[0].moving.end < 5560, "{:?}", rows[0].moving);
         for method in [Method::LeastSquares, Method::Instrumental] {
-            let fit = fit(&rows, &nominal, 1e3, method).expect("fit");
+            let fit = fit(&Equations::new(&rows), &nominal, 1e3, method).expect("fit");
             for (i, (value, true_value)) in fit.values.iter().zip(&truth).enumerate() {
                 let error = (value - true_value).abs() / true_value.abs().max(0.1);
                 assert!(error < 1e-8, "{method:?} {}: {value} vs {true_value}", base.name(&model, i));
@@ -173,8 +173,8 @@ fn instruments_remove_the_bias_of_least_squares_and_std_is_honest() {
     for seed in 1..=4 {
         let record = record(&model, &base, &truth, seed as f64, 2e-4, 0.5, seed);
         let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
-        let ls = fit(&rows, &nominal, 1e3, Method::LeastSquares).expect("fit");
-        let iv = fit(&rows, &nominal, 1e3, Method::Instrumental).expect("fit");
+        let ls = fit(&Equations::new(&rows), &nominal, 1e3, Method::LeastSquares).expect("fit");
+        let iv = fit(&Equations::new(&rows), &nominal, 1e3, Method::Instrumental).expect("fit");
         for i in &rotor {
             bias_ls += (ls.values[*i] - truth[*i]) / truth[*i];
             bias_iv += (iv.values[*i] - truth[*i]) / truth[*i];
@@ -210,7 +210,7 @@ fn what_the_motion_leaves_open_stays_nominal_and_says_so() {
     tau.iter_mut().flatten().for_each(|tau| *tau += 0.3 * noise.next());
     let record = Record { period_s: PERIOD, measured: still, tau, desired: None, second: None };
     let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
-    let fit = fit(&rows, &nominal, 0.2, Method::Instrumental).expect("fit");
+    let fit = fit(&Equations::new(&rows), &nominal, 0.2, Method::Instrumental).expect("fit");
     let open = fit.determined.iter().filter(|d| **d == Determined::ByPrior).count();
     assert!(open > 3, "{open} of {}", base.len());
     for i in 0..base.len() {
@@ -265,7 +265,7 @@ fn standard_deviations_cover() {
                 }
             }
             let rows = Rows::new(&model, &base, &settings(InstrumentSource::Desired), &sample).expect("rows");
-            let found = fit(&[rows], &nominal, 1e3, Method::Instrumental).expect("a solution");
+            let found = fit(&Equations::new(&[rows]), &nominal, 1e3, Method::Instrumental).expect("a solution");
             for i in (0..truth.len()).filter(|i| found.determined[*i] == Determined::ByData) {
                 let off = (found.values[i] - truth[i]).abs() / found.std[i];
                 inside += usize::from(off <= 2.0);
@@ -301,8 +301,9 @@ fn torque_delay_is_found() {
             }
         }
         let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Desired), &sample).expect("rows")];
-        let found = fit(&rows, &nominal, 1e3, Method::Instrumental).expect("a solution");
-        let delays = rivet_estimation::offline::torque_delay(&rows, &nominal, 1e3, &found).expect("delays");
+        let found = fit(&Equations::new(&rows), &nominal, 1e3, Method::Instrumental).expect("a solution");
+        let delays =
+            rivet_estimation::offline::torque_delay(&Equations::new(&rows), &nominal, 1e3, &found).expect("delays");
         for (joint, delay) in delays.iter().enumerate() {
             let (samples, std) = (delay.seconds / PERIOD, delay.std / PERIOD);
             println!("late by {late}: joint {} {samples:.2} +- {std:.2} samples", joint + 1);

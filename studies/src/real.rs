@@ -53,10 +53,11 @@ struct Split {
     test: Part,
     /// Time between samples on which both sides are judged \[s\].
     period_s: f64,
-    /// Joints that are judged, from the base.
-    joints: usize,
+    /// Joints that are judged, from 0: those that carry torque in the test and whose torque can be trusted.
+    judged: &'static [usize],
 }
 
+const ALL: &[usize] = &[0, 1, 2, 3, 4, 5];
 const UR10E: &str = "robots/ur10e/robot.toml";
 const KUKA: &str = "robots/kuka-kr300-r2500/robot.toml";
 const FOURIER: &[Part] = &[
@@ -73,7 +74,7 @@ const SPLITS: &[Split] = &[
         train: FOURIER,
         test: ("ur10e_innopolis/20_02_19_14harm50sec.parquet", 0.0, 1.0),
         period_s: 0.01,
-        joints: 6,
+        judged: ALL,
     },
     Split {
         name: "UR10e, Fourier to point-to-point",
@@ -81,17 +82,17 @@ const SPLITS: &[Split] = &[
         train: FOURIER,
         test: ("ur10e_innopolis/20_01_31-unload.parquet", 0.0, 1.0),
         period_s: 0.01,
-        joints: 6,
+        judged: ALL,
     },
-    Split { name: "KUKA KR300, A to B", robot: KUKA, train: &[RUN_A], test: RUN_B, period_s: 0.004, joints: 6 },
-    Split { name: "KUKA KR300, B to A", robot: KUKA, train: &[RUN_B], test: RUN_A, period_s: 0.004, joints: 6 },
+    Split { name: "KUKA KR300, A to B", robot: KUKA, train: &[RUN_A], test: RUN_B, period_s: 0.004, judged: ALL },
+    Split { name: "KUKA KR300, B to A", robot: KUKA, train: &[RUN_B], test: RUN_A, period_s: 0.004, judged: ALL },
     Split {
         name: "TX40, first 3.5 s to last 2 s",
         robot: "robots/staubli-tx40/robot.toml",
         train: &[("staubli_tx40/exciting_0.0-5.5s.parquet", 0.0, 0.636)],
         test: ("staubli_tx40/exciting_0.0-5.5s.parquet", 0.636, 1.0),
         period_s: 0.001,
-        joints: 6,
+        judged: ALL,
     },
     Split {
         name: "AIRBOT Play, first 20 s to last 10 s",
@@ -99,7 +100,7 @@ const SPLITS: &[Split] = &[
         train: &[("airbot_play/chirp_motion_real.parquet", 0.0, 0.667)],
         test: ("airbot_play/chirp_motion_real.parquet", 0.667, 1.0),
         period_s: 0.01,
-        joints: 6,
+        judged: ALL,
     },
     Split {
         name: "Shanghai, 1 to 2, joints 1-3",
@@ -107,10 +108,10 @@ const SPLITS: &[Split] = &[
         train: &[("shanghai_electric_6dof/traj_1.parquet", 0.0, 1.0)],
         test: ("shanghai_electric_6dof/traj_2.parquet", 0.0, 1.0),
         period_s: 0.006,
-        joints: 3,
+        judged: &[0, 1, 2],
     },
     Split {
-        name: "Kinova Gen3, all but joint 4 alone",
+        name: "Kinova Gen3, other runs to joint 4 alone, joints 2 4 6",
         robot: "tests/robots/kinova-gen3/robot.toml",
         train: &[
             ("kinova_gen3/RunTrajectory1.parquet", 0.0, 1.0),
@@ -121,7 +122,8 @@ const SPLITS: &[Split] = &[
         ],
         test: ("kinova_gen3/joint_4_trapez.parquet", 0.0, 1.0),
         period_s: 0.002,
-        joints: 7,
+        // The others stand still and carry next to nothing.
+        judged: &[1, 3, 5],
     },
 ];
 
@@ -132,6 +134,8 @@ pub struct Outcome {
     pub name: &'static str,
     /// Friction that the training runs chose.
     pub law: FrictionLaw,
+    /// Whether they chose instruments, not least squares.
+    pub instruments: bool,
     /// Plain batch least squares, friction of the robot file.
     pub plain: Vec<f64>,
     /// Plain batch least squares, friction chosen.
@@ -148,16 +152,21 @@ pub struct Outcome {
     pub condition: f64,
 }
 
+fn judged(split: &Split, joints: &[f64]) -> Vec<f64> {
+    split.judged.iter().map(|j| joints[*j]).collect()
+}
+
 /// Root mean square over joints.
 pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-fn law_text(law: FrictionLaw) -> String {
+fn law_text(law: FrictionLaw, instruments: bool) -> String {
+    let method = if instruments { "IV" } else { "LS" };
     let mut text = if law.presliding_travel > 0.0 {
-        format!("travel {:.0e} rad", law.presliding_travel)
+        format!("{method}, travel {:.0e} rad", law.presliding_travel)
     } else {
-        format!("tanh, {} rad/s", law.sign_velocity)
+        format!("{method}, tanh, {} rad/s", law.sign_velocity)
     };
     text += if law.viscous_quadratic { ", quadratic" } else { "" };
     text + if law.load_dependent { ", load" } else { "" }
@@ -197,6 +206,7 @@ fn one(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<O
     Ok(Outcome {
         name: split.name,
         law: chosen.friction_law(),
+        instruments: !chosen.config.estimator.kind.least_squares(),
         plain: plain(split, &robot, &train, &test),
         plain_chosen: plain(split, &chosen, &train, &test),
         same,
@@ -227,7 +237,7 @@ fn predicted(
 fn errors(split: &Split, robot: &Robot, values: &[f64], test: &Log, engine: &Engine<'_>) -> Result<Vec<f64>, String> {
     let (grid, on_grid) = predicted(split, robot, values, test, engine)?;
     let filter = LowPass::new(robot.config.signal.model_filter_hz, split.period_s);
-    Ok(percent_of(&grid, &on_grid, &filter)[..split.joints].to_vec())
+    Ok(judged(split, &percent_of(&grid, &on_grid, &filter)))
 }
 
 /// Torque between free and consistent parameters on the test run, each joint in parts of its own \[%\].
@@ -236,7 +246,7 @@ fn cost(split: &Split, robot: &Robot, found: &Found, test: &Log, engine: &Engine
     let (_, consistent) = predicted(split, robot, &found.consistent, test, engine)?;
     grid.tau = free;
     let filter = LowPass::new(robot.config.signal.model_filter_hz, split.period_s);
-    Ok(rms(&percent_of(&grid, &consistent, &filter)[..split.joints]))
+    Ok(rms(&judged(split, &percent_of(&grid, &consistent, &filter))))
 }
 
 fn plain(split: &Split, robot: &Robot, train: &[Log], test: &Log) -> Vec<f64> {
@@ -249,13 +259,13 @@ fn plain(split: &Split, robot: &Robot, train: &[Log], test: &Log) -> Vec<f64> {
         .collect();
     let x = least_squares(&records);
     let everywhere = rows(&robot.model, &Grid::new(test, split.period_s), &filter, &vec![0.0; robot.dof()], 1);
-    percent(&[everywhere], &x)[..split.joints].to_vec()
+    judged(split, &percent(&[everywhere], &x))
 }
 
 /// The table as Markdown.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut out = String::from(
-        "| split | method | joints, base to flange [%] | rms | friction | condition |\n|---|---|---|---:|---|---:|\n",
+        "| split | method | joints, base to flange [%] | rms | chosen | condition |\n|---|---|---|---:|---|---:|\n",
     );
     for o in outcomes {
         // Writing to a String cannot fail.
@@ -263,7 +273,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             let joints = e.iter().map(|e| format!("{e:.1}")).collect::<Vec<_>>().join(" ");
             let _ = writeln!(out, "| {} | {method} | {joints} | {:.1} | {law} | {condition} |", o.name, rms(e));
         };
-        let law = law_text(o.law);
+        let law = law_text(o.law, o.instruments);
         row("plain least squares", &o.plain, "robot file", "");
         row("plain least squares", &o.plain_chosen, "chosen", "");
         row("rivet identify", &o.same, "robot file", "");
@@ -281,6 +291,7 @@ pub fn to_json(outcomes: &[Outcome]) -> Value {
             "split": o.name,
             "friction": {"friction_velocity": o.law.sign_velocity, "presliding_travel": o.law.presliding_travel,
                          "load_dependent": o.law.load_dependent, "viscous_quadratic": o.law.viscous_quadratic},
+            "instruments": o.instruments,
             "condition": o.condition,
             "error_percent": {"plain": o.plain, "plain_chosen_friction": o.plain_chosen, "same_friction": o.same,
                               "rivet": o.refined, "consistent": o.consistent},

@@ -11,10 +11,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Fit, Method, Normal, Solution};
+use super::fit::{Fit, Method, Solution};
 use super::record::OfflineError;
-use super::rows::Rows;
-use crate::kernels::{Part, add_products};
+use super::sums::{Equations, JointSums, Normal};
 
 /// Directions in which instruments cost less than this share of the variance say nothing: regressor and instruments
 /// are the same there, and what is left is rounding.
@@ -41,12 +40,12 @@ pub struct Bias {
 ///
 /// # Errors
 /// When the equations of one method have no solution.
-pub fn bias(rows: &[Rows], nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bias, OfflineError> {
+pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bias, OfflineError> {
     let k = nominal.len();
     let x0 = DVector::from_column_slice(nominal);
     let weights: Vec<f64> = fit.noise.iter().zip(&fit.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
     let solve = |method| -> Result<(DVector<f64>, DMatrix<f64>), OfflineError> {
-        let joints: Vec<Normal> = (0..weights.len()).map(|j| Normal::new(rows, j, k, method)).collect();
+        let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
         // The scale is that of the regressor, so it is the same for both.
         Ok((solution.x.component_div(&solution.scale), solution.covariance(method)))
@@ -54,8 +53,9 @@ pub fn bias(rows: &[Rows], nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bia
     let (least_squares, own) = solve(Method::LeastSquares)?;
     let (instrumental, other) = solve(Method::Instrumental)?;
     let (hausman, degrees) = statistic(&(instrumental - least_squares), &own, &other)?;
-    let delayed = rows.iter().any(|r| r.lag_s.is_empty());
-    let ratio = if delayed { Vec::new() } else { (0..weights.len()).map(|j| ratio(rows, j, &fit.values)).collect() };
+    let delayed = equations.rows.iter().any(|r| r.lag_s.is_empty());
+    let ratio =
+        if delayed { Vec::new() } else { equations.joints.iter().map(|joint| ratio(joint, &fit.values)).collect() };
     Ok(Bias { hausman, degrees, p_value: crate::chi_square::above(hausman, degrees), ratio })
 }
 
@@ -74,21 +74,18 @@ fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> 
 
 /// Ratio of the dominant elements for one joint, columns times `values`; infinite when regressor and instruments are the
 /// same.
-fn ratio(records: &[Rows], joint: usize, values: &[f64]) -> f64 {
-    let k = values.len();
-    let (mut own, mut cross) = (vec![0.0; k * k], vec![0.0; k * k]);
-    for rows in records.iter().map(|r| r.joints[joint].compact(k)) {
-        let (n, z) = (rows.columns.len(), &rows.z);
-        let off: Vec<f64> = rows.d.iter().zip(z).map(|(d, z)| d - z).collect();
-        for (right, sum) in [(&off, &mut own), (z, &mut cross)] {
-            let mut part = vec![0.0; n * n];
-            add_products(&mut part, 1.0, &off, right, n, Part::All);
-            rows.spread(&part, sum, k);
+fn ratio(joint: &JointSums, values: &[f64]) -> f64 {
+    let n = joint.columns.len();
+    let (dd, zd, zz) = (joint.total(|s| &s.dd), joint.total(|s| &s.zd), joint.total(|s| &s.zz));
+    let entry = |i: usize, j: usize, sum: f64| (sum * values[joint.columns[i]] * values[joint.columns[j]]).abs();
+    let (mut own, mut cross) = (0.0_f64, 0.0_f64);
+    for i in 0..n {
+        for j in 0..n {
+            let (dz, at) = (zd[j * n + i], i * n + j);
+            own = own.max(entry(i, j, dd[at] - dz - zd[at] + zz[at]));
+            cross = cross.max(entry(i, j, dz - zz[at]));
         }
     }
-    let entry = |m: &[f64], at: usize| (m[at] * values[at / k] * values[at % k]).abs();
-    let largest = |m: &[f64]| (0..k * k).map(|at| entry(m, at)).fold(0.0_f64, f64::max);
-    let (own, cross) = (largest(&own), largest(&cross));
     if cross > 0.0 { own / cross } else { f64::INFINITY }
 }
 
@@ -99,7 +96,7 @@ mod tests {
 
     use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 
-    use super::super::rows::JointRows;
+    use super::super::rows::{JointRows, Rows};
     use super::*;
     use crate::linear::tests::Random;
     use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};
@@ -127,8 +124,9 @@ mod tests {
 
     fn judge(noise: f64, seed: u64) -> Bias {
         let (rows, x) = rows(noise, &mut Random(seed));
-        let found = fit(&rows, &x, 10.0, Method::Instrumental).expect("solved");
-        bias(&rows, &x, 10.0, &found).expect("judged")
+        let equations = Equations::new(&rows);
+        let found = fit(&equations, &x, 10.0, Method::Instrumental).expect("solved");
+        bias(&equations, &x, 10.0, &found).expect("judged")
     }
 
     #[test]
@@ -199,7 +197,7 @@ mod tests {
                 instrument: InstrumentSource::Desired,
             };
             let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
-            let found: Vec<f64> = (0..2).map(|j| ratio(&rows, j, &values)).collect();
+            let found: Vec<f64> = Equations::new(&rows).joints.iter().map(|joint| ratio(joint, &values)).collect();
             println!("quantum {quantum:e} rad: ratios {found:.0?}");
             assert!(found.iter().all(|r| (30.0..1000.0).contains(r)), "{quantum}: {found:?}");
         }

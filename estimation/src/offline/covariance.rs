@@ -17,12 +17,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Method;
-use super::rows::Rows;
+use super::sums::JointSums;
+use crate::linear::dot;
 
-/// Length of a block \[s\] where the record has enough of them.
-const BLOCK_S: f64 = 2.5;
-/// Fewer blocks than this say too little about a variance: they are made shorter.
-const LEAST_BLOCKS: f64 = 16.0;
 /// α: share of what counts all parameters alike. Between the two, agreement of runs of a measured arm hardly changes
 /// (95 % either way); 0.5 keeps the matrix well conditioned.
 const SHRINKAGE: f64 = 0.5;
@@ -44,13 +41,13 @@ pub(super) struct Whole<'a> {
 /// The covariance of a fit, scaled, given what it were (`plain`) if the residuals of a joint were coloured alike for all
 /// parameters. `plain` again where leaving out a block leaves no solution.
 pub(super) fn long_run(
-    rows: &[Rows],
+    joints: &[JointSums],
     weights: &[f64],
     whole: &Whole<'_>,
     plain: DMatrix<f64>,
     method: Method,
 ) -> DMatrix<f64> {
-    let Some(found) = jackknife(rows, weights, whole, method) else { return plain };
+    let Some(found) = jackknife(joints, weights, whole, method) else { return plain };
     let k = plain.nrows();
     let inflation = (0..k).map(|i| found[(i, i)] / plain[(i, i)]).sum::<f64>() / k as f64;
     if !(inflation.is_finite() && inflation > 0.0) {
@@ -63,30 +60,25 @@ pub(super) fn long_run(
 }
 
 /// J. `None` where leaving out a block leaves no solution.
-fn jackknife(rows: &[Rows], weights: &[f64], whole: &Whole<'_>, method: Method) -> Option<DMatrix<f64>> {
+fn jackknife(joints: &[JointSums], weights: &[f64], whole: &Whole<'_>, method: Method) -> Option<DMatrix<f64>> {
     let k = whole.x.len();
     let mut sum = DMatrix::zeros(k, k);
     let mut blocks = 0.0_f64;
-    let seconds: f64 = rows.iter().map(Rows::seconds).sum();
-    let block = BLOCK_S.min(seconds / LEAST_BLOCKS);
-    for record in rows {
-        let count = (record.seconds() / block).round().max(1.0) as usize;
-        for b in 0..count {
-            let Some((left, score)) = block_sums(record, (b, count), weights, whole, method) else { continue };
-            let shift = (whole.left - left).lu().solve(&score)?;
-            sum.ger(1.0, &shift, &shift, 1.0);
-            blocks += 1.0;
-        }
+    for b in 0..joints.first()?.stretches.len() {
+        let Some((left, score)) = block_sums(joints, b, weights, whole, method) else { continue };
+        let shift = (whole.left - left).lu().solve(&score)?;
+        sum.ger(1.0, &shift, &shift, 1.0);
+        blocks += 1.0;
     }
     let share = (blocks - 1.0).max(0.0) / blocks.max(1.0);
     let prior = whole.inverse * DMatrix::from_diagonal(whole.prior) * whole.inverse.transpose();
     Some(sum * share + prior)
 }
 
-/// `A_b` and `u_b` of block `b` of `count` of a record; `None` without rows.
+/// `A_b` and `u_b` of block `b`, a stretch of time; `None` without rows.
 fn block_sums(
-    record: &Rows,
-    (b, count): (usize, usize),
+    joints: &[JointSums],
+    b: usize,
     weights: &[f64],
     whole: &Whole<'_>,
     method: Method,
@@ -94,22 +86,17 @@ fn block_sums(
     let k = whole.x.len();
     let (mut left, mut score) = (DMatrix::zeros(k, k), DVector::zeros(k));
     let mut any = false;
-    for (joint, w) in record.joints.iter().zip(weights) {
-        let place = |part: usize| joint.place.partition_point(|p| p * count < part * record.kept);
-        let range = place(b)..place(b + 1);
-        if range.is_empty() {
+    for (joint, w) in joints.iter().zip(weights) {
+        let stretch = &joint.stretches[b];
+        if stretch.count == 0.0 {
             continue;
         }
         any = true;
-        let d = DMatrix::from_column_slice(k, range.len(), &joint.d[range.start * k..range.end * k]);
-        let residual = DVector::from_column_slice(&joint.tau[range.clone()]) - d.tr_mul(whole.x);
-        if method == Method::Instrumental {
-            let z = DMatrix::from_column_slice(k, range.len(), &joint.z[range.start * k..range.end * k]);
-            left.gemm(*w, &z, &d.transpose(), 1.0);
-            score.gemv(*w, &z, &residual, 1.0);
-        } else {
-            left.gemm(*w, &d, &d.transpose(), 1.0);
-            score.gemv(*w, &d, &residual, 1.0);
+        let (zd, _, zt) = stretch.left(method);
+        joint.spread(zd, *w, &mut left);
+        let x: Vec<f64> = joint.columns.iter().map(|c| whole.x[*c]).collect();
+        for ((row, zt), c) in zd.chunks_exact(x.len()).zip(zt).zip(&joint.columns) {
+            score[*c] += w * (zt - dot(row, &x));
         }
     }
     let scale = whole.scale;

@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::covariance::{Whole, long_run};
 use super::record::OfflineError;
 use super::rows::{JointRows, Rows};
-use crate::kernels::{Part, add_products};
-use crate::linear::{axpy, dot};
+use super::sums::{Equations, JointSums, Normal};
+use crate::linear::dot;
 
 /// Rounds of weighting by the residual of the fit before.
 const ROUNDS: usize = 4;
@@ -57,14 +57,15 @@ pub struct Fit {
 
 /// Fits base parameters to the rows of several records.
 ///
+/// * `equations`: the rows
 /// * `nominal`: base parameters before, x₀
 /// * `prior`: standard deviation of x₀ as a multiple of each value (or, for a value near zero, of the value that alone
 ///   would make 0.5 % of the torque of some joint)
-pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
+pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
-    let Weighed { solution, noise, correlation } = weigh(rows, nominal, prior, method)?;
+    let Weighed { solution, noise, correlation } = weigh(equations, nominal, prior, method)?;
     let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-    let scaled = solution.long_run_covariance(rows, &weights, method);
+    let scaled = solution.long_run_covariance(&equations.joints, &weights, method);
     let (std, determined) = solution.certainty(&scaled);
     let scale = &solution.scale;
     let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
@@ -77,8 +78,8 @@ pub fn fit(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result
 ///
 /// # Errors
 /// As for [`fit`].
-pub fn solve(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Vec<f64>, OfflineError> {
-    Ok(weigh(rows, nominal, prior, method)?.solution.x.as_slice().to_vec())
+pub fn solve(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Vec<f64>, OfflineError> {
+    Ok(weigh(equations, nominal, prior, method)?.solution.x.as_slice().to_vec())
 }
 
 /// A solution, and what its own residuals say of the rows.
@@ -88,8 +89,8 @@ struct Weighed {
     correlation: Vec<f64>,
 }
 
-fn weigh(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<Weighed, OfflineError> {
-    let k = nominal.len();
+fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Weighed, OfflineError> {
+    let (k, rows) = (nominal.len(), equations.rows);
     let n = rows.first().map_or(0, |r| r.joints.len());
     if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
         return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
@@ -97,7 +98,7 @@ fn weigh(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<W
     if let Some(joint) = (0..n).find(|j| rows.iter().all(|r| r.count(*j) == 0)) {
         return Err(OfflineError::JointStill { joint });
     }
-    let joints: Vec<Normal> = (0..n).map(|j| Normal::new(rows, j, k, method)).collect();
+    let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
     let x0 = DVector::from_column_slice(nominal);
     let mut noise: Vec<f64> =
         joints.iter().map(|j| (j.torque_square / j.count).sqrt().max(f64::MIN_POSITIVE)).collect();
@@ -107,7 +108,7 @@ fn weigh(rows: &[Rows], nominal: &[f64], prior: f64, method: Method) -> Result<W
         let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
         let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
         for j in 0..n {
-            let residuals: Vec<Vec<f64>> = rows.iter().map(|r| residual(&r.joints[j], solution.x.as_slice())).collect();
+            let residuals = equations.residuals(j, solution.x.as_slice());
             let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
             // A perfect fit (noise-free data) must not make a weight infinite.
             let least = 1e-12 * (joints[j].torque_square / joints[j].count).sqrt();
@@ -167,63 +168,6 @@ fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
     let longest = records.iter().map(Vec::len).max().unwrap_or(0) / 4;
     let correlated = (1..longest).map(|lag| product(lag) / power).take_while(|rho| *rho > 0.05);
     1.0 + 2.0 * correlated.sum::<f64>()
-}
-
-/// Sums of one joint over all records.
-pub(super) struct Normal {
-    count: f64,
-    torque_square: f64,
-    /// DᵀD
-    dd: DMatrix<f64>,
-    /// ZᵀD, ZᵀZ and Zᵀτ; with least squares Z is D.
-    zd: DMatrix<f64>,
-    zz: DMatrix<f64>,
-    zt: DVector<f64>,
-}
-
-impl Normal {
-    pub(super) fn new(rows: &[Rows], joint: usize, k: usize, method: Method) -> Normal {
-        let mut sum = Normal {
-            count: 0.0,
-            torque_square: 0.0,
-            dd: DMatrix::zeros(k, k),
-            zd: DMatrix::zeros(k, k),
-            zz: DMatrix::zeros(k, k),
-            zt: DVector::zeros(k),
-        };
-        let (mut dd, mut zd, mut zz) = (vec![0.0; k * k], vec![0.0; k * k], vec![0.0; k * k]);
-        for rows in rows.iter().map(|r| &r.joints[joint]) {
-            let own = rows.compact(k);
-            let n = own.columns.len();
-            let mut part = vec![0.0; n * n];
-            let mut add = |z: &[f64], d: &[f64], which: Part, sum: &mut [f64]| {
-                part.fill(0.0);
-                add_products(&mut part, 1.0, z, d, n, which);
-                own.spread(&part, sum, k);
-            };
-            add(&own.d, &own.d, Part::Lower, &mut dd);
-            let z = if method == Method::Instrumental {
-                add(&own.z, &own.d, Part::All, &mut zd);
-                add(&own.z, &own.z, Part::Lower, &mut zz);
-                &rows.z
-            } else {
-                &rows.d
-            };
-            for (z, tau) in z.chunks_exact(k).zip(&rows.tau) {
-                axpy(*tau, z, sum.zt.as_mut_slice());
-            }
-            sum.count += rows.tau.len() as f64;
-            sum.torque_square += dot(&rows.tau, &rows.tau);
-        }
-        let whole = |lower: &[f64]| DMatrix::from_fn(k, k, |i, j| lower[i.max(j) * k + i.min(j)]);
-        sum.dd = whole(&dd);
-        (sum.zd, sum.zz) = if method == Method::Instrumental {
-            (DMatrix::from_row_slice(k, k, &zd), whole(&zz))
-        } else {
-            (sum.dd.clone(), sum.dd.clone())
-        };
-        sum
-    }
 }
 
 /// The solved equations, columns scaled to one: `scale` times a scaled value is the value.
@@ -306,13 +250,13 @@ impl Solution {
     }
 
     /// Covariance, scaled, with what the colour of the residuals makes of it.
-    fn long_run_covariance(&self, rows: &[Rows], weights: &[f64], method: Method) -> DMatrix<f64> {
+    pub(super) fn long_run_covariance(&self, joints: &[JointSums], weights: &[f64], method: Method) -> DMatrix<f64> {
         let Solution { x, scale, left, inverse, prior, .. } = self;
-        long_run(rows, weights, &Whole { left, inverse, prior, scale, x }, self.covariance(method), method)
+        long_run(joints, weights, &Whole { left, inverse, prior, scale, x }, self.covariance(method), method)
     }
 
     /// Standard deviations and what decided each value, from the scaled covariance.
-    fn certainty(&self, covariance: &DMatrix<f64>) -> (Vec<f64>, Vec<Determined>) {
+    pub(super) fn certainty(&self, covariance: &DMatrix<f64>) -> (Vec<f64>, Vec<Determined>) {
         let k = self.x.len();
         let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let determined = |i: usize| {

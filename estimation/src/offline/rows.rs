@@ -1,6 +1,5 @@
 //! Filtered rows of one record: regressor, instruments and torque, joint by joint.
 
-use crate::consistency::Reference;
 use crate::dead_zone::slides;
 use crate::linear::dot;
 use rivet_dynamics::{BaseSet, Model};
@@ -51,42 +50,26 @@ pub(super) struct JointRows {
     pub(super) place: Vec<usize>,
 }
 
-/// Rows of one joint without the columns that have nothing to do with it: about half of them.
+/// Rows of one joint with some columns only.
+#[derive(Debug)]
 pub(super) struct Compact {
-    /// The columns that are left.
-    pub(super) columns: Vec<usize>,
+    /// Columns that are left.
+    pub(super) width: usize,
     pub(super) d: Vec<f64>,
     pub(super) z: Vec<f64>,
 }
 
 impl JointRows {
-    /// These rows of `k` columns, compact.
-    pub(super) fn compact(&self, k: usize) -> Compact {
-        let mut used = vec![false; k];
-        for row in self.d.chunks_exact(k).chain(self.z.chunks_exact(k)) {
-            used.iter_mut().zip(row).for_each(|(used, x)| *used |= *x != 0.0);
-        }
-        let columns: Vec<usize> = (0..k).filter(|c| used[*c]).collect();
+    /// These rows of `k` columns, of which `columns` are kept.
+    pub(super) fn compact(&self, k: usize, columns: &[usize]) -> Compact {
         let pick = |m: &[f64]| {
-            let mut picked = Vec::with_capacity(m.len() / k * columns.len());
+            let mut picked = Vec::with_capacity(m.len() / k.max(1) * columns.len());
             for row in m.chunks_exact(k) {
                 picked.extend(columns.iter().map(|c| row[*c]));
             }
             picked
         };
-        Compact { d: pick(&self.d), z: pick(&self.z), columns }
-    }
-}
-
-impl Compact {
-    /// Adds a matrix over the columns that are left to one over all `k`, both row-major.
-    pub(super) fn spread(&self, part: &[f64], all: &mut [f64], k: usize) {
-        let n = self.columns.len();
-        for (row, i) in part.chunks_exact(n.max(1)).zip(&self.columns) {
-            for (x, j) in row.iter().zip(&self.columns) {
-                all[i * k + j] += x;
-            }
-        }
+        Compact { width: columns.len(), d: pick(&self.d), z: pick(&self.z) }
     }
 }
 
@@ -189,16 +172,6 @@ impl Rows {
             result.joints.push(JointRows { d, z, tau, tau_rate, tau_bend, place });
         }
         Ok(result)
-    }
-
-    /// The rows of several records as sums, to judge parameters by.
-    pub fn reference(records: &[Rows]) -> Reference {
-        let (joints, columns) = records.first().map_or((0, 0), |r| (r.joints.len(), r.columns));
-        let mut reference = Reference::new(joints, columns);
-        for (j, rows) in records.iter().flat_map(|r| r.joints.iter().enumerate()) {
-            reference.add(j, &rows.d, &rows.tau);
-        }
-        reference
     }
 
     /// Stretch `part` (from 0) of `parts` of equal time, one after the other.

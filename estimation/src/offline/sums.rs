@@ -1,0 +1,233 @@
+//! The rows of all records as sums, stretch by stretch: read once, solved many times.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::Method;
+use super::rows::{Compact, Rows};
+use crate::consistency::Reference;
+use crate::kernels::{Part, add_products};
+use crate::linear::{axpy, dot};
+
+/// Length of a stretch \[s\] where the records have enough of them.
+const STRETCH_S: f64 = 2.5;
+/// Fewer stretches than this say too little about a variance: they are made shorter.
+const LEAST_STRETCHES: f64 = 16.0;
+
+/// Sums over the rows of one joint in one stretch of time, over the joint's own columns; matrices row-major.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    pub(super) dd: Vec<f64>,
+    pub(super) zd: Vec<f64>,
+    pub(super) zz: Vec<f64>,
+    pub(super) dt: Vec<f64>,
+    pub(super) zt: Vec<f64>,
+    /// Σ τ².
+    pub(super) tt: f64,
+    pub(super) count: f64,
+}
+
+/// Sums of one joint.
+#[derive(Clone, Debug)]
+pub(super) struct JointSums {
+    /// The columns that have anything to do with the joint: about half of them.
+    pub(super) columns: Vec<usize>,
+    /// As many for every joint: the same stretches of time.
+    pub(super) stretches: Vec<Stretch>,
+}
+
+impl JointSums {
+    /// Adds one of the sums over some stretches to a matrix over all `k` columns.
+    pub(super) fn spread(&self, part: &[f64], weight: f64, all: &mut DMatrix<f64>) {
+        for (row, i) in part.chunks_exact(self.columns.len().max(1)).zip(&self.columns) {
+            for (x, j) in row.iter().zip(&self.columns) {
+                all[(*i, *j)] += weight * x;
+            }
+        }
+    }
+
+    /// One of the sums over all stretches, as a matrix or vector over the joint's columns.
+    pub(super) fn total(&self, which: impl Fn(&Stretch) -> &[f64]) -> Vec<f64> {
+        let mut sum = vec![0.0; self.stretches.first().map_or(0, |s| which(s).len())];
+        self.stretches.iter().for_each(|s| axpy(1.0, which(s), &mut sum));
+        sum
+    }
+
+    pub(super) fn torque_square(&self) -> f64 {
+        self.stretches.iter().map(|s| s.tt).sum()
+    }
+
+    pub(super) fn count(&self) -> f64 {
+        self.stretches.iter().map(|s| s.count).sum()
+    }
+}
+
+/// The rows of several records, ready to be solved.
+#[derive(Debug)]
+pub struct Equations<'a> {
+    pub(super) rows: &'a [Rows],
+    pub(super) joints: Vec<JointSums>,
+    /// Rows without the columns that have nothing to do with the joint, `[joint][record]`.
+    compact: Vec<Vec<Compact>>,
+    /// Of a stretch \[s\].
+    length: f64,
+}
+
+impl<'a> Equations<'a> {
+    /// Adds up the rows. Records must have the same columns and joints.
+    pub fn new(rows: &'a [Rows]) -> Equations<'a> {
+        let n = rows.iter().map(|r| r.joints.len()).min().unwrap_or(0);
+        let seconds: f64 = rows.iter().map(Rows::seconds).sum();
+        let length = STRETCH_S.min(seconds / LEAST_STRETCHES);
+        let (mut joints, mut compact) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for j in 0..n {
+            let columns = used_columns(rows, j);
+            let records: Vec<Compact> = rows.iter().map(|r| r.joints[j].compact(r.columns, &columns)).collect();
+            let mut stretches = Vec::new();
+            for (record, own) in rows.iter().zip(&records) {
+                stretches
+                    .extend(ranges(record, j, length).map(|range| Stretch::new(own, &record.joints[j].tau, range)));
+            }
+            joints.push(JointSums { columns, stretches });
+            compact.push(records);
+        }
+        Equations { rows, joints, compact, length }
+    }
+
+    /// Rows of joint `j` of a record in each of its stretches.
+    pub(super) fn ranges<'r>(&self, record: &'r Rows, j: usize) -> impl Iterator<Item = Range<usize>> + 'r {
+        ranges(record, j, self.length)
+    }
+
+    /// Residuals of parameters `x` over the rows of joint `j`, record by record.
+    pub(super) fn residuals(&self, j: usize, x: &[f64]) -> Vec<Vec<f64>> {
+        let columns = &self.joints[j].columns;
+        let own: Vec<f64> = columns.iter().map(|c| x[*c]).collect();
+        let of = |(record, compact): (&Rows, &Compact)| {
+            let each = compact.d.chunks_exact(own.len().max(1)).zip(&record.joints[j].tau);
+            each.map(|(d, tau)| tau - dot(d, &own)).collect()
+        };
+        self.rows.iter().zip(&self.compact[j]).map(of).collect()
+    }
+
+    /// Rows of joint `j` without the columns that have nothing to do with it, record by record.
+    pub(super) fn compact(&self, j: usize) -> &[Compact] {
+        &self.compact[j]
+    }
+
+    /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\], to about 1e-4 %.
+    pub fn residual_percent(&self, x: &[f64]) -> Vec<f64> {
+        let of = |joint: &JointSums| {
+            let own: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
+            let (dd, dt, tt) = (joint.total(|s| &s.dd), joint.total(|s| &s.dt), joint.torque_square());
+            let bent: f64 = dd.chunks_exact(own.len().max(1)).zip(&own).map(|(row, x)| x * dot(row, &own)).sum();
+            100.0 * ((tt - 2.0 * dot(&dt, &own) + bent).max(0.0) / tt.max(f64::MIN_POSITIVE)).sqrt()
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// The rows as sums to judge parameters by.
+    pub fn reference(&self) -> Reference {
+        let k = self.rows.first().map_or(0, |r| r.columns);
+        let mut reference = Reference::new(self.joints.len(), k);
+        for (j, joint) in self.joints.iter().enumerate() {
+            let mut gram = DMatrix::zeros(k, k);
+            joint.spread(&joint.total(|s| &s.dd), 1.0, &mut gram);
+            reference.add_sums(j, &gram, joint.torque_square(), joint.count());
+        }
+        reference
+    }
+}
+
+fn ranges(record: &Rows, j: usize, length_s: f64) -> impl Iterator<Item = Range<usize>> + '_ {
+    let parts = (record.seconds() / length_s).round().max(1.0) as usize;
+    let at = move |part: usize| record.joints[j].place.partition_point(|p| p * parts < part * record.kept);
+    (0..parts).map(move |part| at(part)..at(part + 1))
+}
+
+/// Columns that are not zero everywhere in the rows of joint `j`.
+fn used_columns(rows: &[Rows], j: usize) -> Vec<usize> {
+    let mut used = vec![false; rows.iter().map(|r| r.columns).max().unwrap_or(0)];
+    for record in rows {
+        let joint = &record.joints[j];
+        for row in joint.d.chunks_exact(record.columns).chain(joint.z.chunks_exact(record.columns)) {
+            used.iter_mut().zip(row).for_each(|(used, x)| *used |= *x != 0.0);
+        }
+    }
+    (0..used.len()).filter(|c| used[*c]).collect()
+}
+
+impl Stretch {
+    fn new(own: &Compact, tau: &[f64], range: Range<usize>) -> Stretch {
+        let n = own.width;
+        let (d, z, tau) = (&own.d[range.start * n..range.end * n], &own.z[range.start * n..range.end * n], &tau[range]);
+        let mut sums = Stretch {
+            dd: vec![0.0; n * n],
+            zd: vec![0.0; n * n],
+            zz: vec![0.0; n * n],
+            dt: vec![0.0; n],
+            zt: vec![0.0; n],
+            tt: dot(tau, tau),
+            count: tau.len() as f64,
+        };
+        if n == 0 {
+            return sums;
+        }
+        add_products(&mut sums.dd, 1.0, d, d, n, Part::Lower);
+        add_products(&mut sums.zd, 1.0, z, d, n, Part::All);
+        add_products(&mut sums.zz, 1.0, z, z, n, Part::Lower);
+        for m in [&mut sums.dd, &mut sums.zz] {
+            for i in 0..n {
+                for j in i + 1..n {
+                    m[i * n + j] = m[j * n + i];
+                }
+            }
+        }
+        for ((d, z), tau) in d.chunks_exact(n).zip(z.chunks_exact(n)).zip(tau) {
+            axpy(*tau, d, &mut sums.dt);
+            axpy(*tau, z, &mut sums.zt);
+        }
+        sums
+    }
+
+    /// The side that is multiplied from the left: instruments, or the regressor itself.
+    pub(super) fn left(&self, method: Method) -> (&[f64], &[f64], &[f64]) {
+        match method {
+            Method::Instrumental => (&self.zd, &self.zz, &self.zt),
+            Method::LeastSquares => (&self.dd, &self.dd, &self.dt),
+        }
+    }
+}
+
+/// Sums of one joint over all records, over all columns.
+pub(super) struct Normal {
+    pub(super) count: f64,
+    pub(super) torque_square: f64,
+    /// DᵀD
+    pub(super) dd: DMatrix<f64>,
+    /// ZᵀD, ZᵀZ and Zᵀτ; with least squares Z is D.
+    pub(super) zd: DMatrix<f64>,
+    pub(super) zz: DMatrix<f64>,
+    pub(super) zt: DVector<f64>,
+}
+
+impl Normal {
+    pub(super) fn new(joint: &JointSums, k: usize, method: Method) -> Normal {
+        let matrix = |sum: Vec<f64>| {
+            let mut all = DMatrix::zeros(k, k);
+            joint.spread(&sum, 1.0, &mut all);
+            all
+        };
+        let mut zt = DVector::zeros(k);
+        joint.columns.iter().zip(joint.total(|s| s.left(method).2)).for_each(|(c, x)| zt[*c] = x);
+        Normal {
+            count: joint.count(),
+            torque_square: joint.torque_square(),
+            dd: matrix(joint.total(|s| &s.dd)),
+            zd: matrix(joint.total(|s| s.left(method).0)),
+            zz: matrix(joint.total(|s| s.left(method).1)),
+            zt,
+        }
+    }
+}
