@@ -4,7 +4,7 @@
 //! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
-use crate::linear::packed;
+use crate::linear::{axpy, dot, packed};
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -41,7 +41,7 @@ pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     }
 }
 
-/// `out = T·x` for the whole row-major T (n x n).
+/// `out = T·x` for the whole row-major T, rows as long as x.
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
@@ -60,6 +60,22 @@ pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
         if let Some(out_b) = out_b {
             *out_b = sum[1];
         }
+    }
+}
+
+/// `out = T·x`, T row-major with rows as long as x.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn times(t: &[f64], x: &[f64], out: &mut [f64]) {
+    for (out, row) in out.iter_mut().zip(t.chunks_exact(x.len())) {
+        *out = dot(row, x);
+    }
+}
+
+/// `out ← out + Tᵀ·x`, T row-major with rows as long as `out`.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
+    for (row, x) in t.chunks_exact(out.len()).zip(x) {
+        axpy(*x, row, out);
     }
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct Known<'a> {
     pub(crate) variance: f64,
     /// Standard deviation of what is known of each scaled parameter, as thresholds count it \[torque-noise sigma\].
     pub(crate) belief: &'a [f64],
+    /// The same without caution: how far a held parameter may be off.
+    pub(crate) width: &'a [f64],
     /// Coordinates of the information, if they are not the scaled parameters themselves.
     pub(crate) whitening: Option<&'a Whitening>,
 }

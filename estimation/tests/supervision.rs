@@ -15,7 +15,7 @@ const TRACKED: Supervision = Supervision::Tracked(TrackedSettings {
     hysteresis: 0.7,
     relevance: 0.3,
     dwell: 20,
-    rounds: 1,
+    rounds: 5,
     deflation: true,
 });
 

@@ -18,7 +18,7 @@ const HELD_SHARE: f64 = 0.25;
 const VARIANCE_SLACK: f64 = 2.0;
 
 /// Standard deviations that the tracked scheme refreshes with each row.
-const TRACKED_DEVIATIONS: usize = 4;
+const TRACKED_DEVIATIONS: usize = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
@@ -426,9 +426,9 @@ impl Estimator {
         if let Judge::Tracked(_) = self.cycle.judge {
             for _ in 0..2 {
                 let variance = self.row_variance();
-                let Cycle { judge, belief, .. } = &mut self.cycle;
+                let Cycle { judge, belief, width, .. } = &mut self.cycle;
                 if let Judge::Tracked(scheme) = judge {
-                    scheme.align(Known { variance, belief, whitening: self.whitening.as_ref() });
+                    scheme.align(Known { variance, belief, width, whitening: self.whitening.as_ref() });
                 }
                 self.follow_tracked(self.n);
             }
@@ -486,9 +486,9 @@ impl Estimator {
         self.cycle.variance = self.row_variance();
         self.cycle.fresh = false;
         self.excitations();
-        let Cycle { judge, variance, belief, x, active, verdict, .. } = &mut self.cycle;
+        let Cycle { judge, variance, belief, width, x, active, verdict, .. } = &mut self.cycle;
         let Judge::Tracked(scheme) = judge else { return };
-        let known = Known { variance: *variance, belief, whitening: self.whitening.as_ref() };
+        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
         let moved = scheme.solve(known, x, active, verdict);
         self.cycle.solved = moved;
         self.verdict = self.cycle.verdict;
@@ -500,8 +500,8 @@ impl Estimator {
     }
 
     fn judge(&mut self) -> bool {
-        let Cycle { judge, s, variance, belief, active, verdict, .. } = &mut self.cycle;
-        let known = Known { variance: *variance, belief, whitening: self.whitening.as_ref() };
+        let Cycle { judge, s, variance, belief, width, active, verdict, .. } = &mut self.cycle;
+        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
         judge.advance(s, known, active, verdict)
     }
 

@@ -1,25 +1,26 @@
 //! A basis that follows the information of the instruments by Jacobi rotations (paper, 3.2.4).
 //!
-//! `E = V·S·Vᵀ` stays nearly diagonal while S is a moving window: each round rotates disjoint pairs of directions so that
-//! the entry between the two vanishes (Jacobi 1846), `n − 1` rounds meet every pair once (the circle method of round-robin
-//! tournaments; Brent & Luk 1985), and the basis goes on from one period to the next instead of beginning anew. The
-//! members of a pair lie half a matrix apart, and results are written where the next round wants them: loops run along
-//! rows. Number and order of operations do not depend on the numbers.
+//! `E = V·S·Vᵀ` stays nearly diagonal while S is a moving window: each round turns disjoint pairs of neighbours so that the
+//! entry between the two vanishes (Jacobi 1846) and exchanges their places. Pairs begin at even places in one round and at
+//! odd ones in the next, so n rounds bring every pair together once (odd-even ordering; Stewart 1985, Luk & Park 1989), and
+//! the basis goes on from one row to the next instead of beginning anew. Everything happens in place, along rows. Number
+//! and order of operations do not depend on the numbers.
 
-use crate::kernels::{Lanes, Part, add_products, full_times};
-use crate::linear::{axpy, dot};
+use crate::kernels::{Lanes, Part, add_products, full_times, times};
+use crate::linear::axpy;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
 /// An entry counts as zero below this share of the geometric mean of its diagonal.
 const NEGLIGIBLE: f64 = 1e-15;
+/// Columns that are turned at once.
+const BLOCK: usize = 4;
 
-/// Tracked basis and the sums in it. An odd n gets one coordinate beside, which stays zero.
+/// Tracked basis and the sums in it. Rows are padded with zeros to `stride`.
 #[derive(Clone, Debug)]
 pub(crate) struct Rotations {
     n: usize,
-    /// n, made even: length of all rows.
-    width: usize,
+    stride: usize,
     /// Row k is direction k, in working coordinates.
     v: Vec<f64>,
     /// V·S·Vᵀ
@@ -28,80 +29,95 @@ pub(crate) struct Rotations {
     a: Vec<f64>,
     /// V·y
     b: Vec<f64>,
-    cosine: Vec<f64>,
-    sine: Vec<f64>,
-    pair: Vec<f64>,
-    spare: Vec<f64>,
+    /// Whether pairs of the next round begin at place 1.
+    odd: bool,
+    turn: Turn,
     lanes: [Vec<Lanes>; 2],
     rows: [Vec<f64>; 2],
+    spare: Vec<f64>,
+    shares: Vec<f64>,
     /// Which row is orthonormalised next.
     next: usize,
     /// Largest deviation from orthonormal that a row had before it was put right.
     deviation: f64,
 }
 
-/// Where the next round wants place k of `width`: place 0 stays, all others go around the circle.
-pub(crate) fn destination(k: usize, width: usize) -> usize {
-    let half = width / 2;
-    if k == 0 || half == 1 {
-        k
-    } else if k < half {
-        if k + 1 == half { width - 1 } else { k + 1 }
-    } else if k == half {
-        1
-    } else {
-        k - 1
-    }
+/// One round: what every entry of a row is multiplied by, and its neighbour's for it.
+#[derive(Clone, Debug)]
+struct Turn {
+    /// Place of the first pair, and number of pairs.
+    first: usize,
+    pairs: usize,
+    own: Vec<f64>,
+    other: Vec<f64>,
 }
 
 impl Rotations {
     pub(crate) fn new(n: usize, p: usize) -> Rotations {
-        let width = n.next_multiple_of(2);
-        let square = || vec![0.0; width * width];
+        // Blocks begin at place 0 or 1; the last one must end inside the row.
+        let stride = (n.saturating_sub(1).next_multiple_of(BLOCK) + 1).next_multiple_of(BLOCK);
+        let square = || vec![0.0; n * stride];
+        let row = || vec![0.0; stride];
         let mut rotations = Rotations {
             n,
-            width,
+            stride,
             v: square(),
             e: square(),
             a: square(),
-            b: vec![0.0; width],
-            cosine: vec![0.0; width / 2],
-            sine: vec![0.0; width / 2],
-            pair: vec![0.0; 2 * width],
-            spare: square(),
-            lanes: [vec![Lanes::default(); width], vec![Lanes::default(); width]],
-            rows: [vec![0.0; p * width], vec![0.0; p * width]],
+            b: row(),
+            odd: false,
+            turn: Turn { first: 0, pairs: 0, own: row(), other: row() },
+            lanes: [vec![Lanes::default(); stride], vec![Lanes::default(); n]],
+            rows: [vec![0.0; p * stride], vec![0.0; p * stride]],
+            spare: row(),
+            shares: row(),
             next: 0,
             deviation: 0.0,
         };
-        for k in 0..width {
-            rotations.v[k * width + k] = 1.0;
+        for k in 0..n {
+            rotations.v[k * stride + k] = 1.0;
         }
         rotations
     }
 
-    pub(crate) fn width(&self) -> usize {
-        self.width
+    /// Length of all rows, n and zeros.
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
     }
 
-    /// Direction k: n entries, then at most one zero.
+    /// Direction k: n entries.
     pub(crate) fn direction(&self, k: usize) -> &[f64] {
-        &self.v[k * self.width..k * self.width + self.n]
+        &self.v[k * self.stride..k * self.stride + self.n]
     }
 
-    /// Row k of V·S·Vᵀ.
+    /// All directions, one a padded row.
+    pub(crate) fn directions(&self) -> &[f64] {
+        &self.v
+    }
+
+    /// Row k of V·S·Vᵀ, padded.
     pub(crate) fn information(&self, k: usize) -> &[f64] {
-        &self.e[k * self.width..(k + 1) * self.width]
+        &self.e[k * self.stride..(k + 1) * self.stride]
+    }
+
+    /// V·S·Vᵀ in padded rows.
+    pub(crate) fn all_information(&self) -> &[f64] {
+        &self.e
     }
 
     /// `v_k·S·v_k`
     pub(crate) fn diagonal(&self, k: usize) -> f64 {
-        self.e[k * self.width + k]
+        self.e[k * self.stride + k]
     }
 
-    /// Row k of V·M·Vᵀ.
+    /// Row k of V·M·Vᵀ, padded.
     pub(crate) fn cross(&self, k: usize) -> &[f64] {
-        &self.a[k * self.width..(k + 1) * self.width]
+        &self.a[k * self.stride..(k + 1) * self.stride]
+    }
+
+    /// V·M·Vᵀ in padded rows.
+    pub(crate) fn all_cross(&self) -> &[f64] {
+        &self.a
     }
 
     /// V·y
@@ -124,81 +140,74 @@ impl Rotations {
 
     /// `E ← λE + Σ z·zᵀ`, `A ← λA + Σ z·dᵀ`, `b ← λb + Σ z·τ` over rows z, d (n entries each, working coordinates).
     pub(crate) fn add(&mut self, lambda: f64, z: &[f64], d: &[f64], tau: &[f64]) {
-        let (n, width) = (self.n, self.width);
+        let (n, stride) = (self.n, self.stride);
         for (rows, out) in [z, d].into_iter().zip(&mut self.rows) {
             let [before, after] = &mut self.lanes;
             for (lane, row) in rows.chunks_exact(n).enumerate().take(MAX_JOINTS) {
                 before.iter_mut().zip(row).for_each(|(lanes, x)| lanes[lane] = *x);
             }
             full_times(&self.v, before, after);
-            for (lane, row) in out.chunks_exact_mut(width).enumerate() {
+            for (lane, row) in out.chunks_exact_mut(stride).enumerate() {
                 row.iter_mut().zip(after.iter()).for_each(|(x, lanes)| *x = lanes[lane]);
             }
         }
         let [z, d] = &self.rows;
-        add_products(&mut self.e, lambda, z, z, width, Part::All);
-        add_products(&mut self.a, lambda, z, d, width, Part::All);
+        add_products(&mut self.e, lambda, z, z, stride, Part::All);
+        add_products(&mut self.a, lambda, z, d, stride, Part::All);
         self.b.iter_mut().for_each(|b| *b *= lambda);
-        for (z, tau) in z.chunks_exact(width).zip(tau) {
+        for (z, tau) in z.chunks_exact(stride).zip(tau) {
             axpy(*tau, z, &mut self.b);
         }
     }
 
-    /// One round: every pair is rotated, then all places move on to where [`destination`] says.
-    pub(crate) fn round(&mut self) {
-        let (width, half) = (self.width, self.width / 2);
-        if width < 2 {
-            return;
+    /// One round: every pair is rotated, and its two change places. Returns the places of the pairs: the first of each.
+    pub(crate) fn round(&mut self) -> impl Iterator<Item = usize> + use<> {
+        let first = usize::from(self.odd);
+        self.odd = !self.odd;
+        let pairs = self.n.saturating_sub(first) / 2;
+        let Rotations { turn, v, e, a, b, stride, .. } = self;
+        (turn.first, turn.pairs) = (first, pairs);
+        turn.own.fill(1.0);
+        turn.other.fill(0.0);
+        for k in (first..).step_by(2).take(pairs) {
+            let (c, s) = rotation(e[k * *stride + k], e[(k + 1) * *stride + k + 1], e[k * *stride + k + 1]);
+            // Exchanged: the first becomes s·first + c·second, the second c·first − s·second.
+            (turn.own[k], turn.other[k]) = (s, c);
+            (turn.own[k + 1], turn.other[k + 1]) = (-s, c);
         }
-        for k in 0..half {
-            let (p, q, g) = (self.diagonal(k), self.diagonal(k + half), self.e[k * width + k + half]);
-            let (c, s) = rotation(p, q, g);
-            (self.cosine[k], self.sine[k]) = (c, s);
-        }
-        let Rotations { cosine, sine, pair, spare, v, e, a, b, .. } = self;
-        for matrix in [e, a] {
-            rotate_both(matrix, spare, cosine, sine, pair);
-            std::mem::swap(matrix, spare);
-        }
-        rotate_rows(v, spare, cosine, sine);
-        std::mem::swap(v, spare);
-        rotate_columns(b, &mut pair[..width], cosine, sine);
-        b.copy_from_slice(&pair[..width]);
+        turn_both(e, turn);
+        turn_both(a, turn);
+        turn_rows(v, turn);
+        turn_columns(b, turn);
+        (first..).step_by(2).take(pairs)
     }
 
     /// Puts one row right: rounding takes V away from orthonormal by about 1e-16 a rotation.
     pub(crate) fn orthonormalise_one(&mut self) {
-        let (width, k) = (self.width, self.next);
-        self.next = if k + 1 == width { 0 } else { k + 1 };
-        let Rotations { v, pair, .. } = self;
-        let row = &mut pair[..width];
-        row.copy_from_slice(&v[k * width..(k + 1) * width]);
-        let mut worst = 0.0_f64;
-        for (j, other) in v.chunks_exact(width).enumerate() {
-            let share = dot(other, &v[k * width..(k + 1) * width]);
-            if j == k {
-                worst = worst.max((share - 1.0).abs());
-            } else {
-                worst = worst.max(share.abs());
-                axpy(-share, other, row);
-            }
+        let (n, stride, k) = (self.n, self.stride, self.next);
+        self.next = if k + 1 == n { 0 } else { k + 1 };
+        let Rotations { v, spare, shares, .. } = self;
+        spare.copy_from_slice(&v[k * stride..(k + 1) * stride]);
+        times(v, spare, shares);
+        let mut worst = (shares[k] - 1.0).abs();
+        shares[k] = 0.0;
+        for (share, other) in shares.iter().zip(v.chunks_exact(stride)) {
+            worst = worst.max(share.abs());
+            axpy(-share, other, spare);
         }
-        let length = dot(row, row).sqrt();
+        let length = crate::linear::dot(spare, spare).sqrt();
         if length > 0.5 {
             let scale = 1.0 / length;
-            for x in row.iter_mut() {
-                *x *= scale;
+            for (x, spare) in v[k * stride..(k + 1) * stride].iter_mut().zip(spare.iter()) {
+                *x = scale * spare;
             }
-            v[k * width..(k + 1) * width].copy_from_slice(row);
         }
         self.deviation = self.deviation.max(worst);
     }
 
-    /// `V·x` for x in working coordinates (n entries).
+    /// `V·x` for x in working coordinates, padded like the result.
     pub(crate) fn shares(&self, x: &[f64], out: &mut [f64]) {
-        for (out, v) in out.iter_mut().zip(self.v.chunks_exact(self.width)) {
-            *out = dot(&v[..self.n], x);
-        }
+        times(&self.v, x, out);
     }
 }
 
@@ -212,66 +221,68 @@ fn rotation(p: f64, q: f64, g: f64) -> (f64, f64) {
     (c, c * t)
 }
 
-/// Columns of one row: pairs lie half a row apart; written to their destinations.
+/// Two pairs of neighbours: own and other share of each.
 #[inline(always)]
-fn rotate_columns(row: &[f64], out: &mut [f64], cosine: &[f64], sine: &[f64]) {
-    let width = row.len();
-    let half = width / 2;
-    let (low, high) = row.split_at(half);
-    let (out_low, out_high) = out.split_at_mut(half);
-    let (cosine, sine, low, high) = (&cosine[..half], &sine[..half], &low[..half], &high[..half]);
-    let first = cosine[0] * low[0] - sine[0] * high[0];
-    let (last_low, first_high) =
-        (cosine[half - 1] * low[half - 1] - sine[half - 1] * high[half - 1], sine[0] * low[0] + cosine[0] * high[0]);
-    if half == 1 {
-        (out[0], out[1]) = (first, first_high);
-        return;
-    }
-    // Low places move up by one, high ones down by one; the ends change sides.
-    out_low[0] = first;
-    out_low[1] = first_high;
-    for (k, out) in out_low[2..].iter_mut().enumerate() {
-        *out = cosine[k + 1] * low[k + 1] - sine[k + 1] * high[k + 1];
-    }
-    for (k, out) in out_high[..half - 1].iter_mut().enumerate() {
-        *out = sine[k + 1] * low[k + 1] + cosine[k + 1] * high[k + 1];
-    }
-    out_high[half - 1] = last_low;
+fn turn_block(x: [f64; BLOCK], own: &[f64; BLOCK], other: &[f64; BLOCK]) -> [f64; BLOCK] {
+    [
+        own[0] * x[0] + other[0] * x[1],
+        own[1] * x[1] + other[1] * x[0],
+        own[2] * x[2] + other[2] * x[3],
+        own[3] * x[3] + other[3] * x[2],
+    ]
 }
 
-#[multiversion(targets("x86_64+avx+avx2"))]
-fn rotate_both(matrix: &[f64], out: &mut [f64], cosine: &[f64], sine: &[f64], pair: &mut [f64]) {
-    let half = cosine.len();
-    let width = 2 * half;
-    let (first, second) = pair.split_at_mut(width);
-    let second = &mut second[..width];
-    for k in 0..half {
-        let (c, s) = (cosine[k], sine[k]);
-        let (low, high) = (&matrix[k * width..(k + 1) * width], &matrix[(k + half) * width..(k + half + 1) * width]);
-        for (((x, y), low), high) in first.iter_mut().zip(second.iter_mut()).zip(low).zip(high) {
-            (*x, *y) = (c * low - s * high, s * low + c * high);
-        }
-        for (row, place) in [(&*first, k), (&*second, k + half)] {
-            let to = destination(place, width);
-            rotate_columns(row, &mut out[to * width..(to + 1) * width], cosine, sine);
-        }
+#[inline(always)]
+fn turn_columns(row: &mut [f64], turn: &Turn) {
+    let first = turn.first;
+    let shares = turn.own[first..].as_chunks().0.iter().zip(turn.other[first..].as_chunks().0);
+    for (x, (own, other)) in row[first..].as_chunks_mut::<BLOCK>().0.iter_mut().zip(shares) {
+        *x = turn_block(*x, own, other);
     }
 }
 
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn rotate_rows(matrix: &[f64], out: &mut [f64], cosine: &[f64], sine: &[f64]) {
-    let half = cosine.len();
-    let width = 2 * half;
-    for k in 0..half {
-        let (c, s) = (cosine[k], sine[k]);
-        let (low, high) = (&matrix[k * width..(k + 1) * width], &matrix[(k + half) * width..(k + half + 1) * width]);
-        let to = destination(k, width);
-        for ((out, low), high) in out[to * width..(to + 1) * width].iter_mut().zip(low).zip(high) {
-            *out = c * low - s * high;
+fn turn_both(matrix: &mut [f64], turn: &Turn) {
+    let stride = turn.own.len();
+    let (alone, pairs) = matrix.split_at_mut(turn.first * stride);
+    for row in alone.chunks_exact_mut(stride) {
+        turn_columns(row, turn);
+    }
+    let mut pairs = pairs.chunks_exact_mut(2 * stride);
+    for (k, rows) in pairs.by_ref().enumerate() {
+        let place = turn.first + 2 * k;
+        let (s, c) = (turn.own[place], turn.other[place]);
+        let (upper, lower) = rows.split_at_mut(stride);
+        if turn.first == 1 {
+            (upper[0], lower[0]) = (s * upper[0] + c * lower[0], c * upper[0] - s * lower[0]);
         }
-        let to = destination(k + half, width);
-        for ((out, low), high) in out[to * width..(to + 1) * width].iter_mut().zip(low).zip(high) {
-            *out = s * low + c * high;
+        let first = turn.first;
+        let shares = turn.own[first..].as_chunks().0.iter().zip(turn.other[first..].as_chunks().0);
+        let blocks = upper[first..].as_chunks_mut::<BLOCK>().0.iter_mut();
+        for ((x, y), (own, other)) in blocks.zip(lower[first..].as_chunks_mut::<BLOCK>().0).zip(shares) {
+            let (mut u, mut w) = ([0.0; BLOCK], [0.0; BLOCK]);
+            for i in 0..BLOCK {
+                u[i] = s * x[i] + c * y[i];
+                w[i] = c * x[i] - s * y[i];
+            }
+            *x = turn_block(u, own, other);
+            *y = turn_block(w, own, other);
+        }
+    }
+    for row in pairs.into_remainder().chunks_exact_mut(stride) {
+        turn_columns(row, turn);
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn turn_rows(matrix: &mut [f64], turn: &Turn) {
+    let stride = turn.own.len();
+    for (k, rows) in matrix[turn.first * stride..].chunks_exact_mut(2 * stride).enumerate() {
+        let place = turn.first + 2 * k;
+        let (s, c) = (turn.own[place], turn.other[place]);
+        let (upper, lower) = rows.split_at_mut(stride);
+        for (x, y) in upper.iter_mut().zip(lower) {
+            (*x, *y) = (s * *x + c * *y, c * *x - s * *y);
         }
     }
 }
@@ -279,6 +290,7 @@ fn rotate_rows(matrix: &[f64], out: &mut [f64], cosine: &[f64], sine: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linear::dot;
     use crate::linear::tests::Random;
 
     fn rows(random: &mut Random, n: usize, rank: usize) -> Vec<f64> {
@@ -286,29 +298,25 @@ mod tests {
     }
 
     fn off_diagonal(r: &Rotations) -> f64 {
-        let square: f64 = (0..r.width).map(|i| dot(r.information(i), r.information(i)) - r.diagonal(i).powi(2)).sum();
+        let square: f64 = (0..r.n).map(|i| dot(r.information(i), r.information(i)) - r.diagonal(i).powi(2)).sum();
         square.max(0.0).sqrt()
     }
 
-    /// Every pair of places meets once in a sweep, and after it everybody is back.
+    /// n rounds bring every pair of directions together once, for even and odd n.
     #[test]
     fn a_sweep_meets_every_pair_once() {
-        for width in [2, 4, 6, 58, 60] {
-            let mut at: Vec<usize> = (0..width).collect();
+        for n in [1, 2, 3, 4, 7, 58, 61] {
+            let mut r = Rotations::new(n, 1);
+            let mut at: Vec<usize> = (0..n).collect();
             let mut met = std::collections::BTreeSet::new();
-            for _ in 0..width - 1 {
-                for k in 0..width / 2 {
-                    let (p, q) = (at[k], at[k + width / 2]);
-                    assert!(met.insert((p.min(q), p.max(q))), "{width}: {p} and {q} meet twice");
+            for _ in 0..n {
+                for k in r.round() {
+                    let (p, q) = (at[k], at[k + 1]);
+                    assert!(met.insert((p.min(q), p.max(q))), "{n}: {p} and {q} meet twice");
+                    at.swap(k, k + 1);
                 }
-                let mut next = vec![0; width];
-                for k in 0..width {
-                    next[destination(k, width)] = at[k];
-                }
-                at = next;
             }
-            assert_eq!(met.len(), width * (width - 1) / 2);
-            assert_eq!(at, (0..width).collect::<Vec<_>>());
+            assert_eq!(met.len(), n * (n - 1) / 2);
         }
     }
 
@@ -339,21 +347,21 @@ mod tests {
                         y[i] += z[i] * tau[k];
                     }
                 }
-                r.round();
+                r.round().for_each(drop);
                 r.orthonormalise_one();
             }
             for _ in 0..10 * n {
-                r.round();
+                r.round().for_each(drop);
             }
             let scale: f64 = (0..n).map(|i| s[i * n + i]).sum();
             assert!(off_diagonal(&r) < 1e-12 * scale, "{n}: {}", off_diagonal(&r) / scale);
             let mut image = vec![0.0; n];
-            for i in (0..r.width).filter(|&i| r.direction(i).iter().any(|x| *x != 0.0)) {
+            for i in 0..n {
                 for (matrix, row) in [(&s, r.information(i)), (&m, r.cross(i))] {
                     for (k, image) in image.iter_mut().enumerate() {
                         *image = (0..n).map(|l| r.direction(i)[l] * matrix[l * n + k]).sum();
                     }
-                    for j in 0..r.width {
+                    for j in 0..n {
                         let expected = dot(&image, r.direction(j));
                         assert!((row[j] - expected).abs() < 1e-11 * scale, "{n} {i} {j}: {} {expected}", row[j]);
                     }
@@ -376,7 +384,7 @@ mod tests {
                     let z = rows(&mut random, n, 2);
                     r.add(0.9, &z, &z, &[0.0; 2]);
                 }
-                r.round();
+                r.round().for_each(drop);
                 if keep {
                     r.orthonormalise_one();
                 }
