@@ -298,7 +298,8 @@ pub const KEYS: &[Key] = &[
         "Relative standard deviation of the nominal parameters at the start; large is weak."),
 
     key("supervision", "kind", Choice(&["tracked", "eigen", "columns", "off"]), "", Bounds::None, Fallback::Text("eigen"),
-        "By directions that follow the information from sample to sample; by its eigenvalues and eigenvectors of the information; by its column norms, angles, trace and condition number; or not at all."),
+        "By directions that follow the information from sample to sample; by the eigenvalues and eigenvectors of the information; by its \
+         column norms, angles, trace and condition number; or not at all."),
     key("supervision", "tolerance", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.5),
         "`tracked`, `eigen`, `columns`: a direction moves once its standard deviation, as torque on a reference workload, is below this many \
          standard deviations of the torque noise."),
@@ -308,8 +309,8 @@ pub const KEYS: &[Key] = &[
         "`tracked`, `eigen`: a direction moves only while measured and instrument motion agree within this factor and its inverse; 0 is no guard."),
     key("supervision", "dwell", Integer, "samples", Within(0.0, 100_000.0), Fallback::Integer(20),
         "`tracked`: a direction that has come to be held stays so for at least this many samples after decimation."),
-    key("supervision", "rounds", Integer, "-", Within(1.0, 64.0), Fallback::Integer(5),
-        "`tracked`: rounds of rotations from row to row; as many as there are parameters turn the directions after any change."),
+    key("supervision", "rounds", Integer, "-", Within(1.0, 64.0), Fallback::Integer(10),
+        "`tracked`: rounds of rotations from one decision to the next (every thousandth of the window, at most with every row); as many as there are parameters turn the directions after any change."),
     key("supervision", "min_angle", Number, "rad", Within(0.0, 1.5), Fallback::Number(0.0873),
         "`columns`: two parameters whose columns enclose less than this angle do not both move."),
     key("supervision", "max_condition", Number, "-", Within(100.0, 1e16), Fallback::Number(1e8),

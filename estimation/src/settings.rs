@@ -218,7 +218,8 @@ pub struct TrackedSettings {
     pub relevance: f64,
     /// A direction that has come to be held stays so for at least this many rows; 0 to 100 000.
     pub dwell: u32,
-    /// Rounds of rotations from row to row, 1 to 64; one round turns every direction once.
+    /// Rounds of rotations from one decision to the next, 1 to 64; one round turns every direction once. A decision is made
+    /// every thousandth of the window, with every row at the most.
     pub rounds: usize,
     /// Whether information that a direction may owe to a stronger one, because the basis lags, is taken off.
     pub deflation: bool,
@@ -226,7 +227,7 @@ pub struct TrackedSettings {
 
 impl Default for TrackedSettings {
     fn default() -> Self {
-        TrackedSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3, dwell: 20, rounds: 5, deflation: true }
+        TrackedSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3, dwell: 20, rounds: 10, deflation: true }
     }
 }
 

@@ -15,7 +15,7 @@ const TRACKED: Supervision = Supervision::Tracked(TrackedSettings {
     hysteresis: 0.7,
     relevance: 0.3,
     dwell: 20,
-    rounds: 5,
+    rounds: 10,
     deflation: true,
 });
 

@@ -22,8 +22,8 @@ pub(crate) struct Args {
     /// Number of seeds.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
-    /// Rounds of rotations of the tracked scheme from row to row.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=64))]
+    /// Rounds of rotations of the tracked scheme from one decision to the next.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=64))]
     rounds: u16,
     /// Hysteresis of the tracked scheme.
     #[arg(long, default_value_t = 0.7)]

@@ -17,8 +17,8 @@ const HELD_SHARE: f64 = 0.25;
 /// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
 const VARIANCE_SLACK: f64 = 2.0;
 
-/// Standard deviations that the tracked scheme refreshes with each row.
-const TRACKED_DEVIATIONS: usize = 2;
+/// Standard deviations that the tracked scheme refreshes with each of its steps.
+const TRACKED_DEVIATIONS: usize = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {

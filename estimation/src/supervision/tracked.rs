@@ -30,7 +30,7 @@ const CANCEL: f64 = 8.0;
 /// While the basis lags, directions that are held leave entries in the rows of those that move, and their error comes in:
 /// its variance, over what the direction may have. 1 held a heavy arm too long; with 10 the first seconds of a light one
 /// burst.
-const LAG_SLACK: f64 = 4.0;
+const LAG_SLACK: f64 = 2.0;
 /// A direction that moves already may owe this many times more to held ones.
 const LAG_HYSTERESIS: f64 = 4.0;
 /// Each time a direction breaks its promise it rests twice as long as before, at most 2 to this power times the dwell.
@@ -38,9 +38,14 @@ const MOST_STRIKES: u32 = 6;
 /// A direction that has moved for this many dwells is trusted again.
 const TRUST: u32 = 8;
 /// How many directions a step weighs against what is known already.
-const WEIGHED: usize = 3;
+const WEIGHED: usize = 12;
 /// Periods that a step waits for at most, from its rows on.
 const LONGEST_WAIT: u32 = 64;
+/// Steps in one time constant of the window, if there are as many rows.
+const STEPS: f64 = 1000.0;
+/// Rows from step to step at most, and where nothing is forgotten.
+const MOST_ROWS: f64 = 64.0;
+const ROWS_FOR_EVER: f64 = 1.0;
 /// Sweeps that bring any basis to the information, for use off the real-time path.
 const SWEEPS: usize = 8;
 
@@ -84,16 +89,20 @@ pub(crate) struct Tracked {
     residual: Vec<f64>,
     scratch: Vec<f64>,
     next: usize,
-    /// Rows came in that no step has used; periods since they did, and usually from rows to rows; rounds since then.
-    pending: bool,
+    /// Rows from step to step, and how many have come in since the last one.
+    rows: u32,
+    pending: u32,
+    /// Periods since the last row, and from row to row.
     since: u32,
     interval: u32,
+    /// Rounds since the last step.
     rounds: u32,
 }
 
 impl Tracked {
-    /// For n parameters and p rows.
-    pub(crate) fn new(n: usize, p: usize, settings: TrackedSettings) -> Tracked {
+    /// For n parameters, p rows at a time and the weight `lambda` of the past.
+    pub(crate) fn new(n: usize, p: usize, settings: TrackedSettings, lambda: f64) -> Tracked {
+        let rows = if lambda < 1.0 { 1.0 / ((1.0 - lambda) * STEPS) } else { ROWS_FOR_EVER };
         let basis = Rotations::new(n, p);
         let stride = basis.stride();
         let zeros = || vec![0.0; stride];
@@ -113,7 +122,8 @@ impl Tracked {
             residual: zeros(),
             scratch: zeros(),
             next: 0,
-            pending: false,
+            rows: rows.round().clamp(1.0, MOST_ROWS) as u32,
+            pending: 0,
             since: 0,
             interval: LONGEST_WAIT,
             rounds: 0,
@@ -134,32 +144,39 @@ impl Tracked {
             (direction.allowed, direction.width) = (self.settings.tolerance.powi(2), 0.0);
         }
         self.next = 0;
-        self.pending = false;
+        self.pending = 0;
     }
 
     /// Takes in rows (working coordinates).
     pub(crate) fn add(&mut self, lambda: f64, z: &[f64], d: &[f64], tau: &[f64]) {
         self.interval = self.since.clamp(1, LONGEST_WAIT);
-        if self.pending {
+        if self.pending >= self.rows {
             // Sooner than expected: the step is due at once.
             self.interval = 1;
         }
-        (self.pending, self.since, self.rounds) = (true, 0, 0);
+        if self.pending == 0 {
+            self.rounds = 0;
+        }
+        (self.pending, self.since) = (self.pending.saturating_add(1), 0);
         self.basis.add(lambda, z, d, tau);
     }
 
-    /// Turns the basis after the information, once a period: the rounds of a row are spread over the periods until the
-    /// next. True when it is time to [`solve`](Self::solve): in the last period before the next rows, because what has
-    /// turned furthest sees best.
+    /// Turns the basis after the information, once a period: the rounds of a step are spread over the periods until it. True
+    /// when it is time to [`solve`](Self::solve): in the last period before the next rows, because what has turned furthest
+    /// sees best.
     pub(crate) fn turn(&mut self) -> bool {
         self.since = self.since.saturating_add(1);
-        let most = self.settings.rounds as u32;
-        let due = (u64::from(most) * u64::from(self.since)).div_ceil(u64::from(self.interval));
-        while u64::from(self.rounds) < due && self.rounds < most {
+        if self.pending == 0 {
+            return false;
+        }
+        let [rows, pending, since, interval] = [self.rows, self.pending, self.since, self.interval].map(u64::from);
+        let most = self.settings.rounds as u64;
+        let due = (most * ((pending - 1) * interval + since)).div_ceil(rows * interval).min(most);
+        while u64::from(self.rounds) < due {
             self.round();
             self.rounds += 1;
         }
-        let last = self.pending && self.since >= self.interval;
+        let last = pending >= rows && since >= interval;
         if last {
             self.basis.orthonormalise_one();
         }
@@ -198,14 +215,14 @@ impl Tracked {
         verdict: &mut Verdict,
     ) -> bool {
         let n = self.n;
-        self.pending = false;
+        let rows = std::mem::take(&mut self.pending);
         self.weigh(known, WEIGHED);
-        self.judge(known.variance);
+        self.judge(known.variance, rows);
         self.x[..n].copy_from_slice(x);
         self.eliminate(known.variance);
         let sound = self.back_substitute(known.variance);
         for direction in &mut self.directions {
-            direction.moved = if direction.active { direction.moved.saturating_add(1) } else { 0 };
+            direction.moved = if direction.active { direction.moved.saturating_add(rows) } else { 0 };
             if direction.moved > TRUST * self.settings.dwell {
                 direction.strikes = 0;
             }
@@ -253,7 +270,7 @@ impl Tracked {
     /// Which directions the instruments identify. While the basis lags, the diagonal counts information of strong
     /// directions for weak ones (what the entries between them allow is taken off: second-order perturbation), and the
     /// errors of held directions enter those that move.
-    fn judge(&mut self, variance: f64) {
+    fn judge(&mut self, variance: f64, rows: u32) {
         let n = self.n;
         let of = |k: usize| self.basis.diagonal(k);
         let held = |k: usize| if self.directions[k].active { 0.0 } else { self.directions[k].width };
@@ -272,7 +289,7 @@ impl Tracked {
             } else {
                 (variance / direction.allowed, LAG_SLACK)
             };
-            direction.rest = direction.rest.saturating_sub(1);
+            direction.rest = direction.rest.saturating_sub(rows);
             let identified = information > threshold && own > ROUNDING * largest;
             let apart = !self.settings.deflation || held <= owed * direction.allowed * own * own;
             let active = identified && apart && relevant && direction.rest == 0;
