@@ -116,7 +116,9 @@ fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64],
     for (row, d) in rows.iter_mut().zip(d.chunks_exact(n)) {
         *row = d;
     }
-    for i in 0..n {
+    // Columns may be padded with zeros beyond the rows there are.
+    let height = if part == Part::All { m.len() / n } else { n };
+    for i in 0..height {
         let m = match part {
             Part::All => &mut m[i * n..(i + 1) * n],
             Part::Lower => &mut m[i * n..=i * n + i],
