@@ -79,7 +79,7 @@ pub(super) fn log_product(values: impl Iterator<Item = f64>) -> f64 {
     let (mut exponents, mut product) = (0_i64, 1.0);
     for value in values {
         let bits = value.max(f64::MIN_POSITIVE).to_bits();
-        exponents += (bits >> 52) as i64 - 1023;
+        exponents += (bits >> 52).cast_signed() - 1023;
         product *= f64::from_bits(bits & MANTISSA | 1.0_f64.to_bits());
     }
     exponents as f64 * std::f64::consts::LN_2 + product.ln()
