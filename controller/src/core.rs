@@ -13,7 +13,7 @@ use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
     Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, ParameterSource, Parameters,
-    REFUSALS, Setpoint, faults,
+    REFUSALS, SampleClock, Setpoint, faults,
 };
 use std::sync::Arc;
 
@@ -24,6 +24,8 @@ pub enum Skipped {
     Stale,
     /// Fault bits, a wrong joint count or a position that is not finite: the arm's state is not known.
     Invalid,
+    /// Samples come at another rate than the robot file says: velocities and rate limits would be wrong.
+    WrongPeriod,
 }
 
 /// What happened so far, for the log and the tests.
@@ -37,6 +39,8 @@ pub struct Counts {
     pub stale: u64,
     /// Invalid samples.
     pub invalid: u64,
+    /// Samples that came at another rate than the robot file says.
+    pub wrong_period: u64,
     /// Parameter sets that passed the gate.
     pub accepted: u64,
     /// Parameter sets that did not.
@@ -51,6 +55,8 @@ pub struct Counts {
     pub setpoints_limited: u64,
     /// Times the stop reaction began.
     pub stops: u64,
+    /// Times the arm was further from the plan than it may be.
+    pub strayed: u64,
 }
 
 /// The controller's state between two periods.
@@ -60,6 +66,9 @@ pub struct Core {
     recent: Recent,
     sources: Sources,
     output: Output,
+    clock: SampleClock,
+    /// Whether the rate of the samples has been right at some time.
+    confirmed: bool,
     velocity: VelocityFilter,
     limits: SetpointLimits,
     stop: Stop,
@@ -85,6 +94,10 @@ pub struct Core {
     joints: u32,
     /// The torque at which the stop reaction began, while it acts.
     stopping: Option<[f64; MAX_JOINTS]>,
+    /// Periods without a usable sample that have had their command.
+    missed: u64,
+    /// The arm was further from the plan than it may be, and has not come to rest since.
+    strayed: bool,
     tracking: [f64; MAX_JOINTS],
     counts: Counts,
 }
@@ -98,6 +111,16 @@ const RESTART_RUN: u64 = 100;
 
 /// A plan further than this from the arm is not joined \[rad\]: the way there is the planner's to plan.
 const REJOIN: f64 = 0.2;
+
+/// A plan that the arm has come further away from is left \[rad\]: with the drives at their limits feedback no longer brings
+/// the arm back, it may even drive it on. The arm is braked instead, and joins the plan again where that comes near.
+const STRAYED: f64 = 0.5;
+
+/// Time constant with which an arm that has strayed is braked \[s\]: slow enough for the rate limit to follow.
+const BRAKING_S: f64 = 0.1;
+
+/// Speed below which an arm that has strayed counts as standing \[rad/s\].
+const STANDING: f64 = 0.05;
 
 /// Memory of the tracking error that is reported \[s\].
 const TRACKING_S: f64 = 1.0;
@@ -130,6 +153,8 @@ impl Core {
             recent: Recent::new(robot)?,
             sources: Sources::new(&nominal, timeout, settings.return_after as u32, period_s),
             output: Output::new(Limits { torque: robot.config.drive.torque_limit.clone(), step }),
+            clock: SampleClock::new(period_s),
+            confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
             limits: SetpointLimits::of(&robot.model.arm),
             stop: Stop { reaction: settings.stop_reaction, time_s: settings.stop_time_s },
@@ -152,6 +177,8 @@ impl Core {
             seen: LastSeen::default(),
             joints: dof as u32,
             stopping: None,
+            missed: 0,
+            strayed: false,
             tracking: [0.0; MAX_JOINTS],
             counts: Counts::default(),
         })
@@ -213,6 +240,9 @@ impl Core {
 
     fn judge(&mut self, set: &Parameters, sample: &JointState) -> Result<(), Refusal> {
         let n = self.dof;
+        if !self.clock.fits() {
+            return Err(Refusal::OtherPeriod);
+        }
         let newest = Newest { alive: self.sources.alive(), ..self.newest };
         self.gate.check_message(set, newest, sample.seq)?;
         let q = &sample.q[..n];
@@ -301,10 +331,16 @@ impl Core {
             // So long a run of old numbers is a robot controller that was started anew.
             self.last_seq = None;
             self.newest = Newest::default();
+            self.plan = None;
             self.recent.restart();
             self.begin_anew();
         }
         self.stale_run = 0;
+        if !self.clock.take(sample.seq, sample.stamp_ns) {
+            self.counts.wrong_period += 1;
+            return Err(Skipped::WrongPeriod);
+        }
+        self.confirmed |= self.clock.confirmed();
         if !self.sound(sample) {
             self.counts.invalid += 1;
             return Err(Skipped::Invalid);
@@ -313,6 +349,7 @@ impl Core {
         let periods = self.last_seq.map_or(1, |last| sample.seq - last);
         self.counts.passed_over += periods - 1;
         self.last_seq = Some(sample.seq);
+        self.missed = 0;
         if self.stopping.take().is_some() || periods > self.stale_periods {
             self.begin_anew();
         }
@@ -320,7 +357,7 @@ impl Core {
 
         let qd = *self.velocity.update(&sample.q[..n], periods);
         self.seen = LastSeen { q: sample.q, qd };
-        let desired = self.desired(sample);
+        let desired = self.desired(sample, &qd);
         self.blend_parameters();
         let mut tau = [0.0; MAX_JOINTS];
         self.law.torque(&sample.q[..n], &qd[..n], &desired, &self.acting[..self.count], &mut tau[..n]);
@@ -331,15 +368,20 @@ impl Core {
         Ok(self.give(sample.seq, sample.stamp_ns, tau, true))
     }
 
-    /// No usable sample has come for `periods` periods. From the configured number on the stop reaction acts: a command
-    /// for each period, with the number of the last sample answered.
+    /// No usable sample has come for `periods` periods. From the configured number on the stop reaction acts: one command
+    /// for each period, however often it is asked for, with the number of the last sample answered.
     ///
     /// Real-time safe as [`tick`](Self::tick) is.
     pub fn missing(&mut self, periods: u64) -> Option<Command> {
         let seq = self.last_seq?;
-        if periods < self.stale_periods {
+        if !self.clock.fits() && !self.confirmed {
+            // Nothing that was commanded so far was right: the brakes are to stay closed, or to close.
             return None;
         }
+        if periods < self.stale_periods || periods <= self.missed {
+            return None;
+        }
+        self.missed = periods;
         let n = self.dof;
         if self.stopping.is_none() {
             self.counts.stops += 1;
@@ -371,25 +413,29 @@ impl Core {
         self.held = None;
     }
 
-    /// What the arm is to do now: the plan if there is a fresh one near by, else stand where it is.
-    fn desired(&mut self, sample: &JointState) -> Desired {
+    /// What the arm is to do now: the plan if there is one of about this period near by, else stand where it is.
+    fn desired(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
         let n = self.dof;
-        let fresh = self.plan.filter(|(seq, _)| seq.saturating_add(self.stale_periods) >= sample.seq);
-        let Some((_, plan)) = fresh else {
+        // A plan of the future is one of another time, too: a robot controller that was started anew counts from 1.
+        let Some((_, plan)) = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods) else {
             self.following = false;
-            return self.hold(sample);
+            return self.hold(sample, qd);
         };
-        let near = || (0..n).all(|j| (plan.q[j] - sample.q[j]).abs() <= REJOIN);
-        if self.following || near() {
-            self.following = true;
-            self.held = None;
-            plan
-        } else {
-            self.hold(sample)
+        let distance = (0..n).map(|j| (plan.q[j] - sample.q[j]).abs()).fold(0.0, f64::max);
+        if self.following && distance > STRAYED {
+            self.counts.strayed += 1;
+            (self.following, self.strayed, self.held) = (false, true, None);
+        } else if !self.following && !self.strayed && distance <= REJOIN {
+            (self.following, self.held) = (true, None);
         }
+        if self.following { plan } else { self.hold(sample, qd) }
     }
 
-    fn hold(&mut self, sample: &JointState) -> Desired {
+    fn hold(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
+        if self.strayed {
+            self.strayed = qd[..self.dof].iter().any(|qd| qd.abs() > STANDING);
+            return Desired { q: sample.q, qd: *qd, qdd: qd.map(|qd| -qd / BRAKING_S) };
+        }
         Desired { q: *self.held.get_or_insert(sample.q), ..Desired::default() }
     }
 
@@ -426,7 +472,7 @@ impl Core {
             commands: c.commands,
             passed_over: c.passed_over,
             refused_stale: c.stale,
-            refused_invalid: c.invalid,
+            refused_invalid: c.invalid + c.wrong_period,
             stops: c.stops,
             broken: c.broken,
             saturated: c.saturated,
@@ -453,10 +499,14 @@ impl Core {
     }
 
     fn state(&self) -> ControllerState {
+        if !self.clock.fits() {
+            return ControllerState::WrongPeriod;
+        }
         match (self.last_seq, self.stopping.is_some(), self.following) {
             (None, ..) => ControllerState::Waiting,
             (_, true, _) => ControllerState::Stopping,
             (_, _, true) => ControllerState::Following,
+            _ if self.strayed => ControllerState::Strayed,
             _ => ControllerState::Holding,
         }
     }

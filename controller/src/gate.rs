@@ -26,6 +26,9 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::InertiaNotPositive => "the inertia matrix is not positive definite at the present or a stored pose",
         Refusal::TorqueChange => "it would change the present torque by more than [controller] torque_change",
         Refusal::PredictsWorse => "it predicts recent torques worse than what is in use",
+        Refusal::OtherPeriod => {
+            "the sample period is another one: that of the daemon, or the rate at which samples come, is not the robot file's"
+        }
         Refusal::NotJudged => "the arm has not moved enough to tell whether it is better than what is in use",
     }
 }
@@ -50,6 +53,7 @@ pub struct Newest {
 /// Holds what the checks need, prepared.
 pub struct Gate {
     hash: u64,
+    period_s: f64,
     count: usize,
     dof: usize,
     oldest: u64,
@@ -71,6 +75,7 @@ impl Gate {
         }
         Gate {
             hash: robot.hash,
+            period_s: robot.config.sample_period_s,
             count,
             dof,
             oldest: (settings.parameter_timeout_s / robot.config.sample_period_s).ceil() as u64,
@@ -89,6 +94,7 @@ impl Gate {
     pub fn check_message(&self, set: &Parameters, newest: Newest, now: u64) -> Result<(), Refusal> {
         let rules = [
             (set.model_hash == self.hash, Refusal::OtherModel),
+            ((set.sample_period_s / self.period_s - 1.0).abs() < 1e-6, Refusal::OtherPeriod),
             (set.len() == self.count && set.count as usize == self.count, Refusal::WrongCount),
             (set.seq <= now, Refusal::Future),
             (newest.epoch == 0 || set.seq > newest.seq, Refusal::Old),

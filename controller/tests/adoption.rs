@@ -42,6 +42,8 @@ fn every_published_set_has_to_pass_the_gate() {
         cases.push((set, why));
     };
     spoil(Refusal::OtherModel, &|set| set.model_hash ^= 1);
+    spoil(Refusal::OtherPeriod, &|set| set.sample_period_s *= 2.0);
+    spoil(Refusal::OtherPeriod, &|set| set.sample_period_s = f64::NAN);
     spoil(Refusal::WrongCount, &|set| set.count -= 1);
     spoil(Refusal::WrongCount, &|set| set.count = u32::MAX);
     spoil(Refusal::Future, &|set| set.seq = 2501);

@@ -88,12 +88,14 @@ fn integral_action_removes_a_constant_error_and_does_not_wind_up() {
     assert!((per_second - std::f64::consts::TAU * 0.3).abs() < 0.1, "{per_second}");
     // An error that saturates the drive is not taken in.
     for joint in 0..6 {
-        away[joint] = Q[joint] + 3.0;
+        away[joint] = Q[joint] + 0.45;
     }
+    let before = core.counts().saturated;
     for seq in 3001..=9000 {
         core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
         core.tick(&state(seq, &away)).expect("a sound sample");
     }
+    assert!(core.counts().saturated > before + 5000);
     let mut last = 0.0;
     for seq in 9001..=9400 {
         core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
@@ -183,4 +185,116 @@ fn a_robot_controller_that_starts_anew_is_followed() {
     core.tick(&state(10_000, &Q)).expect("a sound sample");
     let answered = (1..=200).filter(|&seq| core.tick(&state(seq, &Q)).is_ok()).count();
     assert_eq!(answered, 101, "from the hundredth old sample on");
+}
+
+/// The plan of the run before lies near the arm and has a high number: it is not followed for as long as that run took.
+#[test]
+fn the_plan_of_an_earlier_run_is_not_followed() {
+    let robot = robot();
+    let mut core = core(&robot);
+    let near: Vec<f64> = Q.iter().map(|q| q + 0.1).collect();
+    core.offer_setpoint(&setpoint(10_000, &near, &[0.0; 6], &[0.0; 6]));
+    core.tick(&state(10_000, &Q)).expect("a sound sample");
+    assert_eq!(core.plan().expect("followed").q[0], near[0]);
+    for seq in 1..=200 {
+        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        let _ = core.tick(&state(seq, &Q));
+    }
+    assert_eq!(core.plan().expect("the new plan is followed").q[0], Q[0]);
+}
+
+/// A setpoint with a number of the far future is one of no period: it is not followed, and it locks out none.
+#[test]
+fn a_plan_of_the_future_is_not_followed() {
+    let robot = robot();
+    let mut core = core(&robot);
+    core.offer_setpoint(&setpoint(u64::MAX, &Q, &[0.0; 6], &[0.0; 6]));
+    core.tick(&state(1, &Q)).expect("a sound sample");
+    assert!(core.plan().is_none());
+    core.offer_setpoint(&setpoint(2, &Q, &[0.0; 6], &[0.0; 6]));
+    core.tick(&state(2, &Q)).expect("a sound sample");
+    assert!(core.plan().is_some());
+}
+
+/// The drives cannot hold the arm on its plan: it is braked, stands, and joins the plan again where that comes near.
+#[test]
+fn an_arm_that_strays_from_the_plan_is_braked_and_joins_again() {
+    let robot = robot();
+    let mut core = core(&robot);
+    let plan = |core: &mut rivet_controller::Core, seq| core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+    let (mut q, mut seq) = (Q, 0);
+    // Joint 1 is pushed away at 2 rad/s.
+    while q[0] < Q[0] + 0.6 {
+        (q[0], seq) = (q[0] + 0.002, seq + 1);
+        plan(&mut core, seq);
+        core.tick(&state(seq, &q)).expect("a sound sample");
+    }
+    assert_eq!(state_of(&core), ControllerState::Strayed);
+    assert_eq!(core.counts().strayed, 1);
+    // It stands half a radian away: it is held there, with the torque that it needs there.
+    let mut torque = [0.0; 8];
+    for _ in 0..500 {
+        seq += 1;
+        plan(&mut core, seq);
+        torque = core.tick(&state(seq, &q)).expect("a sound sample").tau;
+    }
+    assert_eq!(state_of(&core), ControllerState::Holding);
+    let mut still = common::core(&robot);
+    let mut held = [0.0; 8];
+    for seq in 1..=500 {
+        held = still.tick(&state(seq, &q)).expect("a sound sample").tau;
+    }
+    assert!((torque[0] - held[0]).abs() < 1e-6, "{} against {}", torque[0], held[0]);
+    // The plan comes to the arm.
+    core.offer_setpoint(&setpoint(seq + 1, &q, &[0.0; 6], &[0.0; 6]));
+    core.tick(&state(seq + 1, &q)).expect("a sound sample");
+    assert_eq!(state_of(&core), ControllerState::Following);
+}
+
+/// At another rate velocity and rate limit are wrong: no command, and no stop reaction either as long as nothing was right.
+#[test]
+fn samples_at_another_rate_get_no_command() {
+    let robot = robot();
+    let stamped = |seq: u64, at_ns: u64| rivet_ipc_schema::JointState { stamp_ns: at_ns, ..state(seq, &Q) };
+    let mut core = common::core(&robot);
+    let skipped = |core: &mut rivet_controller::Core, seqs: std::ops::RangeInclusive<u64>, period: u64, offset: u64| {
+        seqs.map(|seq| core.tick(&stamped(seq, offset + seq * period))).last().expect("some samples")
+    };
+    assert_eq!(skipped(&mut core, 1..=300, 2_000_000, 1), Err(Skipped::WrongPeriod));
+    assert_eq!(state_of(&core), ControllerState::WrongPeriod);
+    assert_eq!(core.missing(100), None);
+    let set = common::published(&robot, 290);
+    assert_eq!(core.offer_parameters(&set, &stamped(300, 600_000_001)), rivet_controller::gate::Refusal::OtherPeriod);
+    // Once right, then wrong: the arm may be in motion, and is stopped.
+    let mut core = common::core(&robot);
+    skipped(&mut core, 1..=300, 1_000_000, 1).expect("the stated rate");
+    assert_eq!(skipped(&mut core, 301..=600, 2_000_000, 0), Err(Skipped::WrongPeriod));
+    assert!(core.missing(100).is_some());
+}
+
+/// While nothing was heard of the arm it sagged: what the law wants at once then comes at the permitted rate.
+#[test]
+fn after_a_gap_the_torque_ramps() {
+    let robot = robot();
+    let mut core = core(&robot);
+    let plan = |core: &mut rivet_controller::Core, seq| core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+    let mut last = [0.0; 8];
+    for seq in 1..=500 {
+        plan(&mut core, seq);
+        last = core.tick(&state(seq, &Q)).expect("a sound sample").tau;
+    }
+    let mut sagged = Q;
+    sagged[1] += 0.15;
+    let before = core.counts().rate_limited;
+    let limits = &robot.config.drive.torque_limit;
+    for seq in 700..720 {
+        plan(&mut core, seq);
+        let tau = core.tick(&state(seq, &sagged)).expect("a sound sample").tau;
+        for j in 0..6 {
+            let step = (tau[j] - last[j]).abs();
+            assert!(step <= 0.01 * limits[j] * (1.0 + 1e-9), "sample {seq}, joint {}: {step} N m", j + 1);
+        }
+        last = tau;
+    }
+    assert!(core.counts().rate_limited > before, "the law wanted more than a step");
 }

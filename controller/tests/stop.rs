@@ -88,3 +88,14 @@ fn samples_that_come_again_are_answered_without_a_step() {
     assert!(largest_step(&robot, &all) <= 1.0 + 1e-9);
     assert!(core.plan().is_some());
 }
+
+/// However often the loop wakes in a period, the torque takes one step.
+#[test]
+fn a_missing_period_gets_one_command() {
+    let robot = robot();
+    let mut core = core(&robot);
+    Moving::new(&robot, &robot.nominal_base).run(&mut core, 100, |_, _| ());
+    let commands = (0..10).filter(|_| core.missing(12).is_some()).count();
+    assert_eq!(commands, 1);
+    assert!(core.missing(13).is_some());
+}

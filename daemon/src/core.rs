@@ -5,7 +5,7 @@ use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::{Identifier, Instrument, Motion, ParameterState as Estimated, Sample, SettingsError, Step};
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Health, InstrumentSource, JointState, LinkState, MAX_PARAMETERS, ParameterState,
-    Parameters, Setpoint, parameter_flags,
+    Parameters, SampleClock, Setpoint, parameter_flags,
 };
 use std::sync::Arc;
 
@@ -18,6 +18,8 @@ pub enum Refused {
     Invalid,
     /// The robot controller set fault bits.
     Fault,
+    /// Samples come at another rate than the robot file says.
+    Period,
 }
 
 /// What the shell is to do after a sample.
@@ -46,6 +48,8 @@ pub struct Counts {
     pub gaps: u64,
     /// Samples used without the setpoint of their period although setpoints are flowing.
     pub setpoints_missing: u64,
+    /// Samples not used because they came at another rate than the robot file says.
+    pub wrong_period: u64,
     /// Times the robot controller began its sequence anew.
     pub restarts: u64,
 }
@@ -59,6 +63,8 @@ const PROVISIONAL_S: f64 = 2.0;
 /// The daemon between two samples. Everything is a function of the sample stream: a recorded run replays bit for bit.
 pub struct Core {
     identifier: Identifier,
+    clock: SampleClock,
+    period_s: f64,
     dof: usize,
     row_period_s: f64,
     count: usize,
@@ -88,6 +94,8 @@ impl Core {
             Identifier::new(Arc::clone(&robot.model), Arc::clone(&robot.base), &robot.nominal_base, &settings)?;
         Ok(Core {
             identifier,
+            clock: SampleClock::new(robot.config.sample_period_s),
+            period_s: robot.config.sample_period_s,
             dof: robot.model.arm.dof(),
             row_period_s: settings.row_period_s(),
             count: robot.base.len().min(MAX_PARAMETERS),
@@ -158,6 +166,12 @@ impl Core {
         self.stale_run = 0;
         self.last_seq = Some(sample.seq);
         self.last_stamp_ns = sample.stamp_ns;
+        // Velocities and filters reckoned with a wrong period are wrong without looking so.
+        if !self.clock.take(sample.seq, sample.stamp_ns) {
+            self.counts.wrong_period += 1;
+            self.interrupted = true;
+            return Err(Refused::Period);
+        }
         if sample.faults != 0 {
             self.counts.faults += 1;
             self.interrupted = true;
@@ -227,6 +241,7 @@ impl Core {
         out.model_hash = self.hash;
         out.count = n as u32;
         out.joints = m as u32;
+        out.sample_period_s = self.period_s;
         out.instruments = source(estimate.instrument).into();
         out.values[..n].copy_from_slice(&estimate.values[..n]);
         out.std[..n].copy_from_slice(&estimate.std[..n]);
@@ -279,7 +294,9 @@ impl Core {
         for (j, ratio) in out.instrument_ratio[..m].iter_mut().enumerate() {
             *ratio = self.identifier.instrument_ratio(j);
         }
-        out.mode = if estimate.frozen {
+        out.mode = if !self.clock.fits() {
+            DaemonMode::WrongPeriod
+        } else if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {
             DaemonMode::Starting
@@ -294,6 +311,11 @@ impl Core {
     /// What happened so far.
     pub fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// The period at which samples come \[s\], if that is not the robot file's.
+    pub fn wrong_period_s(&self) -> Option<f64> {
+        self.clock.measured_s().filter(|_| !self.clock.fits())
     }
 
     /// How often the arm was seen to change: a payload grasped or let go of.

@@ -223,6 +223,7 @@ pub(crate) fn run(
             samples: counts.samples,
             lost: counts.lost,
             epoch: core.epoch(),
+            wrong_period_ns: core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
         });
     }
 }

@@ -9,6 +9,7 @@ pub(crate) struct Progress {
     samples: AtomicU64,
     lost: AtomicU64,
     epoch: AtomicU64,
+    wrong_period_ns: AtomicU64,
 }
 
 /// What [`Progress`] held.
@@ -22,6 +23,8 @@ pub(crate) struct Snapshot {
     pub lost: u64,
     /// Parameter sets published.
     pub epoch: u64,
+    /// Period at which samples come \[ns\] where that is not the robot file's; else 0.
+    pub wrong_period_ns: u64,
 }
 
 impl Progress {
@@ -30,6 +33,7 @@ impl Progress {
         self.samples.store(now.samples, Ordering::Relaxed);
         self.lost.store(now.lost, Ordering::Relaxed);
         self.epoch.store(now.epoch, Ordering::Relaxed);
+        self.wrong_period_ns.store(now.wrong_period_ns, Ordering::Relaxed);
         self.periods.store(now.periods, Ordering::Relaxed);
     }
 
@@ -40,6 +44,7 @@ impl Progress {
             samples: self.samples.load(Ordering::Relaxed),
             lost: self.lost.load(Ordering::Relaxed),
             epoch: self.epoch.load(Ordering::Relaxed),
+            wrong_period_ns: self.wrong_period_ns.load(Ordering::Relaxed),
         }
     }
 }

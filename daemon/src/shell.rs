@@ -185,7 +185,7 @@ fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread
 fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>]) {
     use sd_notify::NotifyState;
     let patience = sd_notify::watchdog_enabled().map_or(Duration::from_millis(500), |watchdog| watchdog / 3);
-    let (mut announced, mut periods) = (false, 0);
+    let (mut announced, mut periods, mut complained) = (false, 0, false);
     let mut next_report = std::time::Instant::now();
     while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
         std::thread::sleep(Duration::from_millis(20));
@@ -195,6 +195,17 @@ fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinH
             eprintln!("rivetd: samples are flowing");
             // Without a service manager these calls do nothing; a manager that is gone is not the loop's concern.
             let _ = sd_notify::notify(&[NotifyState::Ready]);
+        }
+        if (now.wrong_period_ns > 0) != complained {
+            complained = !complained;
+            if complained {
+                eprintln!(
+                    "rivetd: samples come every {:.4} ms by their stamps, which is not sample_period_s: none is used",
+                    now.wrong_period_ns as f64 * 1e-6
+                );
+            } else {
+                eprintln!("rivetd: samples come at the robot file's rate again");
+            }
         }
         if std::time::Instant::now() >= next_report {
             next_report += patience;

@@ -190,3 +190,33 @@ fn frozen_it_keeps_its_values_and_says_so() {
     assert_eq!(parameters(&core).values[..motion.robot.base.len()], motion.robot.nominal_base);
     assert!(!core.control(ControlCommand::Save), "nothing is stored yet");
 }
+
+/// Velocities reckoned with half the true period are twice too large: nothing is learnt from such samples, nothing is
+/// published, and health says why; at the stated rate it goes on.
+#[test]
+fn samples_at_another_rate_than_the_robot_files_are_refused_by_name() {
+    let mut motion = Motion::new();
+    let mut core = Core::new(&motion.robot).expect("sound settings");
+    let mut at = |core: &mut Core, seq: u64, period_ns: u64| {
+        let (mut state, setpoint) = motion.at(seq);
+        state.stamp_ns = 1 + seq * period_ns;
+        core.tick(&state, Some(&setpoint))
+    };
+    let outputs: Vec<Output> = (1..=2000).map(|seq| at(&mut core, seq, 2_000_000)).collect();
+    assert!(outputs[128..].iter().all(|o| o.taken == Err(Refused::Period) && !o.publish));
+    assert_eq!(DaemonMode::try_from(health(&core).mode), Ok(DaemonMode::WrongPeriod));
+    assert!((core.wrong_period_s().expect("it differs") - 0.002).abs() < 1e-9);
+    assert_eq!(core.counts().wrong_period, 2000 - 127);
+    // Two looks: the first still has stamps of the other rate in it.
+    let outputs: Vec<Output> = (2001..=3000).map(|seq| at(&mut core, seq, 10_000_000)).collect();
+    assert!(outputs[256..].iter().all(|o| o.taken == Err(Refused::Period)), "ten times as slow is no better");
+    let begin = 3000 * 10_000_000 - 3000 * 1_000_000;
+    for seq in 3001..=4000 {
+        let (mut state, setpoint) = motion.at(seq);
+        state.stamp_ns = begin + seq * 1_000_000;
+        let output = core.tick(&state, Some(&setpoint));
+        assert!(seq < 3257 || output.taken.is_ok(), "sample {seq} at the stated rate");
+    }
+    assert_ne!(DaemonMode::try_from(health(&core).mode), Ok(DaemonMode::WrongPeriod));
+    assert_eq!(core.wrong_period_s(), None);
+}

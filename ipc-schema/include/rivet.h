@@ -91,6 +91,9 @@ enum {
     RIVET_DAEMON_MODE_FROZEN = 3,
     /* Samples were flowing and have stopped: no joint state for `[realtime] stale_periods`. */
     RIVET_DAEMON_MODE_STALE = 4,
+    /* Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is used, nothing is
+     * published. */
+    RIVET_DAEMON_MODE_WRONG_PERIOD = 5,
 };
 
 /* Whose parameters make the torque (ControllerHealth::source). */
@@ -152,6 +155,9 @@ enum {
     RIVET_PARAMETER_REFUSAL_PREDICTS_WORSE = 12,
     /* It differs from what is in use, and the arm has not moved enough to tell which is better. */
     RIVET_PARAMETER_REFUSAL_NOT_JUDGED = 13,
+    /* Made by a daemon that reckons with another sample period, or while samples come at another rate than the robot
+     * file's. */
+    RIVET_PARAMETER_REFUSAL_OTHER_PERIOD = 14,
 };
 
 /* What the controller is doing (ControllerHealth::state). */
@@ -164,6 +170,10 @@ enum {
     RIVET_CONTROLLER_STATE_FOLLOWING = 2,
     /* Joint states have stopped: the stop reaction acts. */
     RIVET_CONTROLLER_STATE_STOPPING = 3,
+    /* The arm came too far from the plan: it is braked, and joins the plan where that comes near. */
+    RIVET_CONTROLLER_STATE_STRAYED = 4,
+    /* Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is answered. */
+    RIVET_CONTROLLER_STATE_WRONG_PERIOD = 5,
 };
 
 /* A wish to the daemon. */
@@ -296,8 +306,9 @@ RIVET_ASSERT(offsetof(rivet_command_v1, mode) == 84);
 
 /* The base parameters as estimated, on service `rivet/<robot>/parameters` and, latest value, on the blackboard of the
  * same name. What parameter i means follows from the robot file; two processes whose model_hash is equal mean the
- * same by it. Units are those of the parameter (kg, kg m, kg m^2, N m, N m s/rad, ...). */
-#define RIVET_PARAMETERS_TYPE_NAME "rivet.Parameters.v1"
+ * same by it. Units are those of the parameter (kg, kg m, kg m^2, N m, N m s/rad, ...). Version 2 adds the sample
+ * period. */
+#define RIVET_PARAMETERS_TYPE_NAME "rivet.Parameters.v2"
 typedef struct {
     /* +1 each publication of one daemon, from 1. */
     uint64_t epoch;
@@ -330,23 +341,26 @@ typedef struct {
     double torque_noise[RIVET_MAX_JOINTS];
     /* RMS of the torque residual of each joint over the window [N m, or N]. */
     double residual_rms[RIVET_MAX_JOINTS];
-} rivet_parameters_v1;
-RIVET_ASSERT(sizeof(rivet_parameters_v1) == 4400);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, epoch) == 0);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, seq) == 8);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, stamp_ns) == 16);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, model_hash) == 24);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, count) == 32);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, joints) == 36);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, flags) == 40);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, instruments) == 44);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, values) == 48);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, std) == 1072);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, excitation) == 2096);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, reference) == 3120);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, state) == 4144);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, torque_noise) == 4272);
-RIVET_ASSERT(offsetof(rivet_parameters_v1, residual_rms) == 4336);
+    /* Sample period with which the daemon reckons [s]: derivatives are wrong where it is not the true one. */
+    double sample_period_s;
+} rivet_parameters_v2;
+RIVET_ASSERT(sizeof(rivet_parameters_v2) == 4408);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, epoch) == 0);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, seq) == 8);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, stamp_ns) == 16);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, model_hash) == 24);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, count) == 32);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, joints) == 36);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, flags) == 40);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, instruments) == 44);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, values) == 48);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, std) == 1072);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, excitation) == 2096);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, reference) == 3120);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, state) == 4144);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, torque_noise) == 4272);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, residual_rms) == 4336);
+RIVET_ASSERT(offsetof(rivet_parameters_v2, sample_period_s) == 4400);
 
 /* Physically consistent parameters near estimated ones, a few times a second, on service
  * `rivet/<robot>/parameters-consistent`: of an arm that can be built, with a mass matrix that is positive definite in
@@ -519,7 +533,8 @@ typedef struct {
     uint64_t passed_over;
     /* Joint states not answered because their sequence number did not go forward. */
     uint64_t refused_stale;
-    /* Joint states not answered because of fault bits, a wrong joint count or a position that is not finite. */
+    /* Joint states not answered because of fault bits, a wrong joint count, a position that is not finite or a wrong
+     * rate. */
     uint64_t refused_invalid;
     /* Times the stop reaction began. */
     uint64_t stops;

@@ -52,15 +52,15 @@ INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2, "setpoint_through_l
 #: What became of one parameter (Parameters::state). On the wire one byte.
 PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
-DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4}
+DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4, "wrong_period": 5}
 #: Whose parameters make the torque (ControllerHealth::source).
 PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
 #: Why the source is what it is (ControllerHealth::source_reason).
 SOURCE_REASON = {"start": 0, "stored": 1, "adopted": 2, "silent": 3, "refused": 4, "worse_than_nominal": 5, "better_than_nominal": 6}
 #: Why a published set may not act (ControllerHealth::last_refusal).
-PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13}
+PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13, "other_period": 14}
 #: What the controller is doing (ControllerHealth::state).
-CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3}
+CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3, "strayed": 4, "wrong_period": 5}
 #: A wish to the daemon.
 CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4}
 #: How a ControlRequest ended.
@@ -172,10 +172,10 @@ class Parameters(_Message):
     """The base parameters as estimated, on service `rivet/<robot>/parameters` and, latest value, on the
     blackboard of the same name. What parameter i means follows from the robot file; two processes whose
     model_hash is equal mean the same by it. Units are those of the parameter (kg, kg m, kg m^2, N m, N m s/rad,
-    ...).
+    ...). Version 2 adds the sample period.
     """
 
-    TYPE_NAME = "rivet.Parameters.v1"
+    TYPE_NAME = "rivet.Parameters.v2"
     _fields_ = [
         # +1 each publication of one daemon, from 1.
         ("epoch", ctypes.c_uint64),
@@ -208,6 +208,8 @@ class Parameters(_Message):
         ("torque_noise", ctypes.c_double * MAX_JOINTS),
         # RMS of the torque residual of each joint over the window [N m, or N].
         ("residual_rms", ctypes.c_double * MAX_JOINTS),
+        # Sample period with which the daemon reckons [s]: derivatives are wrong where it is not the true one.
+        ("sample_period_s", ctypes.c_double),
     ]
 
 
@@ -454,7 +456,7 @@ LAYOUT = {
         "joints": 80,
         "mode": 84,
     }),
-    Parameters: (4400, {
+    Parameters: (4408, {
         "epoch": 0,
         "seq": 8,
         "stamp_ns": 16,
@@ -470,6 +472,7 @@ LAYOUT = {
         "state": 4144,
         "torque_noise": 4272,
         "residual_rms": 4336,
+        "sample_period_s": 4400,
     }),
     ConsistentParameters: (1792, {
         "epoch": 0,

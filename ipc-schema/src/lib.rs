@@ -32,6 +32,7 @@ mod layout;
 mod messages;
 mod name;
 mod pubsub;
+mod sample_clock;
 mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
@@ -49,3 +50,4 @@ pub use messages::{
 };
 pub use name::{RobotName, Service};
 pub use pubsub::{Publisher, Subscriber};
+pub use sample_clock::SampleClock;

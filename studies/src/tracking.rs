@@ -6,11 +6,12 @@
 
 use rivet_config::Robot;
 use rivet_controller::Core as Controller;
+use rivet_controller::gate::{Refusal, refusal_text};
 use rivet_daemon::Core as Daemon;
 use rivet_dynamics::{Arm, Joints, MAX_JOINTS, Model};
 use rivet_estimation::SettingsError;
-use rivet_ipc_schema::{JointState, Parameters, Setpoint, faults};
-use rivet_simulation::motion::{Fourier, FourierSettings, MotionLimits, Trajectory, load_ratio};
+use rivet_ipc_schema::{ControllerHealth, JointState, Parameters, Setpoint, faults};
+use rivet_simulation::motion::{Fourier, FourierSettings, LARGEST_LOAD, MotionLimits, Trajectory, load_ratio};
 use rivet_simulation::process::nominal_joints;
 use rivet_simulation::{BUILD_UP_S, Disturbances, FrictionLaw, Payload, Plant, PlantSettings, Random, Sensors, Truth};
 use std::fmt;
@@ -30,6 +31,9 @@ const SPEED: f64 = 0.8;
 
 /// Windows of the estimator until the error with live parameters is taken, after the start and after the change.
 const WINDOWS: [f64; 2] = [3.0, 2.0];
+
+/// Share of the torque limits that the motion needs at most with the payload.
+const LOADED: f64 = 0.95;
 
 /// Factor by which each body of the nominal arm is too heavy or too light.
 const BODIES: f64 = 0.2;
@@ -81,6 +85,8 @@ pub struct Tracking {
     pub phases: [Errors; 2],
     /// Sets that passed the controller's gate, and sets that did not.
     pub sets: (u64, u64),
+    /// How many of those were refused for which reason.
+    pub refusals: Vec<(Refusal, u64)>,
     /// How often the daemon saw the arm change.
     pub changes: u64,
 }
@@ -112,6 +118,7 @@ pub fn tracking(robot: &Robot, payload: f64, seed: u64) -> Result<Tracking, Sett
         window_s,
         phases: [phase(0)?, phase(1)?],
         sets: live.sets,
+        refusals: live.refusals,
         changes: live.changes,
     })
 }
@@ -131,6 +138,7 @@ struct Study<'a> {
 struct Run {
     errors: Vec<Vec<f64>>,
     sets: (u64, u64),
+    refusals: Vec<(Refusal, u64)>,
     changes: u64,
 }
 
@@ -143,7 +151,13 @@ impl<'a> Study<'a> {
             Truth::new(&robot.model, &joints, &Disturbances { payload, ..Disturbances::default() })
         });
         let limits = MotionLimits::of(&robot.model.arm, SPEED);
-        let mut load = load_ratio(&robot.model, &robot.nominal, &robot.config.drive.torque_limit);
+        // With the payload, too, the drives keep a reserve: else saturation would be compared, not parameters.
+        let limit = &robot.config.drive.torque_limit;
+        let loaded = truths[0].standard(&robot.model);
+        let (mut empty, mut full) =
+            (load_ratio(&robot.model, &robot.nominal, limit), load_ratio(&robot.model, &loaded, limit));
+        let mut load =
+            |q: &[f64], qd: &[f64], qdd: &[f64]| empty(q, qd, qdd).max(full(q, qd, qdd) * LARGEST_LOAD / LOADED);
         let settings = FourierSettings { base_hz: BASE_HZ, seed, ..FourierSettings::default() };
         let motion = Fourier::new(&limits, &settings, &mut load);
         Study { mistaken: mistaken(robot, seed), robot, payloads, truths, joints, motion, limits, seed }
@@ -229,7 +243,12 @@ impl<'a> Study<'a> {
             *x = x.sqrt();
         }
         let counts = controller.counts();
-        Ok(Run { errors: sums, sets: (counts.accepted, counts.refused), changes: daemon.changes() })
+        let mut health = ControllerHealth::default();
+        controller.write_health(&mut health);
+        let reasons = (0_u32..).zip(health.refusals).filter(|(_, count)| *count > 0);
+        let refusals = reasons.filter_map(|(why, count)| Some((Refusal::try_from(why).ok()?, count)));
+        let refusals = refusals.filter(|(why, _)| *why != Refusal::None).collect();
+        Ok(Run { errors: sums, sets: (counts.accepted, counts.refused), refusals, changes: daemon.changes() })
     }
 }
 
@@ -269,6 +288,9 @@ impl fmt::Display for Tracking {
             self.changes,
             self.window_s
         )?;
+        for (why, count) in &self.refusals {
+            writeln!(f, "  {count:>5} refused: {}", refusal_text(*why))?;
+        }
         let when = [
             format!("unknown payload, after {} windows", WINDOWS[0]),
             format!("payload gone, after {} windows", WINDOWS[1]),

@@ -225,6 +225,32 @@ fn a_controller_starts_on_stored_parameters() {
     assert_eq!(SourceReason::try_from(health.source_reason), Ok(SourceReason::Stored));
 }
 
+/// First the controller is started anew, then the robot, which counts from 1 again, while the daemon goes on: numbers of the
+/// run before lock nothing out, the new run's parameters are adopted and its plan is followed.
+#[test]
+fn a_controller_and_then_a_robot_that_start_anew_get_fresh_parameters() {
+    let _turn = turn();
+    let private = PrivateBus::new("anew");
+    let folder = tempfile::tempdir().expect("a folder");
+    let stage = Stage::new(private.config(), folder.path(), "");
+    let _daemon = stage.daemon();
+    let mut controller = stage.controller(&["--lockstep"]);
+    let mut plant = stage.plant(&["--lockstep", "2000", "--unpaced", "--duration", "9"]);
+    stage.wait_for(ParameterSource::Live);
+    stage.wait("nine seconds", |health| health.seq >= 9000);
+    plant.0.wait().expect("it ends by itself");
+    controller.end("-TERM");
+    let _controller = stage.controller(&["--lockstep"]);
+    let _plant = stage.plant(&["--lockstep", "2000", "--unpaced"]);
+    let new = stage.wait("a new run", |health| health.seq > 0 && health.seq < 3000 && health.commands < 3000);
+    let health = stage.wait("live parameters", |health| {
+        health.source == u32::from(ParameterSource::Live) || (health.seq >= 6000 && health.seq > new.seq)
+    });
+    assert_eq!(ParameterSource::try_from(health.source), Ok(ParameterSource::Live), "{health:?}");
+    assert!(health.parameters_seq <= health.seq, "made from this run's samples");
+    assert_eq!(ControllerState::try_from(health.state), Ok(ControllerState::Following));
+}
+
 /// The robot controller is stopped dead: the stop reaction, and a flight record of the last thousand pairs; then it goes on.
 #[test]
 fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {

@@ -39,6 +39,7 @@ fn run(robot: &Robot, mut attack: impl FnMut(&Parameters, &JointState, &mut Vec<
         model_hash: robot.hash,
         count: robot.base.len() as u32,
         joints: n as u32,
+        sample_period_s: robot.config.sample_period_s,
         ..Parameters::default()
     };
     good.values[..robot.base.len()].copy_from_slice(&ClosedLoop::truth(robot, &disturbances()));
@@ -107,6 +108,7 @@ enum Poison {
     Future { ahead: u64 },
     Count { count: u32 },
     OtherModel,
+    OtherPeriod { factor: f64 },
     Std { value: f64 },
 }
 
@@ -139,6 +141,7 @@ impl Poison {
             }
             Poison::Future { ahead } => set.seq = set.seq.saturating_add(ahead),
             Poison::Count { count } => set.count = count,
+            Poison::OtherPeriod { factor } => set.sample_period_s *= factor,
             Poison::OtherModel => set.model_hash ^= 1 << 40,
             Poison::Std { value } => set.std = [value; MAX_PARAMETERS],
         }
@@ -168,6 +171,7 @@ fn poison() -> impl Strategy<Value = Poison> {
         prop_oneof![1_u64..100, Just(u64::MAX)].prop_map(|ahead| Poison::Future { ahead }),
         prop_oneof![0_u32..200, Just(u32::MAX)].prop_map(|count| Poison::Count { count }),
         Just(Poison::OtherModel),
+        prop_oneof![Just(f64::NAN), Just(0.0), 0.1..10.0_f64].prop_map(|factor| Poison::OtherPeriod { factor }),
         prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-1.0)].prop_map(|value| Poison::Std { value }),
     ]
 }

@@ -3,10 +3,10 @@
 use rivet_studies::tracking::{ARMS, tracking};
 use rivet_tests::robot;
 
-fn check(arm: &str) {
+fn check(arm: &str, seed: u64) {
     let robot = rivet_config::load(robot(arm)).expect("sound");
     let payload = ARMS.iter().find(|(name, _)| *name == arm).expect("an arm of the table").1;
-    let table = tracking(&robot, payload, 1).expect("sound settings");
+    let table = tracking(&robot, payload, seed).expect("sound settings");
     println!("{table}");
     for errors in &table.phases {
         let (to_nominal, to_truth) = errors.ratios();
@@ -18,15 +18,16 @@ fn check(arm: &str) {
 
 #[test]
 fn manutec_r3() {
-    check("manutec-r3");
+    check("manutec-r3", 1);
 }
 
 #[test]
 fn staubli_tx40() {
-    check("staubli-tx40");
+    check("staubli-tx40", 1);
 }
 
 #[test]
 fn ur10e() {
-    check("ur10e");
+    // A seed whose motion would need more torque than the drives have, were it planned without the payload.
+    check("ur10e", 3);
 }

@@ -53,6 +53,7 @@ pub(crate) fn published(robot: &Robot, seq: u64) -> Parameters {
         model_hash: robot.hash,
         count: robot.base.len() as u32,
         joints: robot.dof() as u32,
+        sample_period_s: robot.config.sample_period_s,
         ..Parameters::default()
     };
     set.values[..robot.base.len()].copy_from_slice(&robot.nominal_base);

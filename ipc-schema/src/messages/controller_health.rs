@@ -25,7 +25,7 @@ pub struct ControllerHealth {
     pub passed_over: u64,
     /// Joint states not answered because their sequence number did not go forward.
     pub refused_stale: u64,
-    /// Joint states not answered because of fault bits, a wrong joint count or a position that is not finite.
+    /// Joint states not answered because of fault bits, a wrong joint count, a position that is not finite or a wrong rate.
     pub refused_invalid: u64,
     /// Times the stop reaction began.
     pub stops: u64,
@@ -133,6 +133,9 @@ wire_enum!(
         PredictsWorse = 12,
         /// It differs from what is in use, and the arm has not moved enough to tell which is better.
         NotJudged = 13,
+        /// Made by a daemon that reckons with another sample period, or while samples come at another rate than the robot
+        /// file's.
+        OtherPeriod = 14,
     }
 );
 
@@ -147,6 +150,10 @@ wire_enum!(
         Following = 2,
         /// Joint states have stopped: the stop reaction acts.
         Stopping = 3,
+        /// The arm came too far from the plan: it is braked, and joins the plan where that comes near.
+        Strayed = 4,
+        /// Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is answered.
+        WrongPeriod = 5,
     }
 );
 

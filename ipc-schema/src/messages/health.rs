@@ -99,6 +99,9 @@ wire_enum!(
         Frozen = 3,
         /// Samples were flowing and have stopped: no joint state for `[realtime] stale_periods`.
         Stale = 4,
+        /// Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is used, nothing is
+        /// published.
+        WrongPeriod = 5,
     }
 );
 

@@ -1,4 +1,4 @@
-//! `rivet.Parameters.v1`
+//! `rivet.Parameters.v2`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -9,9 +9,9 @@ use super::{MAX_JOINTS, MAX_PARAMETERS, Stamped, message, wire_enum};
 ///
 /// What parameter `i` means follows from the robot file; two processes whose
 /// [`model_hash`](Self::model_hash) is equal mean the same by it. Units are those of the parameter
-/// (kg, kg m, kg m^2, N m, N m s/rad, ...).
+/// (kg, kg m, kg m^2, N m, N m s/rad, ...). Version 2 adds the sample period.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.Parameters.v1")]
+#[type_name("rivet.Parameters.v2")]
 #[repr(C)]
 pub struct Parameters {
     /// +1 each publication of one daemon, from 1.
@@ -45,6 +45,8 @@ pub struct Parameters {
     pub torque_noise: [f64; MAX_JOINTS],
     /// RMS of the torque residual of each joint over the window \[N m, or N\].
     pub residual_rms: [f64; MAX_JOINTS],
+    /// Sample period with which the daemon reckons \[s\]: derivatives are wrong where it is not the true one.
+    pub sample_period_s: f64,
 }
 
 /// Bits of [`Parameters::flags`].
@@ -114,15 +116,16 @@ wire_enum!(
     }
 );
 
-message!(Parameters v 1, size 4400 align 8, empty Parameters {
+message!(Parameters v 2, size 4408 align 8, empty Parameters {
     epoch: 0, seq: 0, stamp_ns: 0, model_hash: 0, count: 0, joints: 0, flags: 0, instruments: 0,
     values: [0.0; MAX_PARAMETERS], std: [0.0; MAX_PARAMETERS], excitation: [0.0; MAX_PARAMETERS],
     reference: [0.0; MAX_PARAMETERS], state: [0; MAX_PARAMETERS],
     torque_noise: [0.0; MAX_JOINTS], residual_rms: [0.0; MAX_JOINTS],
+    sample_period_s: 0.0,
 }, {
     epoch @ 0, seq @ 8, stamp_ns @ 16, model_hash @ 24, count @ 32, joints @ 36, flags @ 40, instruments @ 44,
     values @ 48, std @ 1072, excitation @ 2096, reference @ 3120, state @ 4144, torque_noise @ 4272,
-    residual_rms @ 4336,
+    residual_rms @ 4336, sample_period_s @ 4400,
 });
 
 impl Parameters {

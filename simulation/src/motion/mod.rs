@@ -91,7 +91,7 @@ pub fn load_ratio<'a>(
 }
 
 /// Torque reserve every motion keeps on the nominal arm: what a wrong model and feedback need on top.
-pub(crate) const LARGEST_LOAD: f64 = 0.75;
+pub const LARGEST_LOAD: f64 = 0.75;
 
 /// Quintic rest-to-rest profile: `s(x)`, `ds/dx`, `d²s/dx²` for `x` in 0..1, constant outside.
 pub(crate) fn quintic(x: f64) -> (f64, f64, f64) {

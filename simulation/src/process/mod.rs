@@ -95,7 +95,10 @@ impl Ports {
 
     /// The plan first: whoever takes in the joint state then holds its setpoint.
     fn publish(&self, s: &Sample) -> Result<(), PortError> {
-        let (stamp_ns, joints) = (now_ns(), s.dof as u32);
+        // Stamps are those of the arm's own time: it may run faster or slower than the clock (lockstep), and its samples are
+        // then still one period apart.
+        let stamp_ns = self.since_ns + (s.t_s * 1e9).round() as u64;
+        let joints = s.dof as u32;
         self.setpoints.send(&Setpoint {
             seq: s.seq,
             stamp_ns,
