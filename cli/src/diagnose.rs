@@ -108,6 +108,11 @@ fn as_json(found: &Diagnosis) -> Value {
         },
         "where": place,
         "causes": found.causes.iter().map(cause).collect::<Vec<_>>(),
+        "log": found
+            .log
+            .iter()
+            .map(|f| json!({"joint": f.joint, "fault": f.fault.name(), "value": number(f.fault.value()), "text": f.fault.text()}))
+            .collect::<Vec<_>>(),
         "hints": found.withdrawn.iter().map(cause).collect::<Vec<_>>(),
         "unexplained_share": number(found.unexplained_share),
         "data": {
@@ -138,12 +143,19 @@ fn as_text(robot: &str, found: &Diagnosis) -> String {
             data.fit_seconds
         ),
     );
+    for finding in &found.log {
+        out += &paragraph("  ", &format!("log: {} {}", finding.joint, finding.fault.text()));
+    }
     if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "shrink [%] predicted", "90 %", "measured", "sure"]);
+        let mut table = Table::new(["cause", "joints", "predicted", "90 %", "measured [%]", "sure"]);
         for c in &found.causes {
             table.row([
                 c.effect.to_string(),
-                if c.joints.is_empty() { "all".to_owned() } else { c.joints.join(" ") },
+                match c.joints.as_slice() {
+                    joints if joints.is_empty() || joints.len() == found.per_joint.len() => "all".to_owned(),
+                    [first, _, _, ..] => format!("{first} and {} more", c.joints.len() - 1),
+                    few => few.join(" "),
+                },
                 percent(c.shrink.predicted),
                 format!("{}..{}", percent(c.shrink.low), percent(c.shrink.high)),
                 percent(c.shrink.measured),

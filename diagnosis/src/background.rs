@@ -3,7 +3,7 @@
 use rivet_dynamics::{Model, Parameter, Structure, Workspace, com_from_body};
 
 use crate::rows::{Chain, Column};
-use crate::run::Motion;
+use crate::run::{Motion, Run};
 
 /// Relative standard deviation of a body's mass and first moments, as CAD models have it.
 const BODY: f64 = 0.08;
@@ -13,6 +13,34 @@ const ROTOR: f64 = 0.12;
 const FRICTION: f64 = 0.25;
 /// Torque offset relative to Coulomb friction.
 const OFFSET: f64 = 0.03;
+
+/// What a missing value of the model may explain of its joint's torque: where the file says 0 nobody measured.
+const MISSING: f64 = 0.3;
+
+/// What each joint's signals typically are (root mean squares).
+pub(crate) struct Typical {
+    /// \[N·m\]
+    torque: Vec<f64>,
+    /// \[rad/s\]
+    speed: Vec<f64>,
+    /// \[rad/s²\]
+    accel: Vec<f64>,
+}
+
+impl Typical {
+    pub(crate) fn of(runs: &[Run], joints: usize) -> Typical {
+        let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();
+        let rms = |signals: &mut dyn Iterator<Item = &Vec<f64>>| {
+            let (square, rows) = signals.flatten().fold((0.0, 0.0), |(s, n), t| (s + t * t, n + 1.0));
+            f64::sqrt(square / f64::max(rows, 1.0)).max(1e-9)
+        };
+        Typical {
+            torque: (0..joints).map(|j| rms(&mut runs.iter().map(|r| &r.tau[j]))).collect(),
+            speed: (0..joints).map(|j| rms(&mut motions.iter().map(|m| &m.qd[j]))).collect(),
+            accel: (0..joints).map(|j| rms(&mut motions.iter().map(|m| &m.qdd[j]))).collect(),
+        }
+    }
+}
 
 /// The model with offsets, its nominal values and their usual errors.
 pub(crate) struct Nominal {
@@ -25,20 +53,25 @@ pub(crate) struct Nominal {
 }
 
 impl Nominal {
-    /// `torque`: what each joint's torque typically is \[N·m\], for parameters that the file says nothing about.
-    pub(crate) fn new(model: &Model, nominal: &[f64], torque: &[f64]) -> Nominal {
+    /// `typical`: of the joints' signals, for parameters that the file says nothing about.
+    pub(crate) fn new(model: &Model, nominal: &[f64], typical: &Typical) -> Nominal {
         let structure = Structure { offset: true, ..model.structure };
         let with_offset = Model::new(model.arm.clone(), structure);
         let value = |p: &Parameter| model.parameters.iter().position(|q| q == p).map_or(0.0, |i| nominal[i]);
         let x: Vec<f64> = with_offset.parameters.iter().map(value).collect();
-        let std = with_offset.parameters.iter().map(|p| usual_error(*p, &with_offset, &x, torque)).collect();
+        let std = with_offset.parameters.iter().map(|p| usual_error(*p, &with_offset, &x, typical)).collect();
         Nominal { model: with_offset, x, std }
     }
 }
 
-fn usual_error(parameter: Parameter, model: &Model, x: &[f64], torque: &[f64]) -> f64 {
+fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical) -> f64 {
+    let torque = &typical.torque;
     let of = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
+    let missing = of(parameter) == 0.0;
     match parameter {
+        Parameter::RotorInertia(j) if missing => MISSING * torque[j] / typical.accel[j],
+        Parameter::Viscous(j) if missing => MISSING * torque[j] / typical.speed[j],
+        Parameter::Coulomb(j) if missing => MISSING * torque[j],
         Parameter::Link { link, entry } => {
             let body: [f64; 10] = std::array::from_fn(|e| x[10 * link + e]);
             let (mass, com, inertia) = com_from_body(&body);
@@ -58,7 +91,10 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], torque: &[f64]) -
         Parameter::ViscousQuadratic(j) => of(parameter).max(0.01 * torque[j]),
         Parameter::RotorInertia(j) => ROTOR * of(parameter).max(1e-4 * torque[j]),
         Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * of(parameter).max(0.05 * torque[j]),
-        Parameter::Offset(j) => OFFSET * of(Parameter::Coulomb(j)).max(0.05 * torque[j]),
+        Parameter::Offset(j) => {
+            let friction = of(Parameter::Coulomb(j));
+            if friction == 0.0 { 0.1 * torque[j] } else { OFFSET * friction.max(0.05 * torque[j]) }
+        }
         Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
             FRICTION * of(parameter).max(1e-3)
         }

@@ -4,6 +4,10 @@ use crate::search::Search;
 
 /// A row belongs to a burst when its mean square, in units of each joint's usual residual, is above this.
 const HIGH: f64 = 25.0;
+/// A joint feels it when its own is above this; contact is felt by several.
+const FELT: f64 = 9.0;
+/// Starting up and stopping are no contact: the ends of a run are left out \[s\].
+const EDGE_S: f64 = 1.0;
 /// Rows are averaged over this \[s\].
 const SMOOTH_S: f64 = 0.1;
 /// Bursts closer than this are one \[s\].
@@ -48,17 +52,19 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
     let each = |(r, run): (usize, &&crate::design::Prepared)| {
         let period = run.chain.row_period_s;
         let rows = run.rows();
-        let power =
-            |k: usize| (0..joints).map(|j| (residuals[r][j][k] / usual[j]).powi(2)).sum::<f64>() / joints as f64;
-        let all: Vec<f64> = (0..rows).map(power).collect();
+        let power = |j: usize, k: usize| (residuals[r][j][k] / usual[j]).powi(2);
         let half = (0.5 * SMOOTH_S / period).round() as usize;
         let mut windows: Vec<(f64, f64)> = Vec::new();
         for k in 0..rows {
-            let around = &all[k.saturating_sub(half)..(k + half + 1).min(rows)];
-            if around.iter().sum::<f64>() / around.len() as f64 <= HIGH {
+            let around = k.saturating_sub(half)..(k + half + 1).min(rows);
+            let mean = |j: usize| around.clone().map(|k| power(j, k)).sum::<f64>() / around.len() as f64;
+            let own: Vec<f64> = (0..joints).map(mean).collect();
+            let felt = own.iter().filter(|p| **p > FELT).count();
+            let t = run.chain.sample_of(k) as f64 * run.run.period_s;
+            let inside = t > EDGE_S && t < run.run.seconds() - EDGE_S;
+            if own.iter().sum::<f64>() / joints as f64 <= HIGH || felt < 2.min(joints) || !inside {
                 continue;
             }
-            let t = run.chain.sample_of(k) as f64 * run.run.period_s;
             match windows.last_mut() {
                 Some(last) if t - last.1 < JOIN_S + 2.0 * MARGIN_S => last.1 = t + MARGIN_S,
                 _ => windows.push((t - MARGIN_S, t + MARGIN_S)),

@@ -12,8 +12,10 @@ use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
 
-/// Length of a block \[s\]: some ten times the correlation of residuals.
+/// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
+/// ... and shorter on short runs: held-out blocks need this many.
+const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
 
@@ -142,11 +144,19 @@ impl Design {
                     .model
                     .parameters
                     .iter()
-                    .map(|p| !matches!(p, rivet_dynamics::Parameter::Offset(_)))
+                    .zip(&nominal.x)
+                    .map(|(p, x)| match p {
+                        rivet_dynamics::Parameter::Link { .. } => true,
+                        rivet_dynamics::Parameter::Offset(_) => false,
+                        // What the file gives as 0 was not measured badly, but not at all.
+                        _ => *x != 0.0,
+                    })
                     .chain(extra_std.iter().map(|_| false))
                     .collect(),
             },
         };
+        let seconds: f64 = runs.iter().map(|r| r.run.seconds()).sum();
+        let block_s = BLOCK_S.min(seconds / LEAST_BLOCKS);
         for (r, run) in runs.iter().enumerate() {
             let rows = run.rows();
             let root: Vec<Vec<f64>> = (0..n).map(|j| doubt_weights(&run.doubt[j], noise[j])).collect();
@@ -168,7 +178,7 @@ impl Design {
                 d.push(matrix);
                 y.push(left);
             }
-            let length = (BLOCK_S / run.chain.row_period_s).round().max(1.0) as usize;
+            let length = (block_s / run.chain.row_period_s).round().max(1.0) as usize;
             let count = (rows / length).max(1);
             design.blocks.extend((0..count).map(|b| Block { run: r, rows: b * rows / count..(b + 1) * rows / count }));
             design.d.push(d);

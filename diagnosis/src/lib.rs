@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! runs -> all but the last are looked at, the last is sealed
+//!      -> the log itself: torque that runs against motion, another unit, limits, joints that stand
 //!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
 //!         direction of friction weigh less
 //!      -> background: all values of the model, wrong by as much as CAD and data sheets usually are
@@ -24,6 +25,7 @@ mod evidence;
 mod form;
 mod gap;
 mod library;
+mod log_check;
 mod magnitude;
 mod orders;
 mod physics;
@@ -43,6 +45,7 @@ mod values;
 
 pub use effect::{Effect, Kind};
 pub use gap::Gap;
+pub use log_check::{LogFault, LogFinding};
 pub use procedure::{DiagnosisError, diagnose};
 pub use regimes::Regime;
 pub use report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};

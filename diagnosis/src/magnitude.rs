@@ -67,6 +67,14 @@ impl Form {
     /// small although the values it takes are absurd, and the evidence alone decides.
     pub(crate) fn hides(&self) -> bool {
         use crate::effect::Kind;
-        self.effect().kind() == Kind::Value || matches!(self, Form::Lag | Form::Delay { .. } | Form::Asymmetry { .. })
+        self.effect().kind() == Kind::Value
+            || matches!(
+                self,
+                Form::Lag
+                    | Form::Delay { .. }
+                    | Form::Asymmetry { .. }
+                    | Form::Spring { .. }
+                    | Form::Counterbalance { .. }
+            )
     }
 }

@@ -3,11 +3,12 @@
 use nalgebra::DVector;
 use rivet_dynamics::Model;
 
-use crate::background::Nominal;
+use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
 use crate::effect::{Effect, Kind};
 use crate::form::Form;
 use crate::gap::Gap;
+use crate::log_check::{self, LogFinding};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
@@ -22,7 +23,7 @@ use crate::values::{self, Group};
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
 const LEAST_SPEED: f64 = 0.02;
-const LEAST_SECONDS: f64 = 5.0;
+const LEAST_SECONDS: f64 = 3.0;
 /// Share of a single run that is looked at; the rest is sealed.
 const LOOKED_AT: f64 = 0.6;
 /// A cause whose measured shrink is below this share of the predicted one does not transfer.
@@ -35,6 +36,10 @@ const EXPLAINED_SIMULATED: f64 = 0.5;
 const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
 /// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
 const UNEXPLAINED: f64 = 4.0;
+/// Share of the gap above the floor that may be left beside wrong values.
+const MOST_LEFT: f64 = 0.5;
+/// Columns of the background beside the model's own.
+const TIMING_COLUMNS: usize = 1;
 /// A shrink below this is no cause worth naming.
 const MATERIAL: f64 = 0.01;
 
@@ -83,8 +88,8 @@ pub fn diagnose(
     if !look.iter().any(moves) {
         return Ok(Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything"));
     }
-    let nominal = Nominal::new(model, nominal, &typical_torque(&look, joints));
     say("motion, regressors");
+    let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
     let look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let sealed = Prepared::new(sealed, &nominal);
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(say);
@@ -130,14 +135,6 @@ fn moves(run: &Run) -> bool {
     run.seconds() >= LEAST_SECONDS && run.q.iter().any(fast)
 }
 
-fn typical_torque(runs: &[Run], joints: usize) -> Vec<f64> {
-    let of = |j: usize| {
-        let (square, rows) = runs.iter().flat_map(|r| &r.tau[j]).fold((0.0, 0.0), |(s, n), t| (s + t * t, n + 1.0));
-        f64::sqrt(square / f64::max(rows, 1.0)).max(1e-9)
-    };
-    (0..joints).map(of).collect()
-}
-
 struct Procedure<'a> {
     nominal: &'a Nominal,
     look: &'a [Prepared],
@@ -150,11 +147,13 @@ struct Step {
     effect: Effect,
     joints: Vec<usize>,
     columns: Vec<usize>,
-    adopted: Option<Adopted>,
+    /// Empty for values that the background has.
+    adopted: Vec<Adopted>,
 }
 
 impl Procedure<'_> {
     fn run(&self, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
+        let log = log_check::check(self.look, self.nominal);
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let adopted = select(&mut search, say)?;
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
@@ -167,58 +166,57 @@ impl Procedure<'_> {
         ));
         let wrong = values::wrong(&mut search)?;
         let x = search.solved(search.scale)?.x;
-        let steps = Self::steps(&search, adopted, wrong);
-        let means = means(&search, &steps);
-        let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &steps, Some(i)));
+        let steps = Self::steps(&search, &adopted, wrong);
+        let means: Vec<f64> = (0..self.nominal.x.len() + TIMING_COLUMNS)
+            .map(|_| 0.0)
+            .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
+            .collect();
+        let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));
         let seen: Vec<RunColumns<'_>> = seen.collect();
-        let hidden = self.columns(self.sealed, &steps, None);
+        let hidden = self.columns(self.sealed, &adopted, None);
         let remainder = remainder(&search, &steps);
         let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
         say("prediction of the sealed run");
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
-        let silent: Vec<usize> = steps
-            .iter()
-            .filter(|s| matches!(s.adopted.as_ref().map(|a| &a.form), Some(Form::Force { .. })))
-            .flat_map(|s| s.columns.clone())
-            .collect();
+        let silent: Vec<usize> =
+            steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
         let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
         say("the sealed torque");
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        Some(self.report(&search, &steps, &prediction, &measured, &seen))
+        Some(self.report(&search, &steps, &prediction, &measured, &seen, &means, log))
     }
 
-    fn steps(search: &Search<'_>, adopted: Vec<Adopted>, wrong: Vec<Group>) -> Vec<Step> {
+    /// What was adopted and which values are wrong, one step an effect; structure on several joints stays apart.
+    fn steps(search: &Search<'_>, adopted: &[Adopted], wrong: Vec<Group>) -> Vec<Step> {
         let mut steps: Vec<Step> = Vec::new();
-        for group in wrong {
-            match steps.iter_mut().find(|s| s.effect == group.effect) {
-                Some(step) => {
-                    step.joints.push(group.joint);
-                    step.columns.extend(group.columns);
-                }
-                None => steps.push(Step {
-                    effect: group.effect,
-                    joints: vec![group.joint],
-                    columns: group.columns,
-                    adopted: None,
-                }),
-            }
-        }
         let ends: Vec<usize> =
             adopted.iter().skip(1).map(|a| a.place).chain([search.design.background.len()]).collect();
-        for (one, end) in adopted.into_iter().zip(ends) {
-            let columns = (one.place..end).collect();
-            let (effect, joints) = (one.form.effect(), one.form.joints());
-            steps.push(Step { effect, joints, columns, adopted: Some(one) });
+        let values = wrong.into_iter().map(|g| (g.effect, vec![g.joint], g.columns, None));
+        let effects = adopted
+            .iter()
+            .zip(ends)
+            .map(|(a, end)| (a.form.effect(), a.form.joints(), (a.place..end).collect(), Some(a.clone())));
+        for (effect, joints, columns, one) in values.chain(effects) {
+            match steps.iter_mut().find(|s| s.effect == effect && effect.kind() == Kind::Value) {
+                Some(step) => {
+                    step.joints.extend(joints);
+                    step.joints.sort_unstable();
+                    step.joints.dedup();
+                    step.columns.extend(columns);
+                    step.adopted.extend(one);
+                }
+                None => steps.push(Step { effect, joints, columns, adopted: one.into_iter().collect() }),
+            }
         }
         steps
     }
 
     /// A run with the columns that were added to the model's own, in the order of the design.
-    fn columns<'b>(&'b self, run: &'b Prepared, steps: &[Step], index: Option<usize>) -> RunColumns<'b> {
+    fn columns<'b>(&'b self, run: &'b Prepared, adopted: &[Adopted], index: Option<usize>) -> RunColumns<'b> {
         let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index);
         let mut extra: Vec<Column> = run.columns(&Form::Lag, &nominal);
-        for adopted in steps.iter().filter_map(|s| s.adopted.as_ref()) {
+        for adopted in adopted {
             let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index);
             let mut columns = run.columns(&adopted.form, &physics);
             // A run without the signal that the form needs is not changed by it.
@@ -235,6 +233,8 @@ impl Procedure<'_> {
         prediction: &Prediction,
         measured: &Stages,
         seen: &[Stages],
+        means: &[f64],
+        log: Vec<LogFinding>,
     ) -> Diagnosis {
         let names: Vec<String> = self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect();
         let gaps: Vec<Gap> = measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect();
@@ -244,30 +244,32 @@ impl Procedure<'_> {
         let noisy: Vec<bool> = search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect();
         for (k, step) in steps.iter().enumerate() {
             let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
-            let predictable = step.adopted.as_ref().is_none_or(|a| a.form.is_predictable());
-            let (predicted, low, high) = match step.adopted.as_ref().map(|a| &a.form) {
+            let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
+            let (predicted, low, high) = if step.effect == Effect::TorqueSaturation {
                 // As before, if the command is cut as often again.
-                Some(Form::Saturation { .. }) => {
-                    let before = shrink_of(seen, k);
-                    (before, 0.0_f64.min(before), before.max(0.95))
-                }
-                _ => prediction.shrink[k],
+                let before = shrink_of(seen, k);
+                (before, 0.0_f64.min(before), before.max(0.95))
+            } else {
+                prediction.shrink[k]
             };
             let shrink = Shrink { predicted, low, high, measured: measured_shrink };
-            let rivals: Vec<Effect> = step.adopted.as_ref().map(|a| a.rivals.clone()).unwrap_or_default();
+            let rivals: Vec<Effect> = step.adopted.iter().flat_map(|a| a.rivals.clone()).collect();
             let cause = Cause {
                 effect: step.effect,
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
-                magnitude: self.magnitude(search, step),
+                magnitude: self.magnitude(search, step, means),
                 shrink,
                 confidence: confidence(step, shrink, rivals.len()),
                 separating_motion: separate::motion(step.effect, &rivals),
                 indistinguishable_from: rivals,
             };
             let transfers = self.transfers(search, seen, measured, k) || !predictable;
-            let enough = step.adopted.as_ref().is_none_or(|a| stands(a, &explained, &noisy));
-            let material = step.adopted.is_some() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
-            if transfers && enough && material {
+            let enough = step.adopted.iter().all(|a| stands(a, &explained, &noisy));
+            let material = !step.adopted.is_empty() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
+            // What is said of joints whose torque cannot be believed is not worth saying.
+            let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
+            let believed = cause.joints.is_empty() || cause.joints.iter().any(|joint| !spoilt(joint));
+            if transfers && enough && material && believed {
                 causes.push(cause);
             } else {
                 withdrawn.push(cause);
@@ -289,7 +291,10 @@ impl Procedure<'_> {
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
         let verdict = match (structure, causes.is_empty()) {
-            (0, _) if left_over || withdrawn_structure && structure == 0 && !at_floor(search) => Verdict::Unexplained,
+            // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
+            (0, true) if left_over => Verdict::Unexplained,
+            (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
+            (0, _) if withdrawn_structure && !at_floor(search) => Verdict::Unexplained,
             (0, true) => Verdict::NoGap,
             (0, false) => Verdict::Parameter,
             (1, _) => Verdict::Effect,
@@ -304,6 +309,7 @@ impl Procedure<'_> {
             place: self.place(measured, &names),
             causes,
             withdrawn,
+            log,
             unexplained_share,
             data: self.data,
             remark: None,
@@ -356,36 +362,25 @@ impl Procedure<'_> {
         cells
     }
 
-    fn magnitude(&self, search: &Search<'_>, step: &Step) -> Vec<(String, f64)> {
+    /// Sizes of all that a step adds; `means` are those of the design's columns.
+    fn magnitude(&self, search: &Search<'_>, step: &Step, means: &[f64]) -> Vec<(String, f64)> {
         let Some(x) = search.solved(search.scale).map(|s| s.x) else { return Vec::new() };
-        match &step.adopted {
-            Some(adopted) => {
-                let c: Vec<f64> = step.columns.iter().zip(&adopted.mean).map(|(at, mean)| x[*at] + mean).collect();
-                adopted.form.magnitude(&c, search.floor.len(), &self.nominal.x)
-            }
-            None => step
-                .columns
-                .iter()
-                .map(|at| {
-                    let parameter = self.nominal.model.parameters[*at];
-                    (parameter.name(&self.nominal.model.arm), self.nominal.x[*at] + x[*at])
-                })
-                .collect(),
-        }
-    }
-}
-
-/// Prior means of all columns of the design.
-fn means(search: &Search<'_>, steps: &[Step]) -> Vec<f64> {
-    let mut means = vec![0.0; search.design.background.len()];
-    for step in steps {
-        if let Some(adopted) = &step.adopted {
-            for (c, mean) in step.columns.iter().zip(&adopted.mean) {
-                means[*c] = *mean;
+        let model = &self.nominal.model;
+        let own = step.columns.iter().filter(|c| **c < self.nominal.x.len());
+        let mut sizes: Vec<(String, f64)> =
+            own.map(|c| (model.parameters[*c].name(&model.arm), self.nominal.x[*c] + x[*c])).collect();
+        let several = sizes.len() + step.adopted.len() > 1;
+        for adopted in &step.adopted {
+            let c: Vec<f64> =
+                (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect();
+            for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &self.nominal.x) {
+                let joint =
+                    adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
+                sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
             }
         }
+        sizes
     }
-    means
 }
 
 /// Columns that belong to no cause: offsets, timing, values that may stay as they are.
@@ -461,7 +456,7 @@ fn at_floor(search: &Search<'_>) -> bool {
 fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let agreement = (shrink.predicted - shrink.measured).abs();
     let held = if agreement < 0.1 { 0.97 } else { 0.85 };
-    let strong = step.adopted.as_ref().map_or(0.9, |a| 1.0 - (-a.gain / 20.0).exp());
+    let strong = step.adopted.iter().map(|a| 1.0 - (-a.gain / 20.0).exp()).fold(0.9, f64::max);
     held * strong / (1.0 + rivals as f64)
 }
 

@@ -1,6 +1,7 @@
 //! What a diagnosis says.
 
 use crate::effect::Effect;
+use crate::log_check::LogFinding;
 use crate::regimes::Regime;
 
 /// The answer in one word.
@@ -122,6 +123,8 @@ pub struct Diagnosis {
     pub causes: Vec<Cause>,
     /// Effects that were considered and not upheld; hints, not names.
     pub withdrawn: Vec<Cause>,
+    /// Faults of the log itself.
+    pub log: Vec<LogFinding>,
     /// Share of the squared gap above the floor that is left.
     pub unexplained_share: f64,
     /// What was used.
@@ -141,6 +144,7 @@ impl Diagnosis {
             place: Vec::new(),
             causes: Vec::new(),
             withdrawn: Vec::new(),
+            log: Vec::new(),
             unexplained_share: f64::NAN,
             data,
             remark: Some(why.to_owned()),

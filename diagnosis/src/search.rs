@@ -14,6 +14,8 @@ use crate::rows::Column;
 const FREE: f64 = 0.3;
 /// Of a coefficient that is 1 by the physics.
 const FIXED: f64 = 0.15;
+/// Of a link's scale: a link several times as heavy as drawn is a payload.
+const LINK: f64 = 0.3;
 /// Of the time between torque and position, in samples: a command is held over the period after its sample.
 const TIMING: f64 = 0.5;
 
@@ -163,6 +165,9 @@ impl<'a> Search<'a> {
             return Some(Belief { mean: DVector::repeat(count, 1.0), std: DVector::repeat(count, FIXED) });
         }
         let mut std = DVector::zeros(count);
+        if matches!(form, Form::LinkScale { .. }) {
+            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
+        }
         for c in 0..count {
             let mut least = f64::INFINITY;
             for j in 0..self.noise.len() {
