@@ -167,8 +167,7 @@ impl Procedure<'_> {
         let wrong = values::wrong(&mut search)?;
         let x = search.solved(search.scale)?.x;
         let steps = Self::steps(&search, &adopted, wrong);
-        let means: Vec<f64> = (0..self.nominal.x.len() + TIMING_COLUMNS)
-            .map(|_| 0.0)
+        let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + TIMING_COLUMNS)
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
             .collect();
         let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));

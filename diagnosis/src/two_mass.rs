@@ -76,7 +76,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::background::Nominal;
+    use crate::background::{Nominal, Typical};
     use crate::run::{Motion, Run};
     use rivet_dynamics::{Arm, Model, Structure};
 
@@ -91,11 +91,11 @@ mod tests {
         let model = Model::new(arm, Structure { sign_velocity: 0.01, ..Structure::default() });
         let mut x = vec![0.0; model.len()];
         x[..10].copy_from_slice(&model.arm.links[0]);
-        let nominal = Nominal::new(&model, &x, &[1.0]);
         let omega = std::f64::consts::TAU * hz;
         let q: Vec<f64> = (0..6000).map(|k| 0.3 * (omega * f64::from(k) * 1e-3).sin()).collect();
         let run =
             Run { name: String::new(), period_s: 1e-3, tau: vec![vec![0.0; q.len()]], q: vec![q], temperature: None };
+        let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);
         let physics = Physics::new(&run, &motion, &nominal, &nominal.x, None);
         let column = column(&physics, 0, gear).remove(0).expect("the joint itself changes");
