@@ -111,7 +111,7 @@ fn as_json(found: &Diagnosis) -> Value {
         "log": found
             .log
             .iter()
-            .map(|f| json!({"joint": f.joint, "fault": f.fault.name(), "value": number(f.fault.value()), "text": f.fault.text()}))
+            .map(|f| json!({"run": f.run, "joint": f.joint, "fault": f.fault.name(), "value": number(f.fault.value()), "text": f.fault.text()}))
             .collect::<Vec<_>>(),
         "hints": found.withdrawn.iter().map(cause).collect::<Vec<_>>(),
         "unexplained_share": number(found.unexplained_share),
@@ -144,7 +144,7 @@ fn as_text(robot: &str, found: &Diagnosis) -> String {
         ),
     );
     for finding in &found.log {
-        out += &paragraph("  ", &format!("log: {} {}", finding.joint, finding.fault.text()));
+        out += &paragraph("  ", &format!("{}: {} {}", finding.run, finding.joint, finding.fault.text()));
     }
     if !found.causes.is_empty() {
         let mut table = Table::new(["cause", "joints", "predicted", "90 %", "measured [%]", "sure"]);

@@ -69,50 +69,41 @@ impl LogFault {
 /// A fault and where it is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogFinding {
+    /// The run's name.
+    pub run: String,
     /// The joint's name.
     pub joint: String,
     /// What is wrong.
     pub fault: LogFault,
 }
 
-/// Faults of the runs that may be looked at, joint by joint.
-pub(crate) fn check(runs: &[Prepared], nominal: &Nominal) -> Vec<LogFinding> {
+/// Faults of one run, joint by joint.
+pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
     let mut found = Vec::new();
     for (j, joint) in nominal.model.arm.joints.iter().enumerate() {
-        let mut say = |fault| found.push(LogFinding { joint: joint.name.clone(), fault });
-        let top = runs.iter().flat_map(|r| &r.motion.qd[j]).fold(0.0_f64, |m, v| m.max(v.abs()));
+        let mut say = |fault| found.push(LogFinding { run: run.run.name.clone(), joint: joint.name.clone(), fault });
+        let top = run.motion.qd[j].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         if top < STILL {
             say(LogFault::Still(top));
             continue;
         }
-        // Sums of products of torque with speed and with the model's torque.
-        let (mut speed, mut power, mut torque, mut model, mut both) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for run in runs {
-            let mut modelled = vec![0.0; run.rows()];
-            for (x, column) in nominal.x.iter().zip(&run.standard) {
-                if let Some(values) = &column[j] {
-                    modelled.iter_mut().zip(values).for_each(|(m, v)| *m += v * x);
-                }
-            }
-            let v = run.chain.sample(&run.motion.qd[j]);
-            for ((tau, modelled), v) in run.tau[j].iter().zip(&modelled).zip(&v) {
-                speed += v * v;
-                power += tau * v;
-                torque += tau * tau;
-                model += modelled * modelled;
-                both += tau * modelled;
+        let mut modelled = vec![0.0; run.rows()];
+        for (x, column) in nominal.x.iter().zip(&run.standard) {
+            if let Some(values) = &column[j] {
+                modelled.iter_mut().zip(values).for_each(|(m, v)| *m += v * x);
             }
         }
-        let dissipates = power / (torque * speed).sqrt().max(f64::MIN_POSITIVE);
-        let alike = both / (torque * model).sqrt().max(f64::MIN_POSITIVE);
-        let scale = both / model.max(f64::MIN_POSITIVE);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
+        let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
+        let dissipates = cosine(tau, &speed);
+        let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
         if dissipates < MAKES_ENERGY {
             say(LogFault::Sign(dissipates));
-        } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
+        } else if cosine(tau, &modelled) > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
             say(LogFault::Scale(scale));
         }
-        let signals: Vec<&[f64]> = runs.iter().map(|r| r.run.tau[j].as_slice()).collect();
-        if let Some(limit) = limit(&signals) {
+        if let Some(limit) = limit(&run.run.tau[j]) {
             say(LogFault::Limit(limit));
         }
     }
@@ -120,15 +111,11 @@ pub(crate) fn check(runs: &[Prepared], nominal: &Nominal) -> Vec<LogFinding> {
 }
 
 /// The largest torque, if it is held for stretches.
-fn limit(signals: &[&[f64]]) -> Option<f64> {
-    let top = signals.iter().flat_map(|s| s.iter()).fold(0.0_f64, |m, t| m.max(t.abs()));
-    let (mut flat, mut all) = (0, 0);
-    for signal in signals {
-        all += signal.len();
-        let held = signal.chunk_by(|a, b| a == b).filter(|c| c.len() >= FLAT && c[0].abs() >= top * (1.0 - 1e-9));
-        flat += held.map(<[f64]>::len).sum::<usize>();
-    }
-    (top > 0.0 && flat as f64 > FLAT_SHARE * all as f64).then_some(top)
+fn limit(signal: &[f64]) -> Option<f64> {
+    let top = signal.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
+    let held = signal.chunk_by(|a, b| a == b).filter(|c| c.len() >= FLAT && c[0].abs() >= top * (1.0 - 1e-9));
+    let flat: usize = held.map(<[f64]>::len).sum();
+    (top > 0.0 && flat as f64 > FLAT_SHARE * signal.len() as f64).then_some(top)
 }
 
 #[cfg(test)]
@@ -138,10 +125,10 @@ mod tests {
     #[test]
     fn a_torque_that_is_held_at_its_top_is_a_limit_and_a_standstill_is_not() {
         let wave: Vec<f64> = (0..1000).map(|k| (0.02 * f64::from(k)).sin()).collect();
-        assert_eq!(limit(&[&wave]), None);
+        assert_eq!(limit(&wave), None);
         let cut: Vec<f64> = wave.iter().map(|t| t.clamp(-0.8, 0.8)).collect();
-        assert_eq!(limit(&[&cut]), Some(0.8));
+        assert_eq!(limit(&cut), Some(0.8));
         let rest: Vec<f64> = wave.iter().map(|t| t.clamp(-0.1, 0.1) + if *t > 0.999 { 0.5 } else { 0.0 }).collect();
-        assert_eq!(limit(&[&rest]), None, "a stretch below the top is no limit");
+        assert_eq!(limit(&rest), None, "a stretch below the top is no limit");
     }
 }

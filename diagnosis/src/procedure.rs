@@ -153,7 +153,7 @@ struct Step {
 
 impl Procedure<'_> {
     fn run(&self, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
-        let log = log_check::check(self.look, self.nominal);
+        let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let adopted = select(&mut search, say)?;
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
@@ -181,6 +181,7 @@ impl Procedure<'_> {
             steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
         let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
         say("the sealed torque");
+        log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
         Some(self.report(&search, &steps, &prediction, &measured, &seen, &means, log))
