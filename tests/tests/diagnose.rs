@@ -67,3 +67,29 @@ fn what_is_not_there_or_not_known_is_not_named() {
     assert_eq!((code, &found["verdict"]), (2, &Value::from("unexplained")), "{found:#}");
     assert_eq!(found["causes"], Value::Array(Vec::new()));
 }
+
+/// `verdicts/` holds what was said of the sealed cases, for whoever has the answers: of every case, and still so.
+#[test]
+fn the_kept_verdicts_on_sealed_cases_are_those_of_this_build() {
+    for set in ["sealed", "sealed-wrong-nominal"] {
+        let file = rivet_tests::root().join("tests/verdicts").join(set).with_extension("json");
+        let kept: Value = serde_json::from_str(&std::fs::read_to_string(file).expect("kept verdicts")).expect("JSON");
+        let Some(cases) = shared(&format!("data/{set}")) else { return };
+        let folders = std::fs::read_dir(&cases).expect("a folder").filter_map(Result::ok).map(|e| e.path());
+        let names: Vec<String> = folders
+            .filter(|folder| folder.join("robot.toml").exists())
+            .filter_map(|folder| Some(folder.file_name()?.to_str()?.to_owned()))
+            .collect();
+        assert_eq!(kept.as_object().expect("an object").len(), names.len());
+        for name in &names {
+            assert!(kept[name]["verdict"].is_string(), "{set} {name}");
+        }
+        let first = names.iter().min().expect("a case");
+        let (_, found) = diagnose(&cases.join(first));
+        assert_eq!(found["verdict"], kept[first]["verdict"], "{set} {first}");
+        let effects = |of: &Value| -> Vec<Value> {
+            of["causes"].as_array().expect("causes").iter().map(|c| c["effect"].clone()).collect()
+        };
+        assert_eq!(effects(&found), effects(&kept[first]), "{set} {first}");
+    }
+}
