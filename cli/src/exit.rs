@@ -8,15 +8,20 @@ use rivet_logs::LogError;
 
 /// Bad input data.
 const DATA: u8 = 65;
+/// A file that cannot be read or written.
+const INPUT_OUTPUT: u8 = 74;
 /// Bad configuration; systemd does not restart on it.
 const CONFIG: u8 = 78;
 
-/// The exit code of a failure: 78 for a robot file, 65 for a log or runs that cannot be diagnosed, 1 for the rest.
+/// The exit code of a failure: 78 for a robot file, 65 for a log or runs that cannot be diagnosed, 74 for a file
+/// that cannot be read or written, 1 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
     } else if error.chain().any(|e| e.is::<LogError>() || e.is::<DiagnosisError>()) {
         DATA
+    } else if error.chain().any(<dyn Error>::is::<std::io::Error>) {
+        INPUT_OUTPUT
     } else {
         1
     }

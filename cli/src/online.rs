@@ -2,6 +2,7 @@
 
 use crate::stream::{Recording, write_atomically, write_stream};
 use crate::summary::Summary;
+use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_daemon::Core;
@@ -33,7 +34,7 @@ pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: O
     }
     let last = stream.last().context(crate::replay::TOO_SHORT)?;
     let summary = Summary::new(robot, &recording, last, &health);
-    println!("{summary}");
+    show(&format!("{summary}\n"))?;
     if let Some(path) = json {
         write_atomically(path, summary.json().to_string().as_bytes())?;
     }

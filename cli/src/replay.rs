@@ -3,6 +3,7 @@
 use crate::children::Children;
 use crate::stream::{Recording, write_atomically, write_stream};
 use crate::summary::Summary;
+use crate::table::show;
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
 use rivet_ipc_schema::{Bus, BusConfig, Health, Notifier, Parameters, PrivateBus, Publisher, RobotName, Subscriber};
@@ -228,7 +229,7 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
     }
     let last = received.stream.last().context(TOO_SHORT)?;
     let summary = Summary::new(robot, recording, last, &health);
-    println!("{summary}");
+    show(&format!("{summary}\n"))?;
     if let Some(path) = &args.json {
         write_atomically(path, summary.json().to_string().as_bytes())?;
     }

@@ -3,6 +3,7 @@
 mod supervision;
 
 use crate::study_real;
+use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_studies::tracking::{ARMS, tracking};
 use std::path::PathBuf;
@@ -54,10 +55,10 @@ fn run_tracking(args: &TrackingArgs) -> Result<ExitCode> {
     for (file, payload) in arms {
         let robot = rivet_config::load(&file)?;
         let table = tracking(&robot, payload, args.seed).context("the estimator refuses the settings")?;
-        print!("{table}");
+        show(&table.to_string())?;
         let within = |(nominal, truth): (f64, f64)| nominal <= 0.25 && truth <= 1.15;
         kept &= table.phases.iter().all(|errors| within(errors.ratios()));
     }
-    println!("{}", if kept { "every figure keeps its bound" } else { "A FIGURE IS BEYOND ITS BOUND" });
+    show(if kept { "every figure keeps its bound\n" } else { "A FIGURE IS BEYOND ITS BOUND\n" })?;
     Ok(if kept { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -93,3 +93,16 @@ fn the_kept_verdicts_on_sealed_cases_are_those_of_this_build() {
         assert_eq!(effects(&found), effects(&kept[first]), "{set} {first}");
     }
 }
+
+/// A result that cannot be written ends with a code of its own: 1 would mean that a cause was named.
+#[test]
+fn a_result_that_cannot_be_written_is_an_error() {
+    let Some(practice) = shared("data/practice") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = practice.join("case-24");
+    let mut command = rivet();
+    command.arg("diagnose").arg(case.join("robot.toml")).arg(case.join("log-a.parquet"));
+    let output = command.arg("--json").arg(folder.path().join("missing/x.json")).output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(74), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("missing/x.json"));
+}
