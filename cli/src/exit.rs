@@ -6,15 +6,19 @@ use rivet_config::ConfigErrors;
 use rivet_diagnosis::DiagnosisError;
 use rivet_logs::LogError;
 
+/// The command line is not understood. Below 64 a code is an answer (`rivet diagnose`: 0 to 3), never a failure.
+pub(crate) const USAGE: u8 = 64;
 /// Bad input data.
 const DATA: u8 = 65;
 /// A file that cannot be read or written.
 const INPUT_OUTPUT: u8 = 74;
+/// Whatever has no code of its own.
+const OTHER: u8 = 70;
 /// Bad configuration; systemd does not restart on it.
 const CONFIG: u8 = 78;
 
 /// The exit code of a failure: 78 for a robot file, 65 for a log or runs that cannot be diagnosed, 74 for a file
-/// that cannot be read or written, 1 for the rest.
+/// that cannot be read or written, 70 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
@@ -23,6 +27,6 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     } else if error.chain().any(<dyn Error>::is::<std::io::Error>) {
         INPUT_OUTPUT
     } else {
-        1
+        OTHER
     }
 }

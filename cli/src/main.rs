@@ -12,6 +12,7 @@ mod export;
 mod figures;
 mod identify;
 mod online;
+mod passport;
 mod predict;
 mod progress;
 mod refine;
@@ -64,7 +65,15 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let command = Arguments::parse().command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(why) => {
+            // Help and version go to standard output and are no error. A terminal that is gone changes nothing here.
+            let _ = why.print();
+            return if why.use_stderr() { ExitCode::from(exit::USAGE) } else { ExitCode::SUCCESS };
+        }
+    };
+    let command = arguments.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
     let result = match &command {
         Command::Demo(args) => demo::run(args),
         Command::Replay(args) => replay::run(args),

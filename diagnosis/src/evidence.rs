@@ -163,6 +163,11 @@ fn candidate_sums(cells: &[CandidateCell], weights: &[f64], keep: impl Fn(usize)
 }
 
 impl Solved {
+    /// Standard deviation of each coefficient: roots of the diagonal of `A⁻¹ = L⁻ᵀL⁻¹`.
+    pub(crate) fn deviations(&self) -> Vec<f64> {
+        self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
+    }
+
     /// Adds a candidate's columns.
     pub(crate) fn add(
         &self,

@@ -129,6 +129,16 @@ impl Form {
         }
     }
 
+    /// Cycles per turn of the joint, of forms that have such.
+    pub(crate) fn order(&self) -> Option<f64> {
+        match *self {
+            Form::PositionFriction { order, .. }
+            | Form::Ripple { order, .. }
+            | Form::TransmissionError { order, .. } => Some(order),
+            _ => None,
+        }
+    }
+
     /// Whether the size of the effect is in its inner values, so that the coefficient is 1.
     pub(crate) fn has_fixed_gain(&self) -> bool {
         matches!(self, Form::Presliding { .. } | Form::TwoMass { .. } | Form::Delay { .. } | Form::Saturation { .. })

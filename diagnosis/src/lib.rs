@@ -20,10 +20,13 @@
 mod background;
 mod bursts;
 mod design;
+mod details;
 mod effect;
 mod evidence;
+mod exhibit;
 mod form;
 mod gap;
+mod leftover;
 mod library;
 mod log_check;
 mod magnitude;
@@ -43,8 +46,11 @@ mod stages;
 mod two_mass;
 mod values;
 
+pub use details::{Details, Ledger, ParameterLine, ParameterState, Stage};
 pub use effect::{Effect, Kind};
+pub use exhibit::{Curve, Excerpt, Point, Variable};
 pub use gap::Gap;
+pub use leftover::{Leftover, Order};
 pub use log_check::{LogFault, LogFinding};
 pub use procedure::{DiagnosisError, diagnose};
 pub use regimes::Regime;

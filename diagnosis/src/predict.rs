@@ -31,6 +31,10 @@ const TAIL: f64 = 0.05;
 pub(crate) struct Prediction {
     /// Shrink of each cause with the ends of its interval.
     pub(crate) shrink: Vec<(f64, f64, f64)>,
+    /// Gap after each stage, the model as given first, with the ends of its interval.
+    pub(crate) gaps: Vec<(f64, f64, f64)>,
+    /// 90 % interval of each coefficient over the resamplings.
+    pub(crate) coefficients: Vec<(f64, f64)>,
 }
 
 pub(crate) fn predict(
@@ -64,9 +68,11 @@ pub(crate) fn predict(
             .collect()
     };
     let shrinks = |gaps: &[f64]| -> Vec<f64> { gaps.windows(2).map(|w| 1.0 - w[1] / w[0]).collect() };
-    let central = shrinks(&gaps(&full, &v));
+    let first = gaps(&full, &v);
+    let central = shrinks(&first);
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut samples: Vec<Vec<f64>> = Vec::new();
+    let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, chosen.iter().copied())?.x;
@@ -79,21 +85,36 @@ pub(crate) fn predict(
         };
         let v_again: Vec<f64> = v.iter().enumerate().map(|(j, v)| v * ratio(j).clamp(0.2, 5.0)).collect();
         let stages = sealed.stages(nominal, steps, &again, means);
-        samples.push(shrinks(&gaps(&stages, &v_again)));
+        let own = gaps(&stages, &v_again);
+        samples.push(shrinks(&own));
+        gaps_again.push(own);
+        x_again.push(again.iter().copied().collect());
     }
+    let ends = |samples: &[Vec<f64>], k: usize| {
+        let mut of: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+        of.sort_by(f64::total_cmp);
+        let end = |share: f64| of[((of.len() - 1) as f64 * share).round() as usize];
+        (end(TAIL), end(1.0 - TAIL))
+    };
     let shrink = central
         .iter()
         .enumerate()
         .take(steps.len() - 1)
         .map(|(k, central)| {
-            let mut of: Vec<f64> = samples.iter().map(|s| s[k]).collect();
-            of.sort_by(f64::total_cmp);
-            let end = |share: f64| of[((of.len() - 1) as f64 * share).round() as usize];
-            let (low, high) = (end(TAIL).min(*central), end(1.0 - TAIL).max(*central));
-            (*central, low - WIDENED, (high + WIDENED).min(1.0))
+            let (low, high) = ends(&samples, k);
+            (*central, low.min(*central) - WIDENED, (high.max(*central) + WIDENED).min(1.0))
         })
         .collect();
-    Some(Prediction { shrink })
+    let gaps = first
+        .iter()
+        .enumerate()
+        .map(|(k, central)| {
+            let (low, high) = ends(&gaps_again, k);
+            (*central, low.min(*central), high.max(*central))
+        })
+        .collect();
+    let coefficients = (0..x.len()).map(|k| ends(&x_again, k)).collect();
+    Some(Prediction { shrink, gaps, coefficients })
 }
 
 /// Mean square by joint that the full model will leave on the sealed run: what it leaves on the runs looked at, speed by

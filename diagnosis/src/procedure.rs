@@ -5,9 +5,12 @@ use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
+use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
+use crate::exhibit::{self, Shown};
 use crate::form::Form;
 use crate::gap::Gap;
+use crate::leftover;
 use crate::log_check::{self, LogFinding};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
@@ -164,7 +167,9 @@ impl Procedure<'_> {
             over.join(" "),
             first.join(" ")
         ));
+        let unsure = details::unsure(&search)?;
         let wrong = values::wrong(&mut search)?;
+        let groups = wrong.clone();
         let x = search.solved(search.scale)?.x;
         let steps = Self::steps(&search, &adopted, wrong);
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + TIMING_COLUMNS)
@@ -184,7 +189,50 @@ impl Procedure<'_> {
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        Some(self.report(&search, &steps, &prediction, &measured, &seen, &means, log))
+        let mut report = self.report(&search, &steps, &prediction, &measured, &seen, &means, log);
+        let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
+        report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
+        Some(report)
+    }
+
+    /// What stands behind the figures.
+    fn details(
+        &self,
+        report: &Diagnosis,
+        search: &Search<'_>,
+        steps: &[Step],
+        prediction: &Prediction,
+        measured: &Stages,
+        parameters: Vec<ParameterLine>,
+    ) -> Details {
+        let names = self.names();
+        let stage = |k: usize| {
+            let step = k.checked_sub(1).and_then(|k| steps.get(k));
+            let joints: Vec<String> =
+                step.map_or_else(Vec::new, |s| s.joints.iter().map(|j| names[*j].clone()).collect());
+            let (predicted, low, high) = prediction.gaps[k];
+            Stage {
+                effect: step.map(|s| s.effect),
+                upheld: step.is_some_and(|s| report.causes.iter().any(|c| c.effect == s.effect && c.joints == joints)),
+                joints,
+                predicted,
+                low,
+                high,
+                measured: Gap::new(&measured.tau, &measured.models[k]).all,
+            }
+        };
+        Details {
+            stages: (0..measured.models.len()).map(stage).collect(),
+            ledger: details::ledger(measured, &self.sealed.floor, &names),
+            left: leftover::of(self.sealed, measured, &names),
+            excerpts: exhibit::excerpts(self.sealed, measured, &names),
+            parameters,
+            nominal_error: search.scale,
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect()
     }
 
     /// What was adopted and which values are wrong, one step an effect; structure on several joints stays apart.
@@ -236,7 +284,8 @@ impl Procedure<'_> {
         means: &[f64],
         log: Vec<LogFinding>,
     ) -> Diagnosis {
-        let names: Vec<String> = self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect();
+        let names = self.names();
+        let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
         let gaps: Vec<Gap> = measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect();
         let mut causes = Vec::new();
         let mut withdrawn = Vec::new();
@@ -254,8 +303,15 @@ impl Procedure<'_> {
             };
             let shrink = Shrink { predicted, low, high, measured: measured_shrink };
             let rivals: Vec<Effect> = step.adopted.iter().flat_map(|a| a.rivals.clone()).collect();
+            let shown = Shown {
+                effect: step.effect,
+                joints: &step.joints,
+                forms: step.adopted.iter().map(|a| &a.form).collect(),
+                stage: k,
+            };
             let cause = Cause {
                 effect: step.effect,
+                curves: exhibit::curves(self.sealed, measured, &load, &names, &shown),
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
                 magnitude: self.magnitude(search, step, means),
                 shrink,
@@ -313,6 +369,7 @@ impl Procedure<'_> {
             unexplained_share,
             data: self.data,
             remark: None,
+            details: None,
         }
     }
 
@@ -346,13 +403,23 @@ impl Procedure<'_> {
         for (j, name) in names.iter().enumerate() {
             let regimes = regimes::of(self.sealed, j);
             let (tau, model) = (&measured.tau[j], &measured.models[0][j]);
+            let full = &measured.models[measured.models.len() - 1][j];
             let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
             for regime in Regime::ALL {
                 let inside = (0..tau.len()).filter(|k| regimes[*k] == regime);
-                let (error, rows) = inside.fold((0.0, 0usize), |(e, n), k| (e + (tau[k] - model[k]).powi(2), n + 1));
+                let (error, left, rows) = inside.fold((0.0, 0.0, 0usize), |(e, l, n), k| {
+                    (e + (tau[k] - model[k]).powi(2), l + (tau[k] - full[k]).powi(2), n + 1)
+                });
                 total += error / scale;
-                let seconds = rows as f64 * self.sealed.chain.row_period_s;
-                cells.push(Cell { joint: name.clone(), regime, share: error / scale, seconds });
+                let rms = |square: f64| (square / rows.max(1) as f64).sqrt();
+                cells.push(Cell {
+                    joint: name.clone(),
+                    regime,
+                    share: error / scale,
+                    seconds: rows as f64 * self.sealed.chain.row_period_s,
+                    before_nm: rms(error),
+                    after_nm: rms(left),
+                });
             }
         }
         for cell in &mut cells {

@@ -1,6 +1,8 @@
 //! What a diagnosis says.
 
+use crate::details::Details;
 use crate::effect::Effect;
+use crate::exhibit::Curve;
 use crate::log_check::LogFinding;
 use crate::regimes::Regime;
 
@@ -65,6 +67,8 @@ pub struct Cause {
     pub indistinguishable_from: Vec<Effect>,
     /// The motion that would.
     pub separating_motion: Option<String>,
+    /// The sealed run with and without it, on the joints that it changes most.
+    pub curves: Vec<Curve>,
 }
 
 /// The gap of one joint, relative to its torque.
@@ -91,6 +95,20 @@ pub struct Cell {
     pub share: f64,
     /// How long it did so \[s\].
     pub seconds: f64,
+    /// Root mean square of what the model as given leaves there \[N·m\].
+    pub before_nm: f64,
+    /// The same with all causes.
+    pub after_nm: f64,
+}
+
+impl Cell {
+    /// Less time in a regime than this \[s\] says nothing about it.
+    pub const LEAST_SECONDS: f64 = 0.3;
+
+    /// Whether there are data enough to say anything.
+    pub fn is_known(&self) -> bool {
+        self.seconds >= Cell::LEAST_SECONDS
+    }
 }
 
 /// Which data were used for what.
@@ -131,6 +149,8 @@ pub struct Diagnosis {
     pub data: DataUse,
     /// Why nothing was evaluated.
     pub remark: Option<String>,
+    /// What stands behind the figures; absent when nothing was evaluated.
+    pub details: Option<Details>,
 }
 
 impl Diagnosis {
@@ -148,6 +168,7 @@ impl Diagnosis {
             unexplained_share: f64::NAN,
             data,
             remark: Some(why.to_owned()),
+            details: None,
         }
     }
 }

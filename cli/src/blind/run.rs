@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result, bail};
+use rivet_report::Document;
 use serde_json::{Value, json};
 
 use crate::runs::write_whole;
@@ -107,5 +108,6 @@ fn diagnose(program: &Path, folder: &Path) -> Result<Value> {
     // Gone or not, the verdict is in memory or will be an error.
     let _ = std::fs::remove_file(&scratch);
     let Ok(text) = text else { bail!("{}", String::from_utf8_lossy(&output.stderr).trim().to_owned()) };
-    Ok(serde_json::from_str(&text)?)
+    let document: Document = serde_json::from_str(&text)?;
+    Ok(serde_json::to_value(document.brief())?)
 }

@@ -1,0 +1,76 @@
+//! Which files and which build a diagnosis is of.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rivet_config::Robot;
+use rivet_logs::{Log, TorqueSource};
+use rivet_report::{Clock, Input, Passport, Tool};
+use sha2::{Digest, Sha256};
+
+use crate::runs::{Piece, short_name};
+
+/// A log and the stretches that it was cut into.
+pub(crate) struct Source<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) log: Log,
+    pub(crate) pieces: Vec<Piece>,
+}
+
+pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>]) -> Result<Passport> {
+    let pieces: usize = sources.iter().map(|s| s.pieces.len()).sum();
+    let sealed = match sources {
+        [_] if pieces == 1 => "the last two fifths of the log".to_owned(),
+        [.., last] => format!("the last stretch of {}", short_name(last.path)),
+        [] => String::new(),
+    };
+    let program = std::env::current_exe().context("the path of this program")?;
+    let mut inputs = vec![input("robot", robot_file, None)?, input("urdf", &robot.config.urdf, None)?];
+    for source in sources {
+        inputs.push(input("log", source.path, Some(clock(source)))?);
+    }
+    let from_current = sources.iter().any(|s| matches!(s.log.tau, Some((TorqueSource::Current, _))));
+    let torque = if from_current { "motor current times the drive gain of the robot file" } else { "tau of the log" };
+    Ok(Passport {
+        tool: Tool { version: env!("CARGO_PKG_VERSION").to_owned(), sha256: sha256(&program)? },
+        inputs,
+        model: format!("{:016x}", robot.hash),
+        sealed,
+        torque: torque.to_owned(),
+        gear_ratio: robot.config.drive.gear_ratio.clone(),
+    })
+}
+
+fn input(role: &str, path: &Path, clock: Option<Clock>) -> Result<Input> {
+    Ok(Input { role: role.to_owned(), name: short_name(path), sha256: sha256(path)?, clock })
+}
+
+fn sha256(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    }))
+}
+
+fn clock(source: &Source<'_>) -> Clock {
+    let log = &source.log;
+    let step_s = log.median_step_s();
+    let steps: Vec<f64> = log.t.windows(2).map(|w| w[1] - w[0]).collect();
+    // A step of more than two and a half usual ones lacks samples; the others say how even the clock is.
+    let (regular, gaps): (Vec<f64>, Vec<f64>) = steps.iter().partition(|s| **s <= 2.5 * step_s);
+    let square: f64 = regular.iter().map(|s| (s - step_s).powi(2)).sum();
+    let repeated = source.pieces.iter().flat_map(|p| &p.report.repeated).fold(0.0_f64, |m, s| m.max(*s));
+    Clock {
+        rows: log.len(),
+        seconds: log.duration_s(),
+        step_s,
+        jitter_s: (square / regular.len().max(1) as f64).sqrt(),
+        gaps: gaps.len(),
+        longest_gap_s: gaps.iter().fold(0.0, |m, s| f64::max(m, *s)),
+        pieces: source.pieces.len(),
+        repeated,
+    }
+}

@@ -1,0 +1,206 @@
+//! What stands behind the figures of a diagnosis: every stage of the model, every joint, every value, what is left.
+
+use nalgebra::DVector;
+use rivet_dynamics::Parameter;
+
+use crate::effect::Effect;
+use crate::exhibit::Excerpt;
+use crate::leftover::Leftover;
+use crate::predict::Prediction;
+use crate::search::Search;
+use crate::stages::Stages;
+use crate::values::Group;
+
+/// A value is pinned when the runs leave less than this share of what was unsure about it.
+const PINNED: f64 = 0.5;
+
+/// All of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Details {
+    /// The model as given, then with one thing after another.
+    pub stages: Vec<Stage>,
+    /// Joint by joint, in the unit of torque.
+    pub ledger: Vec<Ledger>,
+    /// What is left of each joint's torque.
+    pub left: Vec<Leftover>,
+    /// Stretches of torque.
+    pub excerpts: Vec<Excerpt>,
+    /// Values of the model.
+    pub parameters: Vec<ParameterLine>,
+    /// How wrong the values of the robot file are, in units of what CAD models and data sheets usually are.
+    pub nominal_error: f64,
+}
+
+/// The gap on the sealed run after something was added to the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// What was added; nothing in the first stage, and offsets, timing and small changes of values in the last.
+    pub effect: Option<Effect>,
+    /// The joints' names.
+    pub joints: Vec<String>,
+    /// Whether it is named as a cause.
+    pub upheld: bool,
+    /// Gap before the sealed torque was looked at.
+    pub predicted: f64,
+    /// Ends of its 90 % interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// On the sealed torque.
+    pub measured: f64,
+}
+
+/// One joint of the sealed run, in the unit of its torque.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ledger {
+    /// The joint's name.
+    pub joint: String,
+    /// Root mean square of the torque.
+    pub torque: f64,
+    /// Root mean square of what the model as given leaves.
+    pub before: f64,
+    /// With all causes.
+    pub after: f64,
+    /// Of the torque signal's noise.
+    pub floor: f64,
+    /// Mean of what the model as given leaves.
+    pub bias_before: f64,
+    /// With all causes.
+    pub bias_after: f64,
+    /// Largest.
+    pub peak_before: f64,
+    /// With all causes.
+    pub peak_after: f64,
+}
+
+/// What the runs say about a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParameterState {
+    /// The runs decide it.
+    Pinned,
+    /// The runs say little; the file's value and its usual error decide.
+    NotPinned,
+    /// It came out where no arm can be: friction or inertia of zero or less.
+    AtBound,
+}
+
+impl ParameterState {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            ParameterState::Pinned => "pinned",
+            ParameterState::NotPinned => "not_pinned",
+            ParameterState::AtBound => "at_bound",
+        }
+    }
+}
+
+/// One value of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterLine {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The joint or link that it belongs to, from 0; none for those of a coupling.
+    pub joint: Option<usize>,
+    /// In the robot file.
+    pub given: f64,
+    /// As found.
+    pub found: f64,
+    /// Ends of its 90 % interval over resampled blocks of the runs.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// What the runs say about it.
+    pub state: ParameterState,
+    /// Whether the evidence wants it changed.
+    pub wrong: bool,
+}
+
+/// Ledger of the sealed run.
+pub(crate) fn ledger(stages: &Stages, floor: &[f64], names: &[String]) -> Vec<Ledger> {
+    let full = &stages.models[stages.models.len() - 1];
+    names
+        .iter()
+        .enumerate()
+        .map(|(j, name)| {
+            let tau = &stages.tau[j];
+            let n = tau.len().max(1) as f64;
+            let error = |model: &[f64]| -> [f64; 3] {
+                let (square, sum, peak) = tau.iter().zip(model).fold((0.0, 0.0, 0.0_f64), |(s, m, p), (t, v)| {
+                    let e = t - v;
+                    (s + e * e, m + e, p.max(e.abs()))
+                });
+                [(square / n).sqrt(), sum / n, peak]
+            };
+            let (before, after) = (error(&stages.models[0][j]), error(&full[j]));
+            Ledger {
+                joint: name.clone(),
+                torque: (tau.iter().map(|t| t * t).sum::<f64>() / n).sqrt(),
+                before: before[0],
+                after: after[0],
+                floor: floor[j],
+                bias_before: before[1],
+                bias_after: after[1],
+                peak_before: before[2],
+                peak_after: after[2],
+            }
+        })
+        .collect()
+}
+
+/// Share of each value's usual error that the runs leave, with everything free.
+pub(crate) fn unsure(search: &Search<'_>) -> Option<Vec<f64>> {
+    let solved = search.solved(1.0)?;
+    Some(
+        solved
+            .deviations()
+            .iter()
+            .zip(search.design.background.std.iter())
+            .map(|(after, before)| after / before)
+            .collect(),
+    )
+}
+
+/// The model's values, as given and as found.
+pub(crate) fn parameters(
+    search: &Search<'_>,
+    unsure: &[f64],
+    wrong: &[Group],
+    x: &DVector<f64>,
+    prediction: &Prediction,
+) -> Vec<ParameterLine> {
+    let model = &search.nominal.model;
+    model
+        .parameters
+        .iter()
+        .enumerate()
+        .map(|(i, parameter)| {
+            let given = search.nominal.x[i];
+            let found = given + x[i];
+            let (low, high) = prediction.coefficients[i];
+            let positive = match parameter {
+                Parameter::Link { entry, .. } => matches!(entry, 0 | 4 | 6 | 9),
+                Parameter::RotorInertia(_) | Parameter::Coulomb(_) | Parameter::Viscous(_) => true,
+                _ => false,
+            };
+            let state = match () {
+                () if positive && found <= 0.0 && x[i] != 0.0 => ParameterState::AtBound,
+                () if unsure[i] < PINNED => ParameterState::Pinned,
+                () => ParameterState::NotPinned,
+            };
+            ParameterLine {
+                name: parameter.name(&model.arm),
+                unit: parameter.unit(&model.arm),
+                joint: parameter.joint(),
+                given,
+                found,
+                low: (given + low).min(found),
+                high: (given + high).max(found),
+                state,
+                wrong: wrong.iter().any(|g| g.columns.contains(&i)),
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,610 @@
+//! What a diagnosis says, as it stands in JSON (`docs/diagnosis-json.md`, `docs/diagnosis.schema.json`).
+
+use std::collections::BTreeMap;
+
+use rivet_diagnosis::{self as diagnosis, Diagnosis};
+use serde::{Deserialize, Serialize};
+
+/// Name and version of the format. Fields may be added within a version; a changed meaning is a new one.
+pub const SCHEMA: &str = "rivet.diagnosis.v1";
+
+/// A figure, or null for what JSON has no number for.
+pub type Number = Option<f64>;
+
+/// Size of an effect, by name with unit.
+pub type Magnitude = BTreeMap<String, Number>;
+
+/// Digits that figures of verdicts keep after the point, and digits that curves keep.
+const DECIMALS: f64 = 1e9;
+const CURVE_DIGITS: i32 = 5;
+
+/// The whole document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Document {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The robot's name.
+    pub robot: String,
+    /// The answer in one word.
+    pub verdict: String,
+    /// How far the model is from the torque of the sealed run, relative to it.
+    pub gap: Gap,
+    /// Where it lies, largest share first.
+    #[serde(rename = "where")]
+    pub place: Vec<Cell>,
+    /// In the order of adoption.
+    pub causes: Vec<Cause>,
+    /// Faults of the log itself.
+    pub log: Vec<LogFinding>,
+    /// Considered and not upheld.
+    pub hints: Vec<Cause>,
+    /// Share of the squared gap above the floor that is left.
+    pub unexplained_share: Number,
+    /// What was used.
+    pub data: DataUse,
+    /// Why nothing was evaluated.
+    pub remark: Option<String>,
+    /// Which files and which build.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub passport: Option<Passport>,
+    /// What stands behind the figures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub figures: Option<Figures>,
+}
+
+/// Gaps of the sealed run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Of the model as given, all joints.
+    pub before: Number,
+    /// With all causes.
+    pub after: Number,
+    /// Of the torque signal's noise.
+    pub noise_floor: Number,
+    /// Base to flange.
+    pub per_joint: Vec<JointGap>,
+}
+
+/// Gap of one joint, relative to its torque; in N·m where the name says so.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "before, after and noise floor of each measure are the names themselves")]
+pub struct JointGap {
+    pub joint: String,
+    pub before: Number,
+    pub after: Number,
+    pub noise_floor: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_before_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_after_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_before_nm: Number,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_after_nm: Number,
+}
+
+/// One regime of one joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// The joint's name.
+    pub joint: String,
+    /// What it does.
+    pub regime: String,
+    /// Of the squared gap of all joints.
+    pub share: Number,
+    /// How long \[s\].
+    pub seconds: Number,
+    /// Whether that is long enough to say anything.
+    #[serde(default)]
+    pub known: bool,
+    /// Root mean square of what the model as given leaves there \[N·m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before_nm: Number,
+    /// With all causes \[N·m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after_nm: Number,
+}
+
+/// One cause.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// Its name.
+    pub effect: String,
+    /// The joints' names; empty when it belongs to none or to all.
+    pub joints: Vec<String>,
+    /// Its size.
+    pub magnitude: Magnitude,
+    /// How far the gap shrinks.
+    pub shrink: Shrink,
+    /// 0 to 1.
+    pub confidence: Number,
+    /// What these runs cannot tell from it.
+    pub indistinguishable_from: Vec<String>,
+    /// The motion that would.
+    pub separating_motion: Option<String>,
+    /// The sealed run with and without it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub curves: Vec<Curve>,
+}
+
+/// `1 − after/before` on the sealed run, relative to the model with the causes listed before.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shrink {
+    /// Before the sealed torque was looked at.
+    pub predicted: Number,
+    /// Lower end of the 90 % interval.
+    pub low: Number,
+    /// Upper end.
+    pub high: Number,
+    /// On the sealed torque.
+    pub measured: Number,
+}
+
+/// One joint of the sealed run with and without a cause, against the quantity in which it shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// The joint's name.
+    pub joint: String,
+    /// The quantity.
+    pub variable: String,
+    /// Its unit.
+    pub unit: String,
+    /// Whether residuals count along the motion: positive where they brake.
+    pub along_motion: bool,
+    /// Root mean square of the cause's torque on this joint \[N·m\].
+    pub rms_nm: Number,
+    /// Rows whose quantity is about the same.
+    pub points: Vec<Point>,
+}
+
+/// Means over rows \[N·m\].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Of the quantity.
+    pub at: f64,
+    /// Of the residual with all causes but this one.
+    pub without: f64,
+    /// Quartiles of the same.
+    pub spread: [f64; 2],
+    /// Of the residual with all causes.
+    pub with: f64,
+    /// Of the cause's own torque.
+    pub cause: f64,
+    /// How many rows.
+    pub rows: usize,
+}
+
+/// A fault of one joint's signals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogFinding {
+    /// The run's name.
+    pub run: String,
+    /// The joint's name.
+    pub joint: String,
+    /// What is wrong.
+    pub fault: String,
+    /// Its figure.
+    pub value: Number,
+    /// What a person would say.
+    pub text: String,
+}
+
+/// Which data were used for what.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DataUse {
+    /// Runs, the sealed one included.
+    pub runs: usize,
+    /// Looked at.
+    pub fit_seconds: Number,
+    /// Sealed.
+    pub sealed_seconds: Number,
+}
+
+/// Files and build.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Passport {
+    /// The program.
+    pub tool: Tool,
+    /// Robot file, URDF and logs, in the order of the command.
+    pub inputs: Vec<Input>,
+    /// Hash of the model that the robot file describes.
+    pub model: String,
+    /// What stays sealed, in words.
+    pub sealed: String,
+    /// Where torque comes from.
+    pub torque: String,
+    /// Turns of the motor per turn of the joint, where the robot file has them.
+    pub gear_ratio: Vec<f64>,
+}
+
+/// The program that made a document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tool {
+    /// Its version.
+    pub version: String,
+    /// SHA-256 of its executable.
+    pub sha256: String,
+}
+
+/// A file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Input {
+    /// `robot`, `urdf` or `log`.
+    pub role: String,
+    /// Its name without folders.
+    pub name: String,
+    /// SHA-256 of its content.
+    pub sha256: String,
+    /// Of a log: rows, clock, holes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+}
+
+/// Time stamps of a log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Clock {
+    /// Rows in the file.
+    pub rows: usize,
+    /// Its length \[s\].
+    pub seconds: f64,
+    /// Usual step \[s\].
+    pub step_s: f64,
+    /// Root mean square of steps about it \[s\].
+    pub jitter_s: f64,
+    /// Steps that lack samples, and time without any \[s\].
+    pub gaps: usize,
+    /// Longest of them \[s\].
+    pub longest_gap_s: f64,
+    /// Stretches that were diagnosed as runs of their own.
+    pub pieces: usize,
+    /// Largest share of rows, over the joints, that repeat the position before.
+    pub repeated: f64,
+}
+
+/// What stands behind a verdict.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// The model as given, then with one thing after another.
+    pub stages: Vec<Stage>,
+    /// What is left of each joint's torque.
+    pub left: Vec<Left>,
+    /// Stretches of torque.
+    pub excerpts: Vec<Excerpt>,
+    /// Values of the model.
+    pub parameters: Vec<Parameter>,
+    /// How wrong the robot file's values are, in units of what CAD models and data sheets usually are.
+    pub nominal_error: Number,
+}
+
+/// The gap on the sealed run after something was added.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// What was added; null in the first stage, and for offsets, timing and small changes of values in the last.
+    pub effect: Option<String>,
+    /// The joints' names.
+    pub joints: Vec<String>,
+    /// Whether it is named as a cause.
+    pub upheld: bool,
+    /// Gap, before the sealed torque was looked at.
+    pub predicted: Number,
+    /// Lower end of its 90 % interval.
+    pub low: Number,
+    /// Upper end.
+    pub high: Number,
+    /// On the sealed torque.
+    pub measured: Number,
+}
+
+/// What is left of one joint's torque.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Left {
+    /// The joint's name.
+    pub joint: String,
+    /// Share of its square that is above the noise of the torque signal.
+    pub above_noise: Number,
+    /// Time between lags \[s\].
+    pub lag_s: f64,
+    /// Autocorrelation from lag 0 on.
+    pub autocorrelation: Vec<f64>,
+    /// Size below which 95 % of the values of white noise lie.
+    pub white: f64,
+    /// \[Hz\]
+    pub frequencies_hz: Vec<f64>,
+    /// Amplitude density with all causes \[N·m/√Hz\].
+    pub density_after: Vec<f64>,
+    /// With the model as given.
+    pub density_before: Vec<f64>,
+    /// By cycles per turn of the joint.
+    pub orders: Vec<Order>,
+    /// Correlation with what is left on every joint.
+    pub correlation: Vec<f64>,
+}
+
+/// Amplitude \[N·m\] at an order of the joint's angle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Order {
+    /// Cycles per turn of the joint.
+    pub order: f64,
+    /// With all causes.
+    pub after: f64,
+    /// With the model as given.
+    pub before: f64,
+}
+
+/// A stretch of one joint's torque \[N·m\].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Excerpt {
+    /// The joint's name.
+    pub joint: String,
+    /// Time of the first point \[s\].
+    pub from_s: f64,
+    /// Time between points \[s\].
+    pub step_s: f64,
+    /// Measured.
+    pub measured: Vec<f64>,
+    /// Of the model as given.
+    pub given: Vec<f64>,
+    /// Of the model with all causes.
+    pub with_causes: Vec<f64>,
+}
+
+/// One value of the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The joint or link that it belongs to, from 1.
+    pub joint: Option<usize>,
+    /// In the robot file.
+    pub given: Number,
+    /// As found.
+    pub found: Number,
+    /// Lower end of its 90 % interval over resampled blocks.
+    pub low: Number,
+    /// Upper end.
+    pub high: Number,
+    /// `pinned`, `not_pinned` or `at_bound`.
+    pub state: String,
+    /// Whether the evidence wants it changed.
+    pub wrong: bool,
+}
+
+fn number(x: f64) -> Number {
+    x.is_finite().then(|| (x * DECIMALS).round() / DECIMALS)
+}
+
+/// A point of a curve: finite, with as many digits as a drawing can show.
+fn short(x: f64) -> f64 {
+    if x == 0.0 || !x.is_finite() {
+        return 0.0;
+    }
+    let unit = 10.0_f64.powi(CURVE_DIGITS - 1 - x.abs().log10().floor() as i32);
+    (x * unit).round() / unit
+}
+
+fn shorts(x: &[f64]) -> Vec<f64> {
+    x.iter().map(|v| short(*v)).collect()
+}
+
+impl Document {
+    /// The document of a diagnosis of `robot`.
+    pub fn new(robot: &str, found: &Diagnosis, passport: Option<Passport>) -> Document {
+        let mut per_joint: Vec<JointGap> = found.per_joint.iter().map(JointGap::new).collect();
+        for (gap, line) in per_joint.iter_mut().zip(found.details.iter().flat_map(|d| &d.ledger)) {
+            gap.torque_nm = number(line.torque);
+            gap.before_nm = number(line.before);
+            gap.after_nm = number(line.after);
+            gap.noise_floor_nm = number(line.floor);
+            gap.bias_before_nm = number(line.bias_before);
+            gap.bias_after_nm = number(line.bias_after);
+            gap.peak_before_nm = number(line.peak_before);
+            gap.peak_after_nm = number(line.peak_after);
+        }
+        Document {
+            schema: SCHEMA.to_owned(),
+            robot: robot.to_owned(),
+            verdict: found.verdict.name().to_owned(),
+            gap: Gap {
+                before: number(found.before),
+                after: number(found.after),
+                noise_floor: number(found.noise_floor),
+                per_joint,
+            },
+            place: found.place.iter().map(Cell::new).collect(),
+            causes: found.causes.iter().map(Cause::new).collect(),
+            log: found.log.iter().map(LogFinding::new).collect(),
+            hints: found.withdrawn.iter().map(Cause::new).collect(),
+            unexplained_share: number(found.unexplained_share),
+            data: DataUse {
+                runs: found.data.runs,
+                fit_seconds: number(found.data.fit_seconds),
+                sealed_seconds: number(found.data.sealed_seconds),
+            },
+            remark: found.remark.clone(),
+            passport,
+            figures: found.details.as_ref().map(Figures::new),
+        }
+    }
+
+    /// The verdict alone, without what only a page shows.
+    #[must_use]
+    pub fn brief(mut self) -> Document {
+        self.passport = None;
+        self.figures = None;
+        for cause in self.causes.iter_mut().chain(&mut self.hints) {
+            cause.curves.clear();
+        }
+        self
+    }
+}
+
+impl JointGap {
+    fn new(gap: &diagnosis::JointGap) -> JointGap {
+        JointGap {
+            joint: gap.joint.clone(),
+            before: number(gap.before),
+            after: number(gap.after),
+            noise_floor: number(gap.noise_floor),
+            torque_nm: None,
+            before_nm: None,
+            after_nm: None,
+            noise_floor_nm: None,
+            bias_before_nm: None,
+            bias_after_nm: None,
+            peak_before_nm: None,
+            peak_after_nm: None,
+        }
+    }
+}
+
+impl Cell {
+    fn new(cell: &diagnosis::Cell) -> Cell {
+        Cell {
+            joint: cell.joint.clone(),
+            regime: cell.regime.name().to_owned(),
+            share: number(cell.share),
+            seconds: number(cell.seconds),
+            known: cell.is_known(),
+            before_nm: number(cell.before_nm),
+            after_nm: number(cell.after_nm),
+        }
+    }
+}
+
+impl Cause {
+    fn new(cause: &diagnosis::Cause) -> Cause {
+        Cause {
+            effect: cause.effect.name().to_owned(),
+            joints: cause.joints.clone(),
+            magnitude: cause.magnitude.iter().map(|(name, value)| (name.clone(), number(*value))).collect(),
+            shrink: Shrink {
+                predicted: number(cause.shrink.predicted),
+                low: number(cause.shrink.low),
+                high: number(cause.shrink.high),
+                measured: number(cause.shrink.measured),
+            },
+            confidence: number(cause.confidence),
+            indistinguishable_from: cause.indistinguishable_from.iter().map(|e| e.name().to_owned()).collect(),
+            separating_motion: cause.separating_motion.clone(),
+            curves: cause.curves.iter().map(Curve::new).collect(),
+        }
+    }
+}
+
+impl Curve {
+    fn new(curve: &diagnosis::Curve) -> Curve {
+        let (name, unit) = curve.variable.label();
+        let point = |p: &diagnosis::Point| Point {
+            at: short(p.at),
+            without: short(p.without),
+            spread: p.spread.map(short),
+            with: short(p.with),
+            cause: short(p.cause),
+            rows: p.rows,
+        };
+        Curve {
+            joint: curve.joint.clone(),
+            variable: name.to_owned(),
+            unit: unit.to_owned(),
+            along_motion: curve.variable.along_motion(),
+            rms_nm: number(curve.rms_nm),
+            points: curve.points.iter().map(point).collect(),
+        }
+    }
+}
+
+impl LogFinding {
+    fn new(found: &diagnosis::LogFinding) -> LogFinding {
+        LogFinding {
+            run: found.run.clone(),
+            joint: found.joint.clone(),
+            fault: found.fault.name().to_owned(),
+            value: number(found.fault.value()),
+            text: found.fault.text(),
+        }
+    }
+}
+
+impl Figures {
+    fn new(details: &diagnosis::Details) -> Figures {
+        Figures {
+            stages: details.stages.iter().map(Stage::new).collect(),
+            left: details.left.iter().map(Left::new).collect(),
+            excerpts: details.excerpts.iter().map(Excerpt::new).collect(),
+            parameters: details.parameters.iter().map(Parameter::new).collect(),
+            nominal_error: number(details.nominal_error),
+        }
+    }
+}
+
+impl Stage {
+    fn new(stage: &diagnosis::Stage) -> Stage {
+        Stage {
+            effect: stage.effect.map(|e| e.name().to_owned()),
+            joints: stage.joints.clone(),
+            upheld: stage.upheld,
+            predicted: number(stage.predicted),
+            low: number(stage.low),
+            high: number(stage.high),
+            measured: number(stage.measured),
+        }
+    }
+}
+
+impl Left {
+    fn new(left: &diagnosis::Leftover) -> Left {
+        let order =
+            |o: &diagnosis::Order| Order { order: short(o.order), after: short(o.after), before: short(o.before) };
+        Left {
+            joint: left.joint.clone(),
+            above_noise: number(left.above_noise),
+            lag_s: left.lag_s,
+            autocorrelation: shorts(&left.autocorrelation),
+            white: short(left.white),
+            frequencies_hz: shorts(&left.frequencies),
+            density_after: shorts(&left.density_after),
+            density_before: shorts(&left.density_before),
+            orders: left.orders.iter().map(order).collect(),
+            correlation: shorts(&left.correlation),
+        }
+    }
+}
+
+impl Excerpt {
+    fn new(excerpt: &diagnosis::Excerpt) -> Excerpt {
+        Excerpt {
+            joint: excerpt.joint.clone(),
+            from_s: short(excerpt.from_s),
+            step_s: excerpt.step_s,
+            measured: shorts(&excerpt.measured),
+            given: shorts(&excerpt.given),
+            with_causes: shorts(&excerpt.with_causes),
+        }
+    }
+}
+
+impl Parameter {
+    fn new(line: &diagnosis::ParameterLine) -> Parameter {
+        Parameter {
+            name: line.name.clone(),
+            unit: line.unit.to_owned(),
+            joint: line.joint.map(|j| j + 1),
+            given: number(line.given),
+            found: number(line.found),
+            low: number(line.low),
+            high: number(line.high),
+            state: line.state.name().to_owned(),
+            wrong: line.wrong,
+        }
+    }
+}

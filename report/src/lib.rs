@@ -1,0 +1,13 @@
+//! A diagnosis as a document: one set of figures, written as JSON, as a screen of text and as a page.
+//!
+//! Pure: what a [`Document`] holds is all that any of them shows, so no two of them can disagree.
+
+mod document;
+mod verdict;
+pub mod words;
+
+pub use document::{
+    Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Gap, Input, JointGap, Left, LogFinding, Magnitude,
+    Number, Order, Parameter, Passport, Point, SCHEMA, Shrink, Stage, Tool,
+};
+pub use verdict::Line;

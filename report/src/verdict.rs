@@ -1,0 +1,174 @@
+//! The verdict as a person would say it: the gap, its cause, its place, its worth, what is not covered, what to do next.
+
+use crate::document::{Cause, Document};
+use crate::words::{effect, figure, joints, list, percent, quantity};
+
+/// One of the six lines.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// What the line is about, in a word or two.
+    pub head: &'static str,
+    /// The line.
+    pub text: String,
+}
+
+/// Places named in the verdict, and cells named as not known.
+const PLACES: usize = 3;
+const UNKNOWN_CELLS: usize = 4;
+/// Sizes named in a sentence.
+const SIZES: usize = 2;
+/// Shares below this are not worth a word.
+const WORTH_NAMING: f64 = 0.05;
+
+impl Document {
+    /// The verdict in six lines.
+    pub fn lines(&self) -> Vec<Line> {
+        if let Some(remark) = &self.remark {
+            return vec![
+                Line { head: "Verdict", text: format!("Not evaluated: {remark}.") },
+                Line {
+                    head: "Next",
+                    text: "Record a motion that uses every joint over its range and speed.".to_owned(),
+                },
+            ];
+        }
+        vec![
+            Line { head: "Gap", text: self.gap_line() },
+            Line { head: "Cause", text: self.cause_line() },
+            Line { head: "Where", text: self.place_line() },
+            Line { head: "How far", text: self.shrink_line() },
+            Line { head: "Not covered", text: self.open_line() },
+            Line { head: "Next", text: self.next_line() },
+        ]
+    }
+
+    fn gap_line(&self) -> String {
+        let gap = &self.gap;
+        format!(
+            "On {:.0} s of motion that was kept sealed, the model as given misses the torque by {} %; with what is named \
+             below and the other values refitted, by {} %. Noise of the torque signal alone is {} %.",
+            self.data.sealed_seconds.unwrap_or(0.0),
+            percent(gap.before),
+            percent(gap.after),
+            percent(gap.noise_floor)
+        )
+    }
+
+    fn cause_line(&self) -> String {
+        let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
+        match self.verdict.as_str() {
+            "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
+            "unexplained" if named.is_empty() => {
+                "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
+            }
+            "unexplained" => format!("Unknown: {} was found, and does not explain the gap.", list(&named)),
+            "parameter" => format!("Wrong values of what the model has: {}.", list(&named)),
+            _ => format!("{}.", list(&named)),
+        }
+    }
+
+    fn said(&self, cause: &Cause) -> String {
+        let all = self.gap.per_joint.len();
+        let mut sizes: Vec<String> = Vec::new();
+        // Values of the model are too many for a sentence; the page lists them.
+        for (name, value) in cause.magnitude.iter().filter(|(name, _)| !name.contains('.')) {
+            let (name, unit) = quantity(name, self);
+            if let Some(value) = value {
+                sizes.push(format!("{name} {} {unit}", figure(*value, 3)).trim_end().to_owned());
+            }
+        }
+        let sizes =
+            if sizes.is_empty() || sizes.len() > SIZES { String::new() } else { format!(" ({})", sizes.join(", ")) };
+        let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| effect(e)).collect();
+        let or = if rivals.is_empty() { String::new() } else { format!(" or {}", rivals.join(" or ")) };
+        format!("{}{or} on {}{sizes}", effect(&cause.effect), joints(&cause.joints, all))
+    }
+
+    fn place_line(&self) -> String {
+        let cells = self.place.iter().filter(|c| c.share.is_some_and(|s| s >= WORTH_NAMING)).take(PLACES);
+        let named: Vec<String> =
+            cells.map(|c| format!("{} {} {} %", c.joint, regime(&c.regime), percent(c.share))).collect();
+        if named.is_empty() {
+            return "The gap is spread over joints and regimes.".to_owned();
+        }
+        format!("Of the squared gap: {}.", list(&named))
+    }
+
+    fn shrink_line(&self) -> String {
+        if self.causes.is_empty() {
+            return "No cause, so nothing to shrink.".to_owned();
+        }
+        let each: Vec<String> = self
+            .causes
+            .iter()
+            .map(|c| {
+                let s = &c.shrink;
+                format!(
+                    "{} {} % (90 %: {}..{}), measured {} %",
+                    effect(&c.effect),
+                    percent(s.predicted),
+                    percent(s.low),
+                    percent(s.high),
+                    percent(s.measured)
+                )
+            })
+            .collect();
+        format!("Shrink of the gap, predicted before the sealed torque was read: {}.", each.join("; "))
+    }
+
+    fn open_line(&self) -> String {
+        let mut open = Vec::new();
+        for finding in &self.log {
+            open.push(format!("{} of {}: {}", finding.fault.replace('_', " "), finding.run, finding.joint));
+        }
+        if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING) {
+            open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
+        }
+        let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known).collect();
+        if !unknown.is_empty() {
+            let names: Vec<String> =
+                unknown.iter().take(UNKNOWN_CELLS).map(|c| format!("{} {}", c.joint, regime(&c.regime))).collect();
+            let more = unknown.len().saturating_sub(UNKNOWN_CELLS);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            open.push(format!("too little data for {}{more}", names.join(", ")));
+        }
+        if open.is_empty() { "Every joint and regime has data.".to_owned() } else { open.join("; ") + "." }
+    }
+
+    fn next_line(&self) -> String {
+        let faults: Vec<String> =
+            self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
+        if !faults.is_empty() {
+            let mut faults = faults;
+            faults.dedup();
+            return format!(
+                "Check sign, unit and scale of the torque of {} before believing anything else.",
+                list(&faults)
+            );
+        }
+        if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
+            return format!("To tell the causes apart, record {motion}.");
+        }
+        match self.verdict.as_str() {
+            "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
+            "unexplained" => {
+                "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
+                    .to_owned()
+            }
+            "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
+            _ => "Add the effect to the simulator and diagnose a new run.".to_owned(),
+        }
+    }
+}
+
+/// A regime in a sentence.
+pub(crate) fn regime(name: &str) -> String {
+    match name {
+        "rest" => "at rest".to_owned(),
+        "reversal" => "at reversals".to_owned(),
+        "slow" => "when slow".to_owned(),
+        "accelerating" => "accelerating".to_owned(),
+        "cruise" => "at cruise".to_owned(),
+        other => other.replace('_', " "),
+    }
+}

@@ -1,0 +1,104 @@
+//! Figures and names as a person reads them.
+
+use crate::document::{Document, Number};
+
+/// A share in percent, one digit after the point; a dash for what is not known.
+pub fn percent(share: Number) -> String {
+    share.map_or_else(|| "-".to_owned(), |x| format!("{:.1}", 100.0 * x))
+}
+
+/// `digits` significant digits, plain where that is short.
+pub fn figure(x: f64, digits: i32) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return if x == 0.0 { "0".to_owned() } else { "-".to_owned() };
+    }
+    let magnitude = x.abs().log10().floor() as i32;
+    if (-3..5).contains(&magnitude) {
+        let decimals = (digits - 1 - magnitude).max(0) as usize;
+        format!("{x:.decimals$}")
+    } else {
+        format!("{x:.*e}", (digits - 1).max(0) as usize)
+    }
+}
+
+/// The name of an effect in a sentence.
+pub fn effect(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// Suffixes of magnitudes' names and the units that they stand for, longest first.
+const UNITS: [(&str, &str); 18] = [
+    ("_Nms3_rad3", "N m s\u{b3}/rad\u{b3}"),
+    ("_Nms2_rad2", "N m s\u{b2}/rad\u{b2}"),
+    ("_Nms_rad_K", "N m s/rad/K"),
+    ("_Nms_rad", "N m s/rad"),
+    ("_Nm_rad", "N m/rad"),
+    ("_Nm_K", "N m/K"),
+    ("_kgm2", "kg m\u{b2}"),
+    ("_rad_s", "rad/s"),
+    ("_m_s2", "m/s\u{b2}"),
+    ("_Nm", "N m"),
+    ("_rad", "rad"),
+    ("_kg", "kg"),
+    ("_hz", "Hz"),
+    ("_per_turn", "per turn"),
+    ("_K", "K"),
+    ("_N", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+];
+
+/// Name and unit of a magnitude: `stiffness_Nm_rad` is "stiffness" in N m/rad; values of the model have their own.
+pub fn quantity(name: &str, document: &Document) -> (String, String) {
+    let parameters = document.figures.iter().flat_map(|f| &f.parameters);
+    if let Some(parameter) = parameters.into_iter().find(|p| p.name == name) {
+        return (name.to_owned(), parameter.unit.clone());
+    }
+    for (suffix, unit) in UNITS {
+        if let Some(stem) = name.strip_suffix(suffix) {
+            return (stem.replace('_', " "), unit.to_owned());
+        }
+    }
+    if name == "seconds" {
+        return ("time".to_owned(), "s".to_owned());
+    }
+    (name.replace('_', " "), String::new())
+}
+
+/// "a", "a and b", "a, b and c".
+pub fn list(words: &[String]) -> String {
+    match words {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// Joints of a cause in a sentence.
+pub fn joints(names: &[String], all: usize) -> String {
+    match names.len() {
+        0 => "the whole arm".to_owned(),
+        n if n == all => "all joints".to_owned(),
+        _ => list(names),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_short_and_keep_their_digits() {
+        for (x, text) in [(0.0, "0"), (9.1545, "9.15"), (-0.012345, "-0.0123"), (2345.6, "2346"), (3.2e-6, "3.20e-6")] {
+            assert_eq!(figure(x, 3), text);
+        }
+        assert_eq!(percent(None), "-");
+        assert_eq!(percent(Some(0.1234)), "12.3");
+    }
+
+    #[test]
+    fn lists_read_as_spoken() {
+        let words = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!([list(&words[..1]), list(&words[..2]), list(&words)], ["a", "a and b", "a, b and c"]);
+    }
+}
