@@ -131,42 +131,55 @@ fn stage_error(bench: &mut Bench, wave: &mut Wave, x: &[f64], j: usize) -> f64 {
     (error / size).sqrt()
 }
 
+/// Noises that the staged moves are repeated with, and the error of the torque that a stage may leave.
+const SEEDS: [u64; 6] = [33, 34, 35, 36, 37, 38];
+const STAGE_ERROR: f64 = 0.005;
+
 /// Length of a stage \[s\].
 const STAGE: f64 = 1.5 * WINDOW;
 
 /// Test motions as they are used off line, one joint after the other, while running (the paper, 3.2): the set is completed
-/// step by step, and what earlier stages have found stays found.
+/// step by step, and what earlier stages have found stays found. A direction may move once its torque is known to half the
+/// noise, and the noise is about 1 % of the torque: rms over noises 0.5 %, and no single one off by more than three times that.
+/// (The eigenvectors stay below 0.1 %; the tracked scheme, whose directions lag, has 0.1-0.3 % rms, and 0.7 % at worst.)
 #[test]
 fn staged_moves_complete_the_set() {
     let Some(mut bench) = Bench::new(ARM) else { return };
     let n = bench.dof();
     let truth = bench.truth.clone();
     for supervision in schemes() {
-        let mut identifier = identifier(&bench, supervision);
-        let mut random = Random(33);
-        let mut wave = Wave::new(n, 1.0);
-        let mut errors = vec![bench.torque_error(identifier.estimate().values)];
-        let mut kept = Vec::new();
-        for stage in (0..n).map(Some).chain([None]) {
-            let seconds = if stage.is_some() { STAGE } else { 2.0 * STAGE };
-            for k in 0..(seconds / PERIOD) as u32 {
-                let [q, qd, qdd] = moved(&mut wave, stage, f64::from(k) * PERIOD, seconds);
-                let motion = Motion { q: &q, qd: &qd, qdd: &qdd };
-                let tau = noisy(bench.torque(motion, &truth), &mut random);
-                identifier.push_motion(motion, &tau, Some(motion));
+        let mut in_stages = vec![0.0; n + 1];
+        for seed in SEEDS {
+            let mut identifier = identifier(&bench, supervision);
+            let mut random = Random(seed);
+            let mut wave = Wave::new(n, 1.0);
+            let mut errors = vec![bench.torque_error(identifier.estimate().values)];
+            for (k, stage) in (0..n).map(Some).chain([None]).enumerate() {
+                let seconds = if stage.is_some() { STAGE } else { 2.0 * STAGE };
+                for k in 0..(seconds / PERIOD) as u32 {
+                    let [q, qd, qdd] = moved(&mut wave, stage, f64::from(k) * PERIOD, seconds);
+                    let motion = Motion { q: &q, qd: &qd, qdd: &qdd };
+                    let tau = noisy(bench.torque(motion, &truth), &mut random);
+                    identifier.push_motion(motion, &tau, Some(motion));
+                }
+                let values = identifier.estimate().values.to_vec();
+                errors.push(bench.torque_error(&values));
+                let done = stage.map_or(n, |j| j + 1);
+                let worst = (0..done).map(|j| stage_error(&mut bench, &mut wave, &values, j)).fold(0.0, f64::max);
+                assert!(worst < 3.0 * STAGE_ERROR, "{supervision:?}, noise {seed}: {worst} after stage {k}");
+                in_stages[k] += worst * worst;
             }
-            let values = identifier.estimate().values.to_vec();
-            errors.push(bench.torque_error(&values));
-            let done = stage.map_or(n, |j| j + 1);
-            let worst = (0..done).map(|j| stage_error(&mut bench, &mut wave, &values, j)).fold(0.0, f64::max);
-            kept.push(worst);
+            println!("{supervision:?}, noise {seed}: torque errors {errors:.4?}");
+            assert!(
+                errors.windows(2).all(|pair| pair[1] < 1.02 * pair[0]),
+                "{supervision:?} lost something: {errors:?}"
+            );
+            assert!(errors[n + 1] < STAGE_ERROR, "{supervision:?}: {errors:?}");
+            let verdict = identifier.estimate().verdict;
+            assert_eq!(verdict.active, bench.len(), "{supervision:?}: every direction is identified");
         }
-        println!("{supervision:?}: torque errors {errors:.4?}, in the stages so far {kept:.4?}");
-        assert!(errors.windows(2).all(|pair| pair[1] < 1.02 * pair[0]), "{supervision:?} lost something: {errors:?}");
-        assert!(kept.iter().all(|worst| *worst < 0.005), "{supervision:?} lost something: {kept:?}");
-        assert!(errors[n + 1] < 0.005, "{supervision:?}: {errors:?}");
-        let verdict = identifier.estimate().verdict;
-        println!("{} of {} directions move at the end", verdict.active, verdict.of);
-        assert_eq!(verdict.active, bench.len(), "{supervision:?}: every direction is identified");
+        let rms: Vec<f64> = in_stages.iter().map(|sum| (sum / SEEDS.len() as f64).sqrt()).collect();
+        println!("{supervision:?}: rms over noises, in the stages so far {rms:.4?}");
+        assert!(rms.iter().all(|rms| *rms < STAGE_ERROR), "{supervision:?} lost something: {rms:?}");
     }
 }
