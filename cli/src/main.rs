@@ -4,6 +4,7 @@ mod blind;
 mod check;
 mod children;
 mod compare;
+mod control;
 mod demo;
 mod diagnose;
 mod evidence;
@@ -53,6 +54,8 @@ enum Command {
     Figures(figures::Args),
     /// Whether a robot file is sound, and what it says
     Check(check::Args),
+    /// Asks a running rivetd: freeze, resume, reset, save, reload
+    Control(control::Args),
     /// Tables computed anew from seeds
     #[command(subcommand)]
     Study(study::Args),
@@ -83,13 +86,14 @@ fn main() -> ExitCode {
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::Check(args) => check::run(args),
+        Command::Control(args) => control::run(args),
         Command::Study(args) => study::run(args),
         Command::Daemon(options) => {
-            return ended("rivetd", rivet_daemon::run(options), rivet_daemon::StartError::exit_code);
+            return ended(rivet_daemon::run(options), rivet_daemon::StartError::exit_code);
         }
         Command::Controller(options) => {
             let result = rivet_controller::run(options);
-            return ended("rivet-controller", result, rivet_controller::StartError::exit_code);
+            return ended(result, rivet_controller::StartError::exit_code);
         }
         Command::Sim(options) => return rivet_simulation::process::main(options),
     };
@@ -100,12 +104,13 @@ fn main() -> ExitCode {
     })
 }
 
-fn ended<E: std::fmt::Display>(name: &str, result: Result<(), E>, code: impl Fn(&E) -> u8) -> ExitCode {
+fn ended<E: std::fmt::Display>(result: Result<(), E>, code: impl Fn(&E) -> u8) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
-            eprintln!("{name}: {why}");
-            ExitCode::from(code(&why))
+            let code = code(&why);
+            log::error!(rivet_event = "failed", exit_code = code; "{why}");
+            ExitCode::from(code)
         }
     }
 }

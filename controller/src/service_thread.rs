@@ -8,10 +8,23 @@ use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason,
 };
 use rivet_realtime::Shutdown;
+use rivet_service::Manager;
 use std::path::Path;
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// What the loop shows of itself, for the service manager.
+#[derive(Debug, Default)]
+pub(crate) struct Pulse {
+    /// Periods since the start.
+    pub(crate) periods: AtomicU64,
+    /// Samples answered.
+    pub(crate) commands: AtomicU64,
+    /// Whether a sample has been answered in time.
+    pub(crate) met: AtomicBool,
+}
 
 /// What the loop hands over.
 pub(crate) enum Outbound {
@@ -39,10 +52,11 @@ pub(crate) fn start(
     mut inbound: rtrb::Consumer<Outbound>,
     folder: Option<&Path>,
     robot: &Robot,
+    pulse: &Arc<Pulse>,
     shutdown: &Shutdown,
 ) -> Result<JoinHandle<()>, StartError> {
     let recorder = folder.map(|folder| Recorder::new(folder, name.as_str(), robot.dof()));
-    let (config, name, shutdown) = (config.clone(), name.clone(), shutdown.clone());
+    let (config, name, shutdown, pulse) = (config.clone(), name.clone(), shutdown.clone(), Arc::clone(pulse));
     let (ready, readiness) = mpsc::channel();
     let body = move || {
         let opened = Bus::open(&config, &name, "rivet-controller-service")
@@ -57,6 +71,7 @@ pub(crate) fn start(
         };
         let _ = ready.send(Ok(()));
         let mut service = Service { health, recorder, said: None };
+        let mut manager = Manager::new();
         loop {
             let stopping = shutdown.is_requested();
             while let Ok(message) = inbound.pop() {
@@ -65,8 +80,15 @@ pub(crate) fn start(
             // Late subscribers get the latest health; a failure here is a subscriber's, and will show again.
             let _ = service.health.refresh();
             if stopping {
+                manager.stopping();
                 return;
             }
+            if pulse.met.load(Ordering::Relaxed) {
+                manager.ready();
+            }
+            manager.turn(pulse.periods.load(Ordering::Relaxed), || {
+                format!("{} samples answered", pulse.commands.load(Ordering::Relaxed))
+            });
             std::thread::sleep(TURN);
         }
     };
@@ -90,9 +112,11 @@ impl Service {
                 let _ = self.health.send(health);
             }
             Outbound::Stopped => match self.recorder.as_ref().map(Recorder::write) {
-                None => eprintln!("rivet-controller: joint states stopped; no --state DIR, no flight record"),
-                Some(Ok(path)) => eprintln!("rivet-controller: joint states stopped; flight record {}", path.display()),
-                Some(Err(why)) => eprintln!("rivet-controller: joint states stopped; no flight record: {why}"),
+                None => log::error!(rivet_event = "stop"; "joint states stopped; no --state DIR, no flight record"),
+                Some(Ok(path)) => {
+                    log::error!(rivet_event = "stop"; "joint states stopped; flight record {}", path.display())
+                }
+                Some(Err(why)) => log::error!(rivet_event = "stop"; "joint states stopped; no flight record: {why}"),
             },
         }
     }
@@ -117,11 +141,11 @@ impl Service {
             Ok(SourceReason::BetterThanNominal) => "they predict recent torques better than the robot file's",
         };
         if self.said.map(|(source, reason, _)| (source, reason)) != Some((now.0, now.1)) {
-            eprintln!("rivet-controller: parameters in use: {source} ({reason})");
+            log::info!(rivet_event = "source"; "parameters in use: {source} ({reason})");
         }
         match ParameterRefusal::try_from(health.last_refusal) {
             Ok(ParameterRefusal::None) | Err(_) => {}
-            Ok(why) => eprintln!("rivet-controller: published parameters refused: {}", refusal_text(why)),
+            Ok(why) => log::warn!(rivet_event = "refusal"; "published parameters refused: {}", refusal_text(why)),
         }
         self.said = Some(now);
     }

@@ -4,7 +4,7 @@ use crate::core::Core;
 use crate::error::StartError;
 use crate::gate::refusal_text;
 use crate::recorder::Pair;
-use crate::service_thread::{self, Outbound};
+use crate::service_thread::{self, Outbound, Pulse};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
     BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, ParameterSource,
@@ -13,6 +13,8 @@ use rivet_ipc_schema::{
 use rivet_realtime::{RealTimeSettings, Shutdown, now_ns};
 use rivet_store::Store;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// How the controller is to run, beside what the robot file says.
@@ -32,6 +34,9 @@ pub struct Options {
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
+    /// Refuse to start without them, whatever `[realtime] required` says.
+    #[arg(long, conflicts_with = "best_effort")]
+    pub require_real_time: bool,
     /// Published parameters act from this sample number on; until then the robot file's values do.
     #[arg(long, value_name = "SEQ", default_value_t = 0)]
     pub adopt_from: u64,
@@ -78,7 +83,11 @@ fn open(bus: &Bus) -> Result<Ports, BusError> {
 /// # Errors
 /// Why it did not start.
 pub fn run(options: &Options) -> Result<(), StartError> {
-    let robot = rivet_config::load(&options.robot)?;
+    let robot = rivet_config::load(&options.robot);
+    let file = options.robot.to_string_lossy();
+    let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
+    rivet_service::log_as("rivet-controller", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
+    let robot = robot?;
     let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
@@ -96,14 +105,16 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let ports = open(&bus)?;
     // The service thread comes first: what this thread starts later would inherit its scheduling.
     let (outbound, inbound) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
-    let service = service_thread::start(&config, &name, inbound, options.state.as_deref(), &robot, &shutdown)?;
+    let pulse = Arc::new(Pulse::default());
+    let state = options.state.as_deref();
+    let service = service_thread::start(&config, &name, inbound, state, &robot, &pulse, &shutdown)?;
     let granted = rivet_realtime::enter(&realtime(&robot, options));
     let ended = granted.map_err(StartError::from).map(|granted| {
         for refused in &granted.refused {
-            eprintln!("rivet-controller: goes on without real time: {refused}");
+            log::warn!("goes on without real time: {refused}");
         }
-        eprintln!("rivet-controller: {name}: ready");
-        let mut control = Loop::new(core, ports, outbound, &robot, options.lockstep);
+        log::info!(rivet_event = "waiting"; "{name}: waits for samples");
+        let mut control = Loop::new(core, ports, outbound, pulse, &robot, options.lockstep);
         while !shutdown.is_requested() {
             control.period();
         }
@@ -113,8 +124,9 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let joined = service.join();
     let counts = ended?;
     joined.map_err(|_| StartError::Thread("the service thread panicked"))?;
-    eprintln!(
-        "rivet-controller: stopped after {} commands; {} parameter sets accepted, {} refused; {} stops",
+    log::info!(
+        rivet_event = "stopped";
+        "stopped after {} commands; {} parameter sets accepted, {} refused; {} stops",
         counts.commands, counts.accepted, counts.refused, counts.stops
     );
     Ok(())
@@ -124,12 +136,14 @@ pub fn run(options: &Options) -> Result<(), StartError> {
 fn recall(core: &mut Core, store: &Store, hash: u64) {
     let loaded = store.load(hash);
     for (path, problem) in &loaded.problems {
-        eprintln!("rivet-controller: {} {problem}", path.display());
+        log::warn!(rivet_event = "state-refused"; "{} {problem}", path.display());
     }
     match loaded.knowledge.map(|knowledge| core.recall(&knowledge.parameters.values)) {
-        None => eprintln!("rivet-controller: no stored parameters: starts on the robot file's"),
-        Some(Ok(())) => eprintln!("rivet-controller: starts on stored parameters"),
-        Some(Err(why)) => eprintln!("rivet-controller: stored parameters are not used: {}", refusal_text(why)),
+        None => log::info!(rivet_event = "state-none"; "no stored parameters: starts on the robot file's"),
+        Some(Ok(())) => log::info!(rivet_event = "state-restored"; "starts on stored parameters"),
+        Some(Err(why)) => {
+            log::warn!(rivet_event = "state-refused"; "stored parameters are not used: {}", refusal_text(why))
+        }
     }
 }
 
@@ -140,7 +154,7 @@ fn realtime(robot: &Robot, options: &Options) -> RealTimeSettings {
         priority: settings.priority.map(|p| p.saturating_sub(5).max(1)),
         cpu: settings.cpu,
         lock_memory: settings.lock_memory,
-        required: settings.required && !options.best_effort,
+        required: (settings.required || options.require_real_time) && !options.best_effort,
     }
 }
 
@@ -149,6 +163,7 @@ struct Loop {
     core: Core,
     ports: Ports,
     outbound: rtrb::Producer<Outbound>,
+    pulse: Arc<Pulse>,
     period: Duration,
     health_every: u64,
     since_health: u64,
@@ -158,12 +173,20 @@ struct Loop {
 }
 
 impl Loop {
-    fn new(core: Core, ports: Ports, outbound: rtrb::Producer<Outbound>, robot: &Robot, lockstep: bool) -> Loop {
+    fn new(
+        core: Core,
+        ports: Ports,
+        outbound: rtrb::Producer<Outbound>,
+        pulse: Arc<Pulse>,
+        robot: &Robot,
+        lockstep: bool,
+    ) -> Loop {
         Loop {
             said: (core.source(), 0),
             core,
             ports,
             outbound,
+            pulse,
             period: Duration::from_secs_f64(robot.config.sample_period_s),
             health_every: robot.config.publish.health_every as u64,
             since_health: 0,
@@ -181,6 +204,13 @@ impl Loop {
         }
         let now = now_ns();
         let answered = self.newest_sample().is_some_and(|sample| self.answer(&sample, now));
+        if answered {
+            self.pulse.commands.fetch_add(1, Ordering::Relaxed);
+            if u128::from(now_ns().saturating_sub(now)) <= self.period.as_nanos() {
+                self.pulse.met.store(true, Ordering::Relaxed);
+            }
+        }
+        self.pulse.periods.fetch_add(1, Ordering::Relaxed);
         if !answered && !self.lockstep {
             self.react(now);
         }

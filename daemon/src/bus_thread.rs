@@ -4,9 +4,12 @@ use crate::consistent::Waiting;
 use crate::error::StartError;
 use crate::keeper::Latest;
 use crate::progress::Progress;
-use rivet_ipc_schema::{Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName};
+use crate::reload::Outcome;
+use rivet_ipc_schema::{
+    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName,
+};
 use rivet_realtime::Shutdown;
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 /// What the loop hands over for publication.
@@ -23,6 +26,9 @@ const TURN: Duration = Duration::from_millis(1);
 
 /// Turns between looks for subscribers that joined: a late one has the latest parameters within this many milliseconds.
 const TURNS_PER_REFRESH: u32 = 5;
+
+/// Requests that are answered between two looks at the queue.
+const REQUESTS_PER_TURN: usize = 8;
 
 struct Ports {
     parameters: rivet_ipc_schema::Publisher<Parameters>,
@@ -45,7 +51,7 @@ pub(crate) fn run(
     config: &BusConfig,
     name: &RobotName,
     mut outbound: rtrb::Consumer<Outbound>,
-    mut commands: rtrb::Producer<ControlCommand>,
+    mut requests: Requests,
     kept: Option<&Latest>,
     waiting: &Waiting,
     progress: &Progress,
@@ -53,7 +59,7 @@ pub(crate) fn run(
     ready: &Sender<Result<(), StartError>>,
 ) {
     let opened = Bus::open(config, name, "rivetd-bus").and_then(|bus| open(&bus).map(|ports| (bus, ports)));
-    let (_bus, ports) = match opened {
+    let (_bus, mut ports) = match opened {
         Ok(opened) => {
             // A receiver that is gone means that start-up failed elsewhere; the shutdown flag says so too.
             let _ = ready.send(Ok(()));
@@ -69,12 +75,12 @@ pub(crate) fn run(
     loop {
         let stopping = shutdown.is_requested();
         let refresh = turns.is_multiple_of(TURNS_PER_REFRESH);
-        let result = turn(&ports, &mut outbound, &mut commands, kept, waiting, progress, refresh);
+        let result = turn(&mut ports, &mut outbound, &mut requests, kept, waiting, progress, refresh);
         if let Err(why) = result
             && !complained
         {
             complained = true;
-            eprintln!("rivetd: {why} (said once)");
+            log::warn!("{why} (said once)");
         }
         if stopping {
             return;
@@ -85,9 +91,9 @@ pub(crate) fn run(
 }
 
 fn turn(
-    ports: &Ports,
+    ports: &mut Ports,
     outbound: &mut rtrb::Consumer<Outbound>,
-    commands: &mut rtrb::Producer<ControlCommand>,
+    requests: &mut Requests,
     kept: Option<&Latest>,
     waiting: &Waiting,
     progress: &Progress,
@@ -112,22 +118,52 @@ fn turn(
         ports.parameters.refresh()?;
         ports.health.refresh()?;
     }
-    while ports.control.serve(|command| (hand_over(commands, kept, command), progress.read().epoch))? {}
+    let epoch = progress.read().epoch;
+    if let Ok((status, text)) = requests.outcomes.try_recv() {
+        ports.control.finish(epoch, status, &text)?;
+    }
+    // Bounded: who floods the service with requests keeps nobody from parameters.
+    for _ in 0..REQUESTS_PER_TURN {
+        let owes = ports.control.owes();
+        if !ports.control.serve(epoch, |command| requests.hand_over(kept, command, owes))? {
+            break;
+        }
+    }
     Ok(())
 }
 
-/// The loop executes a request at its next period; the reply says that it is on its way.
-fn hand_over(
-    commands: &mut rtrb::Producer<ControlCommand>,
-    kept: Option<&Latest>,
-    command: ControlCommand,
-) -> ControlStatus {
-    match (command, kept) {
-        (ControlCommand::Save, Some(kept)) if kept.save_now() => ControlStatus::Done,
-        // No store, nothing worth storing yet; and what is stored is taken up at the start only.
-        (ControlCommand::Save | ControlCommand::Load, _) => ControlStatus::Refused,
-        (ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset, _) => {
-            if commands.push(command).is_ok() { ControlStatus::Done } else { ControlStatus::Failed }
+/// Where requests of the control service go.
+pub(crate) struct Requests {
+    /// To the loop.
+    pub(crate) commands: rtrb::Producer<ControlCommand>,
+    /// To the thread that reads the robot file, and how that ended.
+    pub(crate) reloads: Sender<()>,
+    pub(crate) outcomes: Receiver<Outcome>,
+}
+
+impl Requests {
+    /// The loop executes a request at its next period; the reply says that it is on its way.
+    fn hand_over(&mut self, kept: Option<&Latest>, command: ControlCommand, owes: bool) -> Answer {
+        let refused = |why: &str| Answer::Now(ControlStatus::Refused, why.to_owned());
+        let done = || Answer::Now(ControlStatus::Done, String::new());
+        match (command, kept) {
+            (ControlCommand::Save, Some(kept)) if kept.save_now() => done(),
+            (ControlCommand::Save, Some(_)) => refused("there is nothing new that is worth storing"),
+            (ControlCommand::Save, None) => refused("rivetd runs without --state: nothing is stored"),
+            (ControlCommand::Load, _) => refused("what is stored is taken up at the start only"),
+            // One that is being worked on answers for itself: `Later` refuses a second one.
+            (ControlCommand::Reload, _) if owes => Answer::Later,
+            (ControlCommand::Reload, _) => match self.reloads.send(()) {
+                Ok(()) => Answer::Later,
+                Err(_) => refused("rivetd is on its way out"),
+            },
+            (ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset, _) => {
+                if self.commands.push(command).is_ok() {
+                    done()
+                } else {
+                    Answer::Now(ControlStatus::Failed, "too many requests at once".to_owned())
+                }
+            }
         }
     }
 }

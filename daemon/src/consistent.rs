@@ -112,7 +112,7 @@ pub(crate) fn run(
             && !complained
         {
             complained = true;
-            eprintln!("rivetd: no physically consistent parameters: {why} (said once)");
+            log::warn!("no physically consistent parameters: {why} (said once)");
         }
         std::thread::sleep(REFRESH);
     }

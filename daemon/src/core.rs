@@ -2,7 +2,9 @@
 
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
-use rivet_estimation::{Identifier, Instrument, Motion, ParameterState as Estimated, Sample, SettingsError, Step};
+use rivet_estimation::{
+    Identifier, Instrument, Motion, ParameterState as Estimated, Reconfigured, Sample, SettingsError, Step,
+};
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Health, InstrumentSource, JointState, LinkState, MAX_PARAMETERS, ParameterState,
     Parameters, SampleClock, Setpoint, parameter_flags,
@@ -219,13 +221,29 @@ impl Core {
         self.identifier.load(values)
     }
 
+    /// Goes on with the settings of `fresh`, made for the same model: filters, window, thresholds, rate of publication. No
+    /// sample is lost and no parameter steps; see [`Identifier::reconfigure`]. What is replaced is left in `fresh`.
+    ///
+    /// Real-time safe: bounded work; no allocation, lock, system call or panic.
+    pub fn reconfigure(&mut self, fresh: &mut Core) -> Reconfigured {
+        self.publish_every = fresh.publish_every;
+        self.row_period_s = fresh.row_period_s;
+        self.provisional_updates = fresh.provisional_updates;
+        self.identifier.reconfigure(&mut fresh.identifier)
+    }
+
+    /// Number of the last sample; 0 before the first.
+    pub fn last_seq(&self) -> u64 {
+        self.last_seq.unwrap_or(0)
+    }
+
     /// Executes a request of the control service; returns whether this core knows it.
     pub fn control(&mut self, command: ControlCommand) -> bool {
         match command {
             ControlCommand::Freeze => self.identifier.freeze(),
             ControlCommand::Resume => self.identifier.resume(),
             ControlCommand::Reset => self.identifier.reset(),
-            ControlCommand::Save | ControlCommand::Load => return false,
+            ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload => return false,
         }
         true
     }

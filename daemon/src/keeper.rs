@@ -58,15 +58,17 @@ impl Keeper {
         let store = Store::open(folder, name.as_str())?;
         let loaded = store.load(robot.hash);
         for (path, problem) in &loaded.problems {
-            eprintln!("rivetd: {} {problem}", path.display());
+            log::warn!(rivet_event = "state-refused"; "{} {problem}", path.display());
         }
         for path in store.set_others_aside(robot.hash)? {
-            eprintln!("rivetd: kept aside as {}", path.display());
+            log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
         }
         match loaded.knowledge.map(|knowledge| core.load(&knowledge.parameters.values)) {
-            Some(true) => eprintln!("rivetd: goes on from stored parameters"),
-            Some(false) => eprintln!("rivetd: stored parameters do not fit the model and are not used"),
-            None => eprintln!("rivetd: no stored parameters: starts from the robot file's"),
+            Some(true) => log::info!(rivet_event = "state-restored"; "goes on from stored parameters"),
+            Some(false) => {
+                log::warn!(rivet_event = "state-refused"; "stored parameters do not fit the model and are not used")
+            }
+            None => log::info!(rivet_event = "state-none"; "no stored parameters: starts from the robot file's"),
         }
         Ok(Keeper { store, hash: robot.hash })
     }
@@ -95,7 +97,7 @@ impl Keeper {
                     Ok(()) => complained = false,
                     Err(why) if !complained => {
                         complained = true;
-                        eprintln!("rivetd: parameters are not stored: {why} (said once)");
+                        log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");
                     }
                     Err(_) => {}
                 }

@@ -10,6 +10,7 @@ mod error;
 mod keeper;
 mod loop_thread;
 mod progress;
+mod reload;
 pub mod shell;
 
 pub use crate::consistent::Projector;

@@ -4,6 +4,7 @@ use crate::bus_thread::Outbound;
 use crate::core::Core;
 use crate::error::StartError;
 use crate::progress::{Progress, Snapshot};
+use crate::reload::Incoming;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
     Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, LinkState, Listener, Parameters,
@@ -152,6 +153,7 @@ pub(crate) fn run(
     name: &RobotName,
     mut outbound: rtrb::Producer<Outbound>,
     mut commands: rtrb::Consumer<ControlCommand>,
+    mut reload: Incoming,
     progress: &Progress,
     shutdown: &Shutdown,
     ready: &Sender<Result<(), StartError>>,
@@ -167,7 +169,7 @@ pub(crate) fn run(
     match rivet_realtime::enter(&settings.realtime) {
         Ok(granted) => {
             for refused in &granted.refused {
-                eprintln!("rivetd: goes on without real time: {refused}");
+                log::warn!("goes on without real time: {refused}");
             }
             let _ = ready.send(Ok(()));
         }
@@ -179,6 +181,7 @@ pub(crate) fn run(
     let mut timing = Timing::default();
     let (mut since_health, mut idle) = (0_u64, 0_u64);
     let mut last_sample_ns: Option<u64> = None;
+    let mut met = false;
     let (mut parameters, mut health) = (Parameters::default(), Health::default());
     while !shutdown.is_requested() {
         let wake = pace.wait();
@@ -186,6 +189,7 @@ pub(crate) fn run(
         while let Ok(command) = commands.pop() {
             core.control(command);
         }
+        reload.apply(&mut core);
         let mut taken = 0;
         while taken < settings.catch_up {
             let Some((sample, setpoint, link)) = input.next() else { break };
@@ -199,7 +203,10 @@ pub(crate) fn run(
         timing.overruns += wake.missed;
         timing.catch_up_limited += u64::from(taken == settings.catch_up);
         timing.wake.record(wake.lateness_ns);
-        timing.work.record(now_ns().saturating_sub(start));
+        let work = now_ns().saturating_sub(start);
+        timing.work.record(work);
+        // What came in late is not yet what the service was started for.
+        met |= core.counts().samples > 0 && wake.missed == 0 && u128::from(work) <= settings.period.as_nanos();
         since_health += taken as u64;
         if taken > 0 {
             last_sample_ns = Some(start);
@@ -223,6 +230,7 @@ pub(crate) fn run(
             samples: counts.samples,
             lost: counts.lost,
             epoch: core.epoch(),
+            met,
             wrong_period_ns: core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
         });
     }

@@ -1,6 +1,6 @@
 //! How far the loop is, for threads that must not disturb it.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Counters that the loop stores and others read; each is its own truth, they are not one snapshot.
 #[derive(Debug, Default)]
@@ -10,6 +10,7 @@ pub(crate) struct Progress {
     lost: AtomicU64,
     epoch: AtomicU64,
     wrong_period_ns: AtomicU64,
+    met: AtomicBool,
 }
 
 /// What [`Progress`] held.
@@ -25,6 +26,8 @@ pub(crate) struct Snapshot {
     pub epoch: u64,
     /// Period at which samples come \[ns\] where that is not the robot file's; else 0.
     pub wrong_period_ns: u64,
+    /// Whether a period has used samples and ended in time.
+    pub met: bool,
 }
 
 impl Progress {
@@ -34,6 +37,7 @@ impl Progress {
         self.lost.store(now.lost, Ordering::Relaxed);
         self.epoch.store(now.epoch, Ordering::Relaxed);
         self.wrong_period_ns.store(now.wrong_period_ns, Ordering::Relaxed);
+        self.met.store(now.met, Ordering::Relaxed);
         self.periods.store(now.periods, Ordering::Relaxed);
     }
 
@@ -44,6 +48,7 @@ impl Progress {
             samples: self.samples.load(Ordering::Relaxed),
             lost: self.lost.load(Ordering::Relaxed),
             epoch: self.epoch.load(Ordering::Relaxed),
+            met: self.met.load(Ordering::Relaxed),
             wrong_period_ns: self.wrong_period_ns.load(Ordering::Relaxed),
         }
     }

@@ -4,16 +4,18 @@
 //! files, so it lives on the bus thread behind wait-free queues; the main thread watches and talks to the service
 //! manager.
 
-use crate::bus_thread::{self, Outbound};
+use crate::bus_thread::{self, Outbound, Requests};
 use crate::consistent::{self, Projector, Waiting};
 use crate::core::Core;
 use crate::error::StartError;
 use crate::keeper::{Keeper, Latest};
 use crate::loop_thread::{self, LoopSettings};
 use crate::progress::Progress;
+use crate::reload::Reloader;
 use rivet_config::{Robot, Trigger};
 use rivet_ipc_schema::{BusConfig, ControlCommand, RobotName};
-use rivet_realtime::{RealTimeSettings, Shutdown};
+use rivet_realtime::{Hangup, RealTimeSettings, Shutdown};
+use rivet_service::Manager;
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
@@ -35,6 +37,9 @@ pub struct Options {
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
+    /// Refuse to start without them, whatever `[realtime] required` says.
+    #[arg(long, conflicts_with = "best_effort")]
+    pub require_real_time: bool,
     /// Overrides `[realtime] trigger`.
     #[arg(long, value_name = "timer|sample", value_parser = parse_trigger)]
     pub trigger: Option<Trigger>,
@@ -62,8 +67,13 @@ const INBOUND: usize = 16;
 /// # Errors
 /// Why it did not start, or which thread stopped.
 pub fn run(options: &Options) -> Result<(), StartError> {
-    let robot = rivet_config::load(&options.robot)?;
-    let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
+    let robot = rivet_config::load(&options.robot);
+    let file = options.robot.to_string_lossy();
+    let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
+    rivet_service::log_as("rivetd", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
+    let robot = robot?;
+    let shutdown = Shutdown::on_termination().map_err(StartError::Signals)?;
+    let hangup = Hangup::listen().map_err(StartError::Signals)?;
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
     }
@@ -78,7 +88,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         Some(folder) => Some(Keeper::open(folder, &name, &robot, &mut core)?),
         None => None,
     };
-    run_threads(&robot, core, &bus, &name, options, keeper, &shutdown)
+    run_threads(&robot, core, &bus, &name, options, keeper, hangup, &shutdown)
 }
 
 fn run_threads(
@@ -88,6 +98,7 @@ fn run_threads(
     name: &RobotName,
     options: &Options,
     keeper: Option<Keeper>,
+    hangup: Hangup,
     shutdown: &Shutdown,
 ) -> Result<(), StartError> {
     let realtime = &robot.config.realtime;
@@ -101,7 +112,7 @@ fn run_threads(
             priority: realtime.priority,
             cpu: realtime.cpu,
             lock_memory: realtime.lock_memory,
-            required: realtime.required && !options.best_effort,
+            required: (realtime.required || options.require_real_time) && !options.best_effort,
         },
     };
     let progress = Arc::new(Progress::default());
@@ -119,6 +130,14 @@ fn run_threads(
         }
         None => None,
     };
+    let (reloader, incoming) = Reloader::new(&options.robot, robot);
+    let (reloads, asked) = mpsc::channel();
+    let (outcome, outcomes) = mpsc::channel();
+    let reloading = {
+        let shutdown = shutdown.clone();
+        spawn("rivetd-reload", move || reloader.run(&hangup, &asked, &outcome, &shutdown))?
+    };
+    let requests = Requests { commands, reloads, outcomes };
     let stores = keeping.is_some();
     let publisher = {
         let (bus, name, shutdown, progress, ready) =
@@ -130,7 +149,7 @@ fn run_threads(
                 &bus,
                 &name,
                 outbound_end,
-                commands,
+                requests,
                 kept.as_deref(),
                 &waiting,
                 &progress,
@@ -152,7 +171,18 @@ fn run_threads(
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
         spawn("rivetd-loop", move || {
-            loop_thread::run(core, &settings, &bus, &name, outbound, commands_end, &progress, &shutdown, &ready);
+            loop_thread::run(
+                core,
+                &settings,
+                &bus,
+                &name,
+                outbound,
+                commands_end,
+                incoming,
+                &progress,
+                &shutdown,
+                &ready,
+            );
         })?
     };
 
@@ -161,19 +191,19 @@ fn run_threads(
         .iter()
         .try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
     if started.is_ok() {
-        eprintln!("rivetd: {}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
+        log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
         watch(&progress, shutdown, &threads);
     }
     shutdown.request();
     // The store is last: it writes what the others left.
-    let ended = threads.into_iter().chain(keeping).map(std::thread::JoinHandle::join);
+    let ended = threads.into_iter().chain([reloading]).chain(keeping).map(std::thread::JoinHandle::join);
     let panicked = ended.filter(Result::is_err).count() > 0;
     started?;
     if panicked {
         return Err(StartError::Thread("a thread of the daemon panicked"));
     }
     let end = progress.read();
-    eprintln!("rivetd: stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
+    log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
     Ok(())
 }
 
@@ -183,39 +213,29 @@ fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread
 
 /// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
 fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>]) {
-    use sd_notify::NotifyState;
-    let patience = sd_notify::watchdog_enabled().map_or(Duration::from_millis(500), |watchdog| watchdog / 3);
-    let (mut announced, mut periods, mut complained) = (false, 0, false);
-    let mut next_report = std::time::Instant::now();
+    let mut manager = Manager::new();
+    let (mut flowing, mut complained) = (false, false);
     while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
         std::thread::sleep(Duration::from_millis(20));
         let now = progress.read();
-        if !announced && now.samples > 0 {
-            announced = true;
-            eprintln!("rivetd: samples are flowing");
-            // Without a service manager these calls do nothing; a manager that is gone is not the loop's concern.
-            let _ = sd_notify::notify(&[NotifyState::Ready]);
+        if !flowing && now.met {
+            flowing = true;
+            log::info!(rivet_event = "ready"; "samples are flowing");
+            manager.ready();
         }
         if (now.wrong_period_ns > 0) != complained {
             complained = !complained;
             if complained {
-                eprintln!(
-                    "rivetd: samples come every {:.4} ms by their stamps, which is not sample_period_s: none is used",
+                log::warn!(
+                    rivet_event = "wrong-period";
+                    "samples come every {:.4} ms by their stamps, which is not sample_period_s: none is used",
                     now.wrong_period_ns as f64 * 1e-6
                 );
             } else {
-                eprintln!("rivetd: samples come at the robot file's rate again");
+                log::info!(rivet_event = "right-period"; "samples come at the robot file's rate again");
             }
         }
-        if std::time::Instant::now() >= next_report {
-            next_report += patience;
-            let text = format!("{} samples, {} lost, epoch {}", now.samples, now.lost, now.epoch);
-            let _ = sd_notify::notify(&[NotifyState::Status(&text)]);
-            if now.periods != periods {
-                periods = now.periods;
-                let _ = sd_notify::notify(&[NotifyState::Watchdog]);
-            }
-        }
+        manager.turn(now.periods, || format!("{} samples, {} lost, epoch {}", now.samples, now.lost, now.epoch));
     }
-    let _ = sd_notify::notify(&[NotifyState::Stopping]);
+    manager.stopping();
 }

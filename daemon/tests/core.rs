@@ -220,3 +220,67 @@ fn samples_at_another_rate_than_the_robot_files_are_refused_by_name() {
     assert_ne!(DaemonMode::try_from(health(&core).mode), Ok(DaemonMode::WrongPeriod));
     assert_eq!(core.wrong_period_s(), None);
 }
+
+/// The same arm with another line in its file.
+fn changed(from: &str, to: &str) -> Core {
+    let folder = tempfile::tempdir().expect("a folder");
+    let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2");
+    let text = std::fs::read_to_string(arm.join("robot.toml")).expect("the arm is there");
+    assert!(text.contains(from), "{from}");
+    std::fs::write(folder.path().join("robot.toml"), text.replace(from, to)).expect("written");
+    std::fs::copy(arm.join("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    Core::new(&rivet_config::load(folder.path().join("robot.toml")).expect("a sound file")).expect("sound settings")
+}
+
+/// A reload that changes nothing is not to be seen: bit for bit the stream of a core that was left alone.
+#[test]
+fn an_unchanged_file_changes_no_bit() {
+    let (mut alone, mut reloaded) = (Core::new(&robot()).expect("settings"), Core::new(&robot()).expect("settings"));
+    let mut motion = Motion::new();
+    run(&mut alone, &mut motion, 1..=6000);
+    for part in [1..=1999, 2000..=4321, 4322..=6000] {
+        run(&mut reloaded, &mut motion, part);
+        let kept = reloaded.reconfigure(&mut Core::new(&robot()).expect("settings"));
+        assert!(kept.signals && kept.window);
+    }
+    assert_eq!(parameters(&alone), parameters(&reloaded));
+}
+
+/// Whatever changes: values and standard deviations are what they were, the samples go on, and twice the same is the same.
+#[test]
+fn a_changed_file_moves_no_parameter_and_loses_no_sample() {
+    for (from, to, signals, window) in [
+        ("window_s = 5.0", "window_s = 2.0", true, true),
+        ("decimation = 20 ", "decimation = 10 ", false, true),
+        ("model_filter_hz = 10.0 ", "model_filter_hz = 6.0 ", false, true),
+        ("[controller]", "[supervision]\nkind = \"eigen\"\ntolerance = 0.1\n[controller]", true, true),
+        ("[controller]", "[supervision]\nkind = \"columns\"\n[controller]", true, false),
+        ("window_s = 5.0", "window_s = 5.0\nkind = \"rls\"", true, false),
+    ] {
+        let twice = [0, 1].map(|_| {
+            let (mut core, mut motion) = (Core::new(&robot()).expect("settings"), Motion::new());
+            run(&mut core, &mut motion, 1..=5000);
+            let before = parameters(&core);
+            let mut fresh = changed(from, to);
+            let kept = core.reconfigure(&mut fresh);
+            assert_eq!((kept.signals, kept.window), (signals, window), "{to}");
+            let after = parameters(&core);
+            assert_eq!((before.values, before.seq, before.epoch), (after.values, after.seq, after.epoch), "{to}");
+            assert_eq!(after.flags & parameter_flags::PROVISIONAL, 0, "{to}");
+            if window {
+                assert_eq!((before.std, before.state), (after.std, after.state), "{to}");
+            }
+            let taken = run(&mut core, &mut motion, 5001..=8000).iter().filter(|out| out.taken.is_ok()).count();
+            assert_eq!((taken, core.counts().gaps, core.counts().samples), (3000, 0, 8000), "{to}");
+            let later = parameters(&core);
+            // The stream is the nominal model's own: every part of the estimate stays near it.
+            let std = later.std[..later.len()].iter().copied().fold(0.0, f64::max);
+            assert!(std.is_finite(), "{to}");
+            for (i, (value, nominal)) in later.values[..later.len()].iter().zip(&robot().nominal_base).enumerate() {
+                assert!((value - nominal).abs() < 0.02 * nominal.abs().max(0.1), "{to}: {i}: {value} {nominal}");
+            }
+            later
+        });
+        assert_eq!(twice[0], twice[1], "{to}: deterministic");
+    }
+}

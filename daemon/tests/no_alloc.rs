@@ -45,6 +45,11 @@ fn a_hundred_thousand_ticks_do_not_allocate() {
     let mut core = Core::new(&robot).expect("sound settings");
     let (mut parameters, mut health) = (Parameters::default(), Health::default());
     let mut published = 0;
+    // Other filters, another window, another scheme: as built outside the loop.
+    let mut changed = robot.clone();
+    changed.config.signal.model_filter_hz *= 0.8;
+    changed.config.estimator.window_s = Some(3.0);
+    let mut fresh = Core::new(&changed).expect("sound settings");
     ARMED.set(true);
     for seq in 1..=100_000_u64 {
         let t = seq as f64 * 0.001;
@@ -69,6 +74,9 @@ fn a_hundred_thousand_ticks_do_not_allocate() {
             8 => setpoint.qdd[2] = f64::NAN,
             9 => state.seq = u64::MAX / 2,
             _ => {}
+        }
+        if seq % 10_000 == 0 {
+            core.reconfigure(&mut fresh);
         }
         let output = core.tick(&state, (seq % 7 != 0).then_some(&setpoint));
         if output.publish {

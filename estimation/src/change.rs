@@ -43,6 +43,11 @@ impl Change {
         }
     }
 
+    /// Goes on with the memories of `fresh`.
+    pub(crate) fn reconfigure(&mut self, fresh: &Change) {
+        (self.short, self.memory, self.settle) = (fresh.short, fresh.memory, fresh.settle);
+    }
+
     /// Forgets what residuals were like; counts on.
     pub(crate) fn restart(&mut self) {
         self.baseline.fill(0.0);

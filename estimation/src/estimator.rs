@@ -265,6 +265,38 @@ impl Estimator {
         self.instrument = Instrument::None;
     }
 
+    /// Goes on with the settings of `fresh`, an estimator for the same model that has learnt nothing. The values stay what they
+    /// are. So does what the window holds, unless the information means something else from now on: another estimator,
+    /// scheme, prior scale or noise. Returns whether it stayed. What is replaced is left in `fresh`, to be dropped where that
+    /// may take time. Real-time safe.
+    pub fn reconfigure(&mut self, fresh: &mut Estimator) -> bool {
+        let alike = self.n == fresh.n
+            && self.settings.kind == fresh.settings.kind
+            && self.settings.noise_known == fresh.settings.noise_known
+            && self.column == fresh.column
+            && self.noise.same_guess(&fresh.noise);
+        if !(alike && self.cycle.reconfigure(&fresh.cycle)) {
+            if self.n == fresh.n {
+                fresh.load(&self.values);
+                (fresh.updates, fresh.frozen) = (self.updates, self.frozen);
+            }
+            std::mem::swap(self, fresh);
+            return false;
+        }
+        match (&mut self.change, &mut fresh.change) {
+            (Some(mine), Some(fresh)) => mine.reconfigure(fresh),
+            (mine, fresh) => std::mem::swap(mine, fresh),
+        }
+        std::mem::swap(&mut self.settings, &mut fresh.settings);
+        std::mem::swap(&mut self.nominal, &mut fresh.nominal);
+        std::mem::swap(&mut self.prior, &mut fresh.prior);
+        self.ud.reconfigure(&mut fresh.ud);
+        self.noise.reconfigure(&fresh.noise);
+        self.residuals.reconfigure(&fresh.residuals);
+        self.long_run.reconfigure(&fresh.long_run);
+        true
+    }
+
     /// Stops learning; residuals are still reported.
     pub fn freeze(&mut self) {
         self.frozen = true;

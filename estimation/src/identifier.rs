@@ -41,11 +41,21 @@ const RESIDUAL_MEMORY: f64 = 10.0;
 const BLOCK: (f64, f64) = (0.1, 2.5);
 const LEAST_BLOCK: f64 = 10.0;
 
+/// What [`Identifier::reconfigure`] kept beside the parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reconfigured {
+    /// Differentiator and filters run on; else they settle anew.
+    pub signals: bool,
+    /// What the window holds counts on; else it begins anew.
+    pub window: bool,
+}
+
 /// Identifies the base parameters of one arm, sample by sample.
 #[derive(Clone, Debug)]
 pub struct Identifier {
     model: Arc<Model>,
     base: Arc<BaseSet>,
+    settings: Settings,
     dof: usize,
     dead_zone: Vec<f64>,
     decimation: usize,
@@ -170,6 +180,7 @@ impl Identifier {
             chosen: Instrument::None,
             past: Past::new(if with_energy { n } else { dof * n }, settings.delay_rows().unwrap_or(0)),
             phase: 0,
+            settings: settings.clone(),
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
             estimator: Estimator::new(nominal_base, &scales, &estimator),
@@ -265,6 +276,26 @@ impl Identifier {
             self.estimator.load(values);
         }
         fits
+    }
+
+    /// Goes on with the settings of `fresh`, made for the same model: parameters stay what they are, and what the window holds
+    /// stays where it means the same (see [`Estimator::reconfigure`]). Filters that are other ones start with the next sample
+    /// and settle, as after a gap; filters that are the same run on. What is replaced is left in `fresh`, to be dropped
+    /// where that may take time.
+    ///
+    /// Real-time safe: bounded work; no allocation, lock, system call or panic.
+    pub fn reconfigure(&mut self, fresh: &mut Identifier) -> Reconfigured {
+        let signals = self.settings.same_rows(&fresh.settings);
+        let window = self.estimator.reconfigure(&mut fresh.estimator);
+        if signals {
+            std::mem::swap(&mut self.jump, &mut fresh.jump);
+            std::mem::swap(&mut self.settings, &mut fresh.settings);
+        } else {
+            // All but the estimator is the signal chain; the estimator goes back to where it was.
+            std::mem::swap(self, fresh);
+            std::mem::swap(&mut self.estimator, &mut fresh.estimator);
+        }
+        Reconfigured { signals, window }
     }
 
     /// What is known now.

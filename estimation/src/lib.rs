@@ -41,7 +41,7 @@ mod supervision;
 mod torque_rows;
 pub mod ud;
 pub use estimator::{Correlation, Directions, Estimator, EstimatorSettings, Hausman};
-pub use identifier::Identifier;
+pub use identifier::{Identifier, Reconfigured};
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;
 pub use settings::{

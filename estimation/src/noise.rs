@@ -69,6 +69,16 @@ impl Noise {
         }
     }
 
+    /// Whether both started from the same guess.
+    pub(crate) fn same_guess(&self, other: &Noise) -> bool {
+        self.guess == other.guess
+    }
+
+    /// Goes on with the memory and the outlier of `fresh`.
+    pub(crate) fn reconfigure(&mut self, fresh: &Noise) {
+        (self.memory, self.outlier) = (fresh.memory, fresh.outlier);
+    }
+
     pub(crate) fn reset(&mut self) {
         for (variance, guess) in self.rows.iter_mut().zip(&self.guess) {
             *variance = Variance::new(guess * guess);

@@ -23,6 +23,11 @@ impl Residuals {
         }
     }
 
+    /// Goes on with the memory of `fresh`.
+    pub(crate) fn reconfigure(&mut self, fresh: &Residuals) {
+        self.memory = fresh.memory;
+    }
+
     pub(crate) fn reset(&mut self) {
         for values in self.square.iter_mut().chain(&mut self.rms) {
             values.fill(0.0);

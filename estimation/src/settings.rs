@@ -299,6 +299,21 @@ pub struct SettingsError {
 }
 
 impl Settings {
+    /// Whether both make the same rows of the same samples: what differs then is how the rows are weighed and judged.
+    #[must_use]
+    pub fn same_rows(&self, other: &Settings) -> bool {
+        self.sample_period_s == other.sample_period_s
+            && self.differentiator == other.differentiator
+            && self.filtering == other.filtering
+            && self.filter_hz == other.filter_hz
+            && self.filter_order == other.filter_order
+            && self.decimation == other.decimation
+            && self.dead_zone == other.dead_zone
+            && self.instruments == other.instruments
+            && self.estimator.energy() == other.estimator.energy()
+            && (!self.estimator.energy() || self.energy_span_s == other.energy_span_s)
+    }
+
     /// Defaults for an arm of `dof` joints sampled every `sample_period_s` \[s\]: Savitzky-Golay over ±10 ms, 4th order
     /// at 20 Hz (at most a fifth of the sample rate), five rows a period of the cut-off, RIV with a 10 s window.
     #[must_use]

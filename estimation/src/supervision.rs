@@ -41,6 +41,18 @@ pub(crate) enum Judge {
 }
 
 impl Judge {
+    /// Goes on with the thresholds of `fresh`; false, and nothing changed, if that is another scheme.
+    pub(crate) fn reconfigure(&mut self, fresh: &Judge) -> bool {
+        match (self, fresh) {
+            (Judge::Off, Judge::Off) => {}
+            (Judge::Columns(mine), Judge::Columns(fresh)) => mine.reconfigure(fresh),
+            (Judge::Directions(mine), Judge::Directions(fresh)) => mine.reconfigure(fresh),
+            (Judge::Tracked(mine), Judge::Tracked(fresh)) => mine.reconfigure(fresh),
+            _ => return false,
+        }
+        true
+    }
+
     /// Acceptable standard deviation \[torque-noise sigma\]; 1 where nothing is judged.
     pub(crate) fn tolerance(&self) -> f64 {
         match self {

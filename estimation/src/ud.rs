@@ -56,6 +56,12 @@ impl UdFilter {
         }
     }
 
+    /// Goes on with the covariance of the start, and the limit of wind-up, of `fresh`.
+    pub(crate) fn reconfigure(&mut self, fresh: &mut UdFilter) {
+        std::mem::swap(&mut self.start, &mut fresh.start);
+        std::mem::swap(&mut self.largest, &mut fresh.largest);
+    }
+
     /// Gives the past the weight `lambda` in (0, 1].
     pub fn forget(&mut self, lambda: f64) {
         for (d, &largest) in self.d.iter_mut().zip(&self.largest) {

@@ -27,6 +27,8 @@
 #define RIVET_HISTOGRAM_BINS 32
 /* Entries of controller_health.refusals. */
 #define RIVET_REFUSALS 16
+/* Longest control_reply.text [bytes]. */
+#define RIVET_REPLY_TEXT 1000
 
 /* An encoder reading is not to be trusted. */
 #define RIVET_FAULT_ENCODER (UINT32_C(1) << 0)
@@ -188,6 +190,8 @@ enum {
     RIVET_CONTROL_COMMAND_SAVE = 3,
     /* Take the parameters from the store. */
     RIVET_CONTROL_COMMAND_LOAD = 4,
+    /* Read the robot file anew: filters, window and thresholds change between two samples. */
+    RIVET_CONTROL_COMMAND_RELOAD = 5,
 };
 
 /* How a ControlRequest ended. */
@@ -618,20 +622,23 @@ RIVET_ASSERT(sizeof(rivet_control_request_v1) == 8);
 RIVET_ASSERT(offsetof(rivet_control_request_v1, command) == 0);
 RIVET_ASSERT(offsetof(rivet_control_request_v1, reserved) == 4);
 
-/* The daemon's answer to a ControlRequest. */
-#define RIVET_CONTROL_REPLY_TYPE_NAME "rivet.ControlReply.v1"
+/* The daemon's answer to a ControlRequest. Version 2 says why. */
+#define RIVET_CONTROL_REPLY_TYPE_NAME "rivet.ControlReply.v2"
 typedef struct {
     /* A ControlStatus. */
     uint32_t status;
-    /* Zero. Padding is spelt out, so the layout can be read off the source. */
-    uint32_t reserved;
+    /* How many bytes of `text` are in use. */
+    uint32_t length;
     /* Epoch of the parameters in force when the answer was given. */
     uint64_t epoch;
-} rivet_control_reply_v1;
-RIVET_ASSERT(sizeof(rivet_control_reply_v1) == 16);
-RIVET_ASSERT(offsetof(rivet_control_reply_v1, status) == 0);
-RIVET_ASSERT(offsetof(rivet_control_reply_v1, reserved) == 4);
-RIVET_ASSERT(offsetof(rivet_control_reply_v1, epoch) == 8);
+    /* What was done, or why it was not, in UTF-8; the rest is zero. */
+    uint8_t text[RIVET_REPLY_TEXT];
+} rivet_control_reply_v2;
+RIVET_ASSERT(sizeof(rivet_control_reply_v2) == 1016);
+RIVET_ASSERT(offsetof(rivet_control_reply_v2, status) == 0);
+RIVET_ASSERT(offsetof(rivet_control_reply_v2, length) == 4);
+RIVET_ASSERT(offsetof(rivet_control_reply_v2, epoch) == 8);
+RIVET_ASSERT(offsetof(rivet_control_reply_v2, text) == 16);
 
 #undef RIVET_ASSERT
 

@@ -29,6 +29,8 @@ BODY_VALUES = 80
 HISTOGRAM_BINS = 32
 #: Entries of ControllerHealth.refusals.
 REFUSALS = 16
+#: Longest ControlReply.text [bytes].
+REPLY_TEXT = 1000
 
 #: An encoder reading is not to be trusted.
 FAULT_ENCODER = 1 << 0
@@ -62,7 +64,7 @@ PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "f
 #: What the controller is doing (ControllerHealth::state).
 CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3, "strayed": 4, "wrong_period": 5}
 #: A wish to the daemon.
-CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4}
+CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4, "reload": 5}
 #: How a ControlRequest ended.
 CONTROL_STATUS = {"done": 0, "refused": 1, "unknown": 2, "failed": 3}
 
@@ -409,16 +411,18 @@ class ControlRequest(_Message):
 
 
 class ControlReply(_Message):
-    """The daemon's answer to a ControlRequest."""
+    """The daemon's answer to a ControlRequest. Version 2 says why."""
 
-    TYPE_NAME = "rivet.ControlReply.v1"
+    TYPE_NAME = "rivet.ControlReply.v2"
     _fields_ = [
         # A ControlStatus.
         ("status", ctypes.c_uint32),
-        # Zero. Padding is spelt out, so the layout can be read off the source.
-        ("reserved", ctypes.c_uint32),
+        # How many bytes of `text` are in use.
+        ("length", ctypes.c_uint32),
         # Epoch of the parameters in force when the answer was given.
         ("epoch", ctypes.c_uint64),
+        # What was done, or why it was not, in UTF-8; the rest is zero.
+        ("text", ctypes.c_uint8 * REPLY_TEXT),
     ]
 
 
@@ -555,10 +559,11 @@ LAYOUT = {
         "command": 0,
         "reserved": 4,
     }),
-    ControlReply: (16, {
+    ControlReply: (1016, {
         "status": 0,
-        "reserved": 4,
+        "length": 4,
         "epoch": 8,
+        "text": 16,
     }),
 }
 

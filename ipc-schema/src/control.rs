@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
@@ -72,9 +73,22 @@ fn failed(what: &'static str, why: &'static str) -> PortError {
     PortError { service: Service::Control, what, why }
 }
 
+/// What a daemon says to a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// How it ended, and a word about it.
+    Now(ControlStatus, String),
+    /// That takes a while: [`ControlServer::finish`] says how it ended. Who asks a second time meanwhile is refused.
+    Later,
+}
+
+type Pending = ActiveRequest<ipc::Service, ControlRequest, (), ControlReply, ()>;
+
 /// Takes control requests and answers them. Not for a real-time thread.
 #[derive(Debug)]
 pub struct ControlServer {
+    /// The request that is answered later; before the port, as it is part of it.
+    later: Option<Pending>,
     port: Server<ipc::Service, ControlRequest, (), ControlReply, ()>,
     _factory: Factory,
 }
@@ -86,24 +100,41 @@ impl ControlServer {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(|e| BusError::Open { service: name.to_string(), role: "server", why: format!("{e:?}") })?;
-        Ok(Self { port, _factory: factory })
+        Ok(Self { later: None, port, _factory: factory })
     }
 
-    /// Answers the oldest request waiting, if any, with what `answer` makes of it: `(status, epoch)`. Returns
+    /// Answers the oldest request waiting, if any, with what `answer` makes of it and the `epoch` in force. Returns
     /// whether there was one. A command not known to this program is answered without asking.
-    pub fn serve(&self, answer: impl FnOnce(ControlCommand) -> (ControlStatus, u64)) -> Result<bool, PortError> {
+    pub fn serve(&mut self, epoch: u64, answer: impl FnOnce(ControlCommand) -> Answer) -> Result<bool, PortError> {
         let request = self.port.receive().map_err(|_| failed("receive", "a client could not be connected"))?;
         let Some(request) = request else { return Ok(false) };
-        let reply = match ControlCommand::try_from(request.payload().command) {
-            Ok(command) => {
-                let (status, epoch) = answer(command);
-                ControlReply::new(status, epoch)
+        let (status, text) = match ControlCommand::try_from(request.payload().command).map(answer) {
+            Ok(Answer::Now(status, text)) => (status, text),
+            Ok(Answer::Later) if self.later.is_none() => {
+                self.later = Some(request);
+                return Ok(true);
             }
-            Err(_) => ControlReply::new(ControlStatus::Unknown, 0),
+            Ok(Answer::Later) => (ControlStatus::Refused, "another request is being worked on".to_owned()),
+            Err(_) => (ControlStatus::Unknown, String::new()),
         };
-        request.send_copy(reply).map_err(|_| failed("answer", "the client is gone"))?;
+        send(&request, ControlReply::new(status, epoch, &text))?;
         Ok(true)
     }
+
+    /// Whether a request waits for [`finish`](Self::finish).
+    pub fn owes(&self) -> bool {
+        self.later.is_some()
+    }
+
+    /// Answers the request that was to be answered later, if there is one.
+    pub fn finish(&mut self, epoch: u64, status: ControlStatus, text: &str) -> Result<(), PortError> {
+        let Some(request) = self.later.take() else { return Ok(()) };
+        send(&request, ControlReply::new(status, epoch, text))
+    }
+}
+
+fn send(request: &Pending, reply: ControlReply) -> Result<(), PortError> {
+    request.send_copy(reply).map_err(|_| failed("answer", "the client is gone"))
 }
 
 /// Sends control requests. Not for a real-time thread.

@@ -38,7 +38,7 @@ mod version;
 pub use blackboard::{BlackboardReader, BlackboardWriter};
 pub use bus::{Bus, BusConfig};
 pub use cleanup::{Leftovers, PrivateBus, cleanup, purge};
-pub use control::{ControlClient, ControlServer};
+pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier};
 pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
@@ -46,7 +46,7 @@ pub use messages::{
     BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
     ControlStatus, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InstrumentSource, JointState,
     LinkState, MAX_JOINTS, MAX_PARAMETERS, Message, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    REFUSALS, Setpoint, SourceReason, Stamped, UnknownValue, faults, parameter_flags,
+    REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, UnknownValue, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use pubsub::{Publisher, Subscriber};

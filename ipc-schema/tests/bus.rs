@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, Command, CommandMode, ControlCommand, ControlStatus, Health, JointState, Parameters,
-    PrivateBus, RobotName, Setpoint, cleanup, purge,
+    Answer, Bus, BusConfig, BusError, Command, CommandMode, ControlCommand, ControlStatus, Health, JointState,
+    Parameters, PrivateBus, RobotName, Setpoint, cleanup, purge,
 };
 
 fn robot() -> RobotName {
@@ -180,14 +180,23 @@ fn control_requests_are_answered_or_time_out() {
     let (stop, stopped) = std::sync::mpsc::channel::<()>();
     let daemon = std::thread::spawn(move || {
         let bus = Bus::open(&config, &robot(), "daemon").unwrap();
-        let server = bus.control_server().unwrap();
+        let mut server = bus.control_server().unwrap();
         let mut seen = Vec::new();
         while stopped.try_recv().is_err() {
             let answer = |command| {
                 seen.push(command);
-                (if command == ControlCommand::Load { ControlStatus::Failed } else { ControlStatus::Done }, 42)
+                match command {
+                    ControlCommand::Load => Answer::Now(ControlStatus::Failed, "the disk is full".to_owned()),
+                    ControlCommand::Reload => Answer::Later,
+                    _ => Answer::Now(ControlStatus::Done, String::new()),
+                }
             };
-            if !server.serve(answer).unwrap() {
+            let served = server.serve(42, answer).unwrap();
+            if server.owes() {
+                std::thread::sleep(Duration::from_millis(5));
+                server.finish(43, ControlStatus::Refused, &"robot.toml:3:1 ü".repeat(100)).unwrap();
+            }
+            if !served {
                 std::thread::sleep(Duration::from_micros(200));
             }
         }
@@ -198,8 +207,13 @@ fn control_requests_are_answered_or_time_out() {
     assert_eq!((ControlStatus::try_from(reply.status), reply.epoch), (Ok(ControlStatus::Done), 42));
     let reply = client.ask(ControlCommand::Load, patience).unwrap().expect("an answer");
     assert_eq!(ControlStatus::try_from(reply.status), Ok(ControlStatus::Failed));
+    assert_eq!(reply.text(), "the disk is full");
+    let reply = client.ask(ControlCommand::Reload, patience).unwrap().expect("a late answer");
+    assert_eq!((ControlStatus::try_from(reply.status), reply.epoch), (Ok(ControlStatus::Refused), 43));
+    let text = reply.text().into_owned();
+    assert!(text.len() > 900 && "robot.toml:3:1 ü".repeat(100).starts_with(&text), "whole letters: {text}");
     stop.send(()).unwrap();
-    assert_eq!(daemon.join().unwrap(), [ControlCommand::Resume, ControlCommand::Load]);
+    assert_eq!(daemon.join().unwrap(), [ControlCommand::Resume, ControlCommand::Load, ControlCommand::Reload]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_ipc_schema::{
-    ENUMERATIONS, HISTOGRAM_BINS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, REFUSALS, faults, parameter_flags,
+    ENUMERATIONS, HISTOGRAM_BINS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, REFUSALS, REPLY_TEXT, faults, parameter_flags,
 };
 
 fn path(relative: &str) -> PathBuf {
@@ -65,6 +65,7 @@ fn the_header_has_every_number() {
     has(&format!("#define RIVET_MAX_PARAMETERS {MAX_PARAMETERS}\n"));
     has(&format!("#define RIVET_HISTOGRAM_BINS {HISTOGRAM_BINS}\n"));
     has(&format!("#define RIVET_REFUSALS {REFUSALS}\n"));
+    has(&format!("#define RIVET_REPLY_TEXT {REPLY_TEXT}\n"));
     for (name, bit) in bits() {
         has(&format!("#define RIVET_{name} (UINT32_C(1) << {})\n", bit.ilog2()));
     }
@@ -119,6 +120,7 @@ fn the_python_mirror_has_every_number() {
     has(&format!("\nMAX_PARAMETERS = {MAX_PARAMETERS}\n"));
     has(&format!("\nHISTOGRAM_BINS = {HISTOGRAM_BINS}\n"));
     has(&format!("\nREFUSALS = {REFUSALS}\n"));
+    has(&format!("\nREPLY_TEXT = {REPLY_TEXT}\n"));
     for (name, bit) in bits() {
         has(&format!("\n{name} = 1 << {}\n", bit.ilog2()));
     }

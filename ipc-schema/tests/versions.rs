@@ -26,7 +26,7 @@ foreign!(Careless, "rivet.JointState.v1", 28);
 foreign!(Stranger, "acme.State", 27);
 foreign!(NewerCommand, "rivet.Command.v2", 12);
 foreign!(OlderCommand, "rivet.Command.v0", 10);
-foreign!(NewerReply, "rivet.ControlReply.v2", 3);
+foreign!(NewerReply, "rivet.ControlReply.v3", 3);
 foreign!(OlderRequest, "rivet.ControlRequest.v0", 1);
 
 fn robot() -> RobotName {
@@ -152,7 +152,7 @@ fn control_of_another_version_is_refused() {
         let _service = service.open_or_create().expect("foreign");
         let refusal = bus.control_client().unwrap_err().to_string();
         assert!(
-            refusal.contains("carries rivet.ControlReply.v2") && refusal.contains("this program is the older"),
+            refusal.contains("carries rivet.ControlReply.v3") && refusal.contains("this program is the older"),
             "{refusal}"
         );
     }

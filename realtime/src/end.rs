@@ -26,8 +26,20 @@ impl Shutdown {
     /// # Errors
     /// The system refused a signal handler.
     pub fn on_signals() -> io::Result<Self> {
+        Self::on(&[SIGINT, SIGTERM, SIGHUP])
+    }
+
+    /// As [`on_signals`](Self::on_signals), for a service: SIGHUP does not end it ([`Hangup`] is told of it).
+    ///
+    /// # Errors
+    /// The system refused a signal handler.
+    pub fn on_termination() -> io::Result<Self> {
+        Self::on(&[SIGINT, SIGTERM])
+    }
+
+    fn on(signals: &[i32]) -> io::Result<Self> {
         let shutdown = Self::new();
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for &signal in signals {
             // In this order: the first signal finds the flag unset, sets it, and only the second one exits.
             flag::register_conditional_shutdown(signal, 1, Arc::clone(&shutdown.requested))?;
             flag::register(signal, Arc::clone(&shutdown.requested))?;
@@ -43,6 +55,29 @@ impl Shutdown {
     /// Asks all threads to end.
     pub fn request(&self) {
         self.requested.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether a service was sent SIGHUP: read the configuration anew.
+#[derive(Clone, Debug)]
+pub struct Hangup {
+    seen: Arc<AtomicBool>,
+}
+
+impl Hangup {
+    /// From now on SIGHUP does not end the program.
+    ///
+    /// # Errors
+    /// The system refused a signal handler.
+    pub fn listen() -> io::Result<Self> {
+        let seen = Arc::new(AtomicBool::new(false));
+        flag::register(SIGHUP, Arc::clone(&seen))?;
+        Ok(Self { seen })
+    }
+
+    /// Whether SIGHUP has come since the last call.
+    pub fn take(&self) -> bool {
+        self.seen.swap(false, Ordering::Relaxed)
     }
 }
 

@@ -7,6 +7,6 @@ mod histogram;
 mod settings;
 
 pub use clock::{PeriodTimer, Tick, now_ns};
-pub use end::{Shutdown, die_with_parent};
+pub use end::{Hangup, Shutdown, die_with_parent};
 pub use histogram::LogHistogram;
 pub use settings::{Granted, RealTimeError, RealTimeSettings, enter};

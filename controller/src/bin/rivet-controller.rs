@@ -15,8 +15,9 @@ fn main() -> ExitCode {
     match rivet_controller::run(&Arguments::parse().options) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
-            eprintln!("rivet-controller: {why}");
-            ExitCode::from(why.exit_code())
+            let code = why.exit_code();
+            log::error!(rivet_event = "failed", exit_code = code; "{why}");
+            ExitCode::from(code)
         }
     }
 }

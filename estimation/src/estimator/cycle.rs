@@ -112,6 +112,11 @@ impl Cycle {
         }
     }
 
+    /// Goes on with the thresholds of `fresh`; false, and nothing changed, if that judges by another scheme.
+    pub(super) fn reconfigure(&mut self, fresh: &Cycle) -> bool {
+        self.judge.reconfigure(&fresh.judge)
+    }
+
     /// New rows came in.
     pub(super) fn fresh(&mut self) {
         self.fresh = true;

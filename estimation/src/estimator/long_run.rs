@@ -50,6 +50,16 @@ impl LongRun {
         }
     }
 
+    /// Goes on with blocks as long as those of `fresh`; a block of the old length that was filling is dropped.
+    pub(super) fn reconfigure(&mut self, fresh: &LongRun) {
+        if self.length != fresh.length {
+            self.length = fresh.length;
+            self.score.fill(0.0);
+            self.filled = 0;
+            self.kept = 1.0;
+        }
+    }
+
     pub(super) fn restart(&mut self) {
         self.score.fill(0.0);
         self.sum.fill(0.0);

@@ -29,6 +29,11 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
+    /// Goes on with other thresholds.
+    pub(crate) fn reconfigure(&mut self, fresh: &Columns) {
+        self.settings = fresh.settings;
+    }
+
     pub(crate) fn new(n: usize, settings: ColumnsSettings) -> Columns {
         Columns {
             settings,

@@ -46,6 +46,11 @@ impl Directions {
         }
     }
 
+    /// Goes on with other thresholds.
+    pub(crate) fn reconfigure(&mut self, fresh: &Directions) {
+        self.settings = fresh.settings;
+    }
+
     pub(crate) fn settings(&self) -> EigenSettings {
         self.settings
     }

@@ -131,6 +131,11 @@ impl Tracked {
         }
     }
 
+    /// Goes on with other thresholds, and steps as far apart as those of `fresh`.
+    pub(crate) fn reconfigure(&mut self, fresh: &Tracked) {
+        (self.settings, self.rows) = (fresh.settings, fresh.rows);
+    }
+
     pub(crate) fn settings(&self) -> TrackedSettings {
         self.settings
     }

@@ -1,4 +1,4 @@
-//! `rivet.ControlRequest.v1` and `rivet.ControlReply.v1`
+//! `rivet.ControlRequest.v1` and `rivet.ControlReply.v2`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -15,17 +15,22 @@ pub struct ControlRequest {
     pub reserved: u32,
 }
 
-/// The daemon's answer to a [`ControlRequest`].
+/// Longest [`ControlReply::text`] \[bytes\].
+pub const REPLY_TEXT: usize = 1000;
+
+/// The daemon's answer to a [`ControlRequest`]. Version 2 says why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ZeroCopySend)]
-#[type_name("rivet.ControlReply.v1")]
+#[type_name("rivet.ControlReply.v2")]
 #[repr(C)]
 pub struct ControlReply {
     /// A [`ControlStatus`].
     pub status: u32,
-    /// Zero. Padding is spelt out, so the layout can be read off the source.
-    pub reserved: u32,
+    /// How many bytes of `text` are in use.
+    pub length: u32,
     /// Epoch of the parameters in force when the answer was given.
     pub epoch: u64,
+    /// What was done, or why it was not, in UTF-8; the rest is zero.
+    pub text: [u8; REPLY_TEXT],
 }
 
 wire_enum!(
@@ -41,6 +46,8 @@ wire_enum!(
         Save = 3,
         /// Take the parameters from the store.
         Load = 4,
+        /// Read the robot file anew: filters, window and thresholds change between two samples.
+        Reload = 5,
     }
 );
 
@@ -60,8 +67,8 @@ wire_enum!(
 
 message!(ControlRequest v 1, size 8 align 4, empty ControlRequest { command: 0, reserved: 0 },
     { command @ 0, reserved @ 4 });
-message!(ControlReply v 1, size 16 align 8, empty ControlReply { status: 0, reserved: 0, epoch: 0 },
-    { status @ 0, reserved @ 4, epoch @ 8 });
+message!(ControlReply v 2, size 1016 align 8, empty ControlReply { status: 0, length: 0, epoch: 0, text: [0; REPLY_TEXT] },
+    { status @ 0, length @ 4, epoch @ 8, text @ 16 });
 
 impl From<ControlCommand> for ControlRequest {
     fn from(command: ControlCommand) -> Self {
@@ -70,8 +77,19 @@ impl From<ControlCommand> for ControlRequest {
 }
 
 impl ControlReply {
-    /// An answer with the epoch of the parameters in force.
-    pub fn new(status: ControlStatus, epoch: u64) -> Self {
-        Self { status: status.into(), reserved: 0, epoch }
+    /// An answer with the epoch of the parameters in force; of a text that is too long the beginning.
+    pub fn new(status: ControlStatus, epoch: u64, text: &str) -> Self {
+        let mut end = text.len().min(REPLY_TEXT);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let mut reply = Self { status: status.into(), length: end as u32, epoch, ..Self::default() };
+        reply.text[..end].copy_from_slice(&text.as_bytes()[..end]);
+        reply
+    }
+
+    /// What it says, as far as it is text; no reply, however broken, reads past its own bytes.
+    pub fn text(&self) -> std::borrow::Cow<'_, str> {
+        String::from_utf8_lossy(&self.text[..(self.length as usize).min(REPLY_TEXT)])
     }
 }

@@ -12,7 +12,7 @@ mod setpoint;
 
 pub use command::{Command, CommandMode};
 pub use consistent_parameters::{BODY_VALUES, ConsistentParameters};
-pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus};
+pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus, REPLY_TEXT};
 pub use controller_health::{
     ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
 };

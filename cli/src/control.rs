@@ -1,0 +1,83 @@
+//! `rivet control`: asks a running rivetd for something.
+
+use anyhow::{Context as _, Result, bail};
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, RobotName};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Which bus, where that is not the one of the robot file.
+#[derive(clap::Args)]
+pub(crate) struct OnBus {
+    /// The robot file.
+    #[arg(value_name = "ROBOT.toml")]
+    pub(crate) robot: PathBuf,
+    /// Overrides `[bus] prefix`.
+    #[arg(long)]
+    pub(crate) prefix: Option<String>,
+    /// Overrides `[bus] root`.
+    #[arg(long)]
+    pub(crate) root: Option<PathBuf>,
+}
+
+impl OnBus {
+    /// The bus that `robot` is on.
+    pub(crate) fn config(&self, robot: &rivet_config::Robot) -> BusConfig {
+        let bus = &robot.config.bus;
+        BusConfig {
+            prefix: self.prefix.clone().unwrap_or_else(|| bus.prefix.clone()),
+            root: self.root.clone().unwrap_or_else(|| bus.root.clone()),
+        }
+    }
+}
+
+/// Asks a running rivetd for something.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    bus: OnBus,
+    /// What.
+    #[arg(value_enum)]
+    command: Word,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Word {
+    /// Keep the parameters as they are
+    Freeze,
+    /// Learn again
+    Resume,
+    /// Forget everything: the robot file's parameters, an empty window
+    Reset,
+    /// Write the parameters to the store now
+    Save,
+    /// Read the robot file anew: filters, window and thresholds change between two samples
+    Reload,
+}
+
+/// The daemon answers within milliseconds; a reload takes as long as reading the file and building the model.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let robot = rivet_config::load(&args.bus.robot)?;
+    let name = RobotName::new(&robot.config.name)?;
+    let bus = Bus::open(&args.bus.config(&robot), &name, "rivet-control")?;
+    let command = match args.command {
+        Word::Freeze => ControlCommand::Freeze,
+        Word::Resume => ControlCommand::Resume,
+        Word::Reset => ControlCommand::Reset,
+        Word::Save => ControlCommand::Save,
+        Word::Reload => ControlCommand::Reload,
+    };
+    let reply = bus.control_client()?.ask(command, PATIENCE)?.context("no rivetd answers on this bus")?;
+    let text = reply.text();
+    match ControlStatus::try_from(reply.status) {
+        Ok(ControlStatus::Done) => {
+            eprintln!("{}", if text.is_empty() { "done" } else { &text });
+            Ok(ExitCode::SUCCESS)
+        }
+        Ok(ControlStatus::Refused) => bail!("refused: {text}"),
+        Ok(ControlStatus::Failed) => bail!("failed: {text}"),
+        _ => bail!("this rivetd does not know the command: it is older"),
+    }
+}
