@@ -12,6 +12,7 @@ mod exit;
 mod export;
 mod figures;
 mod identify;
+mod monitor;
 mod online;
 mod passport;
 mod predict;
@@ -54,6 +55,8 @@ enum Command {
     Figures(figures::Args),
     /// Whether a robot file is sound, and what it says
     Check(check::Args),
+    /// What a running rivetd and rivet-controller say of themselves, live or once
+    Monitor(monitor::Args),
     /// Asks a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
     /// Tables computed anew from seeds
@@ -86,6 +89,7 @@ fn main() -> ExitCode {
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::Check(args) => check::run(args),
+        Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
         Command::Study(args) => study::run(args),
         Command::Daemon(options) => {

@@ -1,0 +1,97 @@
+//! `rivet monitor`: what daemon and controller say of themselves, live or once.
+//!
+//! It subscribes to health and parameters, which the daemon's bus thread and the controller's service thread send; the
+//! real-time loops do not know that it is there.
+
+mod screen;
+mod snapshot;
+mod text;
+
+use crate::control::OnBus;
+use crate::table::show;
+use anyhow::{Result, bail};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use rivet_ipc_schema::{Bus, RobotName};
+use rivet_realtime::Shutdown;
+use screen::View;
+use snapshot::{Ports, Snapshot};
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Shows loop timing, drops, residuals, parameters, supervision, faults, and the controller beside it.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    bus: OnBus,
+    /// Prints what is known now as text and ends; so it does where standard output is no terminal
+    #[arg(long)]
+    once: bool,
+    /// Seconds to wait for the first report with --once
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    patience: f64,
+}
+
+/// Time between two looks at the bus; the daemon reports a few times a second.
+const TURN: Duration = Duration::from_millis(100);
+
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let robot = rivet_config::load(&args.bus.robot)?;
+    let config = args.bus.config(&robot);
+    let bus = Bus::open(&config, &RobotName::new(&robot.config.name)?, "rivet-monitor")?;
+    let ports = Ports::open(&bus)?;
+    let mut snapshot = Snapshot::new(&robot, &config);
+    if args.once || !std::io::stdout().is_terminal() {
+        let patience = Duration::try_from_secs_f64(args.patience).unwrap_or(Duration::ZERO);
+        return once(&ports, &mut snapshot, patience);
+    }
+    let shutdown = Shutdown::on_signals()?;
+    let mut terminal = ratatui::init();
+    let result = live(&mut terminal, &ports, &mut snapshot, &shutdown);
+    ratatui::restore();
+    result.map(|()| ExitCode::SUCCESS)
+}
+
+fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<ExitCode> {
+    let begin = Instant::now();
+    // Late subscribers get the last message of each within some milliseconds; what has not come by then is not there.
+    while begin.elapsed() < patience && !snapshot.is_complete() {
+        std::thread::sleep(Duration::from_millis(5));
+        snapshot.take(ports)?;
+    }
+    if snapshot.is_empty() {
+        bail!("neither rivetd nor rivet-controller is on this bus");
+    }
+    show(&text::of(snapshot))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn live(
+    terminal: &mut ratatui::DefaultTerminal,
+    ports: &Ports,
+    snapshot: &mut Snapshot,
+    shutdown: &Shutdown,
+) -> Result<()> {
+    let mut view = View::default();
+    while !shutdown.is_requested() {
+        snapshot.take(ports)?;
+        terminal.draw(|frame| screen::draw(frame, snapshot, &mut view))?;
+        if !event::poll(TURN)? {
+            continue;
+        }
+        if let Event::Key(key) = event::read()?
+            && key.kind == KeyEventKind::Press
+        {
+            match key.code {
+                KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
+                KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Ok(()),
+                KeyCode::Down | KeyCode::Char('j') => view.scroll(1),
+                KeyCode::Up | KeyCode::Char('k') => view.scroll(-1),
+                KeyCode::PageDown | KeyCode::Char(' ') => view.scroll(10),
+                KeyCode::PageUp => view.scroll(-10),
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}

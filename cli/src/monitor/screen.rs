@@ -1,0 +1,276 @@
+//! The live view.
+
+use super::snapshot::{
+    Snapshot, controller_faults, drops, figure, input_faults, instruments, parameter_state, quantiles, refusals, source,
+};
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table, Wrap};
+
+/// What the person at the keyboard has chosen.
+#[derive(Default)]
+pub(super) struct View {
+    /// First parameter shown.
+    first: usize,
+}
+
+impl View {
+    pub(super) fn scroll(&mut self, by: isize) {
+        self.first = self.first.saturating_add_signed(by);
+    }
+}
+
+const GOOD: Style = Style::new().fg(Color::Green);
+const BAD: Style = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
+const QUIET: Style = Style::new().fg(Color::DarkGray);
+const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
+
+/// Bins of the histograms that are shown: 256 ns to 67 ms, which is where loops of 0.1 to 10 ms live.
+const SHOWN: std::ops::Range<usize> = 8..27;
+
+pub(super) fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
+    let joints = s.joints.len() as u16;
+    let [head, top, middle, bottom, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Length(8),
+        Constraint::Length(joints + 3),
+        Constraint::Min(3),
+        Constraint::Length(1),
+    ])
+    .areas(frame.area());
+    let [timing, words] = Layout::horizontal([Constraint::Percentage(45), Constraint::Percentage(55)]).areas(top);
+    let title = Line::from(vec![
+        Span::styled(" rivet monitor ", STRONG),
+        Span::raw(&s.robot),
+        Span::styled(format!("  {}", s.bus), QUIET),
+    ]);
+    frame.render_widget(title, head);
+    draw_timing(frame, timing, s);
+    draw_words(frame, words, s);
+    draw_joints(frame, middle, s);
+    draw_parameters(frame, bottom, s, view);
+    frame.render_widget(Line::styled(" q quit   up/down, space: parameters", QUIET), foot);
+}
+
+fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
+    let block = Block::bordered().title(" loop of rivetd ");
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let Some(report) = s.health else {
+        return frame.render_widget(Line::styled("not on the bus", QUIET), inner);
+    };
+    let h = report.message;
+    let rows = Layout::vertical([Constraint::Length(1); 6]).split(inner);
+    let rate = if report.rate.is_finite() { format!("{:.0} samples/s", report.rate) } else { String::new() };
+    frame.render_widget(Line::raw(format!("{} periods  {rate}", h.periods)), rows[0]);
+    for (i, (name, counts, worst)) in
+        [("wake", &h.wake_histogram, h.worst_wake_ns), ("work", &h.work_histogram, h.worst_work_ns)].iter().enumerate()
+    {
+        // On a logarithmic scale: a bin with one entry among a million is what one looks for.
+        let logs: Vec<u64> =
+            counts[SHOWN].iter().map(|&n| if n == 0 { 0 } else { 1 + (10.0 * f64::from(n).log10()) as u64 }).collect();
+        let [label, bars] = Layout::horizontal([Constraint::Length(5), Constraint::Min(1)]).areas(rows[1 + 2 * i]);
+        frame.render_widget(Line::styled(*name, STRONG), label);
+        let [bars, scale] =
+            Layout::horizontal([Constraint::Length(SHOWN.len() as u16), Constraint::Min(0)]).areas(bars);
+        frame.render_widget(Sparkline::default().data(&logs).max(80), bars);
+        frame.render_widget(Line::styled(" 256 ns .. 67 ms, log", QUIET), scale);
+        frame.render_widget(Line::raw(format!("     {}", quantiles(counts, *worst))), rows[2 + 2 * i]);
+    }
+    frame.render_widget(labelled("drops ", &drops(&h)), rows[5]);
+}
+
+/// A line whose rest is green when it says that there is nothing to report.
+fn labelled(label: &str, what: &str) -> Line<'static> {
+    let style = if what == "none" { GOOD } else { BAD };
+    Line::from(vec![Span::styled(label.to_owned(), STRONG), Span::styled(what.to_owned(), style)])
+}
+
+fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
+    let mut lines = Vec::new();
+    let state = |label: &'static str, text: Option<String>, good: &[&str]| {
+        let text = text.unwrap_or_else(|| "not on the bus".to_owned());
+        let style = if good.contains(&text.as_str()) { GOOD } else { BAD };
+        Line::from(vec![Span::styled(label, STRONG), Span::styled(text, style)])
+    };
+    lines.push(state("daemon      ", s.mode(), &["estimating", "frozen"]));
+    if let Some(report) = s.health {
+        let h = report.message;
+        let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
+        lines.push(Line::from(vec![
+            Span::styled("supervision ", STRONG),
+            Span::raw(format!("{} move, {} held; window {window}; {}", h.active, h.held, instruments(h.instruments))),
+        ]));
+        lines.push(labelled("input       ", &input_faults(&h)));
+    }
+    lines.push(state("controller  ", s.state(), &["following", "holding"]));
+    if let Some(report) = s.controller {
+        let c = report.message;
+        let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
+        lines.push(Line::from(vec![
+            Span::styled("parameters  ", STRONG),
+            Span::raw(format!("{}; {} sets accepted{refused}", source(&c), c.accepted)),
+        ]));
+        lines.push(labelled("faults      ", &controller_faults(&c)));
+    }
+    frame
+        .render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }).block(Block::bordered().title(" state ")), area);
+}
+
+fn draw_joints(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
+    const BAR: usize = 20;
+    let head = Row::new(["", "torque", "residual", "", "nominal's", "in use's", "tracking"]).style(QUIET);
+    let rows = s.joints.iter().enumerate().map(|(j, name)| {
+        let [torque, residual, nominal] = s.health.map_or([f64::NAN; 3], |report| {
+            let h = report.message;
+            [h.torque_rms[j], h.residual_rms[j], h.nominal_residual_rms[j]]
+        });
+        let [used, tracking] = s
+            .controller
+            .map_or([f64::NAN; 2], |report| [report.message.prediction_rms[j], report.message.tracking_rms[j]]);
+        let share = if residual.is_finite() && torque > 0.0 { (residual / torque).clamp(0.0, 1.0) } else { 0.0 };
+        let filled = (share * BAR as f64).round() as usize;
+        let style = if share > 0.5 { BAD } else { GOOD };
+        Row::new(vec![
+            Cell::from(name.clone()),
+            Cell::from(figure(torque)),
+            Cell::from(figure(residual)),
+            Cell::from(Line::from(vec![
+                Span::styled("█".repeat(filled), style),
+                Span::styled("·".repeat(BAR - filled), QUIET),
+            ])),
+            Cell::from(figure(nominal)),
+            Cell::from(figure(used)),
+            Cell::from(figure(tracking)),
+        ])
+    });
+    let widths = [
+        Constraint::Min(14),
+        Constraint::Length(10),
+        Constraint::Length(10),
+        Constraint::Length(BAR as u16),
+        Constraint::Length(10),
+        Constraint::Length(10),
+        Constraint::Length(10),
+    ];
+    let block = Block::bordered().title(" joints: rms torque [N m], what the model leaves of it; tracking [rad] ");
+    frame.render_widget(Table::new(rows, widths).header(head).block(block), area);
+}
+
+fn draw_parameters(frame: &mut Frame<'_>, area: Rect, s: &Snapshot, view: &mut View) {
+    let Some(set) = &s.parameters else {
+        let block = Block::bordered().title(" parameters ");
+        return frame.render_widget(Paragraph::new("none yet").style(QUIET).block(block), area);
+    };
+    let visible = usize::from(area.height.saturating_sub(3));
+    view.first = view.first.min(set.len().saturating_sub(visible));
+    let last = (view.first + visible).min(set.len());
+    let head = Row::new(["", "value", "sigma", "robot file", "excited", "state"]).style(QUIET);
+    let rows = (view.first..last).map(|i| {
+        let state = parameter_state(set.state[i]);
+        let style = match state {
+            "active" => GOOD,
+            "held" => Style::new(),
+            _ => QUIET,
+        };
+        let nominal = if s.same_model() { s.nominal.get(i).map_or(f64::NAN, |x| *x) } else { f64::NAN };
+        Row::new(vec![
+            Cell::from(s.name(i)),
+            Cell::from(figure(set.values[i])),
+            Cell::from(figure(set.std[i])),
+            Cell::from(figure(nominal)),
+            Cell::from(format!("{:.0} %", 100.0 * set.excitation[i])),
+            Cell::from(state).style(style),
+        ])
+    });
+    let widths = [
+        Constraint::Min(24),
+        Constraint::Length(12),
+        Constraint::Length(12),
+        Constraint::Length(12),
+        Constraint::Length(8),
+        Constraint::Length(12),
+    ];
+    let model = if s.same_model() { "" } else { ", OF ANOTHER MODEL" };
+    let title = format!(" parameters {}-{last} of {}, epoch {}{model} ", view.first + 1, set.len(), set.epoch);
+    frame.render_widget(Table::new(rows, widths).header(head).block(Block::bordered().title(title)), area);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+    use rivet_ipc_schema::{BusConfig, ControllerHealth, Health, Parameters};
+    use std::path::Path;
+
+    fn snapshot() -> Snapshot {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/ur10e/robot.toml");
+        Snapshot::new(&rivet_config::load(file).expect("the arm is there"), &BusConfig::default())
+    }
+
+    fn screen(s: &Snapshot, width: u16, height: u16, view: &mut View) -> String {
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a terminal");
+        terminal.draw(|frame| draw(frame, s, view)).expect("drawn");
+        format!("{}", terminal.backend())
+    }
+
+    #[test]
+    fn what_is_not_there_is_said() {
+        let text = screen(&snapshot(), 120, 40, &mut View::default());
+        assert_eq!(text.matches("not on the bus").count(), 3, "{text}");
+        assert!(text.contains("none yet"), "{text}");
+    }
+
+    #[test]
+    fn faults_parameters_and_silence_are_seen_on_a_small_screen() {
+        let mut s = snapshot();
+        let mut health = Health { mode: 1, samples: 1000, overruns: 3, refused_invalid: 7, ..Health::default() };
+        health.stamp_ns = s.now_ns;
+        health.wake_histogram[14] = 1000;
+        health.torque_rms[0] = 10.0;
+        health.residual_rms[0] = 8.0;
+        s.take_health(health);
+        s.take_controller(ControllerHealth { state: 2, source: 2, stamp_ns: s.now_ns, ..ControllerHealth::default() });
+        s.parameters =
+            Some(Parameters { count: s.names.len() as u32, model_hash: s.hash, epoch: 5, ..Parameters::default() });
+        let mut view = View::default();
+        view.scroll(1000);
+        let text = screen(&s, 100, 30, &mut view);
+        let last = s.names.last().expect("a parameter").clone();
+        for part in ["estimating", "3 periods missed", "7 invalid", "following", "live", "epoch 5", last.as_str()] {
+            assert!(text.contains(part), "{part}:\n{text}");
+        }
+        s.now_ns += 60_000_000_000;
+        assert!(screen(&s, 100, 30, &mut view).contains("SILENT for 60 s"));
+    }
+
+    /// Whatever arrives, on whatever terminal.
+    #[test]
+    fn no_size_and_no_message_breaks_it() {
+        let mut s = snapshot();
+        let wild = Health {
+            mode: 77,
+            instruments: 9,
+            worst_wake_ns: u64::MAX,
+            wake_histogram: [u32::MAX; 32],
+            ..Health::default()
+        };
+        s.take_health(wild);
+        s.take_health(Health { residual_rms: [f64::NAN; 8], torque_rms: [f64::INFINITY; 8], ..wild });
+        s.take_controller(ControllerHealth {
+            state: 99,
+            source: 99,
+            refusals: [u64::MAX; 16],
+            ..ControllerHealth::default()
+        });
+        s.parameters =
+            Some(Parameters { count: u32::MAX, values: [f64::MIN; 128], state: [9; 128], ..Parameters::default() });
+        for (width, height) in [(1, 1), (10, 3), (40, 12), (80, 24), (300, 100)] {
+            screen(&s, width, height, &mut View::default());
+        }
+        assert!(super::super::text::of(&s).contains("mode 77"));
+    }
+}

@@ -1,0 +1,262 @@
+//! What is known of a robot's daemon and controller at one moment.
+
+use anyhow::Result;
+use rivet_config::Robot;
+use rivet_ipc_schema::{
+    Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Health, InstrumentSource, ParameterRefusal,
+    ParameterSource, ParameterState, Parameters, SourceReason, Subscriber,
+};
+use rivet_realtime::{LogHistogram, now_ns};
+use std::fmt::Debug;
+
+/// Without a report for this long a process counts as gone \[ns\]: ten times the usual pause between reports.
+const GONE_NS: u64 = 2_000_000_000;
+
+/// What is listened to.
+pub(super) struct Ports {
+    health: Subscriber<Health>,
+    controller: Subscriber<ControllerHealth>,
+    parameters: Subscriber<Parameters>,
+}
+
+impl Ports {
+    pub(super) fn open(bus: &Bus) -> Result<Ports> {
+        Ok(Ports {
+            health: bus.health_subscriber()?,
+            controller: bus.controller_health_subscriber()?,
+            parameters: bus.parameters_subscriber()?,
+        })
+    }
+}
+
+/// A report, and the rate of something between it and the one before.
+#[derive(Clone, Copy)]
+pub(super) struct Report<T> {
+    pub(super) message: T,
+    /// Samples (daemon) or commands (controller) a second; NaN before the second report.
+    pub(super) rate: f64,
+}
+
+pub(super) struct Snapshot {
+    pub(super) robot: String,
+    pub(super) bus: String,
+    pub(super) joints: Vec<String>,
+    pub(super) names: Vec<String>,
+    pub(super) nominal: Vec<f64>,
+    pub(super) hash: u64,
+    pub(super) health: Option<Report<Health>>,
+    pub(super) controller: Option<Report<ControllerHealth>>,
+    pub(super) parameters: Option<Parameters>,
+    /// `CLOCK_MONOTONIC` of the last look \[ns\].
+    pub(super) now_ns: u64,
+}
+
+impl Snapshot {
+    pub(super) fn new(robot: &Robot, bus: &BusConfig) -> Snapshot {
+        Snapshot {
+            robot: robot.config.name.clone(),
+            bus: format!("{} in {}", bus.prefix, bus.root.display()),
+            joints: robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect(),
+            names: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
+            nominal: robot.nominal_base.clone(),
+            hash: robot.hash,
+            health: None,
+            controller: None,
+            parameters: None,
+            now_ns: now_ns(),
+        }
+    }
+
+    /// Takes in what has come.
+    pub(super) fn take(&mut self, ports: &Ports) -> Result<()> {
+        if let Some(message) = ports.health.receive_newest()? {
+            self.take_health(message);
+        }
+        if let Some(message) = ports.controller.receive_newest()? {
+            self.take_controller(message);
+        }
+        if let Some(set) = ports.parameters.receive_newest()? {
+            self.parameters = Some(set);
+        }
+        self.now_ns = now_ns();
+        Ok(())
+    }
+
+    pub(super) fn take_health(&mut self, message: Health) {
+        let before = self.health.map(|report| (report.message.samples, report.message.stamp_ns));
+        self.health = Some(Report { message, rate: rate(before, (message.samples, message.stamp_ns)) });
+    }
+
+    pub(super) fn take_controller(&mut self, message: ControllerHealth) {
+        let before = self.controller.map(|report| (report.message.commands, report.message.stamp_ns));
+        self.controller = Some(Report { message, rate: rate(before, (message.commands, message.stamp_ns)) });
+    }
+
+    pub(super) fn is_complete(&self) -> bool {
+        self.health.is_some() && self.controller.is_some() && self.parameters.is_some()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.health.is_none() && self.controller.is_none()
+    }
+
+    fn gone(&self, stamp_ns: u64) -> bool {
+        self.now_ns.saturating_sub(stamp_ns) > GONE_NS
+    }
+
+    /// What the daemon is doing; `None` while it is not heard of.
+    pub(super) fn mode(&self) -> Option<String> {
+        let health = self.health?.message;
+        let mode = DaemonMode::try_from(health.mode).map_or_else(|_| format!("mode {}", health.mode), words);
+        Some(if self.gone(health.stamp_ns) {
+            format!("SILENT for {}, was {mode}", self.age(health.stamp_ns))
+        } else {
+            mode
+        })
+    }
+
+    /// What the controller is doing; `None` while it is not heard of.
+    pub(super) fn state(&self) -> Option<String> {
+        let health = self.controller?.message;
+        let state = ControllerState::try_from(health.state).map_or_else(|_| format!("state {}", health.state), words);
+        let gone = self.gone(health.stamp_ns);
+        Some(if gone { format!("SILENT for {}, was {state}", self.age(health.stamp_ns)) } else { state })
+    }
+
+    /// Time since a stamp.
+    pub(super) fn age(&self, stamp_ns: u64) -> String {
+        duration(self.now_ns.saturating_sub(stamp_ns))
+    }
+
+    /// Whether the parameters are of the model that this program reads out of the robot file.
+    pub(super) fn same_model(&self) -> bool {
+        self.parameters.is_none_or(|set| set.model_hash == self.hash && set.len() == self.names.len())
+    }
+
+    /// Name of parameter `i` of the set.
+    pub(super) fn name(&self, i: usize) -> String {
+        let known = self.same_model().then(|| self.names.get(i).cloned()).flatten();
+        known.unwrap_or_else(|| format!("parameter {}", i + 1))
+    }
+}
+
+fn rate(before: Option<(u64, u64)>, now: (u64, u64)) -> f64 {
+    let Some((count, stamp_ns)) = before else { return f64::NAN };
+    let seconds = now.1.saturating_sub(stamp_ns) as f64 * 1e-9;
+    // A process that started anew counts from the beginning.
+    if seconds > 0.0 && now.0 >= count { (now.0 - count) as f64 / seconds } else { f64::NAN }
+}
+
+/// `WorseThanNominal` as "worse than nominal".
+pub(super) fn words(variant: impl Debug) -> String {
+    let mut out = String::new();
+    for letter in format!("{variant:?}").chars() {
+        if letter.is_ascii_uppercase() && !out.is_empty() {
+            out.push(' ');
+        }
+        out.push(letter.to_ascii_lowercase());
+    }
+    out
+}
+
+/// A duration in ns with a unit that suits it.
+pub(super) fn duration(ns: u64) -> String {
+    match ns {
+        0..1_000 => format!("{ns} ns"),
+        1_000..1_000_000 => format!("{:.0} us", ns as f64 * 1e-3),
+        1_000_000..10_000_000_000 => format!("{:.1} ms", ns as f64 * 1e-6),
+        _ => format!("{:.0} s", ns as f64 * 1e-9),
+    }
+}
+
+/// Median, p99, p99.9 and the worst of a histogram.
+pub(super) fn quantiles(counts: &[u32; LogHistogram::BINS], worst_ns: u64) -> String {
+    let histogram = LogHistogram::from_counts(*counts, worst_ns);
+    let at = |p| duration(histogram.quantile(p));
+    format!("p50 {}, p99 {}, p99.9 {}, worst {}", at(0.5), at(0.99), at(0.999), duration(worst_ns))
+}
+
+pub(super) fn instruments(source: u32) -> String {
+    InstrumentSource::try_from(source).map_or_else(|_| "unknown".to_owned(), words)
+}
+
+pub(super) fn parameter_state(state: u8) -> &'static str {
+    match ParameterState::try_from(state) {
+        Ok(ParameterState::Active) => "active",
+        Ok(ParameterState::Held) => "held",
+        Ok(ParameterState::Unidentified) => "open",
+        Err(_) => "unknown",
+    }
+}
+
+/// Whose parameters the controller uses, and why.
+pub(super) fn source(health: &ControllerHealth) -> String {
+    let source = ParameterSource::try_from(health.source).map_or_else(|_| "unknown".to_owned(), words);
+    let reason = SourceReason::try_from(health.source_reason).map_or_else(|_| "unknown".to_owned(), words);
+    format!("{source} ({reason})")
+}
+
+/// Refusals that have happened, the most frequent first.
+pub(super) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
+    let named = |(i, &count): (usize, &u64)| {
+        let kind = u32::try_from(i).ok().and_then(|i| ParameterRefusal::try_from(i).ok());
+        (kind.map_or_else(|| format!("reason {i}"), words), count)
+    };
+    // The first entry stands for no refusal.
+    let mut out: Vec<_> =
+        health.refusals.iter().enumerate().skip(1).filter(|(_, count)| **count > 0).map(named).collect();
+    out.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    out
+}
+
+/// A number in at most ten characters; a dash where there is none.
+pub(super) fn figure(x: f64) -> String {
+    match x.abs() {
+        _ if !x.is_finite() => "-".to_owned(),
+        0.0 => "0".to_owned(),
+        size if !(1e-3..1e5).contains(&size) => format!("{x:.2e}"),
+        size if size >= 100.0 => format!("{x:.1}"),
+        _ => format!("{x:.4}"),
+    }
+}
+
+/// Counts that are not zero, as "3 stale, 1 lost"; "none" where all are.
+pub(super) fn happened(counts: &[(&str, u64)]) -> String {
+    let some: Vec<_> = counts.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!("{n} {what}")).collect();
+    if some.is_empty() { "none".to_owned() } else { some.join(", ") }
+}
+
+/// What went wrong on the daemon's input.
+pub(super) fn input_faults(health: &Health) -> String {
+    happened(&[
+        ("lost", health.lost),
+        ("stale", health.refused_stale),
+        ("invalid", health.refused_invalid),
+        ("with fault bits", health.rejected_faults),
+        ("gaps", health.gaps),
+        ("without a setpoint", health.setpoints_missing),
+    ])
+}
+
+/// What went wrong in the daemon itself.
+pub(super) fn drops(health: &Health) -> String {
+    happened(&[
+        ("periods missed", health.overruns),
+        ("times at the catch-up limit", health.catch_up_limited),
+        ("messages dropped", health.dropped_messages),
+    ])
+}
+
+/// What went wrong in the controller.
+pub(super) fn controller_faults(health: &ControllerHealth) -> String {
+    happened(&[
+        ("stops", health.stops),
+        ("broken torques", health.broken),
+        ("stale samples", health.refused_stale),
+        ("invalid samples", health.refused_invalid),
+        ("samples passed over", health.passed_over),
+        ("commands at the torque limit", health.saturated),
+        ("commands at the rate limit", health.rate_limited),
+        ("setpoints brought back", health.setpoints_limited),
+    ])
+}

@@ -1,0 +1,101 @@
+//! One look as text, for scripts: a word at the beginning of each line says what it is about.
+
+use super::snapshot::{
+    Snapshot, controller_faults, drops, figure, input_faults, instruments, parameter_state, quantiles, refusals, source,
+};
+use rivet_ipc_schema::parameter_flags;
+use std::fmt::Write as _;
+
+pub(super) fn of(s: &Snapshot) -> String {
+    let mut out = String::new();
+    // Writing to a string does not fail.
+    let _ = write(&mut out, s);
+    out
+}
+
+fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
+    writeln!(out, "robot        {}, bus {}", s.robot, s.bus)?;
+    match s.health.map(|report| report.message) {
+        None => writeln!(out, "daemon       not on the bus")?,
+        Some(h) => {
+            let mode = s.mode().unwrap_or_default();
+            writeln!(out, "daemon       {mode}; {} samples, reported {} ago", h.samples, s.age(h.stamp_ns))?;
+            writeln!(out, "faults       {}", input_faults(&h))?;
+            writeln!(out, "drops        {}", drops(&h))?;
+            writeln!(out, "periods      {}", h.periods)?;
+            writeln!(out, "wake         {}", quantiles(&h.wake_histogram, h.worst_wake_ns))?;
+            writeln!(out, "work         {}", quantiles(&h.work_histogram, h.worst_work_ns))?;
+            let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
+            let source = instruments(h.instruments);
+            writeln!(out, "supervision  {} move, {} held; window {window}; instruments {source}", h.active, h.held)?;
+            if h.hausman_p_value.is_finite() {
+                writeln!(out, "bias         of least squares: p = {:.3} of none", h.hausman_p_value)?;
+            }
+        }
+    }
+    match s.controller.map(|report| report.message) {
+        None => writeln!(out, "controller   not on the bus")?,
+        Some(c) => {
+            let state = s.state().unwrap_or_default();
+            let ago = s.age(c.stamp_ns);
+            writeln!(
+                out,
+                "controller   {state}; parameters {}; {} commands, reported {ago} ago",
+                source(&c),
+                c.commands
+            )?;
+            writeln!(out, "c-faults     {}", controller_faults(&c))?;
+            let refused: Vec<_> = refusals(&c).into_iter().map(|(why, count)| format!("{count} {why}")).collect();
+            let refused = if refused.is_empty() { "none".to_owned() } else { refused.join(", ") };
+            writeln!(out, "gate         {} sets accepted, refused: {refused}", c.accepted)?;
+        }
+    }
+    write_joints(out, s)?;
+    let Some(set) = &s.parameters else { return writeln!(out, "parameters   none yet") };
+    let flags: Vec<_> = [
+        (parameter_flags::SUSPENDED, "suspended"),
+        (parameter_flags::FROZEN, "frozen"),
+        (parameter_flags::PROVISIONAL, "provisional"),
+    ]
+    .iter()
+    .filter_map(|(bit, word)| (set.flags & bit != 0).then_some(*word))
+    .collect();
+    let model = if s.same_model() { "" } else { "; of another model than this robot file's" };
+    let flags = if flags.is_empty() { String::new() } else { format!("; {}", flags.join(", ")) };
+    writeln!(out, "parameters   {}, epoch {}, sample {}{flags}{model}", set.len(), set.epoch, set.seq)?;
+    writeln!(out, "{:<34} {:>12} {:>12} {:>12} {:>7} {:>10}", "", "value", "sigma", "robot file", "excited", "state")?;
+    for i in 0..set.len() {
+        let nominal = if s.same_model() { s.nominal.get(i).map_or(f64::NAN, |x| *x) } else { f64::NAN };
+        let state = parameter_state(set.state[i]);
+        let [value, std, nominal] = [set.values[i], set.std[i], nominal].map(figure);
+        let name = s.name(i);
+        writeln!(
+            out,
+            "  {name:<32} {value:>12} {std:>12} {nominal:>12} {:>6.0}% {state:>10}",
+            100.0 * set.excitation[i]
+        )?;
+    }
+    Ok(())
+}
+
+fn write_joints(out: &mut String, s: &Snapshot) -> std::fmt::Result {
+    writeln!(
+        out,
+        "{:<26} {:>10} {:>10} {:>10} {:>10} {:>10}",
+        "joints       rms [N m]", "torque", "residual", "nominal's", "in use's", "tracking"
+    )?;
+    for (j, name) in s.joints.iter().enumerate() {
+        let daemon = s.health.map_or([f64::NAN; 3], |report| {
+            [report.message.torque_rms[j], report.message.residual_rms[j], report.message.nominal_residual_rms[j]]
+        });
+        let controller = s
+            .controller
+            .map_or([f64::NAN; 2], |report| [report.message.prediction_rms[j], report.message.tracking_rms[j]]);
+        write!(out, "  {name:<24}")?;
+        for x in daemon.into_iter().chain(controller) {
+            write!(out, " {:>10}", figure(x))?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
