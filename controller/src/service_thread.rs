@@ -114,7 +114,7 @@ impl Service {
             Outbound::Stopped => match self.recorder.as_ref().map(Recorder::write) {
                 None => log::error!(rivet_event = "stop"; "joint states stopped; no --state DIR, no flight record"),
                 Some(Ok(path)) => {
-                    log::error!(rivet_event = "stop"; "joint states stopped; flight record {}", path.display())
+                    log::error!(rivet_event = "stop"; "joint states stopped; flight record {}", path.display());
                 }
                 Some(Err(why)) => log::error!(rivet_event = "stop"; "joint states stopped; no flight record: {why}"),
             },

@@ -142,7 +142,7 @@ fn recall(core: &mut Core, store: &Store, hash: u64) {
         None => log::info!(rivet_event = "state-none"; "no stored parameters: starts on the robot file's"),
         Some(Ok(())) => log::info!(rivet_event = "state-restored"; "starts on stored parameters"),
         Some(Err(why)) => {
-            log::warn!(rivet_event = "state-refused"; "stored parameters are not used: {}", refusal_text(why))
+            log::warn!(rivet_event = "state-refused"; "stored parameters are not used: {}", refusal_text(why));
         }
     }
 }

@@ -221,6 +221,12 @@ impl Core {
         self.identifier.load(values)
     }
 
+    /// As [`load`](Self::load), knowing also how well (standard deviations, in each parameter's unit) those are known that had
+    /// been `identified`.
+    pub fn recall(&mut self, values: &[f64], std: &[f64], identified: &[bool]) -> bool {
+        self.identifier.recall(values, std, identified)
+    }
+
     /// Goes on with the settings of `fresh`, made for the same model: filters, window, thresholds, rate of publication. No
     /// sample is lost and no parameter steps; see [`Identifier::reconfigure`]. What is replaced is left in `fresh`.
     ///

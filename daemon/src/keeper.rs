@@ -3,9 +3,9 @@
 use crate::core::Core;
 use crate::error::StartError;
 use rivet_config::Robot;
-use rivet_ipc_schema::{Parameters, RobotName, parameter_flags};
+use rivet_ipc_schema::{ParameterState, Parameters, RobotName, parameter_flags};
 use rivet_realtime::Shutdown;
-use rivet_store::{Knowledge, Store};
+use rivet_store::{Knowledge, Store, Supervision};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -63,10 +63,10 @@ impl Keeper {
         for path in store.set_others_aside(robot.hash)? {
             log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
         }
-        match loaded.knowledge.map(|knowledge| core.load(&knowledge.parameters.values)) {
+        match loaded.knowledge.map(|knowledge| recall(core, &knowledge)) {
             Some(true) => log::info!(rivet_event = "state-restored"; "goes on from stored parameters"),
             Some(false) => {
-                log::warn!(rivet_event = "state-refused"; "stored parameters do not fit the model and are not used")
+                log::warn!(rivet_event = "state-refused"; "stored parameters do not fit the model and are not used");
             }
             None => log::info!(rivet_event = "state-none"; "no stored parameters: starts from the robot file's"),
         }
@@ -110,6 +110,19 @@ impl Keeper {
     }
 }
 
+/// Lets `core` go on from what was stored: values, how well they are known, and what had been identified.
+fn recall(core: &mut Core, knowledge: &Knowledge) -> bool {
+    let stored = &knowledge.parameters;
+    match &knowledge.supervision {
+        Some(supervision) => {
+            let identified: Vec<bool> =
+                supervision.state.iter().map(|s| *s != u8::from(ParameterState::Unidentified)).collect();
+            core.recall(&stored.values, &stored.std, &identified)
+        }
+        None => core.load(&stored.values),
+    }
+}
+
 fn knowledge(set: &Parameters, model_hash: u64) -> Knowledge {
     let n = set.len();
     let parameters = rivet_store::Parameters {
@@ -118,5 +131,6 @@ fn knowledge(set: &Parameters, model_hash: u64) -> Knowledge {
         values: set.values[..n].to_vec(),
         std: set.std[..n].to_vec(),
     };
-    Knowledge { model_hash, parameters }
+    let supervision = Supervision { state: set.state[..n].to_vec(), excitation: set.excitation[..n].to_vec() };
+    Knowledge { model_hash, parameters, supervision: Some(supervision) }
 }

@@ -147,7 +147,8 @@ fn told(path: &Path, old: &Robot, new: &Robot, kept: Reconfigured, seq: u64) -> 
     .filter_map(|(changed, what)| changed.then_some(what))
     .collect();
     if !later.is_empty() {
-        text += &format!("; only at the next start: {}", later.join(", "));
+        text += "; only at the next start: ";
+        text += &later.join(", ");
     }
     text
 }

@@ -3,7 +3,9 @@
 use rivet_config::Robot;
 use rivet_daemon::{Core, Output, Refused};
 use rivet_dynamics::Workspace;
-use rivet_ipc_schema::{ControlCommand, DaemonMode, Health, JointState, Parameters, Setpoint, faults, parameter_flags};
+use rivet_ipc_schema::{
+    ControlCommand, DaemonMode, Health, JointState, ParameterState, Parameters, Setpoint, faults, parameter_flags,
+};
 use std::path::Path;
 
 fn robot() -> Robot {
@@ -282,5 +284,42 @@ fn a_changed_file_moves_no_parameter_and_loses_no_sample() {
             later
         });
         assert_eq!(twice[0], twice[1], "{to}: deterministic");
+    }
+}
+
+/// What a killed daemon had stored is what its successor knows: values, how well, and which were identified.
+#[test]
+fn a_successor_knows_what_was_stored() {
+    let (mut first, mut motion) = (Core::new(&robot()).expect("settings"), Motion::new());
+    run(&mut first, &mut motion, 1..=5000);
+    let stored = parameters(&first);
+    let n = stored.len();
+    let open = u8::from(ParameterState::Unidentified);
+    let identified: Vec<bool> = stored.state[..n].iter().map(|s| *s != open).collect();
+    assert!(identified.iter().filter(|identified| **identified).count() > n / 2);
+    let mut second = Core::new(&robot()).expect("settings");
+    let before = parameters(&second);
+    for (values, std) in [(&stored.values[..n - 1], &stored.std[..n]), (&stored.values[..n], &[f64::NAN; 128][..n])] {
+        assert!(!second.recall(values, std, &identified));
+        assert_eq!(parameters(&second), before, "nothing changed");
+    }
+    assert!(second.recall(&stored.values[..n], &stored.std[..n], &identified));
+    let known = parameters(&second);
+    assert_eq!(known.values, stored.values);
+    for i in 0..n {
+        if identified[i] {
+            let (a, b) = (known.std[i], stored.std[i]);
+            assert!((a - b).abs() <= 1e-12 * b, "{i}: {a} {b}");
+            assert_eq!(known.state[i], u8::from(ParameterState::Held), "{i}");
+        } else {
+            assert_eq!(known.state[i], open, "{i}");
+        }
+    }
+    run(&mut second, &mut motion, 6000..=12000);
+    let later = parameters(&second);
+    let active = later.state[..n].iter().filter(|s| **s == u8::from(ParameterState::Active)).count();
+    assert!(active > n / 2, "{active} of {n} move again");
+    for (value, nominal) in later.values[..n].iter().zip(&robot().nominal_base) {
+        assert!((value - nominal).abs() < 0.02 * nominal.abs().max(0.1), "{value} {nominal}");
     }
 }

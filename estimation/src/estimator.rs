@@ -244,6 +244,16 @@ impl Estimator {
         self.reload(values);
     }
 
+    /// What is known of the values just loaded: standard deviations of those that had been identified.
+    pub(crate) fn recall(&mut self, std: &[f64], identified: &[bool]) {
+        for i in (0..self.n).filter(|&i| identified[i]) {
+            let scaled = (std[i] * self.column[i]).min(self.prior[i]);
+            self.std[i] = scaled / self.column[i];
+            self.state[i] = ParameterState::Held;
+            self.cycle.recall(i, scaled);
+        }
+    }
+
     fn reload(&mut self, values: &[f64]) {
         for ((scaled, x), c) in self.rows.scaled.iter_mut().zip(values).zip(&self.column) {
             *scaled = x * c;

@@ -278,6 +278,17 @@ impl Identifier {
         fits
     }
 
+    /// As [`load`](Self::load), knowing also how well those are known that had been `identified`: they count as held, and the
+    /// window has to know them better before they move. False, and nothing changed, if a length or a number is wrong.
+    pub fn recall(&mut self, values: &[f64], std: &[f64], identified: &[bool]) -> bool {
+        let n = self.base.len();
+        let fits = std.len() == n && identified.len() == n && std.iter().all(|s| s.is_finite() && *s >= 0.0);
+        fits && self.load(values) && {
+            self.estimator.recall(std, identified);
+            true
+        }
+    }
+
     /// Goes on with the settings of `fresh`, made for the same model: parameters stay what they are, and what the window holds
     /// stays where it means the same (see [`Estimator::reconfigure`]). Filters that are other ones start with the next sample
     /// and settle, as after a gap; filters that are the same run on. What is replaced is left in `fresh`, to be dropped

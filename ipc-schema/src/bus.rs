@@ -10,6 +10,7 @@ use iceoryx2::prelude::{
 };
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
+use crate::cleanup::close_to_others;
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -98,13 +99,15 @@ impl BusConfig {
     pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
         let refuse = |why: String| BusError::Join { prefix: self.prefix.clone(), root: self.root.clone(), why };
         let name = NodeName::new(role).map_err(|e| refuse(format!("{e:?}")))?;
-        NodeBuilder::new()
+        let node = NodeBuilder::new()
             .name(&name)
             .config(config)
             // Otherwise it takes SIGINT and SIGTERM away from the program.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
-            .map_err(|e| refuse(format!("{e:?}")))
+            .map_err(|e| refuse(format!("{e:?}")))?;
+        close_to_others(self);
+        Ok(node)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -76,6 +77,17 @@ fn belongs(name: &[u8], prefix: &str) -> bool {
     let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };
     let id = rest.iter().take_while(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f')).count();
     id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))
+}
+
+/// Takes from other users the one file that the bus library makes for everybody: a counter from which it makes the ids of
+/// parties.
+pub(crate) fn close_to_others(config: &BusConfig) {
+    let counter = |name: &[u8]| belongs(name, &config.prefix) && name.ends_with(b".global_mgmt");
+    let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return };
+    for entry in entries.flatten().filter(|entry| counter(entry.file_name().as_encoded_bytes())) {
+        // Only its owner can, and did: a failure means that joining has failed, or will.
+        let _ = fs::set_permissions(entry.path(), fs::Permissions::from_mode(0o600));
+    }
 }
 
 /// Unlinks the files of the bus, whoever may use them.

@@ -117,7 +117,7 @@ impl ControlServer {
             Ok(Answer::Later) => (ControlStatus::Refused, "another request is being worked on".to_owned()),
             Err(_) => (ControlStatus::Unknown, String::new()),
         };
-        send(&request, ControlReply::new(status, epoch, &text))?;
+        send(&request, &ControlReply::new(status, epoch, &text))?;
         Ok(true)
     }
 
@@ -129,12 +129,12 @@ impl ControlServer {
     /// Answers the request that was to be answered later, if there is one.
     pub fn finish(&mut self, epoch: u64, status: ControlStatus, text: &str) -> Result<(), PortError> {
         let Some(request) = self.later.take() else { return Ok(()) };
-        send(&request, ControlReply::new(status, epoch, text))
+        send(&request, &ControlReply::new(status, epoch, text))
     }
 }
 
-fn send(request: &Pending, reply: ControlReply) -> Result<(), PortError> {
-    request.send_copy(reply).map_err(|_| failed("answer", "the client is gone"))
+fn send(request: &Pending, reply: &ControlReply) -> Result<(), PortError> {
+    request.send_copy(*reply).map_err(|_| failed("answer", "the client is gone"))
 }
 
 /// Sends control requests. Not for a real-time thread.

@@ -5,10 +5,11 @@
 //! sections:   tag [u8; 4]  length u64  bytes
 //!   HEAD      generation u64, model hash u64, robot's name (the rest, UTF-8)
 //!   PARA      epoch u64, seq u64, count u64, values f64 x count, standard deviations f64 x count
+//!   SUPV      states u8 x count, excitation f64 x count; absent in files of earlier programs
 //! checksum    CRC-32 of everything before, u32
 //! ```
 //!
-//! A reader skips sections it does not know: a later program may add covariance or the state of the supervision.
+//! A reader skips sections it does not know.
 
 use crate::error::Problem;
 
@@ -26,6 +27,17 @@ pub struct Knowledge {
     pub model_hash: u64,
     /// Base parameters.
     pub parameters: Parameters,
+    /// What the supervision had decided about each; `None` in files of programs that did not store it.
+    pub supervision: Option<Supervision>,
+}
+
+/// What the supervision had decided, one entry a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Supervision {
+    /// A `ParameterState` as it travels on the bus: 0 never identified, 1 moving, 2 held.
+    pub state: Vec<u8>,
+    /// How much the window said about it, 0 to 1.
+    pub excitation: Vec<f64>,
 }
 
 /// Base parameters as they were published.
@@ -62,12 +74,18 @@ pub(crate) fn encode(entry: &Entry) -> Vec<u8> {
     for value in p.values.iter().chain(&p.std) {
         para.extend(value.to_le_bytes());
     }
-    let mut file = Vec::with_capacity(HEADER + 24 + head.len() + para.len() + CHECKSUM);
+    let mut sections = vec![(b"HEAD", head), (b"PARA", para)];
+    if let Some(supervision) = &entry.knowledge.supervision {
+        let excitation = supervision.excitation.iter().flat_map(|x| x.to_le_bytes());
+        sections.push((b"SUPV", supervision.state.iter().copied().chain(excitation).collect()));
+    }
+    let length = HEADER + CHECKSUM + sections.iter().map(|(_, bytes)| 12 + bytes.len()).sum::<usize>();
+    let mut file = Vec::with_capacity(length);
     file.extend(MAGIC);
     file.extend(FORMAT_VERSION.to_le_bytes());
-    file.extend(((HEADER + 24 + head.len() + para.len() + CHECKSUM) as u64).to_le_bytes());
-    for (tag, bytes) in [(b"HEAD", &head), (b"PARA", &para)] {
-        file.extend(tag);
+    file.extend((length as u64).to_le_bytes());
+    for (tag, bytes) in &sections {
+        file.extend(*tag);
         file.extend((bytes.len() as u64).to_le_bytes());
         file.extend(bytes.iter());
     }
@@ -112,7 +130,7 @@ pub(crate) fn decode(file: &[u8]) -> Result<Entry, Problem> {
     if version > FORMAT_VERSION {
         return Err(Problem::Version { found: version, known: FORMAT_VERSION });
     }
-    let (mut head, mut parameters) = (None, None);
+    let (mut head, mut parameters, mut supervision) = (None, None, None);
     let mut sections = Cursor(&content[HEADER..]);
     while !sections.0.is_empty() {
         let section = sections.bytes::<4>().zip(sections.u64());
@@ -123,18 +141,32 @@ pub(crate) fn decode(file: &[u8]) -> Result<Entry, Problem> {
         match &tag {
             b"HEAD" => head = Some(decode_head(bytes).ok_or(Problem::Content("its head is not as it should be"))?),
             b"PARA" => parameters = Some(decode_parameters(bytes)?),
+            b"SUPV" => supervision = Some(bytes),
             _ => {}
         }
     }
     let (generation, model_hash, robot) = head.ok_or(Problem::Content("it has no head"))?;
     let parameters = parameters.ok_or(Problem::Content("it has no parameters"))?;
-    Ok(Entry { generation, robot, knowledge: Knowledge { model_hash, parameters } })
+    let supervision = supervision.map(|bytes| decode_supervision(bytes, parameters.values.len())).transpose()?;
+    Ok(Entry { generation, robot, knowledge: Knowledge { model_hash, parameters, supervision } })
 }
 
 fn decode_head(bytes: &[u8]) -> Option<(u64, u64, String)> {
     let mut cursor = Cursor(bytes);
     let (generation, hash) = (cursor.u64()?, cursor.u64()?);
     Some((generation, hash, String::from_utf8(cursor.0.to_vec()).ok()?))
+}
+
+fn decode_supervision(bytes: &[u8], count: usize) -> Result<Supervision, Problem> {
+    let whole = Problem::Content("the state of its supervision is not of as many parameters");
+    let Some((state, rest)) = bytes.split_at_checked(count).filter(|(_, rest)| rest.len() == 8 * count) else {
+        return Err(whole);
+    };
+    let excitation = Cursor(rest).numbers(count).ok_or(whole)?;
+    if state.iter().any(|s| *s > 2) || !excitation.iter().all(|x| x.is_finite()) {
+        return Err(Problem::Content("the state of its supervision is none"));
+    }
+    Ok(Supervision { state: state.to_vec(), excitation })
 }
 
 fn decode_parameters(bytes: &[u8]) -> Result<Parameters, Problem> {

@@ -2,7 +2,7 @@
 
 use crate::error::{Problem, StoreError};
 use crate::format::{Entry, Knowledge, decode, encode};
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,8 @@ const LONGEST: u64 = 1 << 24;
 /// The stored knowledge of one robot. One process writes it, others may read.
 #[derive(Debug)]
 pub struct Store {
+    /// Held as long as this may write; the system lets go of it however the process ends.
+    _lock: Option<File>,
     folder: PathBuf,
     robot: String,
     /// Generation to write next; found at the first save.
@@ -28,18 +30,39 @@ pub struct Loaded {
 }
 
 impl Store {
-    /// Makes the folder when it is absent. `robot` is a robot's name and becomes part of file names.
+    /// Makes the folder when it is absent, and takes it for this process until this is dropped. `robot` is a robot's name and
+    /// becomes part of file names. Removes what writers that were killed have left half written.
     ///
     /// # Errors
-    /// The folder cannot be made.
+    /// The folder cannot be made, or another process writes there.
     pub fn open(folder: &Path, robot: &str) -> Result<Store, StoreError> {
-        fs::create_dir_all(folder).map_err(|source| StoreError { path: folder.to_owned(), source })?;
-        Ok(Store { folder: folder.to_owned(), robot: robot.to_owned(), next: None })
+        let fail = |path: &Path, source| StoreError { path: path.to_owned(), source };
+        fs::create_dir_all(folder).map_err(|source| fail(folder, source))?;
+        let path = folder.join(format!("{robot}.lock"));
+        let lock = File::create(&path).map_err(|source| fail(&path, source))?;
+        lock.try_lock().map_err(|why| match why {
+            TryLockError::Error(source) => fail(&path, source),
+            TryLockError::WouldBlock => fail(&path, io::Error::other("another process stores this robot's parameters")),
+        })?;
+        let store = Store { _lock: Some(lock), folder: folder.to_owned(), robot: robot.to_owned(), next: None };
+        store.remove_unfinished();
+        Ok(store)
+    }
+
+    fn remove_unfinished(&self) {
+        let parts = [0, 1].map(|slot| format!("{}.{slot}.tmp", self.robot));
+        let unfinished = |name: &str| parts.iter().any(|part| name.starts_with(part.as_str()));
+        for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            if entry.file_name().to_str().is_some_and(unfinished) {
+                // What cannot be removed is never read either.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// As [`open`](Store::open) for a process that only reads: nothing is made.
     pub fn reader(folder: &Path, robot: &str) -> Store {
-        Store { folder: folder.to_owned(), robot: robot.to_owned(), next: None }
+        Store { _lock: None, folder: folder.to_owned(), robot: robot.to_owned(), next: None }
     }
 
     fn path(&self, slot: u64) -> PathBuf {

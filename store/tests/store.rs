@@ -1,7 +1,7 @@
 //! What is read is what was written, whatever happened to the files meanwhile.
 
 use proptest::prelude::*;
-use rivet_store::{Knowledge, Parameters, Problem, Store};
+use rivet_store::{Knowledge, Parameters, Problem, Store, Supervision};
 use std::fs;
 use std::path::Path;
 
@@ -10,7 +10,12 @@ const HASH: u64 = 0x1234_5678_9abc_def0;
 fn knowledge(epoch: u64) -> Knowledge {
     let values: Vec<f64> = (0..58).map(|i| f64::from(i) * 0.1 - epoch as f64).collect();
     let std = values.iter().map(|x| 0.01 * x.abs()).collect();
-    Knowledge { model_hash: HASH, parameters: Parameters { epoch, seq: 100 * epoch, values, std } }
+    let supervision = Supervision {
+        state: (0..58).map(|i| i % 3).collect(),
+        excitation: (0..58).map(|i| f64::from(i) / 58.0).collect(),
+    };
+    let parameters = Parameters { epoch, seq: 100 * epoch, values, std };
+    Knowledge { model_hash: HASH, parameters, supervision: Some(supervision) }
 }
 
 fn files(folder: &Path) -> Vec<String> {
@@ -19,6 +24,7 @@ fn files(folder: &Path) -> Vec<String> {
         .flatten()
         .map(|e| e.file_name().to_string_lossy().into_owned())
         .collect();
+    names.retain(|name| !name.ends_with(".lock"));
     names.sort();
     names
 }
@@ -37,7 +43,10 @@ fn two_generations_are_kept_and_the_newer_one_is_read() {
         assert_eq!(first.load(HASH).knowledge, Some(knowledge(epoch)));
     }
     assert_eq!(files(folder.path()), ["ur10e.0.state", "ur10e.1.state"]);
-    // Another process goes on where the first ended.
+    // Another process goes on where the first ended, and not before.
+    let refused = Store::open(folder.path(), "ur10e").expect_err("one writer").to_string();
+    assert!(refused.contains("another process"), "{refused}");
+    drop(first);
     let mut second = store(folder.path());
     for epoch in 6..=9 {
         second.save(&knowledge(epoch)).expect("written");

@@ -68,7 +68,7 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
         std::thread::spawn(move || {
             let bus = Bus::open(&config, &RobotName::new("dd2").expect("a name"), "test-operator").expect("the bus");
             let client = bus.control_client().expect("a client");
-            let mut ask = || {
+            let ask = || {
                 let reply = client.ask(ControlCommand::Reload, Duration::from_secs(30)).expect("asked");
                 let reply = reply.expect("an answer");
                 (ControlStatus::try_from(reply.status).expect("a known status"), reply.text().into_owned())

@@ -232,8 +232,8 @@ mod tests {
         health.wake_histogram[14] = 1000;
         health.torque_rms[0] = 10.0;
         health.residual_rms[0] = 8.0;
-        s.take_health(health);
-        s.take_controller(ControllerHealth { state: 2, source: 2, stamp_ns: s.now_ns, ..ControllerHealth::default() });
+        s.take_health(&health);
+        s.take_controller(&ControllerHealth { state: 2, source: 2, stamp_ns: s.now_ns, ..ControllerHealth::default() });
         s.parameters =
             Some(Parameters { count: s.names.len() as u32, model_hash: s.hash, epoch: 5, ..Parameters::default() });
         let mut view = View::default();
@@ -258,9 +258,9 @@ mod tests {
             wake_histogram: [u32::MAX; 32],
             ..Health::default()
         };
-        s.take_health(wild);
-        s.take_health(Health { residual_rms: [f64::NAN; 8], torque_rms: [f64::INFINITY; 8], ..wild });
-        s.take_controller(ControllerHealth {
+        s.take_health(&wild);
+        s.take_health(&Health { residual_rms: [f64::NAN; 8], torque_rms: [f64::INFINITY; 8], ..wild });
+        s.take_controller(&ControllerHealth {
             state: 99,
             source: 99,
             refusals: [u64::MAX; 16],

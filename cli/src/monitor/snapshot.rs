@@ -70,10 +70,10 @@ impl Snapshot {
     /// Takes in what has come.
     pub(super) fn take(&mut self, ports: &Ports) -> Result<()> {
         if let Some(message) = ports.health.receive_newest()? {
-            self.take_health(message);
+            self.take_health(&message);
         }
         if let Some(message) = ports.controller.receive_newest()? {
-            self.take_controller(message);
+            self.take_controller(&message);
         }
         if let Some(set) = ports.parameters.receive_newest()? {
             self.parameters = Some(set);
@@ -82,14 +82,14 @@ impl Snapshot {
         Ok(())
     }
 
-    pub(super) fn take_health(&mut self, message: Health) {
+    pub(super) fn take_health(&mut self, message: &Health) {
         let before = self.health.map(|report| (report.message.samples, report.message.stamp_ns));
-        self.health = Some(Report { message, rate: rate(before, (message.samples, message.stamp_ns)) });
+        self.health = Some(Report { message: *message, rate: rate(before, (message.samples, message.stamp_ns)) });
     }
 
-    pub(super) fn take_controller(&mut self, message: ControllerHealth) {
+    pub(super) fn take_controller(&mut self, message: &ControllerHealth) {
         let before = self.controller.map(|report| (report.message.commands, report.message.stamp_ns));
-        self.controller = Some(Report { message, rate: rate(before, (message.commands, message.stamp_ns)) });
+        self.controller = Some(Report { message: *message, rate: rate(before, (message.commands, message.stamp_ns)) });
     }
 
     pub(super) fn is_complete(&self) -> bool {

@@ -117,6 +117,12 @@ impl Cycle {
         self.judge.reconfigure(&fresh.judge)
     }
 
+    /// Scaled parameter `i` is known this well.
+    pub(super) fn recall(&mut self, i: usize, std: f64) {
+        self.belief[i] = self.belief[i].min(std);
+        self.width[i] = std;
+    }
+
     /// New rows came in.
     pub(super) fn fresh(&mut self) {
         self.fresh = true;
