@@ -115,7 +115,7 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
     assert_eq!(other_filter.0, ControlStatus::Done, "{}", other_filter.1);
     assert!(other_filter.1.contains("the filters settle anew"), "{}", other_filter.1);
     assert_eq!(bad.0, ControlStatus::Refused);
-    assert!(bad.1.contains("robot.toml:23:12"), "the place is named: {}", bad.1);
+    assert!(bad.1.contains("robot.toml:25:12"), "the place is named: {}", bad.1);
     assert_eq!(other_model.0, ControlStatus::Refused);
     assert!(other_model.1.contains("restart"), "{}", other_model.1);
 }
