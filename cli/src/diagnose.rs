@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use rivet_diagnosis::{Run, Verdict, diagnose};
-use rivet_report::Document;
 use rivet_report::words::percent;
+use rivet_report::{Document, page};
 
+use crate::blind;
 use crate::passport::{Source, passport};
 use crate::runs;
 use crate::table::{Table, paragraph, show};
@@ -24,6 +25,9 @@ pub(crate) struct Args {
     /// Write the verdict as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write a page for people: one file, nothing to load.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Tell what is considered.
     #[arg(long, short)]
     verbose: bool,
@@ -48,6 +52,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let document = Document::new(&robot.config.name, &found, Some(passport));
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&document)? + "\n";
+        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+    }
+    if let Some(path) = &args.html {
+        let text = page(&document, &blind::scores()?);
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&as_text(&document))?;

@@ -6,6 +6,8 @@ use rivet_config::ConfigErrors;
 use rivet_diagnosis::DiagnosisError;
 use rivet_logs::LogError;
 
+use crate::changes::Mismatch;
+
 /// The command line is not understood. Below 64 a code is an answer (`rivet diagnose`: 0 to 3), never a failure.
 pub(crate) const USAGE: u8 = 64;
 /// Bad input data.
@@ -17,12 +19,13 @@ const OTHER: u8 = 70;
 /// Bad configuration; systemd does not restart on it.
 const CONFIG: u8 = 78;
 
-/// The exit code of a failure: 78 for a robot file, 65 for a log or runs that cannot be diagnosed, 74 for a file
+/// The exit code of a failure: 78 for a robot file, 65 for a log, runs that cannot be
+/// diagnosed or diagnoses that do not compare, 74 for a file
 /// that cannot be read or written, 70 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
-    } else if error.chain().any(|e| e.is::<LogError>() || e.is::<DiagnosisError>()) {
+    } else if error.chain().any(|e| e.is::<LogError>() || e.is::<DiagnosisError>() || e.is::<Mismatch>()) {
         DATA
     } else if error.chain().any(<dyn Error>::is::<std::io::Error>) {
         INPUT_OUTPUT

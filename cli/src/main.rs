@@ -1,6 +1,7 @@
 //! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
 
 mod blind;
+mod changes;
 mod check;
 mod children;
 mod compare;
@@ -47,6 +48,8 @@ enum Command {
     Identify(identify::Args),
     /// Where the simulator differs from the arm, which effect causes it, how far the gap shrinks
     Diagnose(diagnose::Args),
+    /// What changed between two diagnoses
+    Compare(changes::Args),
     /// Diagnoses of cases whose answers are withheld, and how good they were
     Blind(blind::Args),
     /// Torque that a model predicts for a log
@@ -85,6 +88,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(args),
         Command::Identify(args) => identify::run(args),
         Command::Diagnose(args) => diagnose::run(args),
+        Command::Compare(args) => changes::run(args),
         Command::Blind(args) => blind::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),

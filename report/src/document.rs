@@ -50,6 +50,33 @@ pub struct Document {
     /// What stands behind the figures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figures: Option<Figures>,
+    /// What each file format holds of the model that was found.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub export: Vec<Format>,
+}
+
+/// A file that the model found can be written to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Format {
+    /// Its name.
+    pub file: String,
+    /// Everything the model has.
+    pub items: Vec<FormatItem>,
+    /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
+    pub missed_nm: Vec<f64>,
+}
+
+/// One thing of the model in one format.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FormatItem {
+    /// What.
+    pub what: String,
+    /// `exact`, `approximated` or `missing`.
+    pub fidelity: String,
+    /// Where it stands, or why it does not.
+    pub place: String,
+    /// Its torque: root mean square of each joint \[N·m\]; what is missed without it.
+    pub torque_rms_nm: Vec<f64>,
 }
 
 /// Gaps of the sealed run.
@@ -433,6 +460,7 @@ impl Document {
             remark: found.remark.clone(),
             passport,
             figures: found.details.as_ref().map(Figures::new),
+            export: Vec::new(),
         }
     }
 
@@ -441,6 +469,7 @@ impl Document {
     pub fn brief(mut self) -> Document {
         self.passport = None;
         self.figures = None;
+        self.export.clear();
         for cause in self.causes.iter_mut().chain(&mut self.hints) {
             cause.curves.clear();
         }

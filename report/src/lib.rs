@@ -2,12 +2,18 @@
 //!
 //! Pure: what a [`Document`] holds is all that any of them shows, so no two of them can disagree.
 
+mod changes;
 mod document;
+mod page;
+mod scores;
 mod verdict;
 pub mod words;
 
+pub use changes::{Changes, JointChange, Kept, Pair, ValueChange};
 pub use document::{
-    Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Gap, Input, JointGap, Left, LogFinding, Magnitude,
-    Number, Order, Parameter, Passport, Point, SCHEMA, Shrink, Stage, Tool,
+    Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap, Left,
+    LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, SCHEMA, Shrink, Stage, Tool,
 };
+pub use page::page;
+pub use scores::{Outcome, Score};
 pub use verdict::Line;

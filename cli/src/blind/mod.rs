@@ -5,7 +5,8 @@ mod score;
 
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
+use rivet_report::Score;
 
 /// Arguments of `rivet blind`.
 #[derive(Debug, clap::Args)]
@@ -27,4 +28,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::run(args),
     }
+}
+
+/// Scores of this version on the cases with answers, as `rivet blind score --json` wrote them (`docs/diagnosis.md`).
+pub(crate) fn scores() -> Result<Vec<Score>> {
+    serde_json::from_str(include_str!("scores.json")).context("the scores that are part of this program")
 }

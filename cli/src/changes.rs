@@ -1,0 +1,108 @@
+//! `rivet compare`: what changed between two diagnoses.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use rivet_report::words::{effect, figure, joints, percent, quantity};
+use rivet_report::{Changes, Document, Number, Pair};
+
+use crate::runs::write_whole;
+use crate::table::{Table, paragraph, show};
+
+/// Arguments of `rivet compare`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A diagnosis, as `rivet diagnose --json` wrote it.
+    #[arg(value_name = "A.json")]
+    a: PathBuf,
+    /// A later one.
+    #[arg(value_name = "B.json")]
+    b: PathBuf,
+    /// Write the changes as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Two diagnoses that were made by different rules; a list of them.
+#[derive(Debug, thiserror::Error)]
+#[error("{} and {} do not compare: {}", .a.display(), .b.display(), .rules.join("; "))]
+pub(crate) struct Mismatch {
+    a: PathBuf,
+    b: PathBuf,
+    rules: Vec<String>,
+}
+
+/// Exit codes: 0 the same verdict and causes, 1 something changed.
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let (a, b) = (read(&args.a)?, read(&args.b)?);
+    let changes = Changes::between(&a, &b).map_err(|rules| Mismatch { a: args.a.clone(), b: args.b.clone(), rules })?;
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&changes)? + "\n";
+        write_whole(path, &text).with_context(|| path.display().to_string())?;
+    }
+    show(&as_text(&changes, &a))?;
+    Ok(ExitCode::from(u8::from(!changes.is_same())))
+}
+
+fn read(path: &Path) -> Result<Document> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    serde_json::from_str(&text).with_context(|| path.display().to_string())
+}
+
+fn as_text(changes: &Changes, a: &Document) -> String {
+    let all = a.gap.per_joint.len();
+    let arrow = |p: &Pair<Number>| format!("{} -> {}", percent(p.a), percent(p.b));
+    let verdict = &changes.verdict;
+    let head = if verdict.a == verdict.b {
+        format!("compare {}: still {}", a.robot, verdict.b)
+    } else {
+        format!("compare {}: {} became {}", a.robot, verdict.a, verdict.b)
+    };
+    let mut out = paragraph("", &head);
+    out += &paragraph(
+        "  ",
+        &format!("gap as given {} %, with causes {} %", arrow(&changes.before), arrow(&changes.after)),
+    );
+    for (what, causes) in [("named now: ", &changes.appeared), ("no longer named: ", &changes.gone)] {
+        for (name, on) in causes {
+            out += &paragraph("  ", &format!("{what}{} on {}", effect(name), joints(on, all)));
+        }
+    }
+    for kept in &changes.kept {
+        let sizes: Vec<String> = kept
+            .magnitude
+            .iter()
+            .filter(|(name, _)| !name.contains('.'))
+            .map(|(name, size)| {
+                let (name, unit) = quantity(name, a);
+                let of = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
+                format!("{name} {} -> {} {unit}", of(size.a), of(size.b)).trim_end().to_owned()
+            })
+            .collect();
+        let sizes = if sizes.is_empty() { String::new() } else { format!(": {}", sizes.join(", ")) };
+        let text = format!(
+            "still named: {} on {}{sizes}; shrink {} %",
+            effect(&kept.effect),
+            joints(&kept.joints, all),
+            arrow(&kept.shrink)
+        );
+        out += &paragraph("  ", &text);
+    }
+    if !changes.joints.is_empty() {
+        let mut table = Table::new(["gap by joint [%]", "as given", "with causes"]);
+        for j in &changes.joints {
+            table.row([j.joint.clone(), arrow(&j.before), arrow(&j.after)]);
+        }
+        out += &table.text();
+    }
+    if !changes.values.is_empty() {
+        let mut table = Table::new(["value, pinned in both", "was", "is", "unit"]);
+        for v in &changes.values {
+            let of = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
+            table.row([v.name.clone(), of(v.found.a), of(v.found.b), v.unit.clone()]);
+        }
+        out += &table.text();
+    }
+    out + &paragraph("  ", &format!("made of: {}", changes.notes.join(", ")))
+}

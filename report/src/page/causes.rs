@@ -1,0 +1,214 @@
+//! Causes, each with the plot that shows it; what was considered and not upheld; stretches of torque.
+
+use std::fmt::Write as _;
+
+use super::html::{Table, escape, facts, figure as framed};
+use super::plot::{Axis, Plot};
+use crate::document::{Cause, Curve, Document, Excerpt};
+use crate::words::{effect, figure, joints, list, percent, quantity};
+
+const WIDTH: f64 = 340.0;
+const HEIGHT: f64 = 230.0;
+/// Sizes listed beside a cause; more are folded away.
+const FEW: usize = 6;
+
+pub(super) fn causes(document: &Document) -> String {
+    let mut out = String::new();
+    if document.causes.is_empty() {
+        let said = match document.verdict.as_str() {
+            "no_gap" => "Nothing is named: the model as given is as good as the torque signal lets one see.",
+            _ => {
+                "Nothing is named: no effect of the library explains enough of the gap, on the runs looked at and on the sealed \
+                 one. A guess would be worse."
+            }
+        };
+        let _ = writeln!(out, "<p>{said}</p>");
+    } else {
+        out += "<p>In the order of adoption. Each is shown on the sealed motion, which was not looked at when it was chosen.</p>\n";
+        out += KEY;
+    }
+    for (k, cause) in document.causes.iter().enumerate() {
+        let _ = writeln!(out, "<article><h3>{}. {}</h3>", k + 1, escape(&title(cause, document)));
+        out += &body(cause, document);
+        out += "</article>\n";
+    }
+    if !document.hints.is_empty() {
+        let names: Vec<String> = document.hints.iter().map(|c| effect(&c.effect)).collect();
+        let _ = write!(
+            out,
+            "<details><summary>Considered and not upheld: {}</summary><p class=\"soft\">They explained something of the runs \
+             looked at, and did not carry over to the sealed one, or left too much, or were too small. Hints, not names.</p>\n",
+            escape(&list(&names))
+        );
+        if document.causes.is_empty() {
+            out += KEY;
+        }
+        for hint in &document.hints {
+            let _ = writeln!(out, "<h4>{}</h4>", escape(&title(hint, document)));
+            out += &body(hint, document);
+        }
+        out += "</details>\n";
+    }
+    out += &excerpts(document);
+    out
+}
+
+const KEY: &str = "<p class=\"key\"><span><i class=\"k-given\"></i>left without this cause (points; strokes: half of the rows)</span>\
+                   <span><i class=\"k-found\"></i>left with it</span></p>\n";
+
+fn title(cause: &Cause, document: &Document) -> String {
+    format!("{} on {}", effect(&cause.effect), joints(&cause.joints, document.gap.per_joint.len()))
+}
+
+fn body(cause: &Cause, document: &Document) -> String {
+    let s = &cause.shrink;
+    let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| effect(e)).collect();
+    let mut pairs = vec![
+        (
+            "Shrink of the gap",
+            format!(
+                "predicted {} % ({}..{}), measured {} %",
+                percent(s.predicted),
+                percent(s.low),
+                percent(s.high),
+                percent(s.measured)
+            ),
+        ),
+        ("Confidence", cause.confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2} of 1"))),
+    ];
+    if !rivals.is_empty() {
+        pairs.push(("These runs cannot tell it from", list(&rivals)));
+    }
+    if let Some(motion) = &cause.separating_motion {
+        pairs.push(("Motion that would", motion.clone()));
+    }
+    let sizes: Vec<(String, String)> = cause
+        .magnitude
+        .iter()
+        .map(|(name, value)| {
+            let (label, unit) = quantity(name, document);
+            (label, value.map_or_else(|| "-".to_owned(), |v| format!("{} {unit}", figure(v, 3)).trim_end().to_owned()))
+        })
+        .collect();
+    let mut out = String::new();
+    if sizes.len() <= FEW {
+        for (name, value) in &sizes {
+            pairs.push((name.as_str(), value.clone()));
+        }
+        out += &facts(&pairs);
+    } else {
+        out += &facts(&pairs);
+        let mut table = Table::new("Sizes", &["Value", "Size"]);
+        for (name, value) in &sizes {
+            table.row(&[name.clone(), value.clone()]);
+        }
+        let _ = write!(out, "<details><summary>{} sizes</summary>{}</details>", sizes.len(), table.html());
+    }
+    if !cause.curves.is_empty() {
+        out += "<div class=\"figures\">";
+        for curve in &cause.curves {
+            out += &shown(cause, curve);
+        }
+        if let Some(first) = cause.curves.first() {
+            out += &against(cause, first);
+        }
+        out += "</div>\n";
+    }
+    out
+}
+
+/// Residual with and without the cause against the quantity in which it shows.
+fn shown(cause: &Cause, curve: &Curve) -> String {
+    let points = &curve.points;
+    let x = Axis::around(points.iter().map(|p| p.at), false);
+    let values = points.iter().flat_map(|p| [p.without, p.with, p.spread[0], p.spread[1]]);
+    let y = Axis::around(values, true);
+    let mut plot = Plot::new(WIDTH, HEIGHT, x, y);
+    plot.level(0.0, "axis");
+    for p in points {
+        plot.spread(p.at, p.spread[0], p.spread[1]);
+        plot.dot(p.at, p.without);
+    }
+    plot.line(points.iter().map(|p| (p.at, p.with)), "found");
+    let mean = |f: &dyn Fn(&crate::Point) -> f64| {
+        let (square, rows) = points.iter().fold((0.0, 0.0), |(s, n), p| {
+            let rows = p.rows as f64;
+            (s + rows * f(p).powi(2), n + rows)
+        });
+        f64::sqrt(square / f64::max(rows, 1.0))
+    };
+    let said = format!(
+        "{}: mean residual against {}, {} N m rms without {}, {} N m with it",
+        curve.joint,
+        curve.variable,
+        figure(mean(&|p| p.without), 3),
+        effect(&cause.effect),
+        figure(mean(&|p| p.with), 3)
+    );
+    let along = if curve.along_motion { ", along the motion" } else { "" };
+    framed(
+        &plot.svg(&format!("{} [{}]", curve.variable, curve.unit), &format!("residual{along} [N m]"), &said),
+        &(said.clone() + "."),
+    )
+}
+
+/// Residual without the cause against the torque that the cause says: on the diagonal where it explains all.
+fn against(cause: &Cause, curve: &Curve) -> String {
+    let mut points = curve.points.clone();
+    points.sort_by(|a, b| a.cause.total_cmp(&b.cause));
+    let both = || points.iter().flat_map(|p| [p.cause, p.without]);
+    let (x, y) = (Axis::around(both(), false), Axis::around(both(), false));
+    let mut plot = Plot::new(WIDTH, HEIGHT, x, y);
+    let (low, high) = both().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    plot.line([(low, low), (high, high)].into_iter(), "found");
+    for p in &points {
+        plot.dot(p.cause, p.without);
+    }
+    let (xy, xx) = points.iter().fold((0.0, 0.0), |(a, b), p| {
+        let rows = p.rows as f64;
+        (a + rows * p.cause * p.without, b + rows * p.cause * p.cause)
+    });
+    let slope = if xx > 0.0 { xy / xx } else { f64::NAN };
+    let said = format!(
+        "{}: what is left without {} against the torque it would give; slope {} (1 explains it)",
+        curve.joint,
+        effect(&cause.effect),
+        figure(slope, 3)
+    );
+    framed(&plot.svg("torque of the cause [N m]", "left without it [N m]", &said), &(said.clone() + "."))
+}
+
+fn excerpts(document: &Document) -> String {
+    let Some(figures) = document.figures.as_ref().filter(|f| !f.excerpts.is_empty()) else { return String::new() };
+    let mut out = String::from(
+        "<h3>Torque, measured and modelled</h3><p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
+         <span><i class=\"k-given\"></i>model as given</span><span><i class=\"k-found\"></i>with causes</span></p>\n\
+         <div class=\"figures wide\">",
+    );
+    for excerpt in &figures.excerpts {
+        out += &stretch(excerpt);
+    }
+    out += "</div>\n";
+    out
+}
+
+fn stretch(e: &Excerpt) -> String {
+    let time = |k: usize| e.from_s + e.step_s * k as f64;
+    let x = Axis::fixed(time(0), time(e.measured.len().saturating_sub(1)));
+    let y = Axis::around(e.measured.iter().chain(&e.given).chain(&e.with_causes).copied(), false);
+    let mut plot = Plot::new(420.0, 230.0, x, y);
+    for (signal, class) in [(&e.given, "given"), (&e.with_causes, "found"), (&e.measured, "measured")] {
+        plot.line(signal.iter().enumerate().map(|(k, v)| (time(k), *v)), class);
+    }
+    let rms = |model: &[f64]| {
+        let square: f64 = e.measured.iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum();
+        (square / e.measured.len().max(1) as f64).sqrt()
+    };
+    let said = format!(
+        "{}, where the model as given is furthest off: it misses by {} N m rms, with causes by {} N m",
+        e.joint,
+        figure(rms(&e.given), 3),
+        figure(rms(&e.with_causes), 3)
+    );
+    framed(&plot.svg("time in the sealed run [s]", "torque [N m]", &said), &(said.clone() + "."))
+}

@@ -1,0 +1,83 @@
+//! A diagnosis as one page: HTML with its style and its charts in it, nothing to load and nothing to run.
+
+mod causes;
+mod html;
+mod left;
+mod patch;
+mod plot;
+mod sections;
+mod trust;
+
+use crate::document::Document;
+use crate::scores::Score;
+use html::escape;
+
+const STYLE: &str = include_str!("style.css");
+
+/// A section: its anchor, its heading, its content.
+struct Section {
+    id: &'static str,
+    title: &'static str,
+    body: String,
+}
+
+/// The page of a diagnosis. `scores` say how good the same procedure was on cases whose answers are known.
+pub fn page(document: &Document, scores: &[Score]) -> String {
+    let mut sections = Vec::new();
+    if document.remark.is_none() {
+        sections.push(Section { id: "ledger", title: "The gap, joint by joint", body: sections::ledger(document) });
+        sections.push(Section { id: "where", title: "Where", body: sections::place(document) });
+        sections.push(Section { id: "which", title: "Which effect", body: causes::causes(document) });
+        sections.push(Section { id: "how-far", title: "How far the gap shrinks", body: sections::stages(document) });
+        sections.push(Section { id: "left", title: "What is left", body: left::left(document) });
+        sections.push(Section { id: "parameters", title: "Parameters", body: sections::parameters(document) });
+        sections.push(Section { id: "patch", title: "Patch", body: patch::patch(document) });
+    }
+    sections.push(Section { id: "trust", title: "How far to trust this", body: trust::trust(scores) });
+    sections.push(Section { id: "passport", title: "Passport", body: sections::passport(document) });
+    sections.retain(|s| !s.body.is_empty());
+    let entries: String =
+        sections.iter().map(|s| format!("<li><a href=\"#{}\">{}</a></li>", s.id, escape(s.title))).collect();
+    let body: String = sections
+        .iter()
+        .map(|s| {
+            format!(
+                "<section id=\"{0}\" aria-labelledby=\"{0}-h\"><h2 id=\"{0}-h\">{1}</h2>\n{2}</section>\n",
+                s.id,
+                escape(s.title),
+                s.body
+            )
+        })
+        .collect();
+    let robot = escape(&document.robot);
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <meta name=\"color-scheme\" content=\"light dark\"><link rel=\"icon\" href=\"data:,\">\
+         <title>Diagnosis of {robot}: {verdict}</title><style>\n{STYLE}</style></head>\n<body>\
+         <a class=\"skip\" href=\"#main\">To the verdict</a>\
+         <header><p class=\"soft\">rivet: simulator against arm</p>\
+         <h1>{robot} <span class=\"word\">{verdict}</span></h1></header>\n\
+         <main id=\"main\">{lines}<nav aria-label=\"Sections\"><ul>{entries}</ul></nav>\n{body}</main>\n\
+         <footer>Every figure here stands in the JSON below this line of the file (schema {schema}), as \
+         <code>rivet diagnose --json</code> writes it. Relative figures are of the sealed motion; colours tell series apart \
+         and do not judge.</footer>\n\
+         <script type=\"application/json\" id=\"diagnosis\">{data}</script>\n</body></html>\n",
+        verdict = escape(&document.verdict.replace('_', " ")),
+        lines = lines(document),
+        schema = escape(&document.schema),
+        data = data(document),
+    )
+}
+
+fn lines(document: &Document) -> String {
+    let each = |line: crate::Line| format!("<dt>{}</dt><dd>{}</dd>", line.head, escape(&line.text));
+    let lines: String = document.lines().into_iter().map(each).collect();
+    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{lines}</dl>\n")
+}
+
+/// The document itself, so that the page can be read by a program too.
+fn data(document: &Document) -> String {
+    // Of structs with plain fields: nothing in it can fail to be written. `</` would end the script element.
+    serde_json::to_string(document).map(|text| text.replace("</", "<\\/")).unwrap_or_default()
+}

@@ -1,0 +1,310 @@
+//! Ledger, heat map, waterfall, values, passport.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::html::{Table, escape, facts};
+use crate::document::{Cell, Document, Number, Parameter, Stage};
+use crate::verdict::regime;
+use crate::words::{effect, figure, joints, percent};
+
+/// Digits of a hash that a page shows; the JSON has all.
+const HASH: usize = 16;
+
+fn nm(x: Number) -> String {
+    x.map_or_else(|| "-".to_owned(), |x| figure(x, 3))
+}
+
+pub(super) fn ledger(document: &Document) -> String {
+    let mut out = String::from(
+        "<p>What the model misses of each joint's measured torque on the sealed motion. The noise is what changes too fast \
+         to be torque; no model can go below it.</p>\n",
+    );
+    let head = [
+        "Joint",
+        "Torque, rms [N m]",
+        "As given [%]",
+        "With causes [%]",
+        "Noise [%]",
+        "As given, rms [N m]",
+        "With causes, rms [N m]",
+        "Noise, rms [N m]",
+        "Mean as given / with causes [N m]",
+        "Largest as given / with causes [N m]",
+    ];
+    let mut table = Table::new("Gap of each joint on the sealed motion", &head);
+    for j in &document.gap.per_joint {
+        table.row(&[
+            j.joint.clone(),
+            nm(j.torque_nm),
+            percent(j.before),
+            percent(j.after),
+            percent(j.noise_floor),
+            nm(j.before_nm),
+            nm(j.after_nm),
+            nm(j.noise_floor_nm),
+            format!("{} / {}", nm(j.bias_before_nm), nm(j.bias_after_nm)),
+            format!("{} / {}", nm(j.peak_before_nm), nm(j.peak_after_nm)),
+        ]);
+    }
+    let gap = &document.gap;
+    table.row(&[
+        "all joints".to_owned(),
+        String::new(),
+        percent(gap.before),
+        percent(gap.after),
+        percent(gap.noise_floor),
+        String::new(),
+        String::new(),
+        String::new(),
+        String::new(),
+        String::new(),
+    ]);
+    out += &table.html();
+    out
+}
+
+pub(super) fn place(document: &Document) -> String {
+    let mut regimes: Vec<&str> = Vec::new();
+    for name in ["rest", "reversal", "slow", "accelerating", "cruise"] {
+        if document.place.iter().any(|c| c.regime == name) {
+            regimes.push(name);
+        }
+    }
+    for cell in &document.place {
+        if !regimes.contains(&cell.regime.as_str()) {
+            regimes.push(&cell.regime);
+        }
+    }
+    let cells: BTreeMap<(&str, &str), &Cell> =
+        document.place.iter().map(|c| ((c.joint.as_str(), c.regime.as_str()), c)).collect();
+    let most = document.place.iter().filter_map(|c| c.share).fold(0.0_f64, f64::max).max(1e-9);
+    let heads: Vec<String> = std::iter::once("Joint".to_owned()).chain(regimes.iter().map(|r| regime(r))).collect();
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let caption = "Share of the squared gap of the model as given, each joint's torque scaled to the same size [%]; below it \
+                   what is left as given and with causes, rms [N m]. The darker, the larger the share. Hatched: too little \
+                   data to say.";
+    let mut table = Table::new(caption, &heads).class("heat");
+    for joint in &document.gap.per_joint {
+        let mut row = format!("<th scope=\"row\">{}</th>", escape(&joint.joint));
+        for name in &regimes {
+            let cell = cells.get(&(joint.joint.as_str(), *name));
+            let _ = match cell {
+                Some(cell) if cell.known => {
+                    let share = cell.share.unwrap_or(0.0);
+                    write!(
+                        row,
+                        "<td style=\"background:rgba(var(--heat),{:.2})\">{}<small>{} \u{2192} {}</small></td>",
+                        0.55 * (share / most).clamp(0.0, 1.0).sqrt(),
+                        percent(cell.share),
+                        nm(cell.before_nm),
+                        nm(cell.after_nm)
+                    )
+                }
+                Some(cell) => {
+                    write!(row, "<td class=\"few\"><span>too little: {} s</span></td>", nm(cell.seconds))
+                }
+                None => write!(row, "<td class=\"few\"><span>not seen</span></td>"),
+            };
+        }
+        table.raw(row);
+    }
+    let mut out = table.html();
+    let worse: Vec<String> = worse(document)
+        .map(|c| format!("{} {} ({} to {} N m)", c.joint, regime(&c.regime), nm(c.before_nm), nm(c.after_nm)))
+        .collect();
+    let said = if worse.is_empty() {
+        "No joint became worse in any regime.".to_owned()
+    } else {
+        format!("What became worse: {}.", worse.join("; "))
+    };
+    let _ = writeln!(out, "<p>{}</p>", escape(&said));
+    out
+}
+
+/// Cells in which the model with all causes is further off than the one given, by more than a twentieth and by more than
+/// a tenth of the joint's noise.
+fn worse(document: &Document) -> impl Iterator<Item = &Cell> {
+    document.place.iter().filter(|c| {
+        let floor = document.gap.per_joint.iter().find(|j| j.joint == c.joint).and_then(|j| j.noise_floor_nm);
+        let (Some(before), Some(after)) = (c.before_nm, c.after_nm) else { return false };
+        c.known && after > 1.05 * before && after - before > 0.1 * floor.unwrap_or(0.0)
+    })
+}
+
+pub(super) fn stages(document: &Document) -> String {
+    let Some(figures) = &document.figures else { return String::new() };
+    let stages = &figures.stages;
+    if stages.len() < 2 {
+        return String::new();
+    }
+    let most = stages
+        .iter()
+        .flat_map(|s| [s.predicted, s.high, s.measured])
+        .flatten()
+        .fold(0.0_f64, f64::max)
+        .max(document.gap.noise_floor.unwrap_or(0.0))
+        .max(1e-9);
+    let share = |x: Number| 100.0 * (x.unwrap_or(0.0) / most).clamp(0.0, 1.0);
+    let mut out = String::from(
+        "<p>The gap that is left as one thing after another is added to the model. Outlined: predicted from the sealed \
+         motion before its torque was read, with the 90 % interval as a stroke. Filled: measured. Dashed: noise.</p>\n\
+         <ol class=\"stages\">",
+    );
+    let all = document.gap.per_joint.len();
+    for (k, stage) in stages.iter().enumerate() {
+        let (name, note) = title(stage, k, stages.len(), all);
+        let _ = write!(
+            out,
+            "<li><div>{}{}</div><div class=\"track\" aria-hidden=\"true\"><b class=\"p\" style=\"width:{:.1}%\"></b>\
+             <b class=\"w\" style=\"left:{:.1}%;width:{:.1}%\"></b><b class=\"m\" style=\"width:{:.1}%\"></b>\
+             <b class=\"n\" style=\"left:{:.1}%\"></b></div>\
+             <div class=\"nums\">predicted <strong>{} %</strong> ({}..{})<br>measured <strong>{} %</strong></div></li>",
+            escape(&name),
+            if note.is_empty() { String::new() } else { format!("<div class=\"soft\">{}</div>", escape(&note)) },
+            share(stage.predicted),
+            share(stage.low),
+            share(stage.high) - share(stage.low),
+            share(stage.measured),
+            share(document.gap.noise_floor),
+            percent(stage.predicted),
+            percent(stage.low),
+            percent(stage.high),
+            percent(stage.measured),
+        );
+    }
+    out.push_str("</ol>\n");
+    out
+}
+
+fn title(stage: &Stage, k: usize, count: usize, all: usize) -> (String, String) {
+    match &stage.effect {
+        Some(name) => {
+            let on = format!("on {}", joints(&stage.joints, all));
+            let note = if stage.upheld { on } else { format!("{on}; not upheld, so not named") };
+            (format!("with {}", effect(name)), note)
+        }
+        None if k == 0 => ("The model as given".to_owned(), String::new()),
+        None if k + 1 == count => (
+            "with small changes of the other values".to_owned(),
+            "offsets, timing, bodies within their usual error".to_owned(),
+        ),
+        None => (String::new(), String::new()),
+    }
+}
+
+pub(super) fn parameters(document: &Document) -> String {
+    let Some(figures) = &document.figures else { return String::new() };
+    let mut out = String::from(
+        "<p>Values of the model after the refit. PINNED: the runs decide the value. NOT PINNED: they say little, and the file's \
+         value with its usual error decides. AT BOUND: it came out where no arm can be, so something else acts through it. \
+         Intervals are 90 %, over resampled blocks of the runs. Of the bodies only combinations act on torque: that single \
+         entries are not pinned is usual.</p>\n",
+    );
+    if let Some(scale) = figures.nominal_error {
+        let _ = writeln!(
+            out,
+            "<p>The values of the robot file are about {} times as wrong as those of CAD models and data sheets usually are.</p>",
+            figure(scale, 2)
+        );
+    }
+    let is_body = |p: &&Parameter| p.name.starts_with('l') && p.name[1..].starts_with(|c: char| c.is_ascii_digit());
+    let table = |caption: &str, lines: Vec<&Parameter>| {
+        let mut table = Table::new(caption, &["Value", "Unit", "Given", "Found", "90 %", "State", "Evidence"]);
+        for p in lines {
+            let state = match p.state.as_str() {
+                "pinned" => "PINNED",
+                "at_bound" => "AT BOUND",
+                _ => "NOT PINNED",
+            };
+            table.row(&[
+                p.name.clone(),
+                p.unit.clone(),
+                nm(p.given),
+                nm(p.found),
+                format!("{}..{}", nm(p.low), nm(p.high)),
+                state.to_owned(),
+                if p.wrong { "wants it changed".to_owned() } else { "keeps it".to_owned() },
+            ]);
+        }
+        if table.is_empty() { String::new() } else { table.html() }
+    };
+    out += &table("Drives and friction", figures.parameters.iter().filter(|p| !is_body(p)).collect());
+    let bodies =
+        table("Bodies, in the frames of the URDF's links", figures.parameters.iter().filter(is_body).collect());
+    if !bodies.is_empty() {
+        let _ = write!(out, "<details><summary>Bodies of the links</summary>{bodies}</details>\n");
+    }
+    out
+}
+
+pub(super) fn passport(document: &Document) -> String {
+    let data = &document.data;
+    let seconds = |x: Number| format!("{} s", nm(x));
+    let mut pairs = vec![
+        ("Runs", data.runs.to_string()),
+        ("Looked at", seconds(data.fit_seconds)),
+        ("Sealed until predicted", seconds(data.sealed_seconds)),
+    ];
+    let mut out = String::new();
+    if let Some(passport) = &document.passport {
+        pairs.push(("What was sealed", passport.sealed.clone()));
+        pairs.push(("Torque", passport.torque.clone()));
+        pairs.push(("Model", passport.model.clone()));
+        pairs.push((
+            "Program",
+            format!(
+                "rivet {}, SHA-256 {}\u{2026}",
+                passport.tool.version,
+                &passport.tool.sha256.get(..HASH).unwrap_or_default()
+            ),
+        ));
+        let head = [
+            "File",
+            "Role",
+            "Rows",
+            "Length [s]",
+            "Step [ms]",
+            "Jitter [ms]",
+            "Holes",
+            "Longest [ms]",
+            "Repeated positions [%]",
+            "SHA-256",
+        ];
+        let mut table = Table::new("Files", &head);
+        for input in &passport.inputs {
+            let clock = input.clock.as_ref();
+            let of = |f: &dyn Fn(&crate::Clock) -> String| clock.map_or_else(String::new, f);
+            table.row(&[
+                input.name.clone(),
+                input.role.clone(),
+                of(&|c| c.rows.to_string()),
+                of(&|c| figure(c.seconds, 4)),
+                of(&|c| figure(1e3 * c.step_s, 3)),
+                of(&|c| figure(1e3 * c.jitter_s, 2)),
+                of(&|c| c.gaps.to_string()),
+                of(&|c| figure(1e3 * c.longest_gap_s, 3)),
+                of(&|c| figure(100.0 * c.repeated, 2)),
+                input.sha256.chars().take(HASH).collect(),
+            ]);
+        }
+        out += &table.html();
+    }
+    out = facts(&pairs) + &out;
+    if document.log.is_empty() {
+        out += "<p>No fault of the logs was found: no torque against motion, no other unit, no limit, no joint that stands.</p>\n";
+    } else {
+        let mut table = Table::new("Faults of the logs", &["Run", "Joint", "Fault", "What it means"]);
+        for finding in &document.log {
+            table.raw(format!(
+                "<th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{}</td>",
+                escape(&finding.run),
+                escape(&finding.joint),
+                escape(&finding.fault.replace('_', " ")),
+                escape(&finding.text)
+            ));
+        }
+        out += &table.html();
+    }
+    out
+}
