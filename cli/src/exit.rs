@@ -20,12 +20,15 @@ const OTHER: u8 = 70;
 const CONFIG: u8 = 78;
 
 /// The exit code of a failure: 78 for a robot file, 65 for a log, runs that cannot be
-/// diagnosed or diagnoses that do not compare, 74 for a file
+/// diagnosed or files that are no diagnoses or do not compare, 74 for a file
 /// that cannot be read or written, 70 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if error.chain().any(<dyn Error>::is::<ConfigErrors>) {
         CONFIG
-    } else if error.chain().any(|e| e.is::<LogError>() || e.is::<DiagnosisError>() || e.is::<Mismatch>()) {
+    } else if error
+        .chain()
+        .any(|e| e.is::<LogError>() || e.is::<DiagnosisError>() || e.is::<Mismatch>() || e.is::<serde_json::Error>())
+    {
         DATA
     } else if error.chain().any(<dyn Error>::is::<std::io::Error>) {
         INPUT_OUTPUT

@@ -172,7 +172,7 @@ fn mismatches(a: &Document, b: &Document) -> Vec<String> {
     };
     let (s, t) = (step(x), step(y));
     if (s - t).abs() > RATE * s.max(t) {
-        found.push(format!("rate: {:.4} s a sample against {:.4} s", s, t));
+        found.push(format!("rate: {s:.4} s a sample against {t:.4} s"));
     }
     found
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rivet_diagnosis::{self as diagnosis, Diagnosis};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Name and version of the format. Fields may be added within a version; a changed meaning is a new one.
@@ -19,7 +20,7 @@ const DECIMALS: f64 = 1e9;
 const CURVE_DIGITS: i32 = 5;
 
 /// The whole document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Document {
     /// [`SCHEMA`].
     pub schema: String,
@@ -56,7 +57,7 @@ pub struct Document {
 }
 
 /// A file that the model found can be written to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Format {
     /// Its name.
     pub file: String,
@@ -67,7 +68,7 @@ pub struct Format {
 }
 
 /// One thing of the model in one format.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FormatItem {
     /// What.
     pub what: String,
@@ -80,7 +81,7 @@ pub struct FormatItem {
 }
 
 /// Gaps of the sealed run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gap {
     /// Of the model as given, all joints.
     pub before: Number,
@@ -93,7 +94,7 @@ pub struct Gap {
 }
 
 /// Gap of one joint, relative to its torque; in N·m where the name says so.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs, reason = "before, after and noise floor of each measure are the names themselves")]
 pub struct JointGap {
     pub joint: String,
@@ -119,7 +120,7 @@ pub struct JointGap {
 }
 
 /// One regime of one joint.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cell {
     /// The joint's name.
     pub joint: String,
@@ -141,7 +142,7 @@ pub struct Cell {
 }
 
 /// One cause.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cause {
     /// Its name.
     pub effect: String,
@@ -163,7 +164,7 @@ pub struct Cause {
 }
 
 /// `1 − after/before` on the sealed run, relative to the model with the causes listed before.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Shrink {
     /// Before the sealed torque was looked at.
     pub predicted: Number,
@@ -176,7 +177,7 @@ pub struct Shrink {
 }
 
 /// One joint of the sealed run with and without a cause, against the quantity in which it shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {
     /// The joint's name.
     pub joint: String,
@@ -193,7 +194,7 @@ pub struct Curve {
 }
 
 /// Means over rows \[N·m\].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Point {
     /// Of the quantity.
     pub at: f64,
@@ -210,7 +211,7 @@ pub struct Point {
 }
 
 /// A fault of one joint's signals.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LogFinding {
     /// The run's name.
     pub run: String,
@@ -225,7 +226,7 @@ pub struct LogFinding {
 }
 
 /// Which data were used for what.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DataUse {
     /// Runs, the sealed one included.
     pub runs: usize,
@@ -236,7 +237,7 @@ pub struct DataUse {
 }
 
 /// Files and build.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Passport {
     /// The program.
     pub tool: Tool,
@@ -253,7 +254,7 @@ pub struct Passport {
 }
 
 /// The program that made a document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Tool {
     /// Its version.
     pub version: String,
@@ -262,7 +263,7 @@ pub struct Tool {
 }
 
 /// A file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Input {
     /// `robot`, `urdf` or `log`.
     pub role: String,
@@ -276,7 +277,7 @@ pub struct Input {
 }
 
 /// Time stamps of a log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Clock {
     /// Rows in the file.
     pub rows: usize,
@@ -297,7 +298,7 @@ pub struct Clock {
 }
 
 /// What stands behind a verdict.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// The model as given, then with one thing after another.
     pub stages: Vec<Stage>,
@@ -312,7 +313,7 @@ pub struct Figures {
 }
 
 /// The gap on the sealed run after something was added.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stage {
     /// What was added; null in the first stage, and for offsets, timing and small changes of values in the last.
     pub effect: Option<String>,
@@ -331,7 +332,7 @@ pub struct Stage {
 }
 
 /// What is left of one joint's torque.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Left {
     /// The joint's name.
     pub joint: String,
@@ -356,7 +357,7 @@ pub struct Left {
 }
 
 /// Amplitude \[N·m\] at an order of the joint's angle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Order {
     /// Cycles per turn of the joint.
     pub order: f64,
@@ -367,7 +368,7 @@ pub struct Order {
 }
 
 /// A stretch of one joint's torque \[N·m\].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Excerpt {
     /// The joint's name.
     pub joint: String,
@@ -384,7 +385,7 @@ pub struct Excerpt {
 }
 
 /// One value of the model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Parameter {
     /// Its name.
     pub name: String,
@@ -462,6 +463,11 @@ impl Document {
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
         }
+    }
+
+    /// The JSON Schema of documents.
+    pub fn schema() -> schemars::Schema {
+        schemars::schema_for!(Document)
     }
 
     /// The verdict alone, without what only a page shows.
@@ -635,5 +641,46 @@ impl Parameter {
             state: line.state.name().to_owned(),
             wrong: line.wrong,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The committed schema is that of the documents: made anew by `cargo run -p rivet-report --example schema`.
+    #[test]
+    fn the_committed_schema_is_that_of_this_build() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/diagnosis.schema.json");
+        let kept: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(file).expect("a schema")).expect("JSON");
+        assert_eq!(kept, serde_json::to_value(Document::schema()).expect("JSON"));
+    }
+
+    /// What the contract asks for is enough; whatever was added later may be absent.
+    #[test]
+    fn documents_with_the_contracts_fields_alone_are_read() {
+        let text = r#"{"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
+            "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":
+                [{"joint": "j", "before": 0.3, "after": 0.1, "noise_floor": 0.05}]},
+            "where": [{"joint": "j", "regime": "reversal", "share": 0.6, "seconds": 2.0}],
+            "causes": [{"effect": "joint_spring", "joints": ["j"], "magnitude": {"stiffness_Nm_rad": 8.0},
+                "shrink": {"predicted": 0.7, "low": 0.6, "high": 0.8, "measured": null}, "confidence": 0.9,
+                "indistinguishable_from": [], "separating_motion": null}],
+            "log": [], "hints": [], "unexplained_share": 0.1,
+            "data": {"runs": 2, "fit_seconds": 10.0, "sealed_seconds": 5.0}, "remark": null}"#;
+        let document: Document = serde_json::from_str(text).expect("a document");
+        assert_eq!(document.causes[0].shrink.measured, None);
+        // A page and a verdict can be made of no more than that.
+        assert_eq!(document.lines().len(), 6);
+        assert!(crate::page(&document, &[]).contains("joint spring"));
+    }
+
+    #[test]
+    fn points_of_curves_keep_five_digits_and_stay_finite() {
+        assert_eq!(
+            [short(123.456789), short(-1.2345678e-7), short(f64::NAN), short(0.0)],
+            [123.46, -1.2346e-7, 0.0, 0.0]
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! The verdict as a person would say it: the gap, its cause, its place, its worth, what is not covered, what to do next.
 
 use crate::document::{Cause, Document};
-use crate::words::{effect, figure, joints, list, percent, quantity};
+use crate::words::{effect, figure, joints_in_short, list, percent, quantity};
 
 /// One of the six lines.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,6 +15,8 @@ pub struct Line {
 /// Places named in the verdict, and cells named as not known.
 const PLACES: usize = 3;
 const UNKNOWN_CELLS: usize = 4;
+/// Causes whose shrink is told.
+const SHRINKS: usize = 3;
 /// Sizes named in a sentence.
 const SIZES: usize = 2;
 /// Shares below this are not worth a word.
@@ -61,7 +63,7 @@ impl Document {
             "unexplained" if named.is_empty() => {
                 "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
             }
-            "unexplained" => format!("Unknown: {} was found, and does not explain the gap.", list(&named)),
+            "unexplained" => format!("Unknown: {} came out, and does not explain the gap.", list(&named)),
             "parameter" => format!("Wrong values of what the model has: {}.", list(&named)),
             _ => format!("{}.", list(&named)),
         }
@@ -81,7 +83,7 @@ impl Document {
             if sizes.is_empty() || sizes.len() > SIZES { String::new() } else { format!(" ({})", sizes.join(", ")) };
         let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| effect(e)).collect();
         let or = if rivals.is_empty() { String::new() } else { format!(" or {}", rivals.join(" or ")) };
-        format!("{}{or} on {}{sizes}", effect(&cause.effect), joints(&cause.joints, all))
+        format!("{}{or} on {}{sizes}", effect(&cause.effect), joints_in_short(&cause.joints, all))
     }
 
     fn place_line(&self) -> String {
@@ -101,6 +103,7 @@ impl Document {
         let each: Vec<String> = self
             .causes
             .iter()
+            .take(SHRINKS)
             .map(|c| {
                 let s = &c.shrink;
                 format!(
@@ -113,7 +116,9 @@ impl Document {
                 )
             })
             .collect();
-        format!("Shrink of the gap, predicted before the sealed torque was read: {}.", each.join("; "))
+        let more = self.causes.len().saturating_sub(SHRINKS);
+        let more = if more > 0 { format!("; {more} more below") } else { String::new() };
+        format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.", each.join("; "))
     }
 
     fn open_line(&self) -> String {

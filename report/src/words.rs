@@ -74,13 +74,18 @@ pub fn list(words: &[String]) -> String {
     }
 }
 
-/// Joints of a cause in a sentence.
+/// Joints of a cause in a heading.
 pub fn joints(names: &[String], all: usize) -> String {
     match names.len() {
         0 => "the whole arm".to_owned(),
         n if n == all => "all joints".to_owned(),
         _ => list(names),
     }
+}
+
+/// Joints of a cause in a sentence: counted where they are many.
+pub fn joints_in_short(names: &[String], all: usize) -> String {
+    if names.len() > 2 && names.len() < all { format!("{} of {all} joints", names.len()) } else { joints(names, all) }
 }
 
 #[cfg(test)]

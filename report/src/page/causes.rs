@@ -33,11 +33,13 @@ pub(super) fn causes(document: &Document) -> String {
         out += "</article>\n";
     }
     if !document.hints.is_empty() {
-        let names: Vec<String> = document.hints.iter().map(|c| effect(&c.effect)).collect();
-        let _ = write!(
+        let mut names: Vec<String> = document.hints.iter().map(|c| effect(&c.effect)).collect();
+        names.sort();
+        names.dedup();
+        let _ = writeln!(
             out,
             "<details><summary>Considered and not upheld: {}</summary><p class=\"soft\">They explained something of the runs \
-             looked at, and did not carry over to the sealed one, or left too much, or were too small. Hints, not names.</p>\n",
+             looked at, and did not carry over to the sealed one, or left too much, or were too small. Hints, not names.</p>",
             escape(&list(&names))
         );
         if document.causes.is_empty() {

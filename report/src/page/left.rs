@@ -28,9 +28,9 @@ pub(super) fn left(document: &Document) -> String {
          <span><i class=\"k-found\"></i>with causes</span><span><i class=\"k-noise\"></i>noise, or a motor turn</span></p>\n",
     );
     for (j, left) in figures.left.iter().enumerate() {
-        let _ = write!(
+        let _ = writeln!(
             out,
-            "<details{}><summary>{}: {}</summary><div class=\"figures\">{}{}{}</div></details>\n",
+            "<details{}><summary>{}: {}</summary><div class=\"figures\">{}{}{}</div></details>",
             if j == worst { " open" } else { "" },
             escape(&left.joint),
             escape(&in_short(document, j, left)),

@@ -8,6 +8,8 @@ mod plot;
 mod sections;
 mod trust;
 
+use std::fmt::Write as _;
+
 use crate::document::Document;
 use crate::scores::Score;
 use html::escape;
@@ -36,19 +38,17 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
     sections.push(Section { id: "trust", title: "How far to trust this", body: trust::trust(scores) });
     sections.push(Section { id: "passport", title: "Passport", body: sections::passport(document) });
     sections.retain(|s| !s.body.is_empty());
-    let entries: String =
-        sections.iter().map(|s| format!("<li><a href=\"#{}\">{}</a></li>", s.id, escape(s.title))).collect();
-    let body: String = sections
-        .iter()
-        .map(|s| {
-            format!(
-                "<section id=\"{0}\" aria-labelledby=\"{0}-h\"><h2 id=\"{0}-h\">{1}</h2>\n{2}</section>\n",
-                s.id,
-                escape(s.title),
-                s.body
-            )
-        })
-        .collect();
+    let (mut entries, mut body) = (String::new(), String::new());
+    for section in &sections {
+        let (id, title) = (section.id, escape(section.title));
+        // Writing to a String cannot fail.
+        let _ = write!(entries, "<li><a href=\"#{id}\">{title}</a></li>");
+        let _ = writeln!(
+            body,
+            "<section id=\"{id}\" aria-labelledby=\"{id}-h\"><h2 id=\"{id}-h\">{title}</h2>\n{}</section>",
+            section.body
+        );
+    }
     let robot = escape(&document.robot);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\

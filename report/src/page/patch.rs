@@ -86,9 +86,9 @@ fn measured(document: &Document) -> String {
         }
         table.raw(format!("<th scope=\"row\">missed by a reader</th><td></td><td></td>{}", numbers(&format.missed_nm)));
         let exact = format.items.iter().filter(|i| i.fidelity == "exact").count();
-        let _ = write!(
+        let _ = writeln!(
             out,
-            "<details><summary>{}: {exact} of {} things exact</summary>{}</details>\n",
+            "<details><summary>{}: {exact} of {} things exact</summary>{}</details>",
             escape(&format.file),
             format.items.len(),
             table.html()

@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn ticks_are_round_and_inside() {
         let axis = Axis::around([-3.2, 7.9].into_iter(), false);
-        assert_eq!(axis.ticks(), [-2.0, 0.0, 2.0, 4.0, 6.0, 8.0].map(|t| t + 0.0));
+        assert_eq!(axis.ticks(), [0.0, 5.0]);
         assert_eq!(Axis::decades([0.02, 3.0].into_iter()).ticks().len(), 4);
         assert_eq!([0.5, 20.0, 0.25].map(tick_text), ["0.5", "20", "0.25"]);
     }

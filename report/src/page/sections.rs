@@ -233,7 +233,7 @@ pub(super) fn parameters(document: &Document) -> String {
     let bodies =
         table("Bodies, in the frames of the URDF's links", figures.parameters.iter().filter(is_body).collect());
     if !bodies.is_empty() {
-        let _ = write!(out, "<details><summary>Bodies of the links</summary>{bodies}</details>\n");
+        let _ = writeln!(out, "<details><summary>Bodies of the links</summary>{bodies}</details>");
     }
     out
 }

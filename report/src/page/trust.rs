@@ -68,10 +68,10 @@ pub(super) fn trust(scores: &[Score]) -> String {
                 list(&instead),
             ]);
         }
-        let _ = write!(
+        let _ = writeln!(
             out,
             "<details><summary>Confusion matrix: {} ({} cases, rivet {})</summary>{}<p class=\"soft\">Of nothing and outside, \
-             \u{201c}its name\u{201d} counts cases rightly left without one. {} effects too weak to be seen are not counted.</p></details>\n",
+             \u{201c}its name\u{201d} counts cases rightly left without one. {} effects too weak to be seen are not counted.</p></details>",
             escape(&score.set),
             score.cases,
             escape(&score.version),
