@@ -299,7 +299,8 @@ impl Core {
             (ParameterSource::Nominal, None) => false,
             _ => self.recent.compare(&acting, &nominal) == Verdict::Worse,
         };
-        let proven = last_good.is_none_or(|stored| self.recent.compare(&acting, &stored) == Verdict::NoWorse)
+        // What every new set is measured by must not get worse in small steps.
+        let proven = last_good.is_none_or(|stored| self.recent.as_good(&acting, &stored))
             && self.recent.compare(&acting, &nominal) == Verdict::NoWorse;
         if proven {
             self.sources.keep();

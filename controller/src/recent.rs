@@ -167,4 +167,17 @@ impl Recent {
             (_, false) => Verdict::NoWorse,
         }
     }
+
+    /// Whether `candidate` predicts as well as `reference` or better over all joints, with no room at all: by what passes
+    /// [`compare`](Self::compare) again and again a long row of sets can get worse step by step, by this it cannot.
+    pub(crate) fn as_good(&self, candidate: &Prediction, reference: &Prediction) -> bool {
+        let joints = (0..self.dof).filter(|&j| !reference.rms[j].is_nan());
+        let (mut new, mut old) = (0.0, 0.0);
+        for j in joints {
+            let scale = reference.torque[j].max(10.0 * self.floor[j]);
+            new += (candidate.rms[j] / scale).powi(2);
+            old += (reference.rms[j] / scale).powi(2);
+        }
+        new <= old // false for NaN
+    }
 }

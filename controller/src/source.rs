@@ -96,7 +96,8 @@ impl Sources {
     }
 
     fn switch(&mut self, source: ParameterSource, reason: SourceReason) {
-        if source == ParameterSource::LastGood && self.source == ParameterSource::Live {
+        // A live set that is as good as the last good one has taken its place already ([`keep`](Self::keep)).
+        if source == ParameterSource::LastGood && self.last_good.is_none() {
             self.last_good = Some(self.live);
         }
         self.source = source;

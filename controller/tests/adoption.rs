@@ -164,6 +164,34 @@ fn last_good_parameters_that_are_wrong_give_way_to_the_robot_files() {
     assert_eq!((core.source(), reason(&core)), (ParameterSource::LastGood, SourceReason::BetterThanNominal));
 }
 
+/// Sets that get worse in steps too small to be refused by their neighbours: each is measured by the best that was in use.
+#[test]
+fn a_row_of_sets_that_get_worse_step_by_step_comes_to_nothing() {
+    let robot = robot();
+    let truth = other(&robot);
+    let mut core = core(&robot);
+    let mut moving = Moving::new(&robot, &truth);
+    // Half way back to the robot file's values, which are wrong, within 40 s.
+    let walk = |seq: u64| -> Vec<f64> {
+        let share = 0.5 * (seq.saturating_sub(5000) as f64 / 40_000.0).min(1.0);
+        truth.iter().zip(&robot.nominal_base).map(|(t, n)| t + share * (n - t)).collect()
+    };
+    moving.run(&mut core, 45_000, |core, sample| {
+        if sample.seq > 2500 && sample.seq.is_multiple_of(100) {
+            core.offer_parameters(&with(published(&robot, sample.seq), &walk(sample.seq)), sample);
+        }
+    });
+    assert_eq!(core.source(), ParameterSource::LastGood, "what is refused for long is not live");
+    let refused = health(&core).refusals[u32::from(Refusal::PredictsWorse) as usize];
+    assert!(refused > 300, "{refused} of 425 refused");
+    // Where the walk was stopped: a share of what the robot file is wrong by.
+    let acting = core.acting();
+    let off = |x: &[f64]| (0..truth.len()).map(|i| (x[i] - truth[i]).powi(2)).sum::<f64>().sqrt();
+    let share = off(acting) / off(&robot.nominal_base);
+    println!("{refused} refused, the walk came {:.1} % of the way", 100.0 * share);
+    assert!(share < 0.05, "{share}");
+}
+
 #[test]
 fn stored_parameters_that_describe_no_arm_are_not_recalled() {
     let robot = robot();
