@@ -4,6 +4,7 @@
 //! Every key is declared once, in [`keys::KEYS`]; `docs/robot-toml.md` is made from that table.
 
 mod describe;
+mod effects;
 mod error;
 mod friction_law;
 pub mod keys;
@@ -23,4 +24,4 @@ pub use sections::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Publish, Realtime, RobotConfig, Signal,
     Simulation, StopReaction, Trigger,
 };
-pub use write::{write_consistent, write_identified};
+pub use write::{Changes, write_changed, write_consistent, write_identified};

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use rivet_dynamics::{Arm, BaseSet, LinkParameters, Model, Structure, WristCoupling, model_hash};
+use rivet_dynamics::{Arm, BaseSet, Joints, KnownEffects, LinkParameters, Model, Structure, WristCoupling, model_hash};
 use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors};
@@ -90,6 +90,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let mut friction = sections::friction(&mut reader);
     let load = load_bodies(&mut reader, &mut friction, path, gravity, arm.as_ref());
     let coupling = sections::coupling(&mut reader);
+    let effects = crate::effects::read(&mut reader, arm.as_ref().map_or(0, Arm::dof));
     let log = sections::log(&mut reader);
     let signal = sections::signal(&mut reader, sample_period_s);
     let estimator = sections::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
@@ -120,6 +121,12 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
                 Some(bodies) => model.with_load(bodies),
                 None => model,
             };
+            let drives = Joints {
+                rotor_inertia: drive.rotor_inertia.clone(),
+                viscous: friction.viscous.clone(),
+                ..Joints::default()
+            };
+            let model = model.with_effects(KnownEffects::new(effects.clone(), &drives));
             let base = BaseSet::new(&model);
             if let Err(why) = &base {
                 let hint = "round off what is nearly parallel or nearly zero in the URDF's kinematics";
@@ -150,6 +157,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
         drive,
         friction,
         coupling,
+        effects,
         log,
         signal,
         estimator,

@@ -57,6 +57,9 @@ pub(crate) struct RawParameter {
     pub(crate) span: Range<usize>,
 }
 
+/// Beginning of the sections of effects.
+const EFFECTS: &str = "effects";
+
 type Path2 = (&'static str, &'static str);
 
 pub(crate) struct Reader<'a> {
@@ -98,8 +101,15 @@ impl<'a> Reader<'a> {
             errors,
             resolved: Vec::new(),
         };
-        for (name, value) in root.get_ref() {
-            let section = SECTIONS.iter().map(|(s, _)| *s).find(|s| !s.is_empty() && *s == name.get_ref());
+        // `[effects.backlash]` is a table in a table to TOML, and a section here.
+        let entries = root.get_ref().iter().flat_map(|(name, value)| match value.get_ref() {
+            DeValue::Table(table) if name.get_ref() == EFFECTS => {
+                table.iter().map(|(name, value)| (format!("{EFFECTS}.{}", name.get_ref()), name, value)).collect()
+            }
+            _ => vec![(name.get_ref().to_string(), name, value)],
+        });
+        for (path, name, value) in entries {
+            let section = SECTIONS.iter().map(|(s, _)| *s).find(|s| !s.is_empty() && *s == path);
             match (section, value.get_ref()) {
                 (Some(section), DeValue::Table(table)) => {
                     reader.sections.insert(section, value.span());
@@ -111,6 +121,14 @@ impl<'a> Reader<'a> {
                     let written = reader.written(&value.span()).to_owned();
                     let hint = format!("write it as a table: `[{section}]` and its keys below");
                     reader.fail(&value.span(), section, &written, "must be a section", hint);
+                }
+                (None, _) if path.starts_with(EFFECTS) => {
+                    let effects = SECTIONS.iter().filter_map(|(s, _)| s.strip_prefix("effects."));
+                    let hint = match nearest(name.get_ref(), effects) {
+                        Some(near) => format!("did you mean `[{EFFECTS}.{near}]`?"),
+                        None => "the table of sections in docs/robot-toml.md has the effects that there are".to_owned(),
+                    };
+                    reader.fail(&name.span(), path, "", "unknown effect", hint);
                 }
                 (None, _) => reader.insert("", name, value),
             }
@@ -560,7 +578,7 @@ fn bounds_hint(key: &Key, x: f64) -> String {
 
 /// What an unknown key may have been meant to be.
 fn unknown_hint(section: &str, word: &str) -> String {
-    let sections = || SECTIONS.iter().map(|(s, _)| *s).filter(|s| !s.is_empty());
+    let sections = || SECTIONS.iter().map(|(s, _)| *s).filter(|s| !s.is_empty() && !s.starts_with(EFFECTS));
     if let Some(name) = nearest(word, keys::names(section).chain(sections().filter(|_| section.is_empty()))) {
         return format!("did you mean `{name}`?");
     }
@@ -568,6 +586,7 @@ fn unknown_hint(section: &str, word: &str) -> String {
         let place = if other.is_empty() { "to the top of the file".into() } else { format!("below `[{other}]`") };
         return format!("it belongs {place}");
     }
-    let known: Vec<_> = keys::names(section).chain(sections().filter(|_| section.is_empty())).collect();
+    let effects = section.is_empty().then_some("effects.<name>");
+    let known: Vec<_> = keys::names(section).chain(sections().filter(|_| section.is_empty())).chain(effects).collect();
     format!("known here: {}", known.join(", "))
 }

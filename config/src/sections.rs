@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use rivet_dynamics::Joints;
+use rivet_dynamics::{Joints, KnownEffect};
 use rivet_estimation::{
     Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Prior, Settings, Supervision, Window,
 };
@@ -30,6 +30,8 @@ pub struct RobotConfig {
     pub friction: Friction,
     /// `[coupling]`, for arms with a coupled wrist.
     pub coupling: Option<Coupling>,
+    /// `[effects.<name>]`, also part of the model.
+    pub effects: Vec<KnownEffect>,
     /// `[log]`
     pub log: Log,
     /// `[signal]`

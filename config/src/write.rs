@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Component, Path, PathBuf};
 
-use rivet_dynamics::Joints;
+use rivet_dynamics::{Joints, KnownEffect};
 
 use crate::describe::{number_text, value_text};
 use crate::load::Robot;
@@ -32,6 +32,49 @@ pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path)
 /// As [`write_identified`].
 pub fn write_consistent(robot: &Robot, drives: &Joints, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
     let mut changed = robot.clone();
+    set_drives(&mut changed, drives);
+    let note = "# URDF, [drive], [friction] and [coupling] hold the physically consistent set (bodies that can be built);\n\
+                # [identified] holds base parameters as the data gave them, without that constraint. rivet uses the latter.\n";
+    write_with(&changed, note, values, std, path)
+}
+
+/// What a diagnosis changes in a robot file, beside the bodies in its URDF.
+#[derive(Clone, Debug)]
+pub struct Changes {
+    /// Drives, friction and coupling.
+    pub drives: Joints,
+    /// Gravity in base axes \[m/s²\].
+    pub gravity: [f64; 3],
+    /// All effects that the file shall have.
+    pub effects: Vec<KnownEffect>,
+}
+
+/// Writes `robot` with other values and effects, and reads it again: its model is another one, so identified parameters
+/// are not among what is written. The file appears whole or not at all.
+///
+/// # Errors
+/// If the file cannot be written, or what was written cannot be read.
+pub fn write_changed(robot: &Robot, changes: &Changes, path: &Path) -> io::Result<Robot> {
+    let mut changed = robot.clone();
+    set_drives(&mut changed, &changes.drives);
+    let offsets = changes.drives.offset.iter().any(|x| *x != 0.0);
+    let resolved = &mut changed.config.resolved;
+    for r in resolved.iter_mut() {
+        match r.key.path().as_str() {
+            "gravity" => r.value = Value::Numbers(changes.gravity.to_vec()),
+            "estimator.offsets" if offsets => r.value = Value::Bool(true),
+            _ => {}
+        }
+    }
+    resolved.retain(|r| !r.key.section.starts_with("effects."));
+    resolved.extend(crate::effects::resolved(&changes.effects, robot.dof()));
+    let note = "# Values and effects of a diagnosis; the URDF, [drive] and [friction] hold bodies that can be built.\n";
+    let places = Places::of(robot, path)?;
+    write_text(&model_text(&changed, note, &places), path)?;
+    crate::load(path).map_err(|why| io::Error::new(io::ErrorKind::InvalidData, why.to_string()))
+}
+
+fn set_drives(changed: &mut Robot, drives: &Joints) {
     for r in &mut changed.config.resolved {
         let value = match (r.key.section, r.key.name) {
             ("drive", "rotor_inertia") => Value::Numbers(drives.rotor_inertia.clone()),
@@ -49,9 +92,6 @@ pub fn write_consistent(robot: &Robot, drives: &Joints, values: &[f64], std: &[f
             r.value = value;
         }
     }
-    let note = "# URDF, [drive], [friction] and [coupling] hold the physically consistent set (bodies that can be built);\n\
-                # [identified] holds base parameters as the data gave them, without that constraint. rivet uses the latter.\n";
-    write_with(&changed, note, values, std, path)
 }
 
 fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
@@ -70,12 +110,13 @@ fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Pat
             return invalid(format!("{name} is {} with standard deviation {}", values[i], std[i]));
         }
     }
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let load = robot.config.friction.load_urdf.as_ref().map(|load| relative(load, folder)).transpose()?;
-    let text = model_text(robot, note, values, std, &relative(&robot.config.urdf, folder)?, load.as_deref());
+    let mut text = model_text(robot, note, &Places::of(robot, path)?);
+    identified_text(&mut text, robot, values, std);
+    write_text(&text, path)
+}
+
+/// Writes beside the place and renames.
+fn write_text(text: &str, path: &Path) -> io::Result<()> {
     let temporary = path.with_extension(format!("tmp{}", std::process::id()));
     let written = File::create(&temporary).and_then(|mut file| {
         file.write_all(text.as_bytes())?;
@@ -89,9 +130,30 @@ fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Pat
     written
 }
 
-fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Path, load_urdf: Option<&Path>) -> String {
+/// Where a robot's other files are, as seen from a new place.
+struct Places {
+    urdf: PathBuf,
+    load_urdf: Option<PathBuf>,
+}
+
+impl Places {
+    fn of(robot: &Robot, path: &Path) -> io::Result<Places> {
+        let folder = match path.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        let load = robot.config.friction.load_urdf.as_ref();
+        Ok(Places {
+            urdf: relative(&robot.config.urdf, folder)?,
+            load_urdf: load.map(|load| relative(load, folder)).transpose()?,
+        })
+    }
+}
+
+fn model_text(robot: &Robot, note: &str, places: &Places) -> String {
+    let load_urdf = places.load_urdf.as_deref();
     let mut out = format!(
-        "# {} with identified base parameters; written by rivet. Keys: docs/robot-toml.md.\n",
+        "# {} with values from data; written by rivet. Keys: docs/robot-toml.md.\n",
         robot.config.name
     );
     out += note;
@@ -109,13 +171,17 @@ fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Pat
             let _ = write!(out, "\n[{section}]\n");
         }
         let text = match r.key.path().as_str() {
-            "urdf" => quoted(urdf),
+            "urdf" => quoted(&places.urdf),
             "friction.load_urdf" => load_urdf.map_or_else(String::new, quoted),
             _ => value_text(&r.value),
         };
         let unit = if r.key.unit.is_empty() { String::new() } else { format!("  # {}", r.key.unit) };
         let _ = writeln!(out, "{} = {text}{unit}", r.key.name);
     }
+    out
+}
+
+fn identified_text(out: &mut String, robot: &Robot, values: &[f64], std: &[f64]) {
     let _ = write!(out, "\n[identified]\nhash = \"{:016x}\"\nparameters = [\n", robot.hash);
     for i in 0..values.len() {
         let name = robot.base.name(&robot.model, i);
@@ -124,7 +190,6 @@ fn model_text(robot: &Robot, note: &str, values: &[f64], std: &[f64], urdf: &Pat
         let _ = writeln!(out, "  {{ name = \"{name}\", value = {value}, std = {std} }},  # {unit}");
     }
     out.push_str("]\n");
-    out
 }
 
 /// `target` as seen from `folder`; absolute if they have no common root.

@@ -149,11 +149,13 @@ impl ControlLaw {
         self.integral = [0.0; MAX_JOINTS];
     }
 
-    /// `Y(q, q̇, q̈)·x` \[N·m\]: what the model with base parameters `x` needs for a motion. Real-time safe.
+    /// `Y(q, q̇, q̈)·x` \[N·m\] and the effects of known size: what the model with base parameters `x` needs for a motion.
+    /// Real-time safe.
     pub fn model_torque(&mut self, q: &[f64], qd: &[f64], qdd: &[f64], x: &[f64], tau: &mut [f64]) {
         for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
             *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
         }
+        self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
     }
 
     /// Rows of `Y(q, q̇, q̈)`, one a joint.

@@ -54,6 +54,12 @@ pub fn model_hash(model: &Model, base: &BaseSet) -> u64 {
         // What a URDF's digits may lose must not make two equal loads differ: steps of a millionth.
         hash.numbers(&model.load().as_flattened().iter().map(|x| x * 1e-3).collect::<Vec<f64>>());
     }
+    for effect in model.effects().list() {
+        hash.word(3);
+        effect.kind.name().bytes().for_each(|byte| hash.word(u64::from(byte)));
+        hash.word(effect.joint as u64);
+        hash.numbers(&effect.values);
+    }
     hash.word(base.len() as u64);
     for i in 0..base.len() {
         let (kind, at) = match base.parameter(model, i) {

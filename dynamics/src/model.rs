@@ -1,6 +1,7 @@
 //! Rigid links plus drives: the model whose parameters are identified.
 
 use crate::arm::{Arm, MAX_JOINTS};
+use crate::effects::KnownEffects;
 use crate::lanes::{Lanes, Pair};
 use crate::parameters::{LINK_PARAMETERS, LinkParameters, Parameter};
 use crate::rigid::{State, Workspace, regressor_pair_rows, regressor_rows};
@@ -78,6 +79,8 @@ pub struct Model {
     /// Bodies whose torque is what the gears carry, for [`Structure::load_friction`]: those of the arm, until
     /// [`with_load`](Model::with_load) gives better ones. Part of what a load-friction parameter means.
     load: Vec<LinkParameters>,
+    /// Effects of known size beside the regressor: its parameters are what is left of the torque without them.
+    effects: KnownEffects,
 }
 
 impl Model {
@@ -110,7 +113,7 @@ impl Model {
             parameters.extend([CouplingInertia, CouplingViscous, CouplingCoulomb]);
         }
         let load = arm.links.clone();
-        Model { arm, structure, parameters, load }
+        Model { arm, structure, parameters, load, effects: KnownEffects::default() }
     }
 
     /// The same model with other bodies for the torque that the gears carry (one a joint, in its frame).
@@ -122,6 +125,18 @@ impl Model {
         assert_eq!(bodies.len(), self.arm.dof(), "one body a joint");
         self.load = bodies;
         self
+    }
+
+    /// The same model with effects of known size.
+    #[must_use]
+    pub fn with_effects(mut self, effects: KnownEffects) -> Model {
+        self.effects = effects;
+        self
+    }
+
+    /// Effects of known size beside the regressor.
+    pub fn effects(&self) -> &KnownEffects {
+        &self.effects
     }
 
     /// Bodies whose torque is what the gears carry.

@@ -10,7 +10,7 @@ use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Ste
 use crate::scales::Scales;
 use crate::settings::{Filtering, InputSignals, Settings, SettingsError, Window, per_joint};
 use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// No arm's position \[rad\] or speed \[rad/s\] is larger.
@@ -68,6 +68,8 @@ pub struct Identifier {
     /// Only with input filtering.
     input: Option<InputFilter>,
     regressors: Regressors,
+    /// For the effects of known size.
+    workspace: Workspace,
     measured: RowFilter,
     desired: RowFilter,
     /// Only with the energy model; the torque rows then serve reports alone.
@@ -169,6 +171,7 @@ impl Identifier {
             },
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
             regressors: Regressors::new(&model),
+            workspace: Workspace::new(&model.arm),
             // Torques, and which joints move, go through the same filter as the rows.
             measured: RowFilter::new(&model, &base, over_rows, 2 * dof),
             desired: RowFilter::new(&model, &base, over_rows, 0),
@@ -390,11 +393,14 @@ impl Identifier {
             dead_zone,
             reference,
             chosen,
+            workspace,
             ..
         } = self;
         if let Some(input) = input {
             input.step(aligned);
         }
+        // What is known beside the model is no business of its parameters.
+        model.take_effects(workspace, &aligned.q, &aligned.qd, &aligned.qdd, &mut aligned.tau);
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };
         let structure = &model.structure;
         let moving =

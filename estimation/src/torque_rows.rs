@@ -8,7 +8,7 @@ use crate::identifier::{LARGEST_EFFORT, LARGEST_MOTION, MOVED, SETTLING};
 use crate::report::Motion;
 use crate::settings::{Settings, SettingsError};
 use crate::signals::{Regressors, RowFilter, Side};
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// Differentiates, filters and decimates one stream of positions and torques.
@@ -22,6 +22,7 @@ pub struct TorqueRows {
     phase: usize,
     aligned: Aligned,
     regressors: Regressors,
+    workspace: Workspace,
     measured: RowFilter,
     rows: Vec<f64>,
     used: [bool; MAX_JOINTS],
@@ -45,6 +46,7 @@ impl TorqueRows {
             phase: 0,
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
             regressors: Regressors::new(&model),
+            workspace: Workspace::new(&model.arm),
             measured: RowFilter::new(&model, base, Some(&filter), 2 * dof),
             rows: vec![0.0; dof * base.len()],
             used: [false; MAX_JOINTS],
@@ -65,7 +67,8 @@ impl TorqueRows {
         if !self.aligned.push(q, tau, None) {
             return false;
         }
-        let TorqueRows { aligned, measured, model, regressors, dead_zone, .. } = self;
+        let TorqueRows { aligned, measured, model, regressors, workspace, dead_zone, .. } = self;
+        model.take_effects(workspace, &aligned.q, &aligned.qd, &aligned.qdd, &mut aligned.tau);
         let slide = |j| slides(&model.structure, dead_zone, |j| aligned.qd[j], j);
         let moving = (0..dead_zone.len()).map(|j| f64::from(u8::from(slide(j))));
         let motion = Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd };

@@ -123,8 +123,8 @@ pub struct Record {
     pub second: Option<Trajectory>,
 }
 
-/// Torque of the model with base parameters `x` along a motion \[N m\], `[joint][sample]`, low-passed by `smooth`:
-/// the second differences of quantised positions are noise without it.
+/// Torque of the model with base parameters `x` along a motion \[N m\], `[joint][sample]`, its instant effects included
+/// ([`Model::add_effects`]), low-passed by `smooth`: the second differences of quantised positions are noise without it.
 pub fn predict(
     model: &Model,
     base: &BaseSet,
@@ -142,12 +142,18 @@ pub fn predict(
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let (mut y, mut d) = (vec![0.0; n * full], vec![0.0; n * k]);
     let mut tau = vec![vec![0.0; rows]; n];
+    let mut at = vec![0.0; n];
     for row in 0..rows {
         motion.state(row, &mut q, &mut qd, &mut qdd);
         model.regressor_sliding(&mut ws, &mut slip, &q, &qd, &qdd, &mut y);
         base.select(&y, full, &mut d);
         for (j, tau) in tau.iter_mut().enumerate() {
             tau[row] = d[j * k..(j + 1) * k].iter().zip(x).map(|(d, x)| d * x).sum();
+        }
+        if !model.effects().is_empty() {
+            at.iter_mut().zip(&tau).for_each(|(at, tau)| *at = tau[row]);
+            model.add_effects(&mut ws, &q, &qd, &qdd, &mut at);
+            tau.iter_mut().zip(&at).for_each(|(tau, at)| tau[row] = *at);
         }
     }
     for tau in &mut tau {

@@ -2,7 +2,8 @@
 
 use crate::dead_zone::slides;
 use crate::linear::dot;
-use rivet_dynamics::{BaseSet, Model};
+use rivet_dynamics::{BaseSet, Model, Workspace};
+use std::borrow::Cow;
 
 use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
@@ -105,6 +106,7 @@ impl Rows {
         if settings.dead_zone.len() != n {
             return Err(OfflineError::Shape { what: "dead zone", found: settings.dead_zone.len(), expected: n });
         }
+        let torque = without_effects(model, record);
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
         let mut speed = record.measured.qd.clone();
         for speed in &mut speed {
@@ -156,7 +158,7 @@ impl Rows {
         for (j, (Pair { d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
-            let mut tau = record.tau[j].clone();
+            let mut tau = torque[j].clone();
             filter.apply(&mut tau);
             let rate = |k: usize| {
                 let (before, after) = (k.saturating_sub(1), (k + 1).min(tau.len() - 1));
@@ -221,6 +223,23 @@ impl Rows {
     pub fn count(&self, joint: usize) -> usize {
         self.joints.get(joint).map_or(0, |j| j.tau.len())
     }
+}
+
+/// Measured torque less the effects of known size that the model has beside its parameters.
+fn without_effects<'a>(model: &Model, record: &'a Record) -> Cow<'a, [Vec<f64>]> {
+    if model.effects().is_empty() {
+        return Cow::Borrowed(&record.tau);
+    }
+    let (n, mut ws) = (model.arm.dof(), Workspace::new(&model.arm));
+    let (mut q, mut qd, mut qdd, mut at) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let mut torque = record.tau.clone();
+    for row in 0..record.measured.len() {
+        record.measured.state(row, &mut q, &mut qd, &mut qdd);
+        at.iter_mut().zip(&torque).for_each(|(at, tau)| *at = tau[row]);
+        model.take_effects(&mut ws, &q, &qd, &qdd, &mut at);
+        torque.iter_mut().zip(&at).for_each(|(tau, at)| tau[row] = *at);
+    }
+    Cow::Owned(torque)
 }
 
 /// From the first to the last sample at which any joint moves: faster than its dead zone and than a hundredth of its own
