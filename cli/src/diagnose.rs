@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_diagnosis::{Run, Verdict, diagnose};
+use rivet_diagnosis::{Run, Verdict, diagnose, diagnose_and_patch};
 use rivet_report::words::percent;
-use rivet_report::{Document, page};
+use rivet_report::{Document, formats, page};
 
 use crate::blind;
 use crate::passport::{Source, passport};
+use crate::patched;
 use crate::runs;
 use crate::table::{Table, paragraph, show};
 
@@ -28,6 +29,10 @@ pub(crate) struct Args {
     /// Write a page for people: one file, nothing to load.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Write model.toml (robot file with the values and effects found), robot.urdf, robot.xml (MJCF) and not-expressible.md
+    /// (what each cannot carry, in N m) into this folder.
+    #[arg(long, value_name = "DIR")]
+    export: Option<PathBuf>,
     /// Tell what is considered.
     #[arg(long, short)]
     verbose: bool,
@@ -47,9 +52,22 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             eprintln!("{line}");
         }
     };
-    let found = diagnose(&robot.model, &robot.nominal, runs_of(&sources)?, &mut say)?;
+    let all = runs_of(&sources)?;
+    let (found, patch) = if args.export.is_some() {
+        diagnose_and_patch(&robot.model, &robot.nominal, all, &mut say)?
+    } else {
+        (diagnose(&robot.model, &robot.nominal, all, &mut say)?, None)
+    };
     let passport = passport(&robot, &args.robot, &sources)?;
-    let document = Document::new(&robot.config.name, &found, Some(passport));
+    let mut document = Document::new(&robot.config.name, &found, Some(passport));
+    match (&args.export, &patch) {
+        (Some(folder), Some(patch)) => {
+            patched::export(&robot, patch, folder)?;
+            document.export = formats(patch);
+        }
+        (Some(_), None) => eprintln!("rivet: nothing was evaluated, so nothing is exported"),
+        (None, _) => {}
+    }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&document)? + "\n";
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;

@@ -30,18 +30,11 @@ pub(crate) fn export(
     let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
     let mut moved = robot.clone();
     moved.config.urdf.clone_from(&urdf);
-    if robot.model.structure.load_friction {
-        // The bodies that made the carried torque, as they were: robot.urdf gets others.
-        let from = robot.config.friction.load_urdf.as_ref().unwrap_or(&robot.config.urdf);
-        let load = folder.join("load.urdf");
-        let bodies = std::fs::read_to_string(from).with_context(|| named(from))?;
-        runs::write_whole(&load, &bodies).with_context(|| named(&load))?;
-        moved.config.friction.load_urdf = Some(load);
-    }
+    place_load(&mut moved, robot, folder)?;
     match consistent {
         Ok(found) => {
             let drives = drives(robot, &found.standard);
-            let links: Vec<LinkParameters> = bodies(robot, &found.standard);
+            let links: Vec<LinkParameters> = bodies(robot.dof(), &found.standard);
             let written = write_urdf(&text, &links, &drives.viscous, &drives.coulomb)
                 .with_context(|| named(&robot.config.urdf))?;
             runs::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
@@ -62,9 +55,24 @@ pub(crate) fn export(
     }
 }
 
-fn bodies(robot: &Robot, standard: &[f64]) -> Vec<LinkParameters> {
+/// The bodies that made the carried torque of load friction, as they were, beside the exported URDF, which gets others.
+pub(crate) fn place_load(moved: &mut Robot, robot: &Robot, folder: &Path) -> Result<()> {
+    if !robot.model.structure.load_friction {
+        return Ok(());
+    }
+    let named = |path: &Path| path.display().to_string();
+    let from = robot.config.friction.load_urdf.as_ref().unwrap_or(&robot.config.urdf);
+    let load = folder.join("load.urdf");
+    let bodies = std::fs::read_to_string(from).with_context(|| named(from))?;
+    runs::write_whole(&load, &bodies).with_context(|| named(&load))?;
+    moved.config.friction.load_urdf = Some(load);
+    Ok(())
+}
+
+/// The bodies of a standard vector of `joints` joints.
+pub(crate) fn bodies(joints: usize, standard: &[f64]) -> Vec<LinkParameters> {
     let entry = |link: usize| std::array::from_fn(|k| standard[link * LINK_PARAMETERS + k]);
-    (0..robot.dof()).map(entry).collect()
+    (0..joints).map(entry).collect()
 }
 
 /// The drive values of a standard vector; offsets that the model does not have stay as the file gives them.

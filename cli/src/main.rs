@@ -16,6 +16,7 @@ mod identify;
 mod monitor;
 mod online;
 mod passport;
+mod patched;
 mod predict;
 mod progress;
 mod refine;

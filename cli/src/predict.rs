@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
+use rivet_diagnosis::{memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, write_columns};
 
@@ -97,6 +98,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let mut columns: Vec<(&str, &[f64])> = vec![("t", &log.t)];
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
     write_columns(&args.out, &columns)?;
+    for left in unseen(&robot.model, log.temperature.is_some()) {
+        eprintln!("rivet predict: left out: {left}");
+    }
     show(&report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()))?;
     show(&format!("{} rows written to {}\n", log.len(), args.out.display()))?;
     Ok(ExitCode::SUCCESS)
@@ -106,8 +110,15 @@ fn predict_piece(robot: &Robot, piece: &Piece) -> Result<Vec<Vec<f64>>> {
     let (signal, period) = (&robot.config.signal, piece.report.period_s);
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
     let motion = Trajectory::from_positions(&piece.grid.q, period);
-    predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
-        .with_context(|| piece.logged.path.display().to_string())
+    let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
+        .with_context(|| piece.logged.path.display().to_string())?;
+    if let Some(beside) = memory_torque(&robot.model, &robot.nominal, &runs::motion_of(piece)) {
+        for (tau, mut beside) in tau.iter_mut().zip(beside) {
+            smooth.apply(&mut beside);
+            tau.iter_mut().zip(&beside).for_each(|(tau, v)| *tau += v);
+        }
+    }
+    Ok(tau)
 }
 
 /// Adds the squares of a piece, from its first to its last motion and without the ends that the filter colours.

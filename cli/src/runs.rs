@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use rivet_config::{Instruments, Robot};
+use rivet_diagnosis::Run;
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
 use rivet_logs::{Log, ReadOptions, ResampleReport, read};
 
@@ -67,6 +68,17 @@ pub(crate) fn record(piece: &Piece) -> Result<Record> {
     let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
     let second = second.map(|q| Trajectory::from_positions(&q, period_s));
     Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
+}
+
+/// The piece as a run without torque.
+pub(crate) fn motion_of(piece: &Piece) -> Run {
+    Run {
+        name: piece.logged.path.display().to_string(),
+        period_s: piece.report.period_s,
+        q: piece.grid.q.clone(),
+        tau: vec![vec![0.0; piece.grid.len()]; piece.grid.q.len()],
+        temperature: piece.grid.temperature.clone(),
+    }
 }
 
 /// How rows are made of a log of this robot; instruments as configured, desired motion only where the log has one.

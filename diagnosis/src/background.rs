@@ -56,11 +56,18 @@ impl Nominal {
     /// `typical`: of the joints' signals, for parameters that the file says nothing about.
     pub(crate) fn new(model: &Model, nominal: &[f64], typical: &Typical) -> Nominal {
         let structure = Structure { offset: true, ..model.structure };
-        let with_offset = Model::new(model.arm.clone(), structure);
+        let with_offset = Model::new(model.arm.clone(), structure)
+            .with_load(model.load().to_vec())
+            .with_effects(model.effects().clone());
         let value = |p: &Parameter| model.parameters.iter().position(|q| q == p).map_or(0.0, |i| nominal[i]);
         let x: Vec<f64> = with_offset.parameters.iter().map(value).collect();
         let std = with_offset.parameters.iter().map(|p| usual_error(*p, &with_offset, &x, typical)).collect();
         Nominal { model: with_offset, x, std }
+    }
+
+    /// A model whose values are not in doubt.
+    pub(crate) fn exact(model: &Model, x: &[f64]) -> Nominal {
+        Nominal { model: model.clone(), x: x.to_vec(), std: vec![0.0; x.len()] }
     }
 }
 

@@ -8,6 +8,7 @@ use rivet_dynamics::{Workspace, friction_sign, mass_matrix};
 use crate::background::{Nominal, standard_columns};
 use crate::evidence::{Background, CandidateCell, Cell};
 use crate::form::Form;
+use crate::known;
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
@@ -26,6 +27,9 @@ pub(crate) struct Prepared {
     pub(crate) chain: Chain,
     /// Measured torque \[N·m\], `[joint][row]`.
     pub(crate) tau: Vec<Vec<f64>>,
+    /// Torque of the effects that the model as given has \[N·m\], at the rate of the log and as rows; empty without.
+    pub(crate) known: Vec<Vec<f64>>,
+    pub(crate) known_rows: Vec<Vec<f64>>,
     /// Standard columns.
     pub(crate) standard: Vec<Column>,
     /// Noise of the torque signal after the model filter \[N·m\], from what changes too fast to be torque.
@@ -56,8 +60,11 @@ impl Prepared {
                 chain.apply(&full).iter().map(|d| d.abs()).collect()
             })
             .collect();
+        let effects = nominal.model.effects().list();
+        let known = if effects.is_empty() { Vec::new() } else { known::torque(nominal, effects, &run, &motion) };
+        let known_rows = known.iter().map(|t| chain.apply(t)).collect();
         let floor = run.tau.iter().map(|t| white_noise(t) * chain.white_gain()).collect();
-        Prepared { run, motion, chain, tau, standard, floor, doubt }
+        Prepared { run, motion, chain, tau, known, known_rows, standard, floor, doubt }
     }
 
     pub(crate) fn rows(&self) -> usize {
@@ -165,6 +172,9 @@ impl Design {
             for j in 0..n {
                 let mut matrix = DMatrix::zeros(rows, k);
                 let mut left = DVector::from_column_slice(&run.tau[j]);
+                if let Some(known) = run.known_rows.get(j) {
+                    left.iter_mut().zip(known).for_each(|(l, k)| *l -= k);
+                }
                 for (c, column) in run.standard.iter().chain(&extra[r]).enumerate() {
                     let Some(values) = &column[j] else { continue };
                     for (row, value) in values.iter().enumerate() {
@@ -272,6 +282,18 @@ impl Design {
         let k = self.background.std.len();
         self.background.std = DVector::from_iterator(k + std.len(), self.background.std.iter().chain(std).copied());
         self.background.scaled.extend(std.iter().map(|_| false));
+        self.multiply();
+    }
+
+    /// Undoes [`adopt`](Self::adopt): the columns from `place` on, as many as means, are nothing from now on.
+    pub(crate) fn forget(&mut self, place: usize, mean: &[f64]) {
+        for (d, y) in self.d.iter_mut().flatten().zip(self.y.iter_mut().flatten()) {
+            for (c, mean) in mean.iter().enumerate() {
+                let column = d.column(place + c).into_owned();
+                y.axpy(*mean, &column, 1.0);
+                d.column_mut(place + c).fill(0.0);
+            }
+        }
         self.multiply();
     }
 

@@ -168,6 +168,12 @@ impl Solved {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
     }
 
+    /// Covariance of the first `columns` coefficients.
+    pub(crate) fn covariance(&self, columns: usize) -> Option<DMatrix<f64>> {
+        let all = self.factor.inverse();
+        (all.nrows() >= columns).then(|| all.view((0, 0), (columns, columns)).into_owned())
+    }
+
     /// Adds a candidate's columns.
     pub(crate) fn add(
         &self,

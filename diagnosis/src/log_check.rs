@@ -93,6 +93,9 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
                 modelled.iter_mut().zip(values).for_each(|(m, v)| *m += v * x);
             }
         }
+        if let Some(known) = run.known_rows.get(j) {
+            modelled.iter_mut().zip(known).for_each(|(m, k)| *m += k);
+        }
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);

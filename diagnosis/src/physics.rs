@@ -74,6 +74,14 @@ impl<'a> Physics<'a> {
         Physics { index, run, motion, nominal, x: x.to_vec(), rigid, torque, sign, gradient, mass }
     }
 
+    /// The torque of known effects joins that of the model.
+    pub(crate) fn beside(mut self, known: &[Vec<f64>]) -> Self {
+        for (torque, known) in self.torque.iter_mut().zip(known) {
+            torque.iter_mut().zip(known).for_each(|(t, k)| *t += k);
+        }
+        self
+    }
+
     pub(crate) fn joints(&self) -> usize {
         self.motion.joints()
     }

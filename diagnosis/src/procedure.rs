@@ -12,6 +12,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
+use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
@@ -78,6 +79,29 @@ pub fn diagnose(
     runs: Vec<Run>,
     say: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnosisError> {
+    Ok(run_all(model, nominal, runs, false, say)?.0)
+}
+
+/// As [`diagnose`], and the model with what was found; none where nothing could be evaluated.
+///
+/// # Errors
+/// [`DiagnosisError`].
+pub fn diagnose_and_patch(
+    model: &Model,
+    nominal: &[f64],
+    runs: Vec<Run>,
+    say: &mut dyn FnMut(&str),
+) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
+    run_all(model, nominal, runs, true, say)
+}
+
+fn run_all(
+    model: &Model,
+    nominal: &[f64],
+    runs: Vec<Run>,
+    patch: bool,
+    say: &mut dyn FnMut(&str),
+) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
     let joints = model.arm.dof();
     for run in &runs {
         check(run, joints)?;
@@ -89,13 +113,13 @@ pub fn diagnose(
         sealed_seconds: sealed.seconds(),
     };
     if !look.iter().any(moves) {
-        return Ok(Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything"));
+        return Ok((Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything"), None));
     }
     say("motion, regressors");
     let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
     let look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let sealed = Prepared::new(sealed, &nominal);
-    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(say);
+    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(patch, say);
     done.ok_or(DiagnosisError::Singular)
 }
 
@@ -155,7 +179,7 @@ struct Step {
 }
 
 impl Procedure<'_> {
-    fn run(&self, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
+    fn run(&self, patch: bool, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
         let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let adopted = select(&mut search, say)?;
@@ -188,11 +212,27 @@ impl Procedure<'_> {
         say("the sealed torque");
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
-        let seen: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        let mut report = self.report(&search, &steps, &prediction, &measured, &seen, &means, log);
+        let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
+        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &means, log);
         let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
         report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
-        Some(report)
+        if !patch {
+            return Some((report, None));
+        }
+        say("the model with what was found");
+        let of = |wanted: bool| -> Vec<&Adopted> {
+            steps.iter().zip(&upheld).filter(|(_, u)| **u == wanted).flat_map(|(s, _)| &s.adopted).collect()
+        };
+        let all = || seen.iter().chain([&hidden]);
+        let found = patch::Found {
+            nominal: self.nominal,
+            runs: all().map(|r| r.run).collect(),
+            timing: all().filter_map(|r| r.extra.first()).collect(),
+            upheld: of(true),
+            withdrawn: of(false),
+        };
+        let patch = patch::make(&mut search, &found);
+        Some((report, patch))
     }
 
     /// What stands behind the figures.
@@ -262,10 +302,10 @@ impl Procedure<'_> {
 
     /// A run with the columns that were added to the model's own, in the order of the design.
     fn columns<'b>(&'b self, run: &'b Prepared, adopted: &[Adopted], index: Option<usize>) -> RunColumns<'b> {
-        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index);
+        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index).beside(&run.known);
         let mut extra: Vec<Column> = run.columns(&Form::Lag, &nominal);
         for adopted in adopted {
-            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index);
+            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index).beside(&run.known);
             let mut columns = run.columns(&adopted.form, &physics);
             // A run without the signal that the form needs is not changed by it.
             columns.resize(adopted.mean.len(), vec![None; run.tau.len()]);
@@ -283,12 +323,13 @@ impl Procedure<'_> {
         seen: &[Stages],
         means: &[f64],
         log: Vec<LogFinding>,
-    ) -> Diagnosis {
+    ) -> (Diagnosis, Vec<bool>) {
         let names = self.names();
         let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
         let gaps: Vec<Gap> = measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect();
         let mut causes = Vec::new();
         let mut withdrawn = Vec::new();
+        let mut upheld = Vec::new();
         let explained = explained(search);
         let noisy: Vec<bool> = search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect();
         for (k, step) in steps.iter().enumerate() {
@@ -325,7 +366,9 @@ impl Procedure<'_> {
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
             let believed = cause.joints.is_empty() || cause.joints.iter().any(|joint| !spoilt(joint));
-            if transfers && enough && material && believed {
+            let stands = transfers && enough && material && believed;
+            upheld.push(stands);
+            if stands {
                 causes.push(cause);
             } else {
                 withdrawn.push(cause);
@@ -356,7 +399,7 @@ impl Procedure<'_> {
             (1, _) => Verdict::Effect,
             _ => Verdict::Several,
         };
-        Diagnosis {
+        let diagnosis = Diagnosis {
             verdict,
             before: before.all,
             after: after.all,
@@ -370,7 +413,8 @@ impl Procedure<'_> {
             data: self.data,
             remark: None,
             details: None,
-        }
+        };
+        (diagnosis, upheld)
     }
 
     /// Whether what step `k` takes from the runs looked at it takes from the sealed one as well, where friction's direction

@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
         let extra: Vec<Vec<Column>> = runs
             .iter()
             .map(|r| {
-                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x, None);
+                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x, None).beside(&r.known);
                 r.columns(&Form::Lag, &physics)
             })
             .collect();
@@ -230,7 +230,9 @@ impl<'a> Search<'a> {
     pub(crate) fn physics(&self) -> Option<Vec<Physics<'a>>> {
         let (_, solved) = self.best()?;
         let x = self.values(&solved.x);
-        let made = |(i, r): (usize, &&'a Prepared)| Physics::new(&r.run, &r.motion, self.nominal, &x, Some(i));
+        let made = |(i, r): (usize, &&'a Prepared)| {
+            Physics::new(&r.run, &r.motion, self.nominal, &x, Some(i)).beside(&r.known)
+        };
         Some(self.runs.iter().enumerate().map(made).collect())
     }
 

@@ -42,6 +42,9 @@ impl RunColumns<'_> {
         for (c, value) in nominal.iter().enumerate() {
             add(&mut model, c, *value);
         }
+        for (to, known) in model.iter_mut().zip(&self.run.known_rows) {
+            to.iter_mut().zip(known).for_each(|(to, k)| *to += k);
+        }
         let mut models = vec![model.clone()];
         for step in steps {
             for c in step {

@@ -4,6 +4,7 @@
 
 mod changes;
 mod document;
+mod export;
 mod page;
 mod scores;
 mod verdict;
@@ -14,6 +15,7 @@ pub use document::{
     Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap, Left,
     LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, SCHEMA, Shrink, Stage, Tool,
 };
+pub use export::formats;
 pub use page::page;
 pub use scores::{Outcome, Score};
 pub use verdict::Line;

@@ -1,0 +1,180 @@
+//! `rivet diagnose --export DIR`: model.toml, robot.urdf, robot.xml with what was found, and what each of them misses.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rivet_config::{Changes, Robot, write_changed, write_identified};
+use rivet_diagnosis::{Fidelity, Format, Patch, drives, mjcf_coupling_fits};
+use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
+use serde_json::{Value, json};
+
+use crate::export::{bodies, place_load};
+use crate::runs;
+use crate::table::number;
+
+/// Writes the four files into `folder`. Gives the robot as model.toml says it.
+pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robot> {
+    let named = |path: &Path| path.display().to_string();
+    std::fs::create_dir_all(folder).with_context(|| named(folder))?;
+    let [urdf, model, mjcf, notes] =
+        ["robot.urdf", "model.toml", "robot.xml", "not-expressible.md"].map(|name| folder.join(name));
+    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
+    let mut moved = robot.clone();
+    moved.config.urdf.clone_from(&urdf);
+    place_load(&mut moved, robot, folder)?;
+    // Without an arm that can be built the bodies and drives stay those given; the data's values are in [identified].
+    let written = match &patch.consistent {
+        Ok(found) => drives(&patch.model, &found.standard),
+        Err(_) => robot.config.nominal_joints(),
+    };
+    let urdf_text = match &patch.consistent {
+        Ok(found) => {
+            let links = bodies(robot.dof(), &found.standard);
+            let made = write_urdf(&text, &links, &written.viscous, &written.coulomb);
+            made.with_context(|| named(&robot.config.urdf))?.text
+        }
+        Err(_) => text,
+    };
+    runs::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
+    let changes = Changes {
+        drives: written,
+        gravity: patch.model.arm.gravity,
+        effects: patch.model.effects().list().to_vec(),
+    };
+    let mut made = write_changed(&moved, &changes, &model).with_context(|| named(&model))?;
+    if made.model.parameters == patch.model.parameters {
+        let values = made.base.from_standard(&patch.standard);
+        write_identified(&made, &values, &patch.std, &model).with_context(|| named(&model))?;
+        made = rivet_config::load(&model)?;
+    }
+    runs::write_whole(&mjcf, &of_robot(&made).text()).with_context(|| named(&mjcf))?;
+    runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    Ok(made)
+}
+
+/// What MJCF holds of a robot: bodies, drives and those effects that it has a place for.
+pub(crate) fn of_robot(robot: &Robot) -> Mjcf {
+    let (config, joints) = (&robot.config, robot.config.nominal_joints());
+    let mut mjcf = Mjcf {
+        arm: robot.model.arm.clone(),
+        period_s: config.sample_period_s,
+        drives: (0..robot.dof())
+            .map(|j| MjcfDrive {
+                armature: joints.rotor_inertia[j],
+                damping: [joints.viscous[j], joints.viscous_quadratic.get(j).copied().unwrap_or(0.0), 0.0],
+                frictionloss: joints.coulomb[j],
+                bias: -joints.offset[j],
+                ..MjcfDrive::plain(config.drive.torque_limit[j])
+            })
+            .collect(),
+        tendons: Vec::new(),
+    };
+    for effect in robot.model.effects().list() {
+        let (j, [a, b, c, _]) = (effect.joint, effect.values);
+        let drive = &mut mjcf.drives[j];
+        match effect.kind {
+            EffectKind::ViscousNonlinearity => {
+                drive.damping[1] += a;
+                drive.damping[2] += b;
+            }
+            EffectKind::TorqueConstant => drive.gain = 1.0 / (1.0 + a),
+            EffectKind::JointSpring if a >= 0.0 => drive.stiffness = a,
+            EffectKind::TorqueSaturation => drive.limit = drive.limit.min(a),
+            EffectKind::EncoderOffset => drive.zero = -a,
+            EffectKind::TransportDelay => mjcf.drives.iter_mut().for_each(|d| d.delay = a),
+            EffectKind::CurrentLoopLag => mjcf.drives.iter_mut().for_each(|d| d.lag = a),
+            EffectKind::JointCoupling if mjcf_coupling_fits(effect, |j| joints.rotor_inertia[j]) => {
+                // The tendon's inertia adds to both joints' own.
+                mjcf.drives[j].armature -= c;
+                mjcf.drives[j - 1].armature -= c;
+                mjcf.tendons.push(MjcfTendon { joints: [j - 1, j], armature: c, damping: b, frictionloss: a });
+            }
+            _ => {}
+        }
+    }
+    mjcf
+}
+
+fn not_expressible(robot: &Robot, patch: &Patch) -> String {
+    let mut out = format!(
+        "# {}: what the files of this folder do not carry\n\n\
+         model.toml has everything that was found: values in robot.urdf, `[drive]` and `[friction]`, base parameters as the\n\
+         data gave them in `[identified]`, missing effects in `[effects.<name>]`. `rivet predict` uses all of it but what it\n\
+         names. robot.urdf and robot.xml have the nearest bodies that can be built.\n\n\
+         Figures: torque that is missed, root mean square over the logs of the diagnosis after its filter [N m; N for a\n\
+         prismatic joint].\n",
+        robot.config.name
+    );
+    let names = runs::joint_names(robot);
+    let cells = |rms: &[f64]| rms.iter().map(|r| number(*r, 3)).collect::<Vec<_>>().join(" | ");
+    for report in &patch.formats {
+        // Writing to a String cannot fail, here and below.
+        let _ = write!(out, "\n## {}\n\n| | | where, or why not | {} |\n", report.format.file(), names.join(" | "));
+        let _ = writeln!(out, "|---|---|---|{}", "---:|".repeat(names.len()));
+        for item in &report.items {
+            let cost = match item.fidelity {
+                Fidelity::Exact => "0 | ".repeat(names.len()).trim_end_matches(" | ").to_owned(),
+                Fidelity::Missing => cells(&item.torque_rms),
+            };
+            let _ = writeln!(out, "| {} | {} | {} | {cost} |", item.what, item.fidelity.name(), item.place);
+        }
+        let _ = writeln!(out, "| **all that is missing together** | | | {} |", cells(&report.missed));
+    }
+    let _ = writeln!(out, "\nMeasured torque: {} N m rms.", cells(&patch.torque_rms).replace(" | ", " "));
+    match &patch.consistent {
+        Ok(found) if !found.thickened.is_empty() => {
+            let _ = writeln!(
+                out,
+                "\nBodies without extent in some direction were given one: {}.",
+                found.thickened.join(", ")
+            );
+        }
+        Ok(_) => {}
+        Err(why) => {
+            let _ = writeln!(
+                out,
+                "\nNo arm that can be built is near the values found ({why}): bodies and drives of all files are those given, \
+                 and the values found are in `[identified]` of model.toml alone."
+            );
+        }
+    }
+    if !patch.left_out.is_empty() {
+        out += "\nNamed by the diagnosis, and in no file:\n\n";
+        for (effect, why) in &patch.left_out {
+            let _ = writeln!(out, "* {effect}: {why}");
+        }
+    }
+    let not_here: Vec<(&str, &str)> = patch
+        .model
+        .effects()
+        .list()
+        .iter()
+        .filter_map(|e| Some((e.kind.name(), e.kind.not_instant()?)))
+        .collect();
+    if !not_here.is_empty() {
+        out += "\nIn model.toml, and not used by the estimator of rivetd and by rivet-controller, which say so when they start:\n\n";
+        for (name, why) in not_here {
+            let _ = writeln!(out, "* `[effects.{name}]`: {why}");
+        }
+    }
+    out
+}
+
+/// The formats as JSON, for reports.
+pub(crate) fn formats_json(robot: &Robot, patch: &Patch) -> Value {
+    let of = |report: &rivet_diagnosis::FormatReport| {
+        let items: Vec<Value> = report
+            .items
+            .iter()
+            .map(|i| json!({"what": i.what, "fidelity": i.fidelity.name(), "place": i.place, "torque_rms": i.torque_rms}))
+            .collect();
+        json!({"file": report.format.file(), "items": items, "missed_torque_rms": report.missed})
+    };
+    json!({
+        "joints": runs::joint_names(robot),
+        "torque_rms": patch.torque_rms,
+        "formats": Format::ALL.iter().filter_map(|f| patch.formats.iter().find(|r| r.format == *f)).map(of).collect::<Vec<_>>(),
+        "in_no_file": patch.left_out.iter().map(|(e, why)| json!({"effect": e.name(), "why": why})).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,192 @@
+//! What each file format carries of a model, and what it costs where it does not.
+
+use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup};
+
+/// A file that a model is written to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// `model.toml`, read by rivet.
+    Model,
+    /// `robot.urdf`.
+    Urdf,
+    /// `robot.xml`, for MuJoCo 4.
+    Mjcf,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 3] = [Format::Model, Format::Urdf, Format::Mjcf];
+
+    /// The file's name.
+    pub fn file(self) -> &'static str {
+        match self {
+            Format::Model => "model.toml",
+            Format::Urdf => "robot.urdf",
+            Format::Mjcf => "robot.xml",
+        }
+    }
+}
+
+/// How well a format holds something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fidelity {
+    /// As it is in the model.
+    Exact,
+    /// Not at all.
+    Missing,
+}
+
+impl Fidelity {
+    /// The word in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fidelity::Exact => "exact",
+            Fidelity::Missing => "missing",
+        }
+    }
+}
+
+/// One thing of the model in one format.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormatItem {
+    /// What, for people.
+    pub what: String,
+    /// Whether the format has it.
+    pub fidelity: Fidelity,
+    /// Where it stands, or why it does not.
+    pub place: String,
+    /// Its torque over the runs of the diagnosis: root mean square of each joint \[N·m\]. What is missed without it.
+    pub torque_rms: Vec<f64>,
+}
+
+/// One format.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormatReport {
+    /// Which.
+    pub format: Format,
+    /// Everything the model has.
+    pub items: Vec<FormatItem>,
+    /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
+    pub missed: Vec<f64>,
+}
+
+/// A part of the model with its torque, `[joint][row]`.
+pub(crate) struct Part {
+    pub(crate) what: String,
+    pub(crate) kind: PartKind,
+    pub(crate) torque: Vec<Vec<f64>>,
+}
+
+/// What a part is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum PartKind {
+    Group(ParameterGroup),
+    Coulomb,
+    LoadFriction,
+    ViscousQuadratic,
+    Gravity,
+    Effect(KnownEffect),
+    /// Unconstrained values instead of bodies that can be built.
+    Unconstrained,
+    /// Time between torque and position of the log.
+    Timing,
+}
+
+impl PartKind {
+    pub(crate) fn of(parameter: Parameter) -> PartKind {
+        match parameter {
+            Parameter::Coulomb(_) => PartKind::Coulomb,
+            Parameter::LoadFriction(_) => PartKind::LoadFriction,
+            Parameter::ViscousQuadratic(_) => PartKind::ViscousQuadratic,
+            other => PartKind::Group(other.group()),
+        }
+    }
+
+    /// Where it stands in a format, or why it does not. `standard`: values that the file gets, of `joints` joints.
+    fn place(&self, format: Format, standard: &[f64], joints: usize) -> Result<String, String> {
+        use ParameterGroup as Group;
+        let (yes, no) = (|text: &str| Ok(text.to_owned()), |text: &str| Err(text.to_owned()));
+        match (self, format) {
+            (PartKind::Timing, _) => no("a property of the log, not of the arm"),
+            (PartKind::Unconstrained, Format::Model) => yes("[identified]"),
+            (PartKind::Unconstrained, _) => no("bodies in this file can be built"),
+            (PartKind::Effect(e), Format::Model) => Ok(format!("[effects.{}]", e.kind.name())),
+            (PartKind::Gravity, Format::Model) => yes("gravity"),
+            (_, Format::Model) => yes("robot.urdf, [drive], [friction], [coupling]"),
+            (PartKind::Group(Group::Inertial), _) => yes("<inertial>"),
+            (PartKind::Coulomb, Format::Urdf) => yes("<dynamics friction>; its slope at standstill is the reader's"),
+            (PartKind::Group(Group::Friction), Format::Urdf) => yes("<dynamics damping>"),
+            (_, Format::Urdf) => no("a URDF has no place for it"),
+            (PartKind::Coulomb, Format::Mjcf) => yes("joint frictionloss; soft within solreffriction at standstill"),
+            (PartKind::Group(Group::Friction), Format::Mjcf) => yes("joint damping"),
+            (PartKind::Group(Group::RotorInertia), Format::Mjcf) => yes("joint armature"),
+            (PartKind::Group(Group::Offset), Format::Mjcf) => yes("general actuator with constant bias"),
+            (PartKind::Group(Group::Coupling), Format::Mjcf) => no("not written"),
+            (PartKind::ViscousQuadratic, Format::Mjcf) => yes("second coefficient of joint damping"),
+            (PartKind::LoadFriction, Format::Mjcf) => no("MuJoCo's friction does not know the load"),
+            (PartKind::Gravity, Format::Mjcf) => yes("option gravity"),
+            (PartKind::Effect(e), Format::Mjcf) => mjcf_place(e, standard, joints),
+        }
+    }
+}
+
+/// Where an effect stands in MJCF.
+fn mjcf_place(e: &KnownEffect, standard: &[f64], joints: usize) -> Result<String, String> {
+    let place = match e.kind {
+        EffectKind::ViscousNonlinearity => "further coefficients of joint damping",
+        EffectKind::TorqueConstant => "gain of the motor",
+        EffectKind::JointSpring if e.values[0] >= 0.0 => "joint stiffness",
+        EffectKind::TransportDelay => "delay of the motor",
+        EffectKind::CurrentLoopLag => "dyntype filter of the motor",
+        EffectKind::TorqueSaturation => "forcerange of the motor",
+        EffectKind::EncoderOffset => "joint ref",
+        EffectKind::JointCoupling => {
+            let rotor = |j: usize| standard[10 * joints + j];
+            return if mjcf_coupling_fits(e, rotor) {
+                Ok("fixed tendon with armature, damping and frictionloss".to_owned())
+            } else {
+                Err("a tendon's armature, damping and friction must not be negative, nor larger than the rotors'".to_owned())
+            };
+        }
+        EffectKind::Backlash | EffectKind::JointElasticity => return Err("a body behind the gear is not written".into()),
+        _ => return Err("MuJoCo has no such force".to_owned()),
+    };
+    Ok(place.to_owned())
+}
+
+/// Whether a tendon over the two joints can stand for a shared motor: its armature adds to both joints' own as well.
+pub fn mjcf_coupling_fits(effect: &KnownEffect, rotor_inertia: impl Fn(usize) -> f64) -> bool {
+    let [coulomb, viscous, inertia, _] = effect.values;
+    let room = effect.joint > 0 && [effect.joint - 1, effect.joint].iter().all(|j| rotor_inertia(*j) >= inertia);
+    room && coulomb >= 0.0 && viscous >= 0.0 && inertia >= 0.0
+}
+
+/// Reports of all formats.
+pub(crate) fn reports(parts: &[Part], standard: &[f64], joints: usize) -> Vec<FormatReport> {
+    let rms = |torque: &[Vec<f64>]| -> Vec<f64> {
+        torque.iter().map(|t| (t.iter().map(|v| v * v).sum::<f64>() / t.len().max(1) as f64).sqrt()).collect()
+    };
+    Format::ALL
+        .iter()
+        .map(|format| {
+            let mut items = Vec::new();
+            let mut missed: Option<Vec<Vec<f64>>> = None;
+            for part in parts {
+                let place = part.kind.place(*format, standard, joints);
+                if place.is_err() {
+                    let sum = missed.get_or_insert_with(|| part.torque.iter().map(|t| vec![0.0; t.len()]).collect());
+                    for (to, from) in sum.iter_mut().zip(&part.torque) {
+                        to.iter_mut().zip(from).for_each(|(to, v)| *to += v);
+                    }
+                }
+                items.push(FormatItem {
+                    what: part.what.clone(),
+                    fidelity: if place.is_ok() { Fidelity::Exact } else { Fidelity::Missing },
+                    place: place.unwrap_or_else(|why| why),
+                    torque_rms: rms(&part.torque),
+                });
+            }
+            FormatReport { format: *format, items, missed: missed.map_or(vec![0.0; joints], |sum| rms(&sum)) }
+        })
+        .collect()
+}

@@ -1,0 +1,267 @@
+//! The simulator's model with what a diagnosis found: values, effects, and what each file format carries of them.
+
+use nalgebra::DMatrix;
+use rivet_dynamics::{BaseSet, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter, ParameterGroup};
+use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
+
+use crate::background::{Nominal, standard_columns};
+use crate::design::Prepared;
+use crate::effect::Effect;
+use crate::formats::{FormatReport, Part, PartKind, reports};
+use crate::known::{self, Carried};
+use crate::rows::Column;
+use crate::search::Search;
+use crate::select::Adopted;
+
+/// The corrected model.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// Kinematics, gravity, structure and effects. Its bodies are those of the model as given.
+    pub model: Model,
+    /// Standard vector of the model as the data gave it.
+    pub standard: Vec<f64>,
+    /// The nearest arm that can be built.
+    pub consistent: Result<Projection, ConsistencyError>,
+    /// Base parameters of `model` that belong to `standard`.
+    pub base: Vec<f64>,
+    /// Their standard deviations.
+    pub std: Vec<f64>,
+    /// Causes that no file holds, with the reason.
+    pub left_out: Vec<(Effect, String)>,
+    /// What each format carries.
+    pub formats: Vec<FormatReport>,
+    /// Root mean square of the measured torque of all runs, each joint \[N·m\].
+    pub torque_rms: Vec<f64>,
+}
+
+impl Patch {
+    /// The standard vector to simulate and to write: of an arm that can be built, where there is one.
+    pub fn buildable(&self) -> &[f64] {
+        self.consistent.as_ref().map_or(&self.standard, |found| &found.standard)
+    }
+}
+
+/// What goes into the patch.
+pub(crate) struct Found<'a> {
+    pub(crate) nominal: &'a Nominal,
+    /// All runs, the sealed one included: a patch is made of everything known, after predictions were kept.
+    pub(crate) runs: Vec<&'a Prepared>,
+    /// Torque of the timing column by run, `[run]`.
+    pub(crate) timing: Vec<&'a Column>,
+    /// Causes that stand.
+    pub(crate) upheld: Vec<&'a Adopted>,
+    /// Forms that were withdrawn.
+    pub(crate) withdrawn: Vec<&'a Adopted>,
+}
+
+/// Makes the patch; the design loses what was withdrawn, and everything else is solved anew.
+pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> {
+    let Found { nominal, runs, .. } = found;
+    let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
+    for adopted in &found.withdrawn {
+        search.design.forget(adopted.place, &adopted.mean);
+    }
+    let solved = search.solved(search.scale)?;
+    let mut standard = search.values(&solved.x);
+    let mut gravity = nominal.model.arm.gravity;
+    let mut effects: Vec<KnownEffect> = nominal.model.effects().list().to_vec();
+    let mut left_out = Vec::new();
+    let mut parts: Vec<Part> = Vec::new();
+    let temperature: Option<Vec<f64>> =
+        runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
+    for adopted in &found.upheld {
+        let c: Vec<f64> =
+            adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
+        let (carried, beside) = adopted.form.carried(&c, &adopted.values, n, temperature.as_deref());
+        beside.iter().for_each(|(at, change)| standard[*at] += change);
+        match carried {
+            Carried::Effect(effect) if effects.iter().any(|e| (e.kind, e.joint) == (effect.kind, effect.joint)) => {
+                left_out.push((adopted.form.effect(), "the file as given has this effect on this joint already".into()));
+            }
+            Carried::Effect(effect) => effects.push(effect),
+            Carried::Values(changes) => changes.iter().for_each(|(at, change)| standard[*at] += change),
+            Carried::Gravity(change) => gravity.iter_mut().zip(change).for_each(|(g, c)| *g += c),
+            Carried::Nothing(why) => left_out.push((adopted.form.effect(), why.to_owned())),
+        }
+    }
+    let tilted = gravity != nominal.model.arm.gravity;
+    let mut arm = nominal.model.arm.clone();
+    arm.gravity = gravity;
+    let drives = Joints {
+        rotor_inertia: standard[10 * n..11 * n].to_vec(),
+        viscous: standard[11 * n..12 * n].to_vec(),
+        ..Joints::default()
+    };
+    let model = Model::new(arm, nominal.model.structure)
+        .with_load(nominal.model.load().to_vec())
+        .with_effects(KnownEffects::new(effects.clone(), &drives));
+    let base_set = BaseSet::new(&model).ok()?;
+    let base = base_set.from_standard(&standard);
+    let covariance = base_covariance(&base_set, &solved.covariance(width)?);
+    // Rows of all runs, under the gravity that holds.
+    let fresh: Vec<Option<Vec<Column>>> = runs
+        .iter()
+        .map(|run| tilted.then(|| standard_columns(&model, &run.motion, &run.chain)))
+        .collect();
+    let columns: Vec<&Vec<Column>> = runs.iter().zip(&fresh).map(|(r, f)| f.as_ref().unwrap_or(&r.standard)).collect();
+    let mut reference = Reference::new(n, base_set.len());
+    for (run, columns) in runs.iter().zip(&columns) {
+        add_rows(&mut reference, &base_set, columns, run, width);
+    }
+    let nominal_now = nominal.x.clone();
+    let consistent = project(&model, &base_set, &base, &covariance, &nominal_now, &reference);
+    let written = consistent.as_ref().map_or(&standard, |found| &found.standard).clone();
+
+    let of_values = |values: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
+        let mut torque = vec![Vec::new(); n];
+        for (run, columns) in runs.iter().zip(&columns) {
+            for (j, torque) in torque.iter_mut().enumerate() {
+                let mut sum = vec![0.0; run.rows()];
+                for (c, column) in columns.iter().enumerate() {
+                    if let (Some(rows), factor) = (&column[j], values(c))
+                        && factor != 0.0
+                    {
+                        sum.iter_mut().zip(rows).for_each(|(s, v)| *s += factor * v);
+                    }
+                }
+                torque.extend(sum);
+            }
+        }
+        torque
+    };
+    let mut group = |what: &str, kind: PartKind| {
+        let of = |c: usize| if PartKind::of(model.parameters[c]) == kind { written[c] } else { 0.0 };
+        if (0..width).any(|c| of(c) != 0.0) {
+            parts.push(Part { what: what.to_owned(), kind, torque: of_values(&of) });
+        }
+    };
+    group("bodies", PartKind::Group(ParameterGroup::Inertial));
+    group("rotor inertia behind the gear", PartKind::Group(ParameterGroup::RotorInertia));
+    group("viscous friction", PartKind::Group(ParameterGroup::Friction));
+    group("Coulomb friction", PartKind::Coulomb);
+    group("friction with the load", PartKind::LoadFriction);
+    group("friction with the square of speed", PartKind::ViscousQuadratic);
+    group("torque offset", PartKind::Group(ParameterGroup::Offset));
+    group("coupled wrist motor", PartKind::Group(ParameterGroup::Coupling));
+    parts.push(Part {
+        what: "values as the data gave them, against bodies that can be built".to_owned(),
+        kind: PartKind::Unconstrained,
+        torque: of_values(&|c| standard[c] - written[c]),
+    });
+    if tilted {
+        let mut torque = vec![Vec::new(); n];
+        for (run, columns) in runs.iter().zip(&columns) {
+            for (j, torque) in torque.iter_mut().enumerate() {
+                let mut sum = vec![0.0; run.rows()];
+                for (c, (new, old)) in columns.iter().zip(&run.standard).enumerate() {
+                    for (rows, factor) in [(&new[j], written[c]), (&old[j], -written[c])] {
+                        if let Some(rows) = rows {
+                            sum.iter_mut().zip(rows).for_each(|(s, v)| *s += factor * v);
+                        }
+                    }
+                }
+                torque.extend(sum);
+            }
+        }
+        parts.push(Part { what: "direction of gravity".to_owned(), kind: PartKind::Gravity, torque });
+    }
+    let exact = Nominal::exact(&model, &written);
+    for effect in &effects {
+        let mut torque = vec![Vec::new(); n];
+        for run in runs {
+            let full = known::torque(&exact, std::slice::from_ref(effect), &run.run, &run.motion);
+            torque.iter_mut().zip(&full).for_each(|(to, full)| to.extend(run.chain.apply(full)));
+        }
+        let joint = if effect.kind.is_global() { "all joints" } else { &model.arm.joints[effect.joint].name };
+        parts.push(Part {
+            what: format!("{} of {joint}", effect.kind.name().replace('_', " ")),
+            kind: PartKind::Effect(*effect),
+            torque,
+        });
+    }
+    let timing = solved.x[width];
+    parts.push(Part {
+        what: format!("{:.2} ms between torque and position", 1e3 * timing),
+        kind: PartKind::Timing,
+        torque: (0..n)
+            .map(|j| {
+                let of = |(column, run): (&&Column, &&Prepared)| match &column[j] {
+                    Some(rows) => rows.iter().map(|v| timing * v).collect(),
+                    None => vec![0.0; run.rows()],
+                };
+                found.timing.iter().zip(runs).flat_map(of).collect::<Vec<f64>>()
+            })
+            .collect(),
+    });
+    let torque_rms = (0..n)
+        .map(|j| {
+            let all = runs.iter().flat_map(|r| &r.tau[j]);
+            let (square, rows) = all.fold((0.0, 0usize), |(s, n), t| (s + t * t, n + 1));
+            (square / rows.max(1) as f64).sqrt()
+        })
+        .collect();
+    let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(0.0).sqrt()).collect();
+    let formats = reports(&parts, &written, n);
+    Some(Patch { model, standard, consistent, base, std, left_out, formats, torque_rms })
+}
+
+/// `G·C·Gᵀ` row-major, G from standard to base parameters.
+fn base_covariance(base: &BaseSet, covariance: &DMatrix<f64>) -> Vec<f64> {
+    let width = covariance.nrows();
+    let mut g = DMatrix::zeros(base.len(), width);
+    for c in 0..width {
+        let mut unit = vec![0.0; width];
+        unit[c] = 1.0;
+        g.column_mut(c).copy_from_slice(&base.from_standard(&unit));
+    }
+    let found = &g * covariance * g.transpose();
+    found.transpose().as_slice().to_vec()
+}
+
+/// Adds a run's rows, joint by joint, as base columns.
+fn add_rows(reference: &mut Reference, base: &BaseSet, columns: &[Column], run: &Prepared, width: usize) {
+    let (n, k) = (run.tau.len(), base.len());
+    let (mut full, mut selected) = (vec![0.0; n * width], vec![0.0; n * k]);
+    for j in 0..n {
+        let mut rows = Vec::with_capacity(run.rows() * k);
+        for row in 0..run.rows() {
+            full.fill(0.0);
+            for (c, column) in columns.iter().enumerate() {
+                full[j * width + c] = column[j].as_ref().map_or(0.0, |rows| rows[row]);
+            }
+            base.select(&full, width, &mut selected);
+            rows.extend_from_slice(&selected[j * k..(j + 1) * k]);
+        }
+        reference.add(j, &rows, &run.tau[j]);
+    }
+}
+
+/// The drive values of a standard vector.
+pub fn drives(model: &Model, standard: &[f64]) -> Joints {
+    let n = model.arm.dof();
+    let zeros = || vec![0.0; n];
+    let mut joints = Joints {
+        rotor_inertia: zeros(),
+        viscous: zeros(),
+        coulomb: zeros(),
+        offset: zeros(),
+        load_friction: zeros(),
+        viscous_quadratic: zeros(),
+        coupling: [0.0; 3],
+    };
+    for (parameter, &value) in model.parameters.iter().zip(standard).skip(LINK_PARAMETERS * n) {
+        match *parameter {
+            Parameter::Link { .. } => {}
+            Parameter::RotorInertia(j) => joints.rotor_inertia[j] = value,
+            Parameter::Viscous(j) => joints.viscous[j] = value,
+            Parameter::Coulomb(j) => joints.coulomb[j] = value,
+            Parameter::Offset(j) => joints.offset[j] = value,
+            Parameter::LoadFriction(j) => joints.load_friction[j] = value,
+            Parameter::ViscousQuadratic(j) => joints.viscous_quadratic[j] = value,
+            Parameter::CouplingInertia => joints.coupling[0] = value,
+            Parameter::CouplingViscous => joints.coupling[1] = value,
+            Parameter::CouplingCoulomb => joints.coupling[2] = value,
+        }
+    }
+    joints
+}
