@@ -121,7 +121,14 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
         }
         let _ = writeln!(out, "| **all that is missing together** | | | {} |", cells(&report.missed));
     }
-    let _ = writeln!(out, "\nMeasured torque: {} N m rms.", cells(&patch.torque_rms).replace(" | ", " "));
+    let plain = |rms: &[f64]| cells(rms).replace(" | ", " ");
+    let _ = writeln!(out, "\nMeasured torque: {} N m rms.", plain(&patch.torque_rms));
+    let _ = writeln!(
+        out,
+        "\nTorque is {} ms before position in the logs ({} N m rms): a property of the recording, in none of the files.",
+        number(1e3 * patch.timing_s, 2),
+        plain(&patch.timing_rms)
+    );
     match &patch.consistent {
         Ok(found) if !found.thickened.is_empty() => {
             let _ = writeln!(
@@ -174,6 +181,8 @@ pub(crate) fn formats_json(robot: &Robot, patch: &Patch) -> Value {
     json!({
         "joints": runs::joint_names(robot),
         "torque_rms": patch.torque_rms,
+        "timing_s": patch.timing_s,
+        "timing_torque_rms": patch.timing_rms,
         "formats": Format::ALL.iter().filter_map(|f| patch.formats.iter().find(|r| r.format == *f)).map(of).collect::<Vec<_>>(),
         "in_no_file": patch.left_out.iter().map(|(e, why)| json!({"effect": e.name(), "why": why})).collect::<Vec<_>>(),
     })

@@ -9,7 +9,7 @@ use crate::source::{Sources, Values};
 use crate::stop::{LastSeen, Stop};
 use crate::velocity::VelocityFilter;
 use rivet_config::Robot;
-use rivet_dynamics::MAX_JOINTS;
+use rivet_dynamics::{EffectKind, MAX_JOINTS};
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
     Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, ParameterSource, Parameters,
@@ -125,6 +125,15 @@ const STANDING: f64 = 0.05;
 /// Memory of the tracking error that is reported \[s\].
 const TRACKING_S: f64 = 1.0;
 
+/// What the drives take, less where it is known that they do not deliver it.
+fn torque_limits(robot: &Robot) -> Vec<f64> {
+    let mut limits = robot.config.drive.torque_limit.clone();
+    for effect in robot.model.effects().list().iter().filter(|e| e.kind == EffectKind::TorqueSaturation) {
+        limits[effect.joint] = limits[effect.joint].min(effect.values[0]);
+    }
+    limits
+}
+
 impl Core {
     /// Starts on the parameters of the robot file. `adopt_from_seq`: published parameters act only from that sample on
     /// (0: at once; `u64::MAX`: never, the robot file's stay).
@@ -152,7 +161,7 @@ impl Core {
             law,
             recent: Recent::new(robot)?,
             sources: Sources::new(&nominal, timeout, settings.return_after as u32, period_s),
-            output: Output::new(Limits { torque: robot.config.drive.torque_limit.clone(), step }),
+            output: Output::new(Limits { torque: torque_limits(robot), step }),
             clock: SampleClock::new(period_s),
             confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),

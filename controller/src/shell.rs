@@ -88,6 +88,9 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
     rivet_service::log_as("rivet-controller", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
     let robot = robot?;
+    for line in robot.model.effects_left_out() {
+        eprintln!("rivet-controller: {line}");
+    }
     let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;

@@ -72,6 +72,9 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
     rivet_service::log_as("rivetd", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
     let robot = robot?;
+    for line in robot.model.effects_left_out() {
+        eprintln!("rivetd: {line}");
+    }
     let shutdown = Shutdown::on_termination().map_err(StartError::Signals)?;
     let hangup = Hangup::listen().map_err(StartError::Signals)?;
     if options.die_with_parent {

@@ -88,8 +88,6 @@ pub(crate) enum PartKind {
     Effect(KnownEffect),
     /// Unconstrained values instead of bodies that can be built.
     Unconstrained,
-    /// Time between torque and position of the log.
-    Timing,
 }
 
 impl PartKind {
@@ -107,7 +105,6 @@ impl PartKind {
         use ParameterGroup as Group;
         let (yes, no) = (|text: &str| Ok(text.to_owned()), |text: &str| Err(text.to_owned()));
         match (self, format) {
-            (PartKind::Timing, _) => no("a property of the log, not of the arm"),
             (PartKind::Unconstrained, Format::Model) => yes("[identified]"),
             (PartKind::Unconstrained, _) => no("bodies in this file can be built"),
             (PartKind::Effect(e), Format::Model) => Ok(format!("[effects.{}]", e.kind.name())),

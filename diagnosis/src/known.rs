@@ -192,3 +192,91 @@ pub(crate) fn torque(nominal: &Nominal, effects: &[KnownEffect], run: &Run, moti
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_dynamics::{Arm, Structure};
+
+    /// The forms of this crate and the effects of a robot file are two implementations: whatever a diagnosis hands on must
+    /// be the torque that it was adopted for.
+    #[test]
+    fn what_is_handed_on_is_what_was_adopted() {
+        let text = include_str!("../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, sign_velocity: 0.01, ..Structure::default() });
+        let mut x = model.arm.links.concat();
+        for (size, slope) in [(1.5, 0.2), (4.0, 0.5), (6.0, 0.3), (0.0, 0.0)] {
+            x.extend((0..n).map(|j| size + slope * j as f64));
+        }
+        let wave = |j: usize, k: usize| {
+            let t = 1e-3 * k as f64;
+            0.8 * (1.3 * t + j as f64).sin() + 0.2 * ((3.0 + 0.4 * j as f64) * t).cos()
+        };
+        let signal = |f: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
+            (0..n).map(|j| (0..2500).map(|k| f(j, k)).collect()).collect()
+        };
+        let run = Run {
+            name: String::new(),
+            period_s: 1e-3,
+            q: signal(&wave),
+            tau: signal(&|_, _| 0.0),
+            temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
+        };
+        let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
+        let physics = Physics::new(&run, &motion, &nominal, &x, None);
+        let start: Vec<f64> = run.temperature.iter().flatten().map(|t| t[0]).collect();
+        let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
+        let cases: Vec<(Form, Vec<f64>)> = vec![
+            (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
+            (Form::Stribeck { joint: 2, velocity: 0.05 }, vec![2.0]),
+            (Form::ViscousNonlinearity { joint: 0 }, vec![-0.7, 0.3]),
+            (Form::Load { joint: 1 }, vec![0.12]),
+            (Form::Temperature { joint: 3 }, vec![-0.05, -0.02]),
+            (Form::Presliding { joint: 2, length: 0.01 }, vec![0.9]),
+            (Form::PositionFriction { joint: 4, order: 2.0 }, vec![0.5, -0.8, 0.0]),
+            (Form::Gain { joint: 1 }, vec![0.08]),
+            (Form::Ripple { joint: 5, order: 60.0 }, vec![0.3, 0.2]),
+            (Form::TransmissionError { joint: 1, order: 20.0 }, vec![1e-6, 2e-6]),
+            (Form::Eccentricity { joint: 2 }, vec![1e-5, -2e-5]),
+            (Form::TwoMass { joint: 1, gear: gear(0.0) }, vec![1.05]),
+            (Form::TwoMass { joint: 1, gear: gear(2e-3) }, vec![0.95]),
+            (Form::Spring { joint: 2 }, vec![7.0]),
+            (Form::Counterbalance { joint: 1, arm: 0.3, phase: 0.7 }, vec![20.0, -8.0]),
+            (Form::Coupling { driving: 4, driven: 5 }, vec![0.6, 0.4, 0.02]),
+            (Form::Delay { seconds: 0.003 }, vec![1.0]),
+            (Form::Lag, vec![0.004]),
+            (Form::EncoderOffset { joint: 1 }, vec![1e-5]),
+        ];
+        let mut seen = Vec::new();
+        for (form, c) in cases {
+            let (Carried::Effect(effect), _) = form.carried(&c, &x, n, Some(&start)) else {
+                panic!("{form:?} has a section of its own")
+            };
+            seen.push(effect.kind);
+            let handed_on = torque(&nominal, &[effect], &run, &motion);
+            let mut adopted = vec![vec![0.0; run.len()]; n];
+            for (column, factor) in form.columns(&physics).into_iter().zip(&c) {
+                for (to, signal) in adopted.iter_mut().zip(column) {
+                    to.iter_mut().zip(signal.iter().flatten()).for_each(|(to, v)| *to += factor * v);
+                }
+            }
+            // The ends of a record are the differentiator's.
+            let inner = |signal: &[Vec<f64>]| -> Vec<f64> { signal.iter().flat_map(|s| s[50..2450].to_vec()).collect() };
+            let (a, b) = (inner(&handed_on), inner(&adopted));
+            let size = b.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let apart = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            // The forms of angles that are off leave out the error's speed, which is large for a fast wave.
+            let tolerance = match effect.kind {
+                EffectKind::TransmissionError => 0.05,
+                EffectKind::EncoderEccentricity | EffectKind::EncoderOffset => 0.02,
+                _ => 1e-9,
+            };
+            assert!(size > 0.0 && apart <= tolerance * size, "{form:?}: {apart} of {size}");
+        }
+        let missing: Vec<_> =
+            EffectKind::ALL.iter().filter(|k| !seen.contains(k) && **k != EffectKind::TorqueSaturation).collect();
+        assert!(missing.is_empty(), "{missing:?} were not compared");
+    }
+}

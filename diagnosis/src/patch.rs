@@ -30,6 +30,11 @@ pub struct Patch {
     pub left_out: Vec<(Effect, String)>,
     /// What each format carries.
     pub formats: Vec<FormatReport>,
+    /// By how much torque is before position in the logs \[s\]: a property of the recording that no file holds, within a
+    /// sample or so.
+    pub timing_s: f64,
+    /// Its torque, each joint \[N·m\].
+    pub timing_rms: Vec<f64>,
     /// Root mean square of the measured torque of all runs, each joint \[N·m\].
     pub torque_rms: Vec<f64>,
 }
@@ -180,19 +185,13 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         });
     }
     let timing = solved.x[width];
-    parts.push(Part {
-        what: format!("{:.2} ms between torque and position", 1e3 * timing),
-        kind: PartKind::Timing,
-        torque: (0..n)
-            .map(|j| {
-                let of = |(column, run): (&&Column, &&Prepared)| match &column[j] {
-                    Some(rows) => rows.iter().map(|v| timing * v).collect(),
-                    None => vec![0.0; run.rows()],
-                };
-                found.timing.iter().zip(runs).flat_map(of).collect::<Vec<f64>>()
-            })
-            .collect(),
-    });
+    let timing_rms = (0..n)
+        .map(|j| {
+            let all = found.timing.iter().filter_map(|column| column[j].as_ref()).flatten();
+            let (square, rows) = all.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+            timing.abs() * (square / rows.max(1) as f64).sqrt()
+        })
+        .collect();
     let torque_rms = (0..n)
         .map(|j| {
             let all = runs.iter().flat_map(|r| &r.tau[j]);
@@ -202,7 +201,7 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         .collect();
     let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(0.0).sqrt()).collect();
     let formats = reports(&parts, &written, n);
-    Some(Patch { model, standard, consistent, base, std, left_out, formats, torque_rms })
+    Some(Patch { model, standard, consistent, base, std, left_out, formats, timing_s: timing, timing_rms, torque_rms })
 }
 
 /// `G·C·Gᵀ` row-major, G from standard to base parameters.

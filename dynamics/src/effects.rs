@@ -108,6 +108,15 @@ impl KnownEffect {
         KnownEffect { kind, joint, values }
     }
 
+    /// Angle from what the encoder says to the link where it says `q` \[rad\]; none for effects that do not displace.
+    pub fn angle_error(&self, q: f64) -> Option<f64> {
+        let displaces = matches!(
+            self.kind,
+            EffectKind::EncoderOffset | EffectKind::EncoderEccentricity | EffectKind::TransmissionError
+        );
+        displaces.then(|| displacement(self, q, 0.0, 0.0)[0])
+    }
+
     /// Whether it does anything.
     pub fn acts(&self) -> bool {
         self.values[..self.kind.sizes()].iter().any(|v| *v != 0.0)
@@ -185,6 +194,17 @@ pub fn own_torque(effect: &KnownEffect, s: f64, carried: f64, q: f64, v: f64) ->
 }
 
 impl Model {
+    /// Effects that estimator and controller leave out, for people: which, where, why.
+    pub fn effects_left_out(&self) -> Vec<String> {
+        let of = |effect: &KnownEffect| {
+            // What is not delivered is cut from reported torque and from what may be commanded.
+            let why = effect.kind.not_instant().filter(|_| effect.kind != EffectKind::TorqueSaturation)?;
+            let joint = if effect.kind.is_global() { "all joints" } else { &self.arm.joints[effect.joint].name };
+            Some(format!("[effects.{}] of {joint} is left out: {why}", effect.kind.name()))
+        };
+        self.effects().list().iter().filter_map(of).collect()
+    }
+
     /// Adds the torque of all known effects that follow from one instant to that of the regressor: `tau` \[N·m\] becomes
     /// what the drives report. Real-time safe.
     pub fn add_effects(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], tau: &mut [f64]) {

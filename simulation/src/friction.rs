@@ -41,6 +41,8 @@ pub(crate) struct Element {
     /// Level that acts as hard friction now: the Coulomb level under `FrictionLaw::Stick`, and the brake \[N·m\].
     pub(crate) hard: f64,
     pub(crate) phase: Phase,
+    /// Whether effects add to it ([`Mechanics::dry`]).
+    pub(crate) varies: bool,
     /// Torque of the last `settle` on this element, the start of the next.
     lambda: f64,
 }
@@ -50,12 +52,23 @@ pub(crate) const MAX_ELEMENTS: usize = MAX_JOINTS + 1;
 
 impl Element {
     pub(crate) fn new(a: usize, b: Option<usize>, coulomb: f64) -> Self {
-        Self { a, b, coulomb, hard: 0.0, phase: Phase::Free, lambda: 0.0 }
+        Self { a, b, coulomb, hard: 0.0, phase: Phase::Free, varies: false, lambda: 0.0 }
     }
 
     /// The element's velocity when the joints' are `v`; of any joint vector, its projection.
     pub(crate) fn of(&self, v: &Vector) -> f64 {
         v[self.a] + self.b.map_or(0.0, |b| v[b])
+    }
+
+    /// What effects add to its level in the direction `sign`.
+    fn more(&self, mechanics: &Mechanics, sign: f64) -> f64 {
+        if self.varies { mechanics.dry(self.a, sign) } else { 0.0 }
+    }
+
+    /// Its hard level in the direction `sign`; none under a smooth law, but for a brake's.
+    fn level(&self, mechanics: &Mechanics, law: FrictionLaw, sign: f64) -> f64 {
+        let more = if law == FrictionLaw::Stick { self.more(mechanics, sign) } else { 0.0 };
+        (self.hard + more).max(0.0)
     }
 
     /// Adds `torque` on the element to the joint torques `f`.
@@ -100,7 +113,7 @@ impl Friction {
             element.hard = own + if element.b.is_none() { brake[element.a] } else { 0.0 };
             let v = element.of(qd);
             element.phase = match () {
-                () if element.hard <= 0.0 => Phase::Free,
+                () if element.hard <= 0.0 && !(element.varies && self.law == FrictionLaw::Stick) => Phase::Free,
                 () if v == 0.0 => Phase::Stuck,
                 () => Phase::Slides(v.signum()),
             };
@@ -111,10 +124,12 @@ impl Friction {
     pub(crate) fn acceleration(&self, mechanics: &Mechanics, mut f: Vector, qd: &Vector) -> Vector {
         for element in &self.elements {
             if let FrictionLaw::Smooth { velocity } = self.law {
-                element.apply(-element.coulomb * (element.of(qd) / velocity).tanh(), &mut f);
+                let v = element.of(qd);
+                let level = (element.coulomb + element.more(mechanics, v.signum())).max(0.0);
+                element.apply(-level * (v / velocity).tanh(), &mut f);
             }
             if let Phase::Slides(sign) = element.phase {
-                element.apply(-element.hard * sign, &mut f);
+                element.apply(-element.level(mechanics, self.law, sign) * sign, &mut f);
             }
         }
         let mut a = f;
@@ -169,10 +184,12 @@ impl Friction {
         let mut a = *f;
         for element in &self.elements {
             if let FrictionLaw::Smooth { velocity } = self.law {
-                element.apply(-element.coulomb * (element.of(qd) / velocity).tanh(), &mut a);
+                let v = element.of(qd);
+                let level = (element.coulomb + element.more(mechanics, v.signum())).max(0.0);
+                element.apply(-level * (v / velocity).tanh(), &mut a);
             }
             match element.phase {
-                Phase::Slides(sign) => element.apply(-element.hard * sign, &mut a),
+                Phase::Slides(sign) => element.apply(-element.level(mechanics, self.law, sign) * sign, &mut a),
                 Phase::Stuck => element.apply(element.lambda, &mut a),
                 Phase::Free => {}
             }
@@ -190,7 +207,10 @@ impl Friction {
                 if element.phase != Phase::Stuck {
                     continue;
                 }
-                let torque = (element.lambda - element.of(&a) / element.of(x)).clamp(-element.hard, element.hard);
+                // Against motion forward it pulls back, by the level of that direction.
+                let (back, on) =
+                    (element.level(mechanics, self.law, 1.0), element.level(mechanics, self.law, -1.0));
+                let torque = (element.lambda - element.of(&a) / element.of(x)).clamp(-back, on);
                 let step = torque - element.lambda;
                 element.lambda = torque;
                 for j in 0..MAX_JOINTS {
@@ -205,8 +225,9 @@ impl Friction {
         for element in &mut self.elements {
             if element.phase == Phase::Stuck {
                 let left = element.of(&a);
+                let hard = element.level(mechanics, self.law, -element.lambda.signum());
                 // At its level and still accelerating: it breaks away. The threshold is far under any real acceleration.
-                if element.lambda.abs() >= element.hard && left * element.lambda < 0.0 && left.abs() > 1e-9 {
+                if element.lambda.abs() >= hard && left * element.lambda < 0.0 && left.abs() > 1e-9 {
                     element.phase = Phase::Slides(left.signum());
                 }
             } else {

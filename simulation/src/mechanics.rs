@@ -1,7 +1,9 @@
 //! Equations of motion of the true arm: rigid links, drive inertia, viscous friction, offsets. Dry friction is `friction.rs`.
 
 use crate::truth::Truth;
-use rivet_dynamics::{Arm, JointKind, MAX_JOINTS, Workspace, WristCoupling, inverse_dynamics, mass_matrix};
+use rivet_dynamics::{
+    Arm, EffectKind, JointKind, KnownEffect, MAX_JOINTS, Workspace, WristCoupling, inverse_dynamics, mass_matrix, own_torque,
+};
 
 /// One value a joint; entries from the arm's joint count on are zero.
 pub type Vector = [f64; MAX_JOINTS];
@@ -23,6 +25,9 @@ pub(crate) struct Mechanics {
     factor: [Vector; MAX_JOINTS],
     /// Bias b of the same state.
     bias: Vector,
+    /// Further effects, and the state that they are asked for.
+    effects: Vec<KnownEffect>,
+    at: (Vector, Vector),
 }
 
 impl Mechanics {
@@ -53,6 +58,8 @@ impl Mechanics {
             mass: [0.0; MAX_JOINTS * MAX_JOINTS],
             factor: [[0.0; MAX_JOINTS]; MAX_JOINTS],
             bias: [0.0; MAX_JOINTS],
+            effects: truth.effects.clone(),
+            at: ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]),
         }
     }
 
@@ -76,6 +83,7 @@ impl Mechanics {
     /// Prepares `solve` and `free_force` for the state `(q, qd)`.
     pub(crate) fn factor(&mut self, q: &Vector, qd: &Vector) {
         let n = self.n;
+        self.at = (*q, *qd);
         self.fill_mass(q);
         let zero = [0.0; MAX_JOINTS];
         inverse_dynamics(
@@ -126,7 +134,47 @@ impl Mechanics {
                 f[j] -= self.viscous[j][k] * qd[k];
             }
         }
+        let q = &self.at.0;
+        for effect in &self.effects {
+            let j = effect.joint;
+            f[j] -= match effect.kind {
+                EffectKind::FrictionAsymmetry => effect.values[1] * qd[j].abs(),
+                EffectKind::ViscousNonlinearity
+                | EffectKind::TorqueRipple
+                | EffectKind::JointSpring
+                | EffectKind::Counterbalance => own_torque(effect, 0.0, 0.0, q[j], qd[j]),
+                _ => 0.0,
+            };
+        }
         f
+    }
+
+    /// What effects add to the dry friction of joint `j` that slides, or is held from sliding, in the direction `sign`, in
+    /// the state last given to `factor`. Of the load, gravity and velocity products count, not acceleration.
+    pub(crate) fn dry(&self, j: usize, sign: f64) -> f64 {
+        let (q, qd) = (self.at.0[j], self.at.1[j]);
+        let level = |effect: &KnownEffect| match effect.kind {
+            EffectKind::FrictionAsymmetry => effect.values[0] * sign,
+            EffectKind::StribeckFriction
+            | EffectKind::LoadDependentFriction
+            | EffectKind::PositionDependentFriction => own_torque(effect, 1.0, self.bias[j], q, qd),
+            _ => 0.0,
+        };
+        self.effects.iter().filter(|e| e.joint == j).map(level).sum()
+    }
+
+    /// Whether effects make dry friction on joint `j`.
+    pub(crate) fn has_dry(&self, j: usize) -> bool {
+        let dry = |kind: EffectKind| {
+            matches!(
+                kind,
+                EffectKind::FrictionAsymmetry
+                    | EffectKind::StribeckFriction
+                    | EffectKind::LoadDependentFriction
+                    | EffectKind::PositionDependentFriction
+            )
+        };
+        self.effects.iter().any(|e| e.joint == j && dry(e.kind))
     }
 
     /// Kinetic energy, rotors included, plus potential energy in the field of gravity \[J\].

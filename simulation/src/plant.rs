@@ -5,7 +5,8 @@ use crate::integrator::{State, acceleration, advance};
 use crate::mechanics::{Mechanics, Vector};
 use crate::sensors::{Measurement, Readout, Sensors};
 use crate::truth::Truth;
-use rivet_dynamics::{MAX_JOINTS, WristCoupling};
+use rivet_dynamics::{EffectKind, KnownEffect, MAX_JOINTS, WristCoupling};
+use std::collections::VecDeque;
 
 /// How the plant is simulated.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,11 +46,13 @@ pub struct Plant {
     friction: Friction,
     readout: Readout,
     sensors: Sensors,
-    coupling: Option<WristCoupling>,
+    truth: Truth,
     settings: PlantSettings,
     state: State,
-    /// Torque in force at the joints, after saturation \[N·m\].
+    /// Torque in force at the joints \[N·m\].
     applied: Vector,
+    /// What the drives report: the command, after their limits.
+    drive: Drive,
     braked: bool,
     seq: u64,
     steps: usize,
@@ -65,16 +68,20 @@ impl Plant {
             elements.push(Element::new(driving, Some(driven), truth.joints.coupling[2]));
         }
         let mut mechanics = Mechanics::new(truth);
+        for element in elements.iter_mut().filter(|e| e.b.is_none()) {
+            element.varies = mechanics.has_dry(element.a);
+        }
         let steps = settings.steps.max(stable_steps(truth, &mut mechanics, &elements, settings));
         let mut plant = Self {
             friction: Friction::new(elements, settings.friction),
             mechanics,
-            readout: Readout::new(sensors, truth.structure.coupling, seed),
+            readout: Readout::new(sensors, truth, seed),
             sensors: sensors.clone(),
-            coupling: truth.structure.coupling,
+            truth: truth.clone(),
             settings: settings.clone(),
             state: State { q: [0.0; MAX_JOINTS], qd: [0.0; MAX_JOINTS] },
             applied: [0.0; MAX_JOINTS],
+            drive: Drive::new(truth, settings),
             braked: false,
             seq: 0,
             steps,
@@ -100,12 +107,13 @@ impl Plant {
         self.state.q[..n].copy_from_slice(&q[..n]);
         self.state.qd[..n].copy_from_slice(&qd[..n]);
         self.applied.fill(0.0);
+        self.drive.clear();
         self.set_brake(self.braked);
     }
 
     /// Starts the noise anew from `seed`.
     pub fn reseed(&mut self, seed: u64) {
-        self.readout = Readout::new(&self.sensors, self.coupling, seed);
+        self.readout = Readout::new(&self.sensors, &self.truth, seed);
     }
 
     /// The arm becomes `truth` where it stands or moves: it has grasped or let go of a payload. Position and velocity stay,
@@ -142,7 +150,7 @@ impl Plant {
         &self.state.qd[..self.dof()]
     }
 
-    /// Torque in force, after saturation \[N·m\].
+    /// Torque in force at the joints \[N·m\].
     pub fn applied(&self) -> &[f64] {
         &self.applied[..self.dof()]
     }
@@ -169,19 +177,21 @@ impl Plant {
 
     /// Latches the sensors. Draws noise: once a period.
     pub fn measure(&mut self) -> Measurement {
-        self.readout.read(self.seq, self.time_s(), self.mechanics.dof(), &self.state.q, &self.applied)
+        self.readout.read(self.seq, self.time_s(), self.mechanics.dof(), &self.state.q, &self.drive.reported)
     }
 
     /// Goes on by one period: the torque in force acts until the latency is over, then `command` \[N·m\] does.
     pub fn step(&mut self, command: &[f64]) {
-        let before = self.settings.latency * self.settings.period_s;
+        let n = self.dof();
+        let before = self.drive.share * self.settings.period_s;
         self.run(before);
-        for j in 0..self.dof() {
+        for j in 0..n {
             let limit = self.settings.torque_limit[j];
             let wanted = if self.braked || !command[j].is_finite() { 0.0 } else { command[j] };
-            self.applied[j] = wanted.clamp(-limit, limit);
+            self.drive.reported[j] = wanted.clamp(-limit, limit);
             self.saturated[j] += u64::from(wanted.abs() > limit);
         }
+        self.applied = self.drive.deliver();
         self.run(self.settings.period_s - before);
         self.seq += 1;
     }
@@ -191,6 +201,71 @@ impl Plant {
         for _ in 0..steps as usize {
             advance(&mut self.mechanics, &mut self.friction, &mut self.state, &self.applied, span_s / steps);
         }
+    }
+}
+
+/// From what the drives report to what they give: late, lagging, cut, and with another torque constant, where the arm has
+/// such effects.
+#[derive(Clone, Debug)]
+struct Drive {
+    /// Commands of this period, after the drives' limits \[N·m\].
+    reported: Vector,
+    /// Share of a period after the latch at which torque changes.
+    share: f64,
+    /// Commands on their way, the newest last; as many as there are whole periods of delay.
+    under_way: VecDeque<Vector>,
+    /// What the current loop has come to, and how far it comes in a period.
+    current: Vector,
+    pace: f64,
+    limit: Vector,
+    /// Given torque per reported torque.
+    gain: Vector,
+}
+
+impl Drive {
+    fn new(truth: &Truth, settings: &PlantSettings) -> Drive {
+        let (mut limit, mut gain) = ([f64::INFINITY; MAX_JOINTS], [1.0; MAX_JOINTS]);
+        let (mut delay, mut lag) = (0.0, 0.0);
+        for KnownEffect { kind, joint, values: [size, ..] } in &truth.effects {
+            match kind {
+                EffectKind::TorqueSaturation => limit[*joint] = *size,
+                EffectKind::TorqueConstant => gain[*joint] = 1.0 / (1.0 + size),
+                EffectKind::TransportDelay => delay = *size,
+                EffectKind::CurrentLoopLag => lag = *size,
+                _ => {}
+            }
+        }
+        let late = settings.latency + delay / settings.period_s;
+        let pace = if lag > 0.0 { 1.0 - (-settings.period_s / lag).exp() } else { 1.0 };
+        Drive {
+            reported: [0.0; MAX_JOINTS],
+            share: late.fract(),
+            under_way: VecDeque::from(vec![[0.0; MAX_JOINTS]; late as usize]),
+            current: [0.0; MAX_JOINTS],
+            pace,
+            limit,
+            gain,
+        }
+    }
+
+    fn clear(&mut self) {
+        self.reported.fill(0.0);
+        self.current.fill(0.0);
+        self.under_way.iter_mut().for_each(|v| v.fill(0.0));
+    }
+
+    /// Takes in what was reported and gives what acts from now on.
+    fn deliver(&mut self) -> Vector {
+        // As long before as after: a ring.
+        self.under_way.push_back(self.reported);
+        let arrives = self.under_way.pop_front().unwrap_or(self.reported);
+        let mut given = [0.0; MAX_JOINTS];
+        for j in 0..MAX_JOINTS {
+            let gap = arrives[j] - self.current[j];
+            self.current[j] = if self.pace < 1.0 { self.current[j] + self.pace * gap } else { arrives[j] };
+            given[j] = self.gain[j] * self.current[j].clamp(-self.limit[j], self.limit[j]);
+        }
+        given
     }
 }
 

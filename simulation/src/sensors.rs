@@ -2,7 +2,8 @@
 
 use crate::mechanics::Vector;
 use crate::random::Random;
-use rivet_dynamics::{MAX_JOINTS, WristCoupling};
+use crate::truth::Truth;
+use rivet_dynamics::{KnownEffect, MAX_JOINTS, WristCoupling};
 
 /// Quality of the measurements, one value a joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,20 +62,30 @@ impl Measurement {
 pub(crate) struct Readout {
     sensors: Sensors,
     coupling: Option<WristCoupling>,
+    /// Angles by which encoders misread.
+    errors: Vec<KnownEffect>,
     position: Random,
     torque: Random,
 }
 
 impl Readout {
-    pub(crate) fn new(sensors: &Sensors, coupling: Option<WristCoupling>, seed: u64) -> Self {
+    pub(crate) fn new(sensors: &Sensors, truth: &Truth, seed: u64) -> Self {
         // Two streams: a change of one kind of noise leaves the other as it was.
         let (position, torque) = (Random::stream(seed, 1), Random::stream(seed, 2));
-        Self { sensors: sensors.clone(), coupling, position, torque }
+        let errors = truth.effects.iter().filter(|e| e.angle_error(0.0).is_some()).copied().collect();
+        Self { sensors: sensors.clone(), coupling: truth.structure.coupling, errors, position, torque }
     }
 
     /// Reads true positions `q` and torques `tau`.
     pub(crate) fn read(&mut self, seq: u64, t_s: f64, dof: usize, q: &Vector, tau: &Vector) -> Measurement {
         let mut out = Measurement { seq, t_s, dof, q: *q, tau: [0.0; MAX_JOINTS] };
+        for error in &self.errors {
+            // The link is at q + error(q): what the encoder says is found by going there a few times, the error being small.
+            let truth = q[error.joint];
+            for _ in 0..4 {
+                out.q[error.joint] = truth - error.angle_error(out.q[error.joint]).unwrap_or(0.0);
+            }
+        }
         // The encoder counts the motor's turns, and a coupled motor turns with both joints.
         if let Some(WristCoupling { driving, driven }) = self.coupling {
             out.q[driven] += q[driving];

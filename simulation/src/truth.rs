@@ -1,7 +1,7 @@
 //! The arm as it really is: the nominal arm plus named disturbances.
 
 use crate::random::Random;
-use rivet_dynamics::{Arm, Joints, Model, Structure, body_from_com};
+use rivet_dynamics::{Arm, EffectKind, Joints, KnownEffect, Model, Structure, WristCoupling, body_from_com};
 
 /// A body fixed to the last link: a steel ball, so that mass and centre say all.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +69,8 @@ pub struct Truth {
     pub structure: Structure,
     /// True drive values. An offset acts on the plant whether or not the model has a parameter for it.
     pub joints: Joints,
+    /// Effects beside these. The plant has those that [`left_out`](Self::left_out) does not name.
+    pub effects: Vec<KnownEffect>,
 }
 
 impl Truth {
@@ -104,11 +106,43 @@ impl Truth {
                 *entry += extra;
             }
         }
-        Self { arm, structure: model.structure, joints }
+        let (mut structure, mut effects) = (model.structure, model.effects().list().to_vec());
+        // A coupled motor is the plant's own, where it has none yet.
+        let coupled = effects.iter().position(|e| e.kind == EffectKind::JointCoupling);
+        if let (None, Some(at)) = (structure.coupling, coupled) {
+            let KnownEffect { joint, values: [coulomb, viscous, inertia, _], .. } = effects.remove(at);
+            structure.coupling = Some(WristCoupling { driving: joint - 1, driven: joint });
+            joints.coupling = [inertia, viscous, coulomb];
+            joints.viscous[joint - 1] += viscous;
+            joints.viscous[joint] += viscous;
+        }
+        Self { arm, structure, joints, effects }
+    }
+
+    /// Effects that this plant cannot have, for people: which, where, why.
+    pub fn left_out(&self) -> Vec<String> {
+        let of = |effect: &KnownEffect| {
+            let why = match effect.kind {
+                EffectKind::TemperatureDependentFriction => "no motor warms up here",
+                EffectKind::PreslidingFriction => "dry friction sticks hard here",
+                EffectKind::Backlash | EffectKind::JointElasticity => "gears are rigid here",
+                EffectKind::JointCoupling => "there is one coupled motor at most",
+                _ => return None,
+            };
+            let joint = &self.arm.joints[effect.joint].name;
+            Some(format!("[effects.{}] of {joint} is not simulated: {why}", effect.kind.name()))
+        };
+        self.effects.iter().filter_map(of).collect()
     }
 
     /// True values in the standard order of the model that this truth was made from.
     pub fn standard(&self, model: &Model) -> Vec<f64> {
-        Model::new(self.arm.clone(), model.structure).nominal(&self.joints)
+        let mut joints = self.joints.clone();
+        if let (None, Some(WristCoupling { driving, driven })) = (model.structure.coupling, self.structure.coupling) {
+            // The model has no parameter for it: its effect stands beside.
+            joints.viscous[driving] -= joints.coupling[1];
+            joints.viscous[driven] -= joints.coupling[1];
+        }
+        Model::new(self.arm.clone(), model.structure).nominal(&joints)
     }
 }

@@ -170,6 +170,9 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
     }
     let disturbances = options.disturbances(&robot);
     let truth = Truth::new(&robot.model, &nominal_joints(&robot), &disturbances);
+    for line in truth.left_out() {
+        eprintln!("rivet-sim: {line}");
+    }
     if let Some(path) = &options.truth_out {
         output::json(path, &TruthFile::new(&robot, &truth, &disturbances))?;
     }

@@ -1,0 +1,195 @@
+//! `rivet diagnose --export`: the files that it writes say what the diagnosis found, and how far they do not.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use rivet_config::{Robot, load};
+use rivet_dynamics::{Arm, Mjcf, Model, Workspace, smallest_eigenvalue};
+use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
+use rivet_logs::{ReadOptions, read};
+use rivet_tests::{rivet, shared};
+use serde_json::Value;
+
+struct Exported {
+    _folder: tempfile::TempDir,
+    model: Robot,
+    mjcf: Mjcf,
+    place: PathBuf,
+    facts: Value,
+}
+
+/// A case with its files, exported once.
+fn exported(set: &str, case: &str) -> Option<(PathBuf, &'static Exported)> {
+    static DONE: [(&str, &str, OnceLock<Exported>); 3] = [
+        ("practice", "case-16", OnceLock::new()),
+        ("practice-wrong-nominal", "case-03", OnceLock::new()),
+        ("practice-wrong-nominal", "case-13", OnceLock::new()),
+    ];
+    let case_folder = shared(&format!("data/{set}"))?.join(case);
+    let (_, _, cell) = DONE.iter().find(|(s, c, _)| (*s, *c) == (set, case)).expect("one of the cases");
+    Some((case_folder.clone(), cell.get_or_init(|| export(&case_folder))))
+}
+
+fn export(case: &Path) -> Exported {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (json, place) = (folder.path().join("diagnosis.json"), folder.path().join("out"));
+    let mut command = rivet();
+    command.arg("diagnose").arg(case.join("robot.toml"));
+    command.arg(case.join("log-a.parquet")).arg(case.join("log-b.parquet"));
+    command.arg("--json").arg(&json).arg("--export").arg(&place);
+    let output = command.output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    let facts = serde_json::from_str(&std::fs::read_to_string(&json).expect("facts")).expect("JSON");
+    let text = std::fs::read_to_string(place.join("robot.xml")).expect("MJCF");
+    let mjcf = Mjcf::read(&text).expect("our own MJCF reads back");
+    Exported { model: load(place.join("model.toml")).unwrap_or_else(|e| panic!("{e}")), mjcf, place, facts, _folder: folder }
+}
+
+/// Torque that a file misses by what was declared, joint by joint \[N m\].
+fn declared(facts: &Value, file: &str) -> Vec<f64> {
+    let formats = facts["export"]["formats"].as_array().expect("formats");
+    let format = formats.iter().find(|f| f["file"] == file).expect("a report for each file");
+    format["missed_torque_rms"].as_array().expect("figures").iter().map(|m| m.as_f64().expect("a number")).collect()
+}
+
+/// Root mean squares over joints: the torque that model.toml predicts along a log, and how far another one is from it.
+fn apart(model: &Robot, log: &Path, other: impl Fn(&[f64], &[f64], &[f64], &mut [f64])) -> (Vec<f64>, Vec<f64>) {
+    let n = model.dof();
+    let options = ReadOptions { joints: n, drive_gain: None, joint_zero: None };
+    let log = read(log, &options).expect("a log");
+    let period = log.median_step_s();
+    let motion = Trajectory::from_positions(&log.q, period);
+    let smooth = ZeroPhase::new(20.0, 4, period);
+    let expected = predict(&model.model, &model.base, model.base_parameters(), &motion, &smooth).expect("a motion");
+    let mut tau = vec![vec![0.0; log.len()]; n];
+    let mut at = vec![0.0; n];
+    for k in 0..log.len() {
+        let of = |signal: &[Vec<f64>]| -> Vec<f64> { signal.iter().map(|s| s[k]).collect() };
+        other(&of(&motion.q), &of(&motion.qd), &of(&motion.qdd), &mut at);
+        tau.iter_mut().zip(&at).for_each(|(to, v)| to[k] = *v);
+    }
+    let inner = 200..log.len() - 200;
+    let rms = |f: &dyn Fn(usize) -> f64| (inner.clone().map(|k| f(k).powi(2)).sum::<f64>() / inner.len() as f64).sqrt();
+    let mut found = (Vec::new(), Vec::new());
+    for (tau, expected) in tau.iter_mut().zip(&expected) {
+        smooth.apply(tau);
+        found.0.push(rms(&|k| expected[k]));
+        found.1.push(rms(&|k| expected[k] - tau[k]));
+    }
+    found
+}
+
+/// Bodies that can be built in every file, and both foreign formats predict what model.toml predicts but for what
+/// not-expressible.md says they miss.
+#[test]
+fn exported_files_say_the_same_but_for_what_is_declared() {
+    for (set, case, kind) in [
+        ("practice", "case-16", "joint_spring"),
+        ("practice-wrong-nominal", "case-03", "counterbalance"),
+        ("practice-wrong-nominal", "case-13", "viscous_nonlinearity"),
+    ] {
+        let Some((data, found)) = exported(set, case) else { return };
+        let robot = &found.model;
+        assert!(robot.config.effects.iter().any(|e| e.kind.name() == kind), "{:?}", robot.config.effects);
+        assert!(robot.identified.is_some());
+        for body in robot.model.arm.links.iter().chain(&found.mjcf.arm.links) {
+            assert!(smallest_eigenvalue(body) > 0.0, "{body:?}");
+        }
+        assert_eq!(Mjcf::read(&found.mjcf.text()).as_ref().map(|m| &m.drives), Ok(&found.mjcf.drives));
+        let log = data.join("log-b.parquet");
+        let v0 = robot.model.structure.sign_velocity;
+        let check = |file: &str, (torque, apart): (Vec<f64>, Vec<f64>)| {
+            for (j, declared) in declared(&found.facts, file).iter().enumerate() {
+                // The declaration is of two logs, this is one; and filters make the rows elsewhere.
+                let room = 1.4 * declared + 0.002 * torque[j];
+                println!("{case} {file} joint {}: {:.4} of {:.4} declared {declared:.4}", j + 1, apart[j], torque[j]);
+                assert!(apart[j] <= room, "{case} {file} joint {}: {} above {room}", j + 1, apart[j]);
+            }
+        };
+        let ws = std::cell::RefCell::new(Workspace::new(&found.mjcf.arm));
+        check(
+            "robot.xml",
+            apart(robot, &log, |q, qd, qdd, tau| found.mjcf.torque(&mut ws.borrow_mut(), v0, q, qd, qdd, tau)),
+        );
+        // What a reader of the URDF knows: bodies, and friction as `<dynamics>` has it.
+        let text = std::fs::read_to_string(found.place.join("robot.urdf")).expect("a URDF");
+        let arm = Arm::from_urdf(&text, robot.config.gravity).expect("the URDF reads back");
+        let plain = Model::new(arm, robot.model.structure);
+        let mut drives = robot.config.nominal_joints();
+        drives.rotor_inertia.fill(0.0);
+        drives.offset.fill(0.0);
+        let x = plain.nominal(&drives);
+        let y = std::cell::RefCell::new(vec![0.0; plain.arm.dof() * plain.len()]);
+        check(
+            "robot.urdf",
+            apart(robot, &log, |q, qd, qdd, tau| {
+                let mut y = y.borrow_mut();
+                plain.regressor(&mut Workspace::new(&plain.arm), q, qd, qdd, &mut y);
+                for (tau, row) in tau.iter_mut().zip(y.chunks_exact(plain.len())) {
+                    *tau = row.iter().zip(&x).map(|(y, x)| y * x).sum();
+                }
+            }),
+        );
+        let notes = std::fs::read_to_string(found.place.join("not-expressible.md")).expect("notes");
+        assert!(notes.contains("all that is missing together") && notes.contains("N m"), "{notes}");
+    }
+}
+
+/// The corrected model explains the logs: diagnosed with it, nothing of what was found is found again.
+#[test]
+fn with_the_exported_model_the_effect_is_gone() {
+    let Some((case, found)) = exported("practice", "case-16") else { return };
+    let json = found.place.join("again.json");
+    let mut command = rivet();
+    command.arg("diagnose").arg(found.place.join("model.toml"));
+    command.arg(case.join("log-a.parquet")).arg(case.join("log-b.parquet")).arg("--json").arg(&json);
+    let output = command.output().expect("the program starts");
+    let again: Value = serde_json::from_str(&std::fs::read_to_string(&json).expect("facts")).expect("JSON");
+    assert_eq!(again["causes"].as_array().map(Vec::len), Some(0), "{again:#}");
+    assert_eq!(output.status.code(), Some(0), "{again:#}");
+    let (before, after) = (&again["gap"]["before"], &found.facts["gap"]["after"]);
+    let apart = before.as_f64().expect("a gap") - after.as_f64().expect("a gap");
+    assert!(apart.abs() < 0.01, "{before} {after}");
+}
+
+/// Another program reads the MJCF and needs the torque that we read out of it. Runs where a Python with MuJoCo is
+/// (`RIVET_MUJOCO_PYTHON`, or `python3`).
+#[test]
+fn mujoco_reads_the_same_arm() {
+    let python = std::env::var("RIVET_MUJOCO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has = Command::new(&python).args(["-c", "import mujoco"]).output().is_ok_and(|o| o.status.success());
+    if !has {
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {python} has no mujoco; RIVET_MUJOCO_PYTHON names one that has");
+        return;
+    }
+    let Some((_, found)) = exported("practice-wrong-nominal", "case-13") else { return };
+    let script = r#"
+import sys, json, mujoco, numpy as np
+m = mujoco.MjModel.from_xml_path(sys.argv[1]); d = mujoco.MjData(m)
+out = []
+r = np.random.default_rng(3)
+for _ in range(40):
+    d.qpos[:] = r.uniform(-1, 1, m.nv); d.qvel[:] = r.choice([-1, 1], m.nv) * r.uniform(0.5, 1.5, m.nv)
+    d.qacc[:] = r.uniform(-3, 3, m.nv)
+    q, v, a = d.qpos.copy(), d.qvel.copy(), d.qacc.copy()
+    # Friction is a soft constraint there, and its torque is compared by its level.
+    mujoco.mj_inverse(m, d)
+    tau = d.qfrc_inverse + d.qfrc_constraint + m.dof_frictionloss * np.sign(v)
+    bias, gain = m.actuator_biasprm[:, 0], m.actuator_gainprm[:, 0]
+    out.append([q.tolist(), v.tolist(), a.tolist(), ((tau - bias) / gain).tolist()])
+print(json.dumps(out))
+"#;
+    let run = Command::new(&python).arg("-c").arg(script).arg(found.place.join("robot.xml")).output().expect("python");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let rows: Vec<Vec<Vec<f64>>> = serde_json::from_slice(&run.stdout).expect("rows");
+    let mut ws = Workspace::new(&found.mjcf.arm);
+    for row in rows {
+        let mut tau = vec![0.0; found.mjcf.drives.len()];
+        found.mjcf.torque(&mut ws, 0.0, &row[0], &row[1], &row[2], &mut tau);
+        for (ours, theirs) in tau.iter().zip(&row[3]) {
+            assert!((ours - theirs).abs() < 1e-6 * (1.0 + theirs.abs()), "{tau:?} {:?}", row[3]);
+        }
+    }
+}
