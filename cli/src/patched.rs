@@ -5,9 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
-use rivet_diagnosis::{Fidelity, Format, Patch, drives, mjcf_coupling_fits};
+use rivet_diagnosis::{Fidelity, Patch, drives, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
-use serde_json::{Value, json};
 
 use crate::export::{bodies, place_load};
 use crate::runs;
@@ -37,11 +36,8 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         Err(_) => text,
     };
     runs::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
-    let changes = Changes {
-        drives: written,
-        gravity: patch.model.arm.gravity,
-        effects: patch.model.effects().list().to_vec(),
-    };
+    let changes =
+        Changes { drives: written, gravity: patch.model.arm.gravity, effects: patch.model.effects().list().to_vec() };
     let mut made = write_changed(&moved, &changes, &model).with_context(|| named(&model))?;
     if made.model.parameters == patch.model.parameters {
         let values = made.base.from_standard(&patch.standard);
@@ -152,13 +148,8 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
             let _ = writeln!(out, "* {effect}: {why}");
         }
     }
-    let not_here: Vec<(&str, &str)> = patch
-        .model
-        .effects()
-        .list()
-        .iter()
-        .filter_map(|e| Some((e.kind.name(), e.kind.not_instant()?)))
-        .collect();
+    let not_here: Vec<(&str, &str)> =
+        patch.model.effects().list().iter().filter_map(|e| Some((e.kind.name(), e.kind.not_instant()?))).collect();
     if !not_here.is_empty() {
         out += "\nIn model.toml, and not used by the estimator of rivetd and by rivet-controller, which say so when they start:\n\n";
         for (name, why) in not_here {
@@ -166,24 +157,4 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
         }
     }
     out
-}
-
-/// The formats as JSON, for reports.
-pub(crate) fn formats_json(robot: &Robot, patch: &Patch) -> Value {
-    let of = |report: &rivet_diagnosis::FormatReport| {
-        let items: Vec<Value> = report
-            .items
-            .iter()
-            .map(|i| json!({"what": i.what, "fidelity": i.fidelity.name(), "place": i.place, "torque_rms": i.torque_rms}))
-            .collect();
-        json!({"file": report.format.file(), "items": items, "missed_torque_rms": report.missed})
-    };
-    json!({
-        "joints": runs::joint_names(robot),
-        "torque_rms": patch.torque_rms,
-        "timing_s": patch.timing_s,
-        "timing_torque_rms": patch.timing_rms,
-        "formats": Format::ALL.iter().filter_map(|f| patch.formats.iter().find(|r| r.format == *f)).map(of).collect::<Vec<_>>(),
-        "in_no_file": patch.left_out.iter().map(|(e, why)| json!({"effect": e.name(), "why": why})).collect::<Vec<_>>(),
-    })
 }

@@ -25,9 +25,7 @@ pub(crate) fn read(reader: &mut Reader<'_>, joints: usize) -> Vec<KnownEffect> {
         let values: Vec<Vec<f64>> = kind
             .keys()
             .iter()
-            .map(|key| {
-                if kind.is_global() { vec![reader.number(section, key)] } else { reader.numbers(section, key) }
-            })
+            .map(|key| if kind.is_global() { vec![reader.number(section, key)] } else { reader.numbers(section, key) })
             .collect();
         for joint in 0..if kind.is_global() { 1 } else { joints } {
             let own: Vec<f64> = values.iter().filter_map(|v| v.get(joint).copied()).collect();

@@ -159,26 +159,59 @@ pub const SECTIONS: &[(&str, &str)] = &[
     ("controller", "The computed-torque controller."),
     ("simulation", "What `rivet-sim` adds to the nominal model to stand in for the real arm."),
     ("bus", "Where the shared memory of this robot lives. All processes of one robot must agree."),
-    ("effects.friction_asymmetry", "Friction that differs between the two directions: adds `coulomb*|s(qd)| + viscous*|qd|`."),
-    ("effects.stribeck_friction", "Friction that falls with speed at low speed: adds `excess*s(qd)*exp(-(qd/velocity)^2)`."),
-    ("effects.viscous_nonlinearity", "Friction that grows not in proportion to speed: adds `quadratic*qd*|qd| + cubic*qd^3`."),
-    ("effects.load_dependent_friction", "Friction that grows with the torque of the links: adds `ratio*s(qd)*|torque of the links|`, by the bodies of `urdf`. Known, while `friction.load_dependent` is identified."),
-    ("effects.temperature_dependent_friction", "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`."),
-    ("effects.presliding_friction", "Friction that acts like a spring before it slides: adds `level*(z - s(qd))` with `dz = (dq - |dq|*z)/length`."),
-    ("effects.position_dependent_friction", "Friction that varies with the joint's angle: adds `s(qd)*(cosine*cos(order*q) + sine*sin(order*q))`."),
+    (
+        "effects.friction_asymmetry",
+        "Friction that differs between the two directions: adds `coulomb*|s(qd)| + viscous*|qd|`.",
+    ),
+    (
+        "effects.stribeck_friction",
+        "Friction that falls with speed at low speed: adds `excess*s(qd)*exp(-(qd/velocity)^2)`.",
+    ),
+    (
+        "effects.viscous_nonlinearity",
+        "Friction that grows not in proportion to speed: adds `quadratic*qd*|qd| + cubic*qd^3`.",
+    ),
+    (
+        "effects.load_dependent_friction",
+        "Friction that grows with the torque of the links: adds `ratio*s(qd)*|torque of the links|`, by the bodies of `urdf`. Known, while `friction.load_dependent` is identified.",
+    ),
+    (
+        "effects.temperature_dependent_friction",
+        "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`.",
+    ),
+    (
+        "effects.presliding_friction",
+        "Friction that acts like a spring before it slides: adds `level*(z - s(qd))` with `dz = (dq - |dq|*z)/length`.",
+    ),
+    (
+        "effects.position_dependent_friction",
+        "Friction that varies with the joint's angle: adds `s(qd)*(cosine*cos(order*q) + sine*sin(order*q))`.",
+    ),
     ("effects.torque_constant", "A drive whose reported torque is `1 + excess` times that which it gives."),
     ("effects.torque_ripple", "Torque that varies with the angle: adds `cosine*cos(order*q) + sine*sin(order*q)`."),
     ("effects.transmission_error", "A gear whose output is ahead by `cosine*cos(order*q) + sine*sin(order*q)`."),
     ("effects.backlash", "Play, and a spring with damping, between motor and link."),
     ("effects.joint_elasticity", "A spring with damping between motor and link."),
-    ("effects.joint_spring", "A torque in proportion to the angle, as of a hose: adds `stiffness*q`; its zero is in `friction.offset`."),
-    ("effects.counterbalance", "A balancing spring between points at distances 1 and `arm` from the axis, at the angle `q + phase`, of length `l = sqrt(1 + arm^2 - 2*arm*cos(q + phase))`: adds `arm*sin(q + phase)*(lever + free_length/l)`."),
-    ("effects.joint_coupling", "A motor that turns with this joint and the one before it, v the sum of their speeds: adds `coulomb*s(v) + viscous*v` to both and `rotor_inertia` times the acceleration of the other to each. Known, while `[coupling]` is identified."),
+    (
+        "effects.joint_spring",
+        "A torque in proportion to the angle, as of a hose: adds `stiffness*q`; its zero is in `friction.offset`.",
+    ),
+    (
+        "effects.counterbalance",
+        "A balancing spring between points at distances 1 and `arm` from the axis, at the angle `q + phase`, of length `l = sqrt(1 + arm^2 - 2*arm*cos(q + phase))`: adds `arm*sin(q + phase)*(lever + free_length/l)`.",
+    ),
+    (
+        "effects.joint_coupling",
+        "A motor that turns with this joint and the one before it, v the sum of their speeds: adds `coulomb*s(v) + viscous*v` to both and `rotor_inertia` times the acceleration of the other to each. Known, while `[coupling]` is identified.",
+    ),
     ("effects.transport_delay", "Torque acts later than it is reported."),
     ("effects.current_loop_lag", "Torque follows the reported one as a first-order lag."),
     ("effects.torque_saturation", "Reported (commanded) torque beyond a limit is not delivered."),
     ("effects.encoder_offset", "The joint's zero is elsewhere: the link is at `q + offset`."),
-    ("effects.encoder_eccentricity", "The encoder's reading varies once a turn: motor and link are at `q + cosine*cos(q) + sine*sin(q)`."),
+    (
+        "effects.encoder_eccentricity",
+        "The encoder's reading varies once a turn: motor and link are at `q + cosine*cos(q) + sine*sin(q)`.",
+    ),
     (
         "identified",
         "Written by `rivet identify --export`: identified base parameters. The section as a whole is optional; the hash ties it to \

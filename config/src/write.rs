@@ -152,10 +152,8 @@ impl Places {
 
 fn model_text(robot: &Robot, note: &str, places: &Places) -> String {
     let load_urdf = places.load_urdf.as_deref();
-    let mut out = format!(
-        "# {} with values from data; written by rivet. Keys: docs/robot-toml.md.\n",
-        robot.config.name
-    );
+    let mut out =
+        format!("# {} with values from data; written by rivet. Keys: docs/robot-toml.md.\n", robot.config.name);
     out += note;
     let mut section = "";
     // The file's own place of the bodies of load friction is set by who writes; it stands in the order of the keys.

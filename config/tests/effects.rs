@@ -14,7 +14,8 @@ fn every_effect_reads_back_with_all_digits() {
         .enumerate()
         .map(|(i, kind)| {
             let joint = if kind.is_global() { 0 } else { 1 + i % 5 };
-            let values: Vec<f64> = (0..kind.keys().len()).map(|k| 0.001 * (1.0 + i as f64) / (3.0 + k as f64)).collect();
+            let values: Vec<f64> =
+                (0..kind.keys().len()).map(|k| 0.001 * (1.0 + i as f64) / (3.0 + k as f64)).collect();
             KnownEffect::new(*kind, joint, &values)
         })
         .collect();

@@ -142,10 +142,13 @@ fn mjcf_place(e: &KnownEffect, standard: &[f64], joints: usize) -> Result<String
             return if mjcf_coupling_fits(e, rotor) {
                 Ok("fixed tendon with armature, damping and frictionloss".to_owned())
             } else {
-                Err("a tendon's armature, damping and friction must not be negative, nor larger than the rotors'".to_owned())
+                Err("a tendon's armature, damping and friction must not be negative, nor larger than the rotors'"
+                    .to_owned())
             };
         }
-        EffectKind::Backlash | EffectKind::JointElasticity => return Err("a body behind the gear is not written".into()),
+        EffectKind::Backlash | EffectKind::JointElasticity => {
+            return Err("a body behind the gear is not written".into());
+        }
         _ => return Err("MuJoCo has no such force".to_owned()),
     };
     Ok(place.to_owned())

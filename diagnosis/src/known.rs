@@ -91,9 +91,7 @@ fn form(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Form, f64)> {
             let level = x[12 * joints + joint].abs();
             (level > 0.0).then(|| (Form::Presliding { joint, length: b }, a / level))
         }
-        EffectKind::Backlash => {
-            Some((Form::TwoMass { joint, gear: Gear { gap: a, stiffness: b, damping: c } }, d))
-        }
+        EffectKind::Backlash => Some((Form::TwoMass { joint, gear: Gear { gap: a, stiffness: b, damping: c } }, d)),
         EffectKind::JointElasticity => {
             Some((Form::TwoMass { joint, gear: Gear { gap: 0.0, stiffness: a, damping: b } }, c))
         }
@@ -263,7 +261,8 @@ mod tests {
                 }
             }
             // The ends of a record are the differentiator's.
-            let inner = |signal: &[Vec<f64>]| -> Vec<f64> { signal.iter().flat_map(|s| s[50..2450].to_vec()).collect() };
+            let inner =
+                |signal: &[Vec<f64>]| -> Vec<f64> { signal.iter().flat_map(|s| s[50..2450].to_vec()).collect() };
             let (a, b) = (inner(&handed_on), inner(&adopted));
             let size = b.iter().map(|v| v * v).sum::<f64>().sqrt();
             let apart = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();

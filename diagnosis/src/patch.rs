@@ -75,13 +75,13 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     let temperature: Option<Vec<f64>> =
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
     for adopted in &found.upheld {
-        let c: Vec<f64> =
-            adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
+        let c: Vec<f64> = adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
         let (carried, beside) = adopted.form.carried(&c, &adopted.values, n, temperature.as_deref());
         beside.iter().for_each(|(at, change)| standard[*at] += change);
         match carried {
             Carried::Effect(effect) if effects.iter().any(|e| (e.kind, e.joint) == (effect.kind, effect.joint)) => {
-                left_out.push((adopted.form.effect(), "the file as given has this effect on this joint already".into()));
+                left_out
+                    .push((adopted.form.effect(), "the file as given has this effect on this joint already".into()));
             }
             Carried::Effect(effect) => effects.push(effect),
             Carried::Values(changes) => changes.iter().for_each(|(at, change)| standard[*at] += change),
@@ -104,10 +104,8 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     let base = base_set.from_standard(&standard);
     let covariance = base_covariance(&base_set, &solved.covariance(width)?);
     // Rows of all runs, under the gravity that holds.
-    let fresh: Vec<Option<Vec<Column>>> = runs
-        .iter()
-        .map(|run| tilted.then(|| standard_columns(&model, &run.motion, &run.chain)))
-        .collect();
+    let fresh: Vec<Option<Vec<Column>>> =
+        runs.iter().map(|run| tilted.then(|| standard_columns(&model, &run.motion, &run.chain))).collect();
     let columns: Vec<&Vec<Column>> = runs.iter().zip(&fresh).map(|(r, f)| f.as_ref().unwrap_or(&r.standard)).collect();
     let mut reference = Reference::new(n, base_set.len());
     for (run, columns) in runs.iter().zip(&columns) {

@@ -76,7 +76,9 @@ impl EffectKind {
         match self {
             EffectKind::TemperatureDependentFriction => Some("it needs the motor's temperature"),
             EffectKind::PreslidingFriction => Some("it remembers where the motion turned"),
-            EffectKind::Backlash | EffectKind::JointElasticity => Some("the link behind the gear has a state of its own"),
+            EffectKind::Backlash | EffectKind::JointElasticity => {
+                Some("the link behind the gear has a state of its own")
+            }
             EffectKind::TransportDelay | EffectKind::CurrentLoopLag => Some("it shifts torque in time"),
             EffectKind::TorqueSaturation => Some("it depends on the command"),
             _ => None,

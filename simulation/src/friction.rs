@@ -208,8 +208,7 @@ impl Friction {
                     continue;
                 }
                 // Against motion forward it pulls back, by the level of that direction.
-                let (back, on) =
-                    (element.level(mechanics, self.law, 1.0), element.level(mechanics, self.law, -1.0));
+                let (back, on) = (element.level(mechanics, self.law, 1.0), element.level(mechanics, self.law, -1.0));
                 let torque = (element.lambda - element.of(&a) / element.of(x)).clamp(-back, on);
                 let step = torque - element.lambda;
                 element.lambda = torque;

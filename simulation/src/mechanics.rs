@@ -2,7 +2,8 @@
 
 use crate::truth::Truth;
 use rivet_dynamics::{
-    Arm, EffectKind, JointKind, KnownEffect, MAX_JOINTS, Workspace, WristCoupling, inverse_dynamics, mass_matrix, own_torque,
+    Arm, EffectKind, JointKind, KnownEffect, MAX_JOINTS, Workspace, WristCoupling, inverse_dynamics, mass_matrix,
+    own_torque,
 };
 
 /// One value a joint; entries from the arm's joint count on are zero.

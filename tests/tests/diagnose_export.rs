@@ -43,7 +43,13 @@ fn export(case: &Path) -> Exported {
     let facts = serde_json::from_str(&std::fs::read_to_string(&json).expect("facts")).expect("JSON");
     let text = std::fs::read_to_string(place.join("robot.xml")).expect("MJCF");
     let mjcf = Mjcf::read(&text).expect("our own MJCF reads back");
-    Exported { model: load(place.join("model.toml")).unwrap_or_else(|e| panic!("{e}")), mjcf, place, facts, _folder: folder }
+    Exported {
+        model: load(place.join("model.toml")).unwrap_or_else(|e| panic!("{e}")),
+        mjcf,
+        place,
+        facts,
+        _folder: folder,
+    }
 }
 
 /// Torque that a file misses by what was declared, joint by joint \[N m\].
