@@ -208,8 +208,9 @@ mod tests {
         for (size, slope) in [(1.5, 0.2), (4.0, 0.5), (6.0, 0.3), (0.0, 0.0)] {
             x.extend((0..n).map(|j| size + slope * j as f64));
         }
+        // Slow: the forms of angles that are off leave out velocity products with the error's speed.
         let wave = |j: usize, k: usize| {
-            let t = 1e-3 * k as f64;
+            let t = 3e-4 * k as f64;
             0.8 * (1.3 * t + j as f64).sin() + 0.2 * ((3.0 + 0.4 * j as f64) * t).cos()
         };
         let signal = |f: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
@@ -266,10 +267,10 @@ mod tests {
             let (a, b) = (inner(&handed_on), inner(&adopted));
             let size = b.iter().map(|v| v * v).sum::<f64>().sqrt();
             let apart = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-            // The forms of angles that are off leave out the error's speed, which is large for a fast wave.
             let tolerance = match effect.kind {
-                EffectKind::TransmissionError => 0.05,
-                EffectKind::EncoderEccentricity | EffectKind::EncoderOffset => 0.02,
+                // Beside those products one turn's wave is little else.
+                EffectKind::EncoderEccentricity => 0.06,
+                EffectKind::TransmissionError | EffectKind::EncoderOffset => 0.02,
                 _ => 1e-9,
             };
             assert!(size > 0.0 && apart <= tolerance * size, "{form:?}: {apart} of {size}");

@@ -77,14 +77,20 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     for adopted in &found.upheld {
         let c: Vec<f64> = adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
         let (carried, beside) = adopted.form.carried(&c, &adopted.values, n, temperature.as_deref());
-        beside.iter().for_each(|(at, change)| standard[*at] += change);
+        for (at, change) in beside {
+            standard[at] += change;
+        }
         match carried {
             Carried::Effect(effect) if effects.iter().any(|e| (e.kind, e.joint) == (effect.kind, effect.joint)) => {
                 left_out
                     .push((adopted.form.effect(), "the file as given has this effect on this joint already".into()));
             }
             Carried::Effect(effect) => effects.push(effect),
-            Carried::Values(changes) => changes.iter().for_each(|(at, change)| standard[*at] += change),
+            Carried::Values(changes) => {
+                for (at, change) in changes {
+                    standard[at] += change;
+                }
+            }
             Carried::Gravity(change) => gravity.iter_mut().zip(change).for_each(|(g, c)| *g += c),
             Carried::Nothing(why) => left_out.push((adopted.form.effect(), why.to_owned())),
         }
