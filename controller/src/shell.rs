@@ -89,7 +89,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     rivet_service::log_as("rivet-controller", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
     let robot = robot?;
     for line in robot.model.effects_left_out() {
-        eprintln!("rivet-controller: {line}");
+        log::warn!("{line}");
     }
     let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
     if options.die_with_parent {

@@ -73,7 +73,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     rivet_service::log_as("rivetd", &[("RIVET_FILE", &file), ("RIVET_ROBOT", name)]);
     let robot = robot?;
     for line in robot.model.effects_left_out() {
-        eprintln!("rivetd: {line}");
+        log::warn!("{line}");
     }
     let shutdown = Shutdown::on_termination().map_err(StartError::Signals)?;
     let hangup = Hangup::listen().map_err(StartError::Signals)?;

@@ -171,7 +171,7 @@ fn mujoco_reads_the_same_arm() {
         return;
     }
     let Some((_, found)) = exported("practice-wrong-nominal", "case-13") else { return };
-    let script = r#"
+    let script = r"
 import sys, json, mujoco, numpy as np
 m = mujoco.MjModel.from_xml_path(sys.argv[1]); d = mujoco.MjData(m)
 out = []
@@ -186,7 +186,7 @@ for _ in range(40):
     bias, gain = m.actuator_biasprm[:, 0], m.actuator_gainprm[:, 0]
     out.append([q.tolist(), v.tolist(), a.tolist(), ((tau - bias) / gain).tolist()])
 print(json.dumps(out))
-"#;
+";
     let run = Command::new(&python).arg("-c").arg(script).arg(found.place.join("robot.xml")).output().expect("python");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let rows: Vec<Vec<Vec<f64>>> = serde_json::from_slice(&run.stdout).expect("rows");
