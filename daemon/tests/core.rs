@@ -317,7 +317,7 @@ fn a_successor_knows_what_was_stored() {
     }
     run(&mut second, &mut motion, 6000..=12000);
     let later = parameters(&second);
-    let active = later.state[..n].iter().filter(|s| **s == u8::from(ParameterState::Active)).count();
+    let active = later.state[..n].iter().map(|s| usize::from(*s == u8::from(ParameterState::Active))).sum::<usize>();
     assert!(active > n / 2, "{active} of {n} move again");
     for (value, nominal) in later.values[..n].iter().zip(&robot().nominal_base) {
         assert!((value - nominal).abs() < 0.02 * nominal.abs().max(0.1), "{value} {nominal}");

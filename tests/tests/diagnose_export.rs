@@ -54,9 +54,9 @@ fn export(case: &Path) -> Exported {
 
 /// Torque that a file misses by what was declared, joint by joint \[N m\].
 fn declared(facts: &Value, file: &str) -> Vec<f64> {
-    let formats = facts["export"]["formats"].as_array().expect("formats");
+    let formats = facts["export"].as_array().expect("formats");
     let format = formats.iter().find(|f| f["file"] == file).expect("a report for each file");
-    format["missed_torque_rms"].as_array().expect("figures").iter().map(|m| m.as_f64().expect("a number")).collect()
+    format["missed_nm"].as_array().expect("figures").iter().map(|m| m.as_f64().expect("a number")).collect()
 }
 
 /// Root mean squares over joints: the torque that model.toml predicts along a log, and how far another one is from it.
