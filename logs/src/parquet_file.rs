@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,7 +19,15 @@ use crate::columns::Table;
 use crate::error::{LogError, LogFault};
 
 /// Reads the columns that `wanted` picks by name from a Parquet file.
+///
+/// The library's decoders panic on some files whose pages are not what their headers say; that is an error like another.
 pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
+    // Nothing outlives a panic but the error: what was half read is dropped.
+    catch_unwind(AssertUnwindSafe(|| read_columns(path, wanted)))
+        .unwrap_or_else(|_| Err(fault(&ParquetError::General("its pages are damaged".to_owned())).at(path)))
+}
+
+fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
     let file = File::open(path).map_err(|e| LogFault::Io(e).at(path))?;
     let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
@@ -33,6 +42,13 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group).map_err(|e| fault(&e).at(path))?;
             let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+            let chunk = group.metadata().column(k);
+            let begin = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+            if begin < 0 || chunk.compressed_size() < 0 {
+                // The library would panic.
+                let why = format!("column \"{name}\" lies before the beginning of the file");
+                return Err(fault(&ParquetError::General(why)).at(path));
+            }
             let cells = group.get_column_reader(k).map_err(|e| fault(&e).at(path))?;
             let levels = column.max_def_level();
             let done = match cells {

@@ -247,3 +247,24 @@ fn every_measured_log_reads() {
     }
     assert!(runs > 70, "{runs} runs");
 }
+
+/// Found by the search over hostile files: offsets before the beginning of the file, pages that are not what they say.
+#[test]
+fn damaged_parquet_is_an_error_and_no_panic() {
+    let folder = folder();
+    let path = folder.path().join("log.parquet");
+    let column: Vec<f64> = (0..50).map(f64::from).collect();
+    write_columns(&path, &[("t", &column), ("q1", &column), ("tau1", &column)]).expect("written");
+    let whole = std::fs::read(&path).expect("read");
+    for at in 4..whole.len() {
+        for change in [0x01, 0x80] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= change;
+            std::fs::write(&path, &bytes).expect("written");
+            // Either the damage does not matter to the columns that are read, or it is an error.
+            if let Err(why) = read(&path, &ReadOptions::new(1)) {
+                assert!(why.to_string().contains("log.parquet"), "{at}: {why}");
+            }
+        }
+    }
+}

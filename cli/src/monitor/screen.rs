@@ -6,8 +6,8 @@ use super::snapshot::{
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
-use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table, Wrap};
+use ratatui::text::{Line, Span, Text};
+use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table};
 
 /// What the person at the keyboard has chosen.
 #[derive(Default)]
@@ -34,7 +34,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
     let joints = s.joints.len() as u16;
     let [head, top, middle, bottom, foot] = Layout::vertical([
         Constraint::Length(1),
-        Constraint::Length(8),
+        Constraint::Length(9),
         Constraint::Length(joints + 3),
         Constraint::Min(3),
         Constraint::Length(1),
@@ -62,7 +62,7 @@ fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         return frame.render_widget(Line::styled("not on the bus", QUIET), inner);
     };
     let h = report.message;
-    let rows = Layout::vertical([Constraint::Length(1); 6]).split(inner);
+    let rows = Layout::vertical([Constraint::Length(1); 7]).split(inner);
     let rate = if report.rate.is_finite() { format!("{:.0} samples/s", report.rate) } else { String::new() };
     frame.render_widget(Line::raw(format!("{} periods  {rate}", h.periods)), rows[0]);
     for (i, (name, counts, worst)) in
@@ -77,9 +77,9 @@ fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
             Layout::horizontal([Constraint::Length(SHOWN.len() as u16), Constraint::Min(0)]).areas(bars);
         frame.render_widget(Sparkline::default().data(&logs).max(80), bars);
         frame.render_widget(Line::styled(" 256 ns .. 67 ms, log", QUIET), scale);
-        frame.render_widget(Line::raw(format!("     {}", quantiles(counts, *worst))), rows[2 + 2 * i]);
+        frame.render_widget(Line::raw(quantiles(counts, *worst)), rows[2 + 2 * i]);
     }
-    frame.render_widget(labelled("drops ", &drops(&h)), rows[5]);
+    frame.render_widget(labelled("drops ", &drops(&h)), rows[6]);
 }
 
 /// A line whose rest is green when it says that there is nothing to report.
@@ -90,6 +90,7 @@ fn labelled(label: &str, what: &str) -> Line<'static> {
 
 fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     let mut lines = Vec::new();
+    let plain = |label: &'static str, text: String| Line::from(vec![Span::styled(label, STRONG), Span::raw(text)]);
     let state = |label: &'static str, text: Option<String>, good: &[&str]| {
         let text = text.unwrap_or_else(|| "not on the bus".to_owned());
         let style = if good.contains(&text.as_str()) { GOOD } else { BAD };
@@ -99,29 +100,37 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     if let Some(report) = s.health {
         let h = report.message;
         let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
-        lines.push(Line::from(vec![
-            Span::styled("supervision ", STRONG),
-            Span::raw(format!("{} move, {} held; window {window}; {}", h.active, h.held, instruments(h.instruments))),
-        ]));
+        lines.push(plain("supervision ", format!("{} move, {} held; window {window}", h.active, h.held)));
+        lines.push(plain("instruments ", instruments(h.instruments)));
         lines.push(labelled("input       ", &input_faults(&h)));
     }
     lines.push(state("controller  ", s.state(), &["following", "holding"]));
     if let Some(report) = s.controller {
         let c = report.message;
         let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
-        lines.push(Line::from(vec![
-            Span::styled("parameters  ", STRONG),
-            Span::raw(format!("{}; {} sets accepted{refused}", source(&c), c.accepted)),
-        ]));
+        lines.push(plain("parameters  ", format!("{}; {} sets accepted{refused}", source(&c), c.accepted)));
         lines.push(labelled("faults      ", &controller_faults(&c)));
     }
-    frame
-        .render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }).block(Block::bordered().title(" state ")), area);
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" state ")), area);
+}
+
+fn right<'a>(text: impl Into<Text<'a>>) -> Cell<'a> {
+    Cell::from(text.into().right_aligned())
 }
 
 fn draw_joints(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     const BAR: usize = 20;
-    let head = Row::new(["", "torque", "residual", "", "nominal's", "in use's", "tracking"]).style(QUIET);
+    let head = Row::new([
+        Cell::from(""),
+        right("torque"),
+        right("residual"),
+        right("share"),
+        Cell::from("0.1 % .. 100 %, log"),
+        right("nominal's"),
+        right("in use's"),
+        right("tracking"),
+    ])
+    .style(QUIET);
     let rows = s.joints.iter().enumerate().map(|(j, name)| {
         let [torque, residual, nominal] = s.health.map_or([f64::NAN; 3], |report| {
             let h = report.message;
@@ -131,25 +140,28 @@ fn draw_joints(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
             .controller
             .map_or([f64::NAN; 2], |report| [report.message.prediction_rms[j], report.message.tracking_rms[j]]);
         let share = if residual.is_finite() && torque > 0.0 { (residual / torque).clamp(0.0, 1.0) } else { 0.0 };
-        let filled = (share * BAR as f64).round() as usize;
+        // On a logarithmic scale, from a thousandth of the torque to all of it.
+        let filled = ((share.max(1e-3).log10() + 3.0) / 3.0 * BAR as f64).round() as usize;
         let style = if share > 0.5 { BAD } else { GOOD };
         Row::new(vec![
             Cell::from(name.clone()),
-            Cell::from(figure(torque)),
-            Cell::from(figure(residual)),
+            right(figure(torque)),
+            right(figure(residual)),
+            right(if share > 0.0 { format!("{:.1} %", 100.0 * share) } else { String::new() }),
             Cell::from(Line::from(vec![
                 Span::styled("█".repeat(filled), style),
                 Span::styled("·".repeat(BAR - filled), QUIET),
             ])),
-            Cell::from(figure(nominal)),
-            Cell::from(figure(used)),
-            Cell::from(figure(tracking)),
+            right(figure(nominal)),
+            right(figure(used)),
+            right(figure(tracking)),
         ])
     });
     let widths = [
         Constraint::Min(14),
         Constraint::Length(10),
         Constraint::Length(10),
+        Constraint::Length(8),
         Constraint::Length(BAR as u16),
         Constraint::Length(10),
         Constraint::Length(10),
@@ -167,7 +179,15 @@ fn draw_parameters(frame: &mut Frame<'_>, area: Rect, s: &Snapshot, view: &mut V
     let visible = usize::from(area.height.saturating_sub(3));
     view.first = view.first.min(set.len().saturating_sub(visible));
     let last = (view.first + visible).min(set.len());
-    let head = Row::new(["", "value", "sigma", "robot file", "excited", "state"]).style(QUIET);
+    let head = Row::new([
+        Cell::from(""),
+        right("value"),
+        right("sigma"),
+        right("robot file"),
+        right("excitation"),
+        Cell::from("  state"),
+    ])
+    .style(QUIET);
     let rows = (view.first..last).map(|i| {
         let state = parameter_state(set.state[i]);
         let style = match state {
@@ -178,11 +198,11 @@ fn draw_parameters(frame: &mut Frame<'_>, area: Rect, s: &Snapshot, view: &mut V
         let nominal = if s.same_model() { s.nominal.get(i).map_or(f64::NAN, |x| *x) } else { f64::NAN };
         Row::new(vec![
             Cell::from(s.name(i)),
-            Cell::from(figure(set.values[i])),
-            Cell::from(figure(set.std[i])),
-            Cell::from(figure(nominal)),
-            Cell::from(format!("{:.0} %", 100.0 * set.excitation[i])),
-            Cell::from(state).style(style),
+            right(figure(set.values[i])),
+            right(figure(set.std[i])),
+            right(figure(nominal)),
+            right(figure(set.excitation[i])),
+            Cell::from(format!("  {state}")).style(style),
         ])
     });
     let widths = [
@@ -190,8 +210,8 @@ fn draw_parameters(frame: &mut Frame<'_>, area: Rect, s: &Snapshot, view: &mut V
         Constraint::Length(12),
         Constraint::Length(12),
         Constraint::Length(12),
-        Constraint::Length(8),
         Constraint::Length(12),
+        Constraint::Length(14),
     ];
     let model = if s.same_model() { "" } else { ", OF ANOTHER MODEL" };
     let title = format!(" parameters {}-{last} of {}, epoch {}{model} ", view.first + 1, set.len(), set.epoch);

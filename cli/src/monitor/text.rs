@@ -63,17 +63,17 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
     let model = if s.same_model() { "" } else { "; of another model than this robot file's" };
     let flags = if flags.is_empty() { String::new() } else { format!("; {}", flags.join(", ")) };
     writeln!(out, "parameters   {}, epoch {}, sample {}{flags}{model}", set.len(), set.epoch, set.seq)?;
-    writeln!(out, "{:<34} {:>12} {:>12} {:>12} {:>7} {:>10}", "", "value", "sigma", "robot file", "excited", "state")?;
+    writeln!(
+        out,
+        "{:<34} {:>12} {:>12} {:>12} {:>12} {:>10}",
+        "", "value", "sigma", "robot file", "excitation", "state"
+    )?;
     for i in 0..set.len() {
         let nominal = if s.same_model() { s.nominal.get(i).map_or(f64::NAN, |x| *x) } else { f64::NAN };
         let state = parameter_state(set.state[i]);
-        let [value, std, nominal] = [set.values[i], set.std[i], nominal].map(figure);
+        let [value, std, nominal, excitation] = [set.values[i], set.std[i], nominal, set.excitation[i]].map(figure);
         let name = s.name(i);
-        writeln!(
-            out,
-            "  {name:<32} {value:>12} {std:>12} {nominal:>12} {:>6.0}% {state:>10}",
-            100.0 * set.excitation[i]
-        )?;
+        writeln!(out, "  {name:<32} {value:>12} {std:>12} {nominal:>12} {excitation:>12} {state:>10}")?;
     }
     Ok(())
 }

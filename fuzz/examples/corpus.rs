@@ -1,0 +1,71 @@
+//! Writes the seeds of the targets whose inputs are not text: `cargo run -p rivet-fuzz --example corpus`.
+
+use rivet_fuzz::STORED;
+use rivet_store::{Knowledge, Parameters, Store, Supervision};
+use std::fs;
+use std::path::Path;
+
+/// One sample with a plan and second encoders as the target `samples` takes them apart, standing for `stretch` of them.
+fn sample(seq: u64, stretch: u8, joints: u32, faults: u32) -> Vec<u8> {
+    let mut out = vec![(stretch << 2) | 3];
+    let numbers = |out: &mut Vec<u8>, n: usize, scale: f64| {
+        for j in 0..n {
+            out.extend((scale * (seq as f64 * 0.01 + j as f64).sin()).to_le_bytes());
+        }
+    };
+    for (arrays, tail) in [(3, vec![joints, faults]), (3, vec![joints]), (1, vec![joints])] {
+        out.extend(seq.to_le_bytes());
+        out.extend((seq * 1_000_000).to_le_bytes());
+        for k in 0..arrays {
+            numbers(&mut out, 8, 1.0 + 4.0 * f64::from(k));
+        }
+        for word in tail {
+            out.extend(word.to_le_bytes());
+        }
+    }
+    out
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let folder = |name: &str| -> std::io::Result<std::path::PathBuf> {
+        fs::create_dir_all(corpus.join(name))?;
+        Ok(corpus.join(name))
+    };
+    for name in ["samples", "parameters"] {
+        let folder = folder(name)?;
+        let stream: Vec<u8> = (0..20).flat_map(|k| sample(60 * k + 1, 60, 2, 0)).collect();
+        fs::write(folder.join("stream"), stream)?;
+        fs::write(folder.join("hole"), [sample(1, 60, 2, 0), sample(1000, 60, 2, 0)].concat())?;
+        fs::write(folder.join("fault"), [sample(1, 60, 2, 0), sample(61, 60, 2, 1), sample(121, 60, 2, 0)].concat())?;
+        fs::write(folder.join("shape"), sample(1, 1, 7, 0))?;
+    }
+    let control = folder("control")?;
+    for command in 0..7_u32 {
+        let text = "robot.toml:3:1: name is missing; give it one: \u{fc}".as_bytes();
+        let head = [command, command % 4, text.len() as u32].map(u32::to_le_bytes).concat();
+        fs::write(control.join(format!("command-{command}")), [&head, text].concat())?;
+    }
+    // Text: their seeds are the robots and the bad files of the configuration's tests; here what those lack.
+    fs::write(folder("config")?.join("empty.toml"), "")?;
+    fs::write(folder("urdf")?.join("empty.urdf"), "<robot name=\"a\"/>")?;
+    let t: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
+    let columns: Vec<(&str, &[f64])> = ["t", "q1", "q2", "tau1", "tau2"].map(|name| (name, &t[..])).to_vec();
+    rivet_logs::write_columns(&folder("log-parquet")?.join("sound.parquet"), &columns)?;
+    let rows = t.iter().map(|t| format!("{t},{t},{t},{t},{t}\n")).collect::<String>();
+    fs::write(folder("log-csv")?.join("sound.csv"), format!("t,q1,q2,tau1,tau2\n{rows}"))?;
+    fs::write(folder("log-csv")?.join("current.csv"), "t,q1,q2,current1,current2\n0,1,2,3,4\n0.01,1,2,3,4\n")?;
+    let n = 8;
+    for (name, supervision) in
+        [("plain", None), ("supervised", Some(Supervision { state: vec![1; n], excitation: vec![0.5; n] }))]
+    {
+        let temporary = tempfile::tempdir()?;
+        let parameters = Parameters { epoch: 3, seq: 300, values: vec![1.5; n], std: vec![0.1; n] };
+        let knowledge = Knowledge { model_hash: STORED.1, parameters, supervision };
+        Store::open(temporary.path(), STORED.0)?.save(&knowledge)?;
+        for target in ["store", "store-resealed"] {
+            fs::copy(temporary.path().join("arm.1.state"), folder(target)?.join(format!("{name}.state")))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,312 @@
+//! What is fed, and what must hold whatever comes.
+
+use crate::bytes::{Bytes, signature};
+use rivet_config::Robot;
+use rivet_dynamics::{Arm, flange_pose};
+use rivet_ipc_schema::{
+    ControlCommand, ControlReply, ControllerHealth, Health, JointState, LinkState, Parameters, Setpoint,
+};
+use rivet_logs::ReadOptions;
+use rivet_store::Store;
+use std::path::{Path, PathBuf};
+
+/// Takes an input, panics where something is broken, and returns the signature of what happened.
+pub(crate) type Run = Box<dyn FnMut(&[u8]) -> u64>;
+
+/// Something that reads bytes of strangers.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Its name, and its folder in the corpus.
+    pub name: &'static str,
+    /// Folders of the workspace whose files are seeds as well.
+    pub also: &'static [&'static str],
+    /// Only files with this suffix are seeds; all, if empty.
+    pub suffix: &'static str,
+    /// Words that are put in.
+    pub words: &'static [&'static str],
+    /// Makes what runs it.
+    pub make: fn() -> Run,
+}
+
+const TOML: &[&str] =
+    &["nan", "inf", "-", "1e308", "[", "]", "[drive]\n", "\"\"", "= ", "0x", "true", "9223372036854775807", "\u{fc}"];
+const XML: &[&str] = &[
+    "<joint ",
+    "/>",
+    "</link>",
+    "<origin xyz=\"0 0 nan\"/>",
+    "type=\"floating\"",
+    "&#0;",
+    "<!--",
+    "1e999",
+    "<mimic joint=\"\"/>",
+];
+const CSV: &[&str] = &["nan", ",", ",,", "\n", "1e400", "t,q1,tau1\n", "-0", "\"", "inf"];
+
+/// Everything.
+pub const TARGETS: [Target; 9] = [
+    Target { name: "samples", also: &[], suffix: "", words: &[], make: samples },
+    Target { name: "parameters", also: &[], suffix: "", words: &[], make: parameters },
+    Target { name: "control", also: &[], suffix: "", words: &[], make: control },
+    Target { name: "config", also: &["robots", "config/tests/bad"], suffix: "toml", words: TOML, make: config },
+    Target { name: "urdf", also: &["robots"], suffix: "urdf", words: XML, make: urdf },
+    Target { name: "log-csv", also: &[], suffix: "csv", words: CSV, make: log_csv },
+    Target { name: "log-parquet", also: &[], suffix: "parquet", words: &[], make: log_parquet },
+    Target { name: "store", also: &[], suffix: "state", words: &["PARA", "HEAD", "SUPV"], make: store },
+    Target {
+        name: "store-resealed",
+        also: &[],
+        suffix: "state",
+        words: &["PARA", "HEAD", "SUPV"],
+        make: store_resealed,
+    },
+];
+
+fn robot(arm: &str) -> Robot {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(arm).join("robot.toml");
+    rivet_config::load(file).expect("the arm is there")
+}
+
+fn joint_state(bytes: &mut Bytes<'_>) -> JointState {
+    let mut state = JointState { seq: bytes.u64(), stamp_ns: bytes.u64(), ..JointState::default() };
+    state.q = bytes.array();
+    state.tau = bytes.array();
+    state.temperature = bytes.array();
+    state.joints = bytes.u32();
+    state.faults = bytes.u32();
+    state
+}
+
+fn setpoint(bytes: &mut Bytes<'_>) -> Setpoint {
+    let mut plan = Setpoint { seq: bytes.u64(), stamp_ns: bytes.u64(), ..Setpoint::default() };
+    plan.q = bytes.array();
+    plan.qd = bytes.array();
+    plan.qdd = bytes.array();
+    plan.joints = bytes.u32();
+    plan
+}
+
+fn link_state(bytes: &mut Bytes<'_>) -> LinkState {
+    let mut link = LinkState { seq: bytes.u64(), stamp_ns: bytes.u64(), ..LinkState::default() };
+    link.q = bytes.array();
+    link.joints = bytes.u32();
+    link
+}
+
+fn parameter_set(bytes: &mut Bytes<'_>, like: &Parameters) -> Parameters {
+    let mut set = *like;
+    // Half of what comes is a sound set with some hostile entries: else nothing would pass the first look.
+    match bytes.u8() % 4 {
+        0 => {
+            set.model_hash = bytes.u64();
+            set.count = bytes.u32();
+            set.joints = bytes.u32();
+            set.flags = bytes.u32();
+            set.instruments = bytes.u32();
+        }
+        1 => {
+            for value in &mut set.values {
+                *value = bytes.f64();
+            }
+        }
+        2 => set.sample_period_s = bytes.f64(),
+        _ => {
+            for _ in 0..4 {
+                let at = usize::from(bytes.u8()) % set.values.len();
+                set.values[at] = bytes.f64();
+            }
+        }
+    }
+    set.epoch = bytes.u64();
+    set.seq = bytes.u64();
+    set.stamp_ns = bytes.u64();
+    set
+}
+
+/// Messages of the robot controller into the daemon.
+fn samples() -> Run {
+    let robot = robot("dd2");
+    Box::new(move |input| {
+        let mut core = rivet_daemon::Core::new(&robot).expect("sound settings");
+        let mut bytes = Bytes::new(input);
+        let (mut out, mut health) = (Parameters::default(), Health::default());
+        let mut published = 0_u64;
+        while !bytes.is_empty() {
+            let with = bytes.u8();
+            let state = joint_state(&mut bytes);
+            let plan = (with & 1 != 0).then(|| setpoint(&mut bytes));
+            let link = (with & 2 != 0).then(|| link_state(&mut bytes));
+            // One sample of bytes is a stretch of samples that go on from it.
+            for k in 0..u64::from(with >> 2) {
+                let mut state = state;
+                state.seq = state.seq.wrapping_add(k);
+                state.stamp_ns = state.stamp_ns.wrapping_add(k.wrapping_mul(1_000_000));
+                state.q[0] += 1e-3 * k as f64;
+                published += u64::from(core.tick_with_link(&state, plan.as_ref(), link.as_ref()).publish);
+            }
+        }
+        core.write_parameters(&mut out);
+        core.write_health(&mut health);
+        assert!(out.values.iter().chain(&out.std).all(|x| x.is_finite()), "a parameter is not finite");
+        let counts = core.counts();
+        let moved = [counts.samples, counts.lost, counts.stale, counts.invalid, counts.faults, counts.gaps];
+        let more = [counts.wrong_period, counts.restarts, counts.setpoints_missing, published, u64::from(health.mode)];
+        // The order of magnitude of every counter.
+        moved.iter().chain(&more).fold(0, |hash, n| hash * 67 + u64::from(64 - n.leading_zeros()))
+    })
+}
+
+/// Messages of everybody into the controller.
+fn parameters() -> Run {
+    let robot = robot("dd2");
+    let limit = robot.config.drive.torque_limit.clone();
+    let mut like = Parameters { joints: 2, model_hash: robot.hash, ..Parameters::default() };
+    like.sample_period_s = robot.config.sample_period_s;
+    like.count = robot.nominal_base.len() as u32;
+    like.values[..robot.nominal_base.len()].copy_from_slice(&robot.nominal_base);
+    Box::new(move |input| {
+        let mut core = rivet_controller::Core::new(&robot, 0).expect("sound settings");
+        let mut bytes = Bytes::new(input);
+        let mut seen = 0_u64;
+        while !bytes.is_empty() {
+            let with = bytes.u8();
+            let mut state = joint_state(&mut bytes);
+            if with & 1 != 0 {
+                core.offer_setpoint(&setpoint(&mut bytes));
+            }
+            if with & 2 != 0 {
+                let set = parameter_set(&mut bytes, &like);
+                seen |= 1 << (core.offer_parameters(&set, &state) as u64 % 32);
+            }
+            for _ in 0..=u64::from(with >> 4) {
+                state.seq = state.seq.wrapping_add(1);
+                let commands = [core.tick(&state).ok(), (with & 4 != 0).then(|| core.missing(30)).flatten()];
+                for command in commands.into_iter().flatten() {
+                    for (j, (tau, limit)) in command.tau.iter().zip(&limit).enumerate() {
+                        assert!(tau.abs() <= *limit, "joint {j}: {tau} N m, its limit is {limit}");
+                    }
+                    seen |= 1 << (32 + u64::from(command.mode) % 8);
+                }
+            }
+        }
+        let mut health = ControllerHealth::default();
+        core.write_health(&mut health);
+        seen | u64::from(health.state % 8) << 42 | u64::from(health.source % 8) << 45
+    })
+}
+
+/// Requests and replies of the control service.
+fn control() -> Run {
+    Box::new(|input| {
+        let mut bytes = Bytes::new(input);
+        let command = ControlCommand::try_from(bytes.u32());
+        let mut reply = ControlReply { status: bytes.u32(), length: bytes.u32(), ..ControlReply::default() };
+        for byte in &mut reply.text {
+            *byte = bytes.u8();
+        }
+        let text = reply.text().into_owned();
+        assert!(text.len() <= 3 * reply.text.len());
+        let again = ControlReply::new(rivet_ipc_schema::ControlStatus::Done, 1, &text);
+        assert!(text.starts_with(again.text().as_ref()), "what was cut is no beginning");
+        u64::from(command.map_or(99, u32::from)) * 1000 + text.len() as u64 / 16
+    })
+}
+
+fn config() -> Run {
+    // Beside a real URDF, so that the file's own mistakes are what is found.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.toml");
+    Box::new(move |input| match rivet_config::parse(&path, &String::from_utf8_lossy(input)) {
+        Ok(robot) => {
+            // Whatever is taken for sound must start, or say why it does not.
+            let started = rivet_daemon::Core::new(&robot).is_ok();
+            u64::from(started)
+        }
+        Err(why) => signature(&why.to_string()),
+    })
+}
+
+fn urdf() -> Run {
+    Box::new(|input| match Arm::from_urdf(&String::from_utf8_lossy(input), [0.0, 0.0, -9.81]) {
+        Ok(arm) => {
+            // What is taken for sound has a pose.
+            let (rotation, position) = flange_pose(&arm, &vec![0.3; arm.dof()]);
+            assert!(rotation.iter().flatten().chain(&position).all(|x| x.is_finite()), "a pose that is no number");
+            arm.dof() as u64
+        }
+        Err(why) => signature(&why.to_string()),
+    })
+}
+
+/// A file in memory that is written anew for each input.
+fn file(name: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = if Path::new("/dev/shm").is_dir() { tempfile::tempdir_in("/dev/shm") } else { tempfile::tempdir() };
+    let folder = folder.expect("a folder");
+    let path = folder.path().join(name);
+    (folder, path)
+}
+
+fn log(name: &'static str) -> Run {
+    let (folder, path) = file(name);
+    Box::new(move |input| {
+        let _ = &folder;
+        std::fs::write(&path, input).expect("written");
+        match rivet_logs::read(&path, &ReadOptions::new(2)) {
+            Ok(log) => match log.resample(0.01) {
+                Ok((uniform, _)) => 1 + u64::from(uniform.len() > 10),
+                Err(why) => signature(&why.to_string()),
+            },
+            Err(why) => signature(&why.to_string()),
+        }
+    })
+}
+
+fn log_csv() -> Run {
+    log("log.csv")
+}
+
+fn log_parquet() -> Run {
+    log("log.parquet")
+}
+
+/// What the seeds of the store were written for.
+pub const STORED: (&str, u64) = ("arm", 0x5eed);
+
+fn load(folder: &Path) -> u64 {
+    let loaded = Store::reader(folder, STORED.0).load(STORED.1);
+    if let Some(knowledge) = &loaded.knowledge {
+        let p = &knowledge.parameters;
+        assert_eq!(p.values.len(), p.std.len());
+        assert!(p.values.iter().chain(&p.std).all(|x| x.is_finite()), "garbage is taken for parameters");
+        return 1;
+    }
+    signature(&loaded.problems.first().map_or_else(String::new, |(_, why)| why.to_string()))
+}
+
+fn store() -> Run {
+    let (folder, path) = file("arm.0.state");
+    Box::new(move |input| {
+        std::fs::write(&path, input).expect("written");
+        load(folder.path())
+    })
+}
+
+/// Writes length and checksum as they belong.
+fn reseal(input: &[u8]) -> Vec<u8> {
+    let mut file = input.to_vec();
+    if file.len() >= 24 {
+        let (length, end) = (file.len() as u64, file.len() - 4);
+        file[12..20].copy_from_slice(&length.to_le_bytes());
+        let checksum = crc32fast::hash(&file[..end]);
+        file[end..].copy_from_slice(&checksum.to_le_bytes());
+    }
+    file
+}
+
+/// The same with length and checksum put right, so that what comes after them is reached.
+fn store_resealed() -> Run {
+    let (folder, path) = file("arm.0.state");
+    Box::new(move |input| {
+        std::fs::write(&path, reseal(input)).expect("written");
+        load(folder.path())
+    })
+}

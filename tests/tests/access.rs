@@ -1,0 +1,173 @@
+//! Who may talk to the daemon: its own user alone, and nobody else can hold it up. Needs root, to be two users.
+
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, JointState, PrivateBus, RobotName};
+use rivet_tests::{rivet, robot};
+use std::fs;
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begin = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn sample(seq: u64) -> JointState {
+    let t = seq as f64 * 0.001;
+    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
+    for j in 0..2 {
+        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
+        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
+    }
+    state
+}
+
+fn name() -> RobotName {
+    RobotName::new("dd2").expect("a name")
+}
+
+fn daemon(config: &BusConfig) -> Command {
+    let mut command = rivet();
+    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
+    command.arg("--root").arg(&config.root);
+    command
+}
+
+/// Program and robot where another user can read them.
+struct Outside {
+    folder: tempfile::TempDir,
+}
+
+impl Outside {
+    fn new() -> Outside {
+        let folder =
+            tempfile::Builder::new().permissions(fs::Permissions::from_mode(0o755)).tempdir().expect("a folder");
+        let copy = |from: &Path, name: &str, mode| {
+            let to = folder.path().join(name);
+            fs::copy(from, &to).expect("copied");
+            fs::set_permissions(to, fs::Permissions::from_mode(mode)).expect("set");
+        };
+        copy(Path::new(rivet().get_program()), "rivet", 0o755);
+        copy(&robot("dd2"), "robot.toml", 0o644);
+        copy(&robot("dd2").with_file_name("robot.urdf"), "robot.urdf", 0o644);
+        Outside { folder }
+    }
+
+    /// Runs `rivet WORDS...` on the bus as the user nobody, at most for five seconds.
+    fn nobody(&self, words: &[&str], config: &BusConfig) -> Output {
+        let path = |name: &str| -> PathBuf { self.folder.path().join(name) };
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "timeout", "5"]).arg(path("rivet"));
+        command.arg(words[0]).arg(path("robot.toml")).args(&words[1..]);
+        command.args(["--prefix", &config.prefix, "--root"]).arg(&config.root);
+        command.current_dir("/").stdin(Stdio::null()).output().expect("setpriv runs")
+    }
+}
+
+#[test]
+fn another_user_can_neither_publish_nor_read_nor_hold_up_the_daemon() {
+    if !rustix::process::geteuid().is_root() {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: to be two users this needs root");
+        return;
+    }
+    let private = PrivateBus::new("access");
+    let config = private.config();
+    let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
+    let states = bus.joint_state_publisher().expect("a publisher");
+    let health = bus.health_subscriber().expect("a subscriber");
+    let _daemon = Process(daemon(config).spawn().expect("the program starts"));
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    let outside = Outside::new();
+
+    // Every file is its owner's alone, and no folder can be written by others.
+    for folder in [Path::new("/dev/shm"), &config.root, &config.root.join("nodes"), &config.root.join("services")] {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let ours =
+                folder != Path::new("/dev/shm") || entry.file_name().to_string_lossy().starts_with(&config.prefix);
+            let mode = entry.metadata().map_or(0, |data| data.permissions().mode());
+            assert!(!ours || mode & 0o027 == 0, "{}: {:o}", entry.path().display(), mode & 0o777);
+        }
+    }
+
+    // The stream runs while a stranger tries everything there is to try.
+    let (stop, stopped) = std::sync::mpsc::channel();
+    let stranger = {
+        let config = config.clone();
+        std::thread::spawn(move || {
+            let mut tried = Vec::new();
+            for words in [
+                &["monitor", "--once"][..],
+                &["control", "freeze"],
+                &["sim", "--duration", "1"],
+                &["daemon", "--best-effort"],
+                &["monitor", "--once"],
+                &["control", "reload"],
+            ] {
+                tried.push((words[0], outside.nobody(words, &config)));
+            }
+            stop.send(()).expect("the test waits");
+            tried
+        })
+    };
+    let (mut seq, mut longest) = (0, Duration::ZERO);
+    while stopped.try_recv().is_err() {
+        seq += 1;
+        let begin = Instant::now();
+        assert_eq!(states.send(&sample(seq)).expect("sent"), 1, "the daemon, and nobody else, has it");
+        longest = longest.max(begin.elapsed());
+        std::thread::sleep(Duration::from_micros(500));
+    }
+    let tried = stranger.join().expect("no panic");
+    let last = eventually("the last sample is in", || health.receive().expect("received").filter(|h| h.seq == seq));
+    for (what, output) in &tried {
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success(), "a stranger's {what} worked: {said}");
+        assert!(output.stdout.is_empty(), "a stranger's {what} read {}", String::from_utf8_lossy(&output.stdout));
+    }
+    assert_eq!((last.samples, last.lost, last.gaps), (seq, 0, 0), "every sample went in meanwhile");
+    assert_ne!(last.mode, u32::from(rivet_ipc_schema::DaemonMode::Frozen));
+    println!("{seq} samples while a stranger tried {} times; longest send {longest:?}", tried.len());
+}
+
+#[test]
+fn a_second_daemon_is_refused_and_the_first_works_on() {
+    let private = PrivateBus::new("second");
+    let config = private.config();
+    let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
+    let states = bus.joint_state_publisher().expect("a publisher");
+    let health = bus.health_subscriber().expect("a subscriber");
+    let client = bus.control_client().expect("a client");
+    let _first = Process(daemon(config).spawn().expect("the program starts"));
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    // Answers come from one server: who asks is never answered by a second one.
+    let ask = || client.ask(ControlCommand::Resume, Duration::from_secs(30)).expect("asked").expect("an answer");
+    assert_eq!(ControlStatus::try_from(ask().status), Ok(ControlStatus::Done));
+    let second = daemon(config).output().expect("the program starts");
+    assert_eq!(second.status.code(), Some(69), "{second:?}");
+    let said = String::from_utf8_lossy(&second.stderr);
+    assert!(said.contains("another program is its writer"), "{said}");
+    for seq in 1..=300 {
+        states.send(&sample(seq)).expect("sent");
+    }
+    eventually("the first daemon has all samples", || {
+        health.receive().expect("received").filter(|health| health.samples == 300 && health.lost == 0)
+    });
+    assert_eq!(ControlStatus::try_from(ask().status), Ok(ControlStatus::Done));
+}

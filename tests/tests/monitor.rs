@@ -1,0 +1,130 @@
+//! Whoever looks on, and whoever floods the control service: the loop's work is what it is without them.
+
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, Health, JointState, PrivateBus, RobotName};
+use rivet_realtime::LogHistogram;
+use rivet_tests::{rivet, robot, succeed};
+use std::process::{Child, Command};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Samples at their own rate, four seconds of them.
+const SAMPLES: u64 = 4000;
+
+fn sample(seq: u64) -> JointState {
+    let t = seq as f64 * 0.001;
+    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
+    for j in 0..2 {
+        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
+        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
+    }
+    state
+}
+
+fn name() -> RobotName {
+    RobotName::new("dd2").expect("a name")
+}
+
+fn monitor(config: &BusConfig) -> Command {
+    let mut command = rivet();
+    command.arg("monitor").arg(robot("dd2")).args([
+        "--once",
+        "--patience",
+        "0.3",
+        "--prefix",
+        &config.prefix,
+        "--root",
+    ]);
+    command.arg(&config.root);
+    command
+}
+
+/// The daemon's last report after the samples, with `beside` at work next to it until told to stop.
+fn run(beside: impl FnOnce(BusConfig, Arc<AtomicBool>) + Send + 'static) -> Health {
+    let private = PrivateBus::new("monitor");
+    let config = private.config().clone();
+    let bus = Bus::open(&config, &name(), "test-robot").expect("the bus");
+    let states = bus.joint_state_publisher().expect("a publisher");
+    let health = bus.health_subscriber().expect("a subscriber");
+    let mut command = rivet();
+    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
+    let _daemon = Process(command.arg("--root").arg(&config.root).spawn().expect("the program starts"));
+    let begin = Instant::now();
+    while states.subscribers() == 0 {
+        assert!(begin.elapsed() < Duration::from_secs(60), "rivetd does not listen");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let neighbour = std::thread::spawn({
+        let (config, stop) = (config.clone(), Arc::clone(&stop));
+        move || beside(config, stop)
+    });
+    let begin = Instant::now();
+    for seq in 1..=SAMPLES {
+        states.send(&sample(seq)).expect("sent");
+        std::thread::sleep((begin + Duration::from_millis(seq)).saturating_duration_since(Instant::now()));
+    }
+    let last = loop {
+        assert!(begin.elapsed() < Duration::from_secs(60), "rivetd has not taken all samples");
+        match health.receive().expect("received") {
+            Some(health) if health.seq == SAMPLES => break health,
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+    };
+    stop.store(true, Ordering::Relaxed);
+    neighbour.join().expect("no panic");
+    last
+}
+
+fn median(health: &Health) -> u64 {
+    LogHistogram::from_counts(health.work_histogram, health.worst_work_ns).quantile(0.5)
+}
+
+#[test]
+fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
+    let alone = run(|_, _| {});
+    let looks = Arc::new(AtomicU64::new(0));
+    let watched = run({
+        let looks = Arc::clone(&looks);
+        move |config, stop| {
+            while !stop.load(Ordering::Relaxed) {
+                let output = succeed(&mut monitor(&config));
+                let text = String::from_utf8_lossy(&output.stdout).into_owned();
+                for line in ["daemon ", "faults ", "drops ", "wake ", "work ", "supervision ", "joints ", "parameters "]
+                {
+                    assert!(text.lines().any(|found| found.starts_with(line)), "{line}:\n{text}");
+                }
+                looks.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    });
+    let requests = Arc::new(AtomicU64::new(0));
+    let flooded = run({
+        let requests = Arc::clone(&requests);
+        move |config, stop| {
+            let bus = Bus::open(&config, &name(), "test-flood").expect("the bus");
+            let client = bus.control_client().expect("a client");
+            while !stop.load(Ordering::Relaxed) {
+                client.ask(ControlCommand::Resume, Duration::from_secs(30)).expect("asked").expect("an answer");
+                requests.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    });
+    let counts = (looks.load(Ordering::Relaxed), requests.load(Ordering::Relaxed));
+    assert!(counts.0 > 3 && counts.1 > 300, "{counts:?} looks and requests");
+    for (what, health) in [("alone", &alone), ("watched", &watched), ("flooded", &flooded)] {
+        println!("{what}: work of a period {} ns at the median; bins {:?}", median(health), health.work_histogram);
+        assert_eq!((health.samples, health.lost, health.dropped_messages), (SAMPLES, 0, 0), "{what}");
+        // Bins double: the same to within the neighbouring ones, whatever else this machine does.
+        assert!(median(health) <= 4 * median(&alone), "{what}: {} ns, alone {} ns", median(health), median(&alone));
+    }
+}
