@@ -5,7 +5,8 @@
 //! lock that proves the old writer gone; readers notice by the stamp and look for the new one.
 
 use core::fmt;
-use std::fs::{self, File, TryLockError};
+use std::fs::{DirBuilder, File, TryLockError};
+use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::time::Duration;
 
 use iceoryx2::node::Node;
@@ -100,8 +101,9 @@ fn lock(bus: &BusConfig, name: &ServiceName, robot: &RobotName, service: Service
     let directory = bus.root.join(LOCK_DIRECTORY);
     let path = directory.join(format!("{}.{robot}.{service}.lock", bus.prefix));
     let fail = |source| BusError::File { path: path.clone(), source };
-    fs::create_dir_all(&directory).map_err(fail)?;
-    let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(fail)?;
+    // As closed to others as the bus's own files: who can open the lock can hold it.
+    DirBuilder::new().recursive(true).mode(0o750).create(&directory).map_err(fail)?;
+    let file = File::options().create(true).truncate(false).write(true).mode(0o600).open(&path).map_err(fail)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(BusError::WriterAlive { service: name.to_string(), lock: path.clone() }),

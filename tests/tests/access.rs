@@ -106,6 +106,9 @@ fn another_user_can_neither_publish_nor_read_nor_hold_up_the_daemon() {
         }
     }
 
+    let root = fs::metadata(&config.root).expect("the root of the bus").permissions().mode();
+    assert_eq!(root & 0o022, 0, "{}: {:o}", config.root.display(), root & 0o777);
+
     // The stream runs while a stranger tries everything there is to try.
     let (stop, stopped) = std::sync::mpsc::channel();
     let stranger = {
