@@ -2,6 +2,7 @@
 
 use rivet_fuzz::STORED;
 use rivet_store::{Knowledge, Parameters, Store, Supervision};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -52,8 +53,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let t: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
     let columns: Vec<(&str, &[f64])> = ["t", "q1", "q2", "tau1", "tau2"].map(|name| (name, &t[..])).to_vec();
     rivet_logs::write_columns(&folder("log-parquet")?.join("sound.parquet"), &columns)?;
-    let rows = t.iter().map(|t| format!("{t},{t},{t},{t},{t}\n")).collect::<String>();
-    fs::write(folder("log-csv")?.join("sound.csv"), format!("t,q1,q2,tau1,tau2\n{rows}"))?;
+    let mut text = String::from("t,q1,q2,tau1,tau2\n");
+    for t in &t {
+        writeln!(text, "{t},{t},{t},{t},{t}")?;
+    }
+    fs::write(folder("log-csv")?.join("sound.csv"), text)?;
     fs::write(folder("log-csv")?.join("current.csv"), "t,q1,q2,current1,current2\n0,1,2,3,4\n0.01,1,2,3,4\n")?;
     let n = 8;
     for (name, supervision) in

@@ -36,14 +36,7 @@ fn name() -> RobotName {
 
 fn monitor(config: &BusConfig) -> Command {
     let mut command = rivet();
-    command.arg("monitor").arg(robot("dd2")).args([
-        "--once",
-        "--patience",
-        "0.3",
-        "--prefix",
-        &config.prefix,
-        "--root",
-    ]);
+    command.arg("monitor").arg(robot("dd2")).args(["--once", "--patience", "20", "--prefix", &config.prefix, "--root"]);
     command.arg(&config.root);
     command
 }

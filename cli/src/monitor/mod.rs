@@ -35,6 +35,9 @@ pub(crate) struct Args {
 /// Time between two looks at the bus; the daemon reports a few times a second.
 const TURN: Duration = Duration::from_millis(100);
 
+/// Time that others have once somebody has been heard.
+const GRACE: Duration = Duration::from_millis(200);
+
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.bus.robot)?;
     let config = args.bus.config(&robot);
@@ -54,10 +57,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 
 fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<ExitCode> {
     let begin = Instant::now();
-    // Late subscribers get the last message of each within some milliseconds; what has not come by then is not there.
-    while begin.elapsed() < patience && !snapshot.is_complete() {
+    // Late subscribers get the last message of each within some milliseconds: once one has come, the others soon have.
+    let mut first: Option<Instant> = None;
+    while begin.elapsed() < patience && first.is_none_or(|first| first.elapsed() < GRACE) && !snapshot.is_complete() {
         std::thread::sleep(Duration::from_millis(5));
         snapshot.take(ports)?;
+        if first.is_none() && !snapshot.is_empty() {
+            first = Some(Instant::now());
+        }
     }
     if snapshot.is_empty() {
         bail!("neither rivetd nor rivet-controller is on this bus");
