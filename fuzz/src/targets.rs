@@ -221,7 +221,11 @@ fn config() -> Run {
             let started = rivet_daemon::Core::new(&robot).is_ok();
             u64::from(started)
         }
-        Err(why) => signature(&why.to_string()),
+        // Which rules are broken at once; the text with its source lines would be new every time.
+        Err(why) => {
+            let rules: std::collections::BTreeSet<u64> = why.errors().iter().map(|e| signature(&e.rule)).collect();
+            rules.iter().take(3).fold(2, |hash: u64, rule| hash.wrapping_mul(0x0100_0000_01b3) ^ rule)
+        }
     })
 }
 
