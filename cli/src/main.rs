@@ -1,5 +1,6 @@
 //! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
 
+mod bench_loop;
 mod blind;
 mod changes;
 mod check;
@@ -8,6 +9,7 @@ mod compare;
 mod control;
 mod demo;
 mod diagnose;
+mod doctor;
 mod evidence;
 mod exit;
 mod export;
@@ -63,6 +65,10 @@ enum Command {
     Monitor(monitor::Args),
     /// Asks a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
+    /// Whether this machine is fit for real time, and what to change
+    Doctor(doctor::Args),
+    /// What the daemon's loop adds to wake-ups as cyclictest measures them
+    BenchLoop(bench_loop::Args),
     /// Tables computed anew from seeds
     #[command(subcommand)]
     Study(study::Args),
@@ -96,6 +102,8 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
+        Command::Doctor(args) => doctor::run(args),
+        Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),
         Command::Daemon(options) => {
             return ended(rivet_daemon::run(options), rivet_daemon::StartError::exit_code);

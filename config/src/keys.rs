@@ -379,6 +379,12 @@ pub const KEYS: &[Key] = &[
 
     key("realtime", "trigger", Choice(&["timer", "sample"]), "", Bounds::None, Fallback::Text("timer"),
         "What starts a period: an absolute timer, or the arrival of a sample. The timer makes one system call a period; waiting for a sample makes several, and can allocate."),
+    key("realtime", "overrun", Choice(&["skip", "catch-up"]), "", Bounds::None, Fallback::Text("skip"),
+        "After a period that came too late: skip the ones that have passed, or run them at once, one after the other. Samples are taken either way."),
+    key("realtime", "scheduler", Choice(&["fifo", "deadline"]), "", Bounds::None, Fallback::Text("fifo"),
+        "SCHED_FIFO with `priority`, or SCHED_DEADLINE with `deadline_share` of each sample period; the latter cannot be bound to a processor (`cpu`)."),
+    key("realtime", "deadline_share", Number, "-", Within(0.05, 0.95), Fallback::Number(0.6),
+        "Share of the sample period that SCHED_DEADLINE grants; the thread waits for the next period when it has used it up."),
     key("realtime", "priority", Integer, "-", Within(0.0, 98.0), Fallback::Integer(80),
         "SCHED_FIFO priority; 0 leaves the scheduler alone."),
     key("realtime", "cpu", Integer, "-", Within(0.0, 1023.0), Absent,

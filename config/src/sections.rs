@@ -209,11 +209,35 @@ pub enum Trigger {
     Sample,
 }
 
+/// `[realtime] overrun`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Overrun {
+    /// Periods that have passed are left out.
+    Skip,
+    /// Periods that have passed are run at once.
+    CatchUp,
+}
+
+/// `[realtime] scheduler`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheduler {
+    /// SCHED_FIFO.
+    Fifo,
+    /// SCHED_DEADLINE.
+    Deadline,
+}
+
 /// `[realtime]`
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Realtime {
     /// What starts a period.
     pub trigger: Trigger,
+    /// What becomes of periods that have passed.
+    pub overrun: Overrun,
+    /// Which real-time scheduler.
+    pub scheduler: Scheduler,
+    /// Share of the sample period that SCHED_DEADLINE grants.
+    pub deadline_share: f64,
     /// SCHED_FIFO priority; `None` leaves the scheduler alone.
     pub priority: Option<u8>,
     /// Processor of the thread; `None` lets the system choose.
@@ -524,8 +548,23 @@ pub(crate) fn realtime(reader: &mut Reader<'_>) -> Realtime {
         chosen(&reader.text("realtime", "trigger"), &[("timer", Trigger::Timer), ("sample", Trigger::Sample)]);
     let priority = reader.optional_integer("realtime", "priority").and_then(|p| u8::try_from(p).ok());
     let cpu = reader.optional_integer("realtime", "cpu").and_then(|c| usize::try_from(c).ok());
+    let overrun =
+        chosen(&reader.text("realtime", "overrun"), &[("skip", Overrun::Skip), ("catch-up", Overrun::CatchUp)]);
+    let scheduler =
+        chosen(&reader.text("realtime", "scheduler"), &[("fifo", Scheduler::Fifo), ("deadline", Scheduler::Deadline)]);
+    if scheduler == Scheduler::Deadline && cpu.is_some() {
+        reader.reject(
+            "realtime",
+            "cpu",
+            "it must not be given with scheduler = \"deadline\"",
+            "the kernel places such threads itself; leave the key out, or give a cpuset to the unit (AllowedCPUs=)",
+        );
+    }
     Realtime {
         trigger,
+        overrun,
+        scheduler,
+        deadline_share: reader.number("realtime", "deadline_share"),
         priority: priority.filter(|p| *p > 0),
         cpu,
         lock_memory: reader.switch("realtime", "lock_memory"),

@@ -10,7 +10,7 @@ use rivet_ipc_schema::{
     BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, ParameterSource,
     Parameters, RobotName, Setpoint, Subscriber,
 };
-use rivet_realtime::{RealTimeSettings, Shutdown, now_ns};
+use rivet_realtime::{RealTimeSettings, Scheduling, Shutdown, now_ns};
 use rivet_store::Store;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -154,7 +154,7 @@ fn realtime(robot: &Robot, options: &Options) -> RealTimeSettings {
     let settings = &robot.config.realtime;
     RealTimeSettings {
         // Below the daemon's loop: the command only needs the newest sample, the estimator needs every one.
-        priority: settings.priority.map(|p| p.saturating_sub(5).max(1)),
+        scheduling: settings.priority.map(|p| Scheduling::Fifo(p.saturating_sub(5).max(1))),
         cpu: settings.cpu,
         lock_memory: settings.lock_memory,
         required: (settings.required || options.require_real_time) && !options.best_effort,

@@ -3,23 +3,15 @@
 use crate::consistent::Waiting;
 use crate::error::StartError;
 use crate::keeper::Latest;
+use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Outcome;
 use rivet_ipc_schema::{
-    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName,
+    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName, Timing,
 };
 use rivet_realtime::Shutdown;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
-
-/// What the loop hands over for publication.
-#[expect(clippy::large_enum_variant, reason = "both live in a preallocated ring; boxing would allocate in the loop")]
-pub(crate) enum Outbound {
-    /// A parameter set.
-    Parameters(Parameters),
-    /// A health message.
-    Health(Health),
-}
 
 /// How often the queue is looked at; parameters change over seconds, so a millisecond costs nothing.
 const TURN: Duration = Duration::from_millis(1);
@@ -34,6 +26,7 @@ struct Ports {
     parameters: rivet_ipc_schema::Publisher<Parameters>,
     latest: rivet_ipc_schema::BlackboardWriter<Parameters>,
     health: rivet_ipc_schema::Publisher<Health>,
+    timing: rivet_ipc_schema::Publisher<Timing>,
     control: rivet_ipc_schema::ControlServer,
 }
 
@@ -42,6 +35,7 @@ fn open(bus: &Bus) -> Result<Ports, BusError> {
         parameters: bus.parameters_publisher()?,
         latest: bus.latest_parameters_writer()?,
         health: bus.health_publisher()?,
+        timing: bus.timing_publisher()?,
         control: bus.control_server()?,
     })
 }
@@ -112,11 +106,15 @@ fn turn(
             Outbound::Health(health) => {
                 ports.health.send(&health)?;
             }
+            Outbound::Timing(timing) => {
+                ports.timing.send(&timing)?;
+            }
         }
     }
     if refresh {
         ports.parameters.refresh()?;
         ports.health.refresh()?;
+        ports.timing.refresh()?;
     }
     let epoch = progress.read().epoch;
     if let Ok((status, text)) = requests.outcomes.try_recv() {

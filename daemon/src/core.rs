@@ -1,13 +1,16 @@
 //! Every decision of the daemon's loop, with no clock, bus or thread in it.
 
+use crate::input::{FaultRecord, Found, InputGuard};
+use crate::torque_watch::TorqueWatch;
 use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::{
-    Identifier, Instrument, Motion, ParameterState as Estimated, Reconfigured, Sample, SettingsError, Step,
+    Identifier, Instrument, LARGEST_EFFORT, LARGEST_MOTION, Motion, Observer, ParameterState as Estimated, Phase,
+    Reconfigured, Row, Sample, SettingsError, Step,
 };
 use rivet_ipc_schema::{
-    ControlCommand, DaemonMode, Health, InstrumentSource, JointState, LinkState, MAX_PARAMETERS, ParameterState,
-    Parameters, SampleClock, Setpoint, parameter_flags,
+    ControlCommand, DaemonMode, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, MAX_PARAMETERS,
+    ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
 };
 use std::sync::Arc;
 
@@ -22,6 +25,8 @@ pub enum Refused {
     Fault,
     /// Samples come at another rate than the robot file says.
     Period,
+    /// A reading cannot be true; the fault says why.
+    Reading(InputFault),
 }
 
 /// What the shell is to do after a sample.
@@ -54,6 +59,8 @@ pub struct Counts {
     pub wrong_period: u64,
     /// Times the robot controller began its sequence anew.
     pub restarts: u64,
+    /// Samples not used because a reading cannot be true.
+    pub unbelievable: u64,
 }
 
 /// Consecutive "old" samples, each one newer than the one before, after which the robot controller counts as restarted.
@@ -62,10 +69,20 @@ const RESTART_RUN: u64 = 100;
 /// Seconds of motion before which the estimate is called provisional: a controller should not act on it yet.
 const PROVISIONAL_S: f64 = 2.0;
 
+/// Publications of which one remains when less is published, and rows of which one remains when fewer are learnt from.
+const PUBLISH_LESS: u64 = 8;
+const DECIMATE: usize = 4;
+
 /// The daemon between two samples. Everything is a function of the sample stream: a recorded run replays bit for bit.
 pub struct Core {
     identifier: Identifier,
     clock: SampleClock,
+    guard: InputGuard,
+    watch: TorqueWatch,
+    record: FaultRecord,
+    load: LoadLevel,
+    load_seq: u64,
+    load_changes: u64,
     period_s: f64,
     dof: usize,
     row_period_s: f64,
@@ -97,6 +114,12 @@ impl Core {
         Ok(Core {
             identifier,
             clock: SampleClock::new(robot.config.sample_period_s),
+            guard: InputGuard::new(robot),
+            watch: TorqueWatch::new(robot.model.arm.dof(), robot.config.sample_period_s),
+            record: FaultRecord::NONE,
+            load: LoadLevel::Normal,
+            load_seq: 0,
+            load_changes: 0,
             period_s: robot.config.sample_period_s,
             dof: robot.model.arm.dof(),
             row_period_s: settings.row_period_s(),
@@ -131,11 +154,24 @@ impl Core {
         setpoint: Option<&Setpoint>,
         link: Option<&LinkState>,
     ) -> Output {
-        let taken = self.take(sample, setpoint, link);
+        self.tick_timed(sample, setpoint, link, |_| {})
+    }
+
+    /// Like [`tick_with_link`](Self::tick_with_link); `done` is told when a phase of the work is over. The core has no clock:
+    /// what it does never depends on when that is.
+    pub fn tick_timed(
+        &mut self,
+        sample: &JointState,
+        setpoint: Option<&Setpoint>,
+        link: Option<&LinkState>,
+        done: impl FnMut(Phase),
+    ) -> Output {
+        let taken = self.take(sample, setpoint, link, done);
         let mut publish = false;
         if taken.is_ok() {
             self.since_publication += 1;
-            publish = self.since_publication >= self.publish_every;
+            let less = if self.load == LoadLevel::Normal { 1 } else { PUBLISH_LESS };
+            publish = self.since_publication >= less * self.publish_every;
             if publish {
                 self.since_publication = 0;
                 self.epoch += 1;
@@ -149,41 +185,66 @@ impl Core {
         sample: &JointState,
         setpoint: Option<&Setpoint>,
         link: Option<&LinkState>,
+        done: impl FnMut(Phase),
     ) -> Result<(), Refused> {
         let n = self.dof;
         if let Some(last) = self.last_seq {
             if sample.seq <= last {
                 self.counts.stale += 1;
                 if !self.controller_restarted(sample.seq) {
+                    let again = if sample.seq == last { InputFault::Duplicate } else { InputFault::Reordered };
+                    self.record.count(again, 1);
                     return Err(Refused::Stale);
                 }
                 self.counts.restarts += 1;
                 self.interrupted = true;
+                self.guard.restart();
+                self.watch.forget();
+                self.record.interrupt(Found { fault: InputFault::PublisherRestarted, joints: 0 }, 1);
             } else {
                 let lost = sample.seq - last - 1;
                 self.counts.lost = self.counts.lost.saturating_add(lost);
-                self.interrupted |= lost > 0;
+                if lost > 0 {
+                    self.interrupted = true;
+                    self.record.interrupt(Found { fault: InputFault::Lost, joints: 0 }, lost);
+                }
+                if !self.guard.stamps_fit(lost, self.last_stamp_ns, sample.stamp_ns) {
+                    // The rate is looked at anew; the signals know only sequence numbers.
+                    self.clock.begin();
+                    self.record.count(InputFault::TimeJump, 1);
+                }
             }
         }
+        // Old samples one after the other, then new ones: numbers that happen to go on hide a hole in time.
+        self.interrupted |= self.stale_run > 1;
         self.stale_run = 0;
         self.last_seq = Some(sample.seq);
         self.last_stamp_ns = sample.stamp_ns;
         // Velocities and filters reckoned with a wrong period are wrong without looking so.
         if !self.clock.take(sample.seq, sample.stamp_ns) {
             self.counts.wrong_period += 1;
-            self.interrupted = true;
-            return Err(Refused::Period);
+            return Err(self.refuse(InputFault::WrongPeriod, 0, Refused::Period));
         }
         if sample.faults != 0 {
             self.counts.faults += 1;
-            self.interrupted = true;
-            return Err(Refused::Fault);
+            return Err(self.refuse(InputFault::RobotFault, 0, Refused::Fault));
         }
         let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
-        if sample.count() != n || !finite(&sample.q) || !finite(&sample.tau) {
+        if sample.joints as usize != n {
             self.counts.invalid += 1;
-            self.interrupted = true;
-            return Err(Refused::Invalid);
+            return Err(self.refuse(InputFault::WrongShape, 0, Refused::Invalid));
+        }
+        if !finite(&sample.q) || !finite(&sample.tau) {
+            self.counts.invalid += 1;
+            let bad = (0..n).filter(|&j| !sample.q[j].is_finite() || !sample.tau[j].is_finite());
+            return Err(self.refuse(InputFault::NotFinite, bad.fold(0, |bits, j| bits | 1 << j), Refused::Invalid));
+        }
+        // Before anything is reckoned with them: differences of such numbers are no differences any more.
+        let wild = |j: &usize| sample.q[*j].abs() > LARGEST_MOTION || sample.tau[*j].abs() > LARGEST_EFFORT;
+        let bits = (0..n).filter(wild).fold(0, |bits, j| bits | 1 << j);
+        if bits != 0 {
+            self.counts.invalid += 1;
+            return Err(self.refuse(InputFault::Implausible, bits, Refused::Invalid));
         }
         let setpoint = setpoint
             .filter(|s| s.seq == sample.seq && s.count() == n && finite(&s.q) && finite(&s.qd) && finite(&s.qdd));
@@ -191,21 +252,95 @@ impl Core {
         if self.setpoints_seen && setpoint.is_none() {
             self.counts.setpoints_missing += 1;
         }
+        if let Some(found) = self.guard.look(sample, setpoint) {
+            self.counts.unbelievable += 1;
+            return Err(self.refuse(found.fault, found.joints, Refused::Reading(found.fault)));
+        }
+        if self.load == LoadLevel::Hold {
+            self.interrupted = true;
+            return Ok(());
+        }
         // Differences across a hole would be wrong velocities: the signal chain starts anew, the information stays.
         if self.interrupted {
             self.interrupted = false;
             self.counts.gaps += 1;
             self.identifier.restart_signals();
+            self.watch.restart();
+        }
+        let estimate = self.identifier.estimate();
+        self.watch.read(&estimate, estimate.updates >= self.provisional_updates);
+        let (wrong, ended) = self.watch.sample(sample, &self.guard);
+        if ended {
+            self.counts.gaps += 1;
+            self.identifier.restart_signals();
+            self.watch.restart();
         }
         let desired = setpoint.map(|s| Motion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
         let second = link.filter(|l| l.seq == sample.seq && l.count() == n).map(|l| &l.q[..n]);
         let sample = Sample { q: &sample.q[..n], second, tau: &sample.tau[..n], setpoint: desired };
-        if let Step::Refused(_) = self.identifier.push_sample(sample) {
+        let mut onlooker = Onlooker { watch: &mut self.watch, guard: &self.guard, done };
+        let step = self.identifier.push_observed(sample, &mut onlooker);
+        if let Step::Refused(_) = step {
             self.counts.invalid += 1;
-            return Err(Refused::Invalid);
+            return Err(self.refuse(InputFault::Implausible, 0, Refused::Invalid));
         }
         self.counts.samples += 1;
+        match wrong {
+            Some(found) => self.record.interrupt(found, 1),
+            None => self.record.good(step != Step::WarmingUp),
+        }
         Ok(())
+    }
+
+    fn refuse(&mut self, fault: InputFault, joints: u32, why: Refused) -> Refused {
+        self.interrupted = true;
+        self.record.interrupt(Found { fault, joints }, 1);
+        why
+    }
+
+    /// Something that the shell has seen: publishers that come and go, a machine that was suspended.
+    pub fn note(&mut self, fault: InputFault, times: u64) {
+        match fault {
+            // Time has gone by that no stamp tells of.
+            InputFault::ClockSuspended => {
+                self.refuse(fault, 0, Refused::Stale);
+                self.guard.restart();
+            }
+            _ => self.record.count(fault, times),
+        }
+    }
+
+    /// Leaves out work from the next sample on, or takes it up again. What was decided when is published with the
+    /// parameters ([`parameter_flags::LOAD_SHIFT`]): a replay that is told the same does the same.
+    pub fn set_load(&mut self, level: LoadLevel) {
+        if level == self.load {
+            return;
+        }
+        self.load = level;
+        self.load_changes += 1;
+        self.load_seq = self.last_seq.map_or(0, |seq| seq.saturating_add(1));
+        let thin = matches!(level, LoadLevel::Decimate | LoadLevel::Hold);
+        self.identifier.thin(if thin { DECIMATE } else { 1 });
+    }
+
+    /// What is left out now.
+    pub fn load_level(&self) -> LoadLevel {
+        self.load
+    }
+
+    /// What is wrong with the samples now; it stays until the signals have settled after the last faulty one.
+    pub fn input_fault(&self) -> InputFault {
+        self.record.now
+    }
+
+    /// Times that a fault was met.
+    pub fn fault_count(&self, fault: InputFault) -> u64 {
+        self.record.counts.get(fault as usize).copied().unwrap_or(0)
+    }
+
+    /// From the last faulty sample to the first after which the signals had settled, of the last fault that is over \[s\].
+    pub fn recovery_s(&self) -> Option<f64> {
+        self.record.recovery.map(|samples| samples as f64 * self.period_s)
     }
 
     /// A controller that starts anew counts from the beginning: a long run of "old" but rising numbers.
@@ -248,7 +383,11 @@ impl Core {
         match command {
             ControlCommand::Freeze => self.identifier.freeze(),
             ControlCommand::Resume => self.identifier.resume(),
-            ControlCommand::Reset => self.identifier.reset(),
+            ControlCommand::Reset => {
+                self.identifier.reset();
+                self.watch.forget();
+                self.guard.restart();
+            }
             ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload => return false,
         }
         true
@@ -284,7 +423,9 @@ impl Core {
         let flag = |set: bool, bit: u32| if set { bit } else { 0 };
         out.flags = flag(estimate.verdict.suspended, parameter_flags::SUSPENDED)
             | flag(estimate.frozen, parameter_flags::FROZEN)
-            | flag(estimate.updates < self.provisional_updates, parameter_flags::PROVISIONAL);
+            | flag(estimate.updates < self.provisional_updates, parameter_flags::PROVISIONAL)
+            | flag(self.record.now != InputFault::None, parameter_flags::BAD_INPUT)
+            | (self.load as u32) << parameter_flags::LOAD_SHIFT;
     }
 
     /// Writes the core's part of the health message; the shell adds its timing.
@@ -318,8 +459,18 @@ impl Core {
         for (j, ratio) in out.instrument_ratio[..m].iter_mut().enumerate() {
             *ratio = self.identifier.instrument_ratio(j);
         }
+        out.input_fault = self.record.now.into();
+        out.input_joints = self.record.joints;
+        out.last_input_fault = self.record.last.into();
+        out.input_faults = self.record.counts;
+        out.recovery_s = self.recovery_s().unwrap_or(f64::NAN);
+        out.load_level = self.load.into();
+        out.load_changes = self.load_changes;
+        out.load_seq = self.load_seq;
         out.mode = if !self.clock.fits() {
             DaemonMode::WrongPeriod
+        } else if self.record.now != InputFault::None {
+            DaemonMode::BadInput
         } else if estimate.frozen {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {
@@ -350,6 +501,22 @@ impl Core {
     /// Number of the last publication; 0 before the first.
     pub fn epoch(&self) -> u64 {
         self.epoch
+    }
+}
+
+struct Onlooker<'a, F> {
+    watch: &'a mut TorqueWatch,
+    guard: &'a InputGuard,
+    done: F,
+}
+
+impl<F: FnMut(Phase)> Observer for Onlooker<'_, F> {
+    fn done(&mut self, phase: Phase) {
+        (self.done)(phase);
+    }
+
+    fn admits(&mut self, row: &Row) -> bool {
+        self.watch.admits(row, self.guard)
     }
 }
 

@@ -1,32 +1,37 @@
 //! The real-time thread: wait, take in what is queued, tick, hand over. Nothing else.
 
-use crate::bus_thread::Outbound;
 use crate::core::Core;
 use crate::error::StartError;
+use crate::ladder::Ladder;
+use crate::outbound::Outbound;
 use crate::progress::{Progress, Snapshot};
 use crate::reload::Incoming;
+use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, JointState, LinkState, Listener, Parameters,
-    RobotName, Setpoint, Subscriber,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, InputFault, JointState, LinkState, Listener,
+    LoopPhase, Parameters, RobotName, Setpoint, Subscriber, Timing as TimingMessage, parameter_flags,
 };
-use rivet_realtime::{LogHistogram, PeriodTimer, RealTimeSettings, Shutdown, now_ns};
+use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
+use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 /// How the loop runs.
 #[derive(Clone, Debug)]
-pub(crate) struct LoopSettings {
+pub struct LoopSettings {
     /// Time between periods.
     pub period: Duration,
     /// What starts a period.
     pub trigger: Trigger,
+    /// What becomes of periods that have passed.
+    pub overrun: Overrun,
     /// Most samples taken in within one period.
     pub catch_up: usize,
     /// Samples between health messages.
     pub health_every: u64,
-    /// Without a sample for this long the input counts as stale \[ns\].
-    pub(crate) stale_ns: u64,
+    /// Without a sample for this long the input counts as stale, and a set that is this much behind its sample as late \[ns\].
+    pub stale_ns: u64,
     /// Scheduling and memory.
     pub realtime: RealTimeSettings,
 }
@@ -47,6 +52,10 @@ struct Input {
     /// A setpoint, and second encoders, that came before their sample.
     pending: Option<Setpoint>,
     pending_link: Option<LinkState>,
+    /// The publisher whose samples are taken.
+    source: Option<u128>,
+    /// Samples of another one, not taken.
+    foreign: u64,
 }
 
 enum Pace {
@@ -54,17 +63,40 @@ enum Pace {
     Sample(Box<Listener>),
 }
 
-struct Wake {
-    lateness_ns: u64,
-    missed: u64,
+/// A wake-up.
+#[derive(Clone, Copy, Debug)]
+pub struct Wake {
+    /// How much later than due it came \[ns\]; 0 where a sample starts the period.
+    pub lateness_ns: u64,
+    /// Further periods that had passed by then.
+    pub missed: u64,
 }
 
 impl Input {
     /// The oldest sample not yet taken, and the setpoint and second encoders of its period if they have come. They are
     /// published before their sample, so they are there when the sample is. Bounded by their rings.
-    fn next(&mut self) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
-        // A port that fails has no sample; the publisher's absence shows in the health message.
-        let state = self.states.receive().ok().flatten()?;
+    ///
+    /// One publisher is heard: another one's samples are left out as long as the first sends (`quiet` says whether it does
+    /// not).
+    fn next(&mut self, quiet: bool) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
+        for _ in 0..self.states.capacity() {
+            // A port that fails has no sample; the publisher's absence shows in the health message.
+            let (state, from) = self.states.receive_from().ok().flatten()?;
+            if self.source.is_some_and(|source| source != from) {
+                if !quiet && self.states.publishers() > 1 {
+                    self.foreign += 1;
+                    continue;
+                }
+                self.pending = None;
+                self.pending_link = None;
+            }
+            self.source = Some(from);
+            return Some(self.with_plan(state));
+        }
+        None
+    }
+
+    fn with_plan(&mut self, state: JointState) -> (JointState, Option<Setpoint>, Option<LinkState>) {
         for _ in 0..self.setpoints.capacity() {
             if self.pending.is_some_and(|setpoint| setpoint.seq >= state.seq) {
                 break;
@@ -84,7 +116,7 @@ impl Input {
             }
         }
         let setpoint = self.pending.filter(|setpoint| setpoint.seq == state.seq);
-        Some((state, setpoint, self.pending_link.filter(|link| link.seq == state.seq)))
+        (state, setpoint, self.pending_link.filter(|link| link.seq == state.seq))
     }
 }
 
@@ -106,61 +138,238 @@ impl Pace {
     }
 }
 
-/// What the loop measures about itself.
-#[derive(Default)]
-struct Timing {
-    periods: u64,
-    overruns: u64,
-    catch_up_limited: u64,
-    dropped: u64,
-    wake: LogHistogram,
-    work: LogHistogram,
+/// How far sets are behind the samples they were made from, reckoned from the least that was seen: stamps may be of another
+/// clock, a log's say.
+#[derive(Clone, Copy, Debug)]
+struct Delay {
+    least: i64,
 }
 
-impl Timing {
-    fn write(&self, health: &mut Health) {
-        health.periods = self.periods;
-        health.overruns = self.overruns;
-        health.catch_up_limited = self.catch_up_limited;
-        health.dropped_messages = self.dropped;
-        health.wake_histogram = *self.wake.counts();
-        health.work_histogram = *self.work.counts();
-        health.worst_wake_ns = self.wake.max();
-        health.worst_work_ns = self.work.max();
+impl Delay {
+    fn late(&mut self, now_ns: u64, stamp_ns: u64, limit_ns: u64) -> bool {
+        let delay = now_ns.wrapping_sub(stamp_ns).cast_signed();
+        self.least = self.least.min(delay);
+        delay.saturating_sub(self.least).cast_unsigned() > limit_ns
     }
 }
 
-fn open(bus: &Bus, settings: &LoopSettings) -> Result<(Input, Pace), BusError> {
-    let input = Input {
-        states: bus.joint_state_subscriber()?,
-        setpoints: bus.setpoint_subscriber()?,
-        links: bus.link_state_subscriber()?,
-        pending: None,
-        pending_link: None,
-    };
-    let pace = match settings.trigger {
-        Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period)),
-        Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
-    };
-    Ok((input, pace))
+/// What ties the loop to the other threads; wait-free, all of it.
+pub struct Channels {
+    /// Messages for publication.
+    pub outbound: rtrb::Producer<Outbound>,
+    /// Requests.
+    pub commands: rtrb::Consumer<ControlCommand>,
+    /// Changed settings.
+    pub reload: Incoming,
+    /// How far the loop is.
+    pub progress: Arc<Progress>,
+}
+
+/// Everything of the loop: made once, then [`period`](RealTimeLoop::period) again and again.
+pub struct RealTimeLoop {
+    core: Core,
+    settings: LoopSettings,
+    input: Input,
+    pace: Pace,
+    channels: Channels,
+    /// A period with samples was in time.
+    met: bool,
+    timing: Timing,
+    ladder: Ladder,
+    suspension: Suspension,
+    delay: Delay,
+    parameters: Parameters,
+    health: Health,
+    message: TimingMessage,
+    since_health: u64,
+    idle: u64,
+    last_sample_ns: Option<u64>,
+    foreign_reported: u64,
+    gone: bool,
+    _bus: Bus,
+}
+
+impl RealTimeLoop {
+    /// Opens the ports on the calling thread, which is the one to run it.
+    ///
+    /// # Errors
+    /// The bus.
+    pub fn open(
+        core: Core,
+        settings: &LoopSettings,
+        config: &BusConfig,
+        name: &RobotName,
+        channels: Channels,
+    ) -> Result<RealTimeLoop, BusError> {
+        let bus = Bus::open(config, name, "rivetd-loop")?;
+        let input = Input {
+            states: bus.joint_state_subscriber()?,
+            setpoints: bus.setpoint_subscriber()?,
+            links: bus.link_state_subscriber()?,
+            pending: None,
+            pending_link: None,
+            source: None,
+            foreign: 0,
+        };
+        let pace = match settings.trigger {
+            Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
+            Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
+        };
+        let period_ns = u64::try_from(settings.period.as_nanos()).unwrap_or(u64::MAX);
+        Ok(RealTimeLoop {
+            core,
+            settings: settings.clone(),
+            input,
+            pace,
+            channels,
+            met: false,
+            timing: Timing::new(period_ns),
+            ladder: Ladder::new(period_ns),
+            suspension: Suspension::watch(),
+            delay: Delay { least: i64::MAX },
+            parameters: Parameters::default(),
+            health: Health::default(),
+            message: TimingMessage::default(),
+            since_health: 0,
+            idle: 0,
+            last_sample_ns: None,
+            foreign_reported: 0,
+            gone: false,
+            _bus: bus,
+        })
+    }
+
+    /// One period.
+    pub fn period(&mut self) {
+        let wake = self.wait();
+        self.work(wake);
+    }
+
+    /// Sleeps until the next period is due, or a sample has come.
+    pub fn wait(&mut self) -> Wake {
+        self.pace.wait()
+    }
+
+    /// The work of a period. Real-time safe: no allocation, lock or panic, and no system call but one, which reads the
+    /// thread's counters with a message or a period that was one of the worst.
+    pub fn work(&mut self, wake: Wake) {
+        let start = self.timing.begin(wake.lateness_ns);
+        if self.suspension.look().is_some() {
+            self.core.note(InputFault::ClockSuspended, 1);
+        }
+        while let Ok(command) = self.channels.commands.pop() {
+            self.core.control(command);
+        }
+        self.channels.reload.apply(&mut self.core);
+        let taken = self.take(start);
+        self.timing.overruns += wake.missed;
+        self.timing.catch_up_limited += u64::from(taken == self.settings.catch_up);
+        self.since_health += taken as u64;
+        if taken > 0 {
+            self.last_sample_ns = Some(start);
+            self.gone = false;
+        }
+        self.idle = if taken == 0 { self.idle + 1 } else { 0 };
+        // The last samples of a stream that stopped are reported too, soon after it went quiet.
+        let went_quiet = self.idle == QUIET_PERIODS && self.since_health > 0;
+        let due = self.since_health >= self.settings.health_every;
+        if due || went_quiet || (self.idle > 0 && self.idle.is_multiple_of(IDLE_HEALTH_PERIODS)) {
+            self.report(start);
+        }
+        let counts = self.core.counts();
+        let work = self.timing.so_far();
+        // What came in late is not yet what the service was started for.
+        self.met |= counts.samples > 0 && wake.missed == 0 && u128::from(work) <= self.settings.period.as_nanos();
+        self.channels.progress.write(Snapshot {
+            periods: self.timing.periods + 1,
+            samples: counts.samples,
+            lost: counts.lost,
+            epoch: self.core.epoch(),
+            met: self.met,
+            wrong_period_ns: self.core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
+        });
+        self.timing.done(LoopPhase::Publish);
+        let work = self.timing.end();
+        if let Some(level) = self.ladder.period(work, taken) {
+            self.core.set_load(level);
+        }
+    }
+
+    /// Takes in what is queued, at most `catch_up` samples; how many there were.
+    fn take(&mut self, start: u64) -> usize {
+        let quiet = self.last_sample_ns.is_none_or(|last| start.saturating_sub(last) > self.settings.stale_ns);
+        let mut taken = 0;
+        while taken < self.settings.catch_up {
+            let Some((sample, setpoint, link)) = self.input.next(quiet) else { break };
+            self.timing.done(LoopPhase::Read);
+            taken += 1;
+            let late = self.delay.late(start, sample.stamp_ns, self.settings.stale_ns);
+            let timing = &mut self.timing;
+            let output =
+                self.core.tick_timed(&sample, setpoint.as_ref(), link.as_ref(), |phase| timing.estimator_done(phase));
+            if output.publish {
+                self.core.write_parameters(&mut self.parameters);
+                if late {
+                    self.timing.late_sets += 1;
+                    self.parameters.flags |= parameter_flags::LATE;
+                }
+                let full = self.channels.outbound.push(Outbound::Parameters(self.parameters)).is_err();
+                self.timing.dropped += u64::from(full);
+                self.timing.done(LoopPhase::Publish);
+            }
+        }
+        self.timing.done(LoopPhase::Read);
+        taken
+    }
+
+    fn report(&mut self, start: u64) {
+        self.since_health = 0;
+        let publishers = self.input.states.publishers();
+        let foreign = self.input.foreign - self.foreign_reported;
+        self.foreign_reported = self.input.foreign;
+        if foreign > 0 {
+            self.core.note(InputFault::SecondPublisher, foreign);
+        }
+        let silent = self.last_sample_ns.is_some_and(|last| start.saturating_sub(last) > self.settings.stale_ns);
+        // A publisher that was killed is listed until someone clears it away.
+        let gone = silent || (publishers == 0 && self.last_sample_ns.is_some());
+        if gone && !self.gone {
+            self.core.note(InputFault::PublisherGone, 1);
+        }
+        self.gone = gone;
+        let health = &mut self.health;
+        self.core.write_health(health);
+        self.timing.write_health(health);
+        health.stamp_ns = start;
+        health.publishers = publishers as u32;
+        if foreign > 0 && health.input_fault == u32::from(InputFault::None) {
+            health.input_fault = InputFault::SecondPublisher.into();
+        }
+        if gone {
+            health.input_fault = InputFault::PublisherGone.into();
+        }
+        if silent {
+            health.mode = DaemonMode::Stale.into();
+        }
+        self.timing.write(&mut self.message);
+        self.message.stamp_ns = start;
+        self.timing.dropped += u64::from(self.channels.outbound.push(Outbound::Health(self.health)).is_err());
+        self.timing.dropped += u64::from(self.channels.outbound.push(Outbound::Timing(self.message)).is_err());
+    }
 }
 
 /// Runs the loop until shut down. Ports are opened and real time is entered before the first period.
 pub(crate) fn run(
-    mut core: Core,
+    core: Core,
     settings: &LoopSettings,
     config: &BusConfig,
     name: &RobotName,
-    mut outbound: rtrb::Producer<Outbound>,
-    mut commands: rtrb::Consumer<ControlCommand>,
-    mut reload: Incoming,
-    progress: &Progress,
+    channels: Channels,
     shutdown: &Shutdown,
     ready: &Sender<Result<(), StartError>>,
 ) {
-    let opened = Bus::open(config, name, "rivetd-loop").and_then(|bus| open(&bus, settings).map(|ports| (bus, ports)));
-    let (_bus, (mut input, mut pace)) = match opened {
-        Ok(opened) => opened,
+    let mut turning = match RealTimeLoop::open(core, settings, config, name, channels) {
+        Ok(turning) => turning,
         Err(why) => {
             let _ = ready.send(Err(why.into()));
             return;
@@ -178,60 +387,24 @@ pub(crate) fn run(
             return;
         }
     }
-    let mut timing = Timing::default();
-    let (mut since_health, mut idle) = (0_u64, 0_u64);
-    let mut last_sample_ns: Option<u64> = None;
-    let mut met = false;
-    let (mut parameters, mut health) = (Parameters::default(), Health::default());
     while !shutdown.is_requested() {
-        let wake = pace.wait();
-        let start = now_ns();
-        while let Ok(command) = commands.pop() {
-            core.control(command);
+        turning.period();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Delay;
+
+    #[test]
+    fn lateness_is_reckoned_from_the_least_delay_whatever_the_clock() {
+        for ahead in [0_u64, 5_000_000_000_000] {
+            let mut delay = Delay { least: i64::MAX };
+            let mut late = |now: u64, stamp: u64| delay.late(now, stamp.wrapping_add(ahead), 20_000_000);
+            assert!(!late(1_000_000_000, 999_950_000));
+            assert!(!late(1_021_000_000, 1_001_000_000), "20 ms");
+            assert!(late(1_024_000_000, 1_002_000_000), "22 ms");
+            assert!(!late(1_025_000_000, 1_024_900_000));
         }
-        reload.apply(&mut core);
-        let mut taken = 0;
-        while taken < settings.catch_up {
-            let Some((sample, setpoint, link)) = input.next() else { break };
-            taken += 1;
-            if core.tick_with_link(&sample, setpoint.as_ref(), link.as_ref()).publish {
-                core.write_parameters(&mut parameters);
-                timing.dropped += u64::from(outbound.push(Outbound::Parameters(parameters)).is_err());
-            }
-        }
-        timing.periods += 1;
-        timing.overruns += wake.missed;
-        timing.catch_up_limited += u64::from(taken == settings.catch_up);
-        timing.wake.record(wake.lateness_ns);
-        let work = now_ns().saturating_sub(start);
-        timing.work.record(work);
-        // What came in late is not yet what the service was started for.
-        met |= core.counts().samples > 0 && wake.missed == 0 && u128::from(work) <= settings.period.as_nanos();
-        since_health += taken as u64;
-        if taken > 0 {
-            last_sample_ns = Some(start);
-        }
-        idle = if taken == 0 { idle + 1 } else { 0 };
-        // The last samples of a stream that stopped are reported too, soon after it went quiet.
-        let went_quiet = idle == QUIET_PERIODS && since_health > 0;
-        if since_health >= settings.health_every || went_quiet || (idle > 0 && idle % IDLE_HEALTH_PERIODS == 0) {
-            since_health = 0;
-            core.write_health(&mut health);
-            timing.write(&mut health);
-            health.stamp_ns = start;
-            if last_sample_ns.is_some_and(|last| start.saturating_sub(last) > settings.stale_ns) {
-                health.mode = DaemonMode::Stale.into();
-            }
-            timing.dropped += u64::from(outbound.push(Outbound::Health(health)).is_err());
-        }
-        let counts = core.counts();
-        progress.write(Snapshot {
-            periods: timing.periods,
-            samples: counts.samples,
-            lost: counts.lost,
-            epoch: core.epoch(),
-            met,
-            wrong_period_ns: core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
-        });
     }
 }

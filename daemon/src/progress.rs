@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Counters that the loop stores and others read; each is its own truth, they are not one snapshot.
 #[derive(Debug, Default)]
-pub(crate) struct Progress {
+pub struct Progress {
     periods: AtomicU64,
     samples: AtomicU64,
     lost: AtomicU64,
@@ -15,7 +15,7 @@ pub(crate) struct Progress {
 
 /// What [`Progress`] held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub(crate) struct Snapshot {
+pub struct Snapshot {
     /// Periods since the start.
     pub periods: u64,
     /// Samples used.
@@ -32,7 +32,7 @@ pub(crate) struct Snapshot {
 
 impl Progress {
     /// Stores; wait-free.
-    pub(crate) fn write(&self, now: Snapshot) {
+    pub fn write(&self, now: Snapshot) {
         self.samples.store(now.samples, Ordering::Relaxed);
         self.lost.store(now.lost, Ordering::Relaxed);
         self.epoch.store(now.epoch, Ordering::Relaxed);
@@ -42,7 +42,7 @@ impl Progress {
     }
 
     /// Reads.
-    pub(crate) fn read(&self) -> Snapshot {
+    pub fn read(&self) -> Snapshot {
         Snapshot {
             periods: self.periods.load(Ordering::Relaxed),
             samples: self.samples.load(Ordering::Relaxed),

@@ -15,19 +15,24 @@ const TURN: Duration = Duration::from_millis(10);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A core on its way into the loop, and, with what it was changed for, out of it.
-pub(crate) struct Swap {
+pub struct Swap {
     pub(crate) core: Box<Core>,
     /// What was kept, and the number of the last sample before the change.
     pub(crate) done: Option<(Reconfigured, u64)>,
 }
 
 /// The loop's end. Wait-free on both ways: what is replaced is dropped by the other end.
-pub(crate) struct Incoming {
+pub struct Incoming {
     fresh: rtrb::Consumer<Swap>,
     replaced: rtrb::Producer<Swap>,
 }
 
 impl Incoming {
+    /// Nobody changes anything.
+    pub fn none() -> Incoming {
+        Incoming { fresh: rtrb::RingBuffer::new(1).1, replaced: rtrb::RingBuffer::new(1).0 }
+    }
+
     /// Changes `core` if there is something to change it for. Real-time safe.
     pub(crate) fn apply(&mut self, core: &mut Core) {
         if let Ok(mut swap) = self.fresh.pop() {

@@ -4,17 +4,18 @@
 //! files, so it lives on the bus thread behind wait-free queues; the main thread watches and talks to the service
 //! manager.
 
-use crate::bus_thread::{self, Outbound, Requests};
+use crate::bus_thread::{self, Requests};
 use crate::consistent::{self, Projector, Waiting};
 use crate::core::Core;
 use crate::error::StartError;
 use crate::keeper::{Keeper, Latest};
-use crate::loop_thread::{self, LoopSettings};
+use crate::loop_thread::{self, Channels, LoopSettings};
+use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Reloader;
-use rivet_config::{Robot, Trigger};
+use rivet_config::{Realtime, Robot, Scheduler, Trigger};
 use rivet_ipc_schema::{BusConfig, ControlCommand, RobotName};
-use rivet_realtime::{Hangup, RealTimeSettings, Shutdown};
+use rivet_realtime::{Hangup, Overrun, RealTimeSettings, Scheduling, Shutdown};
 use rivet_service::Manager;
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
@@ -108,11 +109,15 @@ fn run_threads(
     let settings = LoopSettings {
         period: Duration::from_secs_f64(robot.config.sample_period_s),
         trigger: options.trigger.unwrap_or(realtime.trigger),
+        overrun: match realtime.overrun {
+            rivet_config::Overrun::Skip => Overrun::Skip,
+            rivet_config::Overrun::CatchUp => Overrun::CatchUp,
+        },
         catch_up: realtime.catch_up,
         health_every: robot.config.publish.health_every as u64,
         stale_ns: (realtime.stale_periods as f64 * robot.config.sample_period_s * 1e9) as u64,
         realtime: RealTimeSettings {
-            priority: realtime.priority,
+            scheduling: scheduling(realtime, robot.config.sample_period_s),
             cpu: realtime.cpu,
             lock_memory: realtime.lock_memory,
             required: (realtime.required || options.require_real_time) && !options.best_effort,
@@ -174,18 +179,8 @@ fn run_threads(
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
         spawn("rivetd-loop", move || {
-            loop_thread::run(
-                core,
-                &settings,
-                &bus,
-                &name,
-                outbound,
-                commands_end,
-                incoming,
-                &progress,
-                &shutdown,
-                &ready,
-            );
+            let channels = Channels { outbound, commands: commands_end, reload: incoming, progress };
+            loop_thread::run(core, &settings, &bus, &name, channels, &shutdown, &ready);
         })?
     };
 
@@ -208,6 +203,18 @@ fn run_threads(
     let end = progress.read();
     log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
     Ok(())
+}
+
+/// What the robot file says of the loop's scheduler.
+pub fn scheduling(realtime: &Realtime, sample_period_s: f64) -> Option<Scheduling> {
+    match realtime.scheduler {
+        Scheduler::Fifo => realtime.priority.map(Scheduling::Fifo),
+        Scheduler::Deadline => {
+            let period_ns = (sample_period_s * 1e9) as u64;
+            let runtime_ns = (realtime.deadline_share * period_ns as f64) as u64;
+            Some(Scheduling::Deadline { runtime_ns, period_ns })
+        }
+    }
 }
 
 fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread::JoinHandle<()>, StartError> {

@@ -5,8 +5,10 @@ use crate::differentiate::Aligned;
 use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings, Hausman};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
+use crate::linear::dot;
+use crate::observer::{Observer, Phase, Row};
 use crate::reference::Reference;
-use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Step};
+use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Skip, Step};
 use crate::scales::Scales;
 use crate::settings::{Filtering, InputSignals, Settings, SettingsError, Window, per_joint};
 use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
@@ -14,9 +16,9 @@ use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// No arm's position \[rad\] or speed \[rad/s\] is larger.
-pub(crate) const LARGEST_MOTION: f64 = 1e4;
+pub const LARGEST_MOTION: f64 = 1e4;
 /// No arm's acceleration \[rad/s²\] or torque \[N·m\] is larger.
-pub(crate) const LARGEST_EFFORT: f64 = 1e6;
+pub const LARGEST_EFFORT: f64 = 1e6;
 /// A position that changes at more than this many times the joint's speed limit is a jump of the reading.
 const JUMP: f64 = 10.0;
 /// Speed limit of a joint that states none \[rad/s\].
@@ -79,6 +81,10 @@ pub struct Identifier {
     chosen: Instrument,
     past: Past,
     phase: usize,
+    /// Only every so many of the rows that are due reach the estimator.
+    thinning: usize,
+    /// Samples since the estimator last had its turn.
+    turn: usize,
     d: Vec<f64>,
     z: Vec<f64>,
     estimator: Estimator,
@@ -184,6 +190,8 @@ impl Identifier {
             past: Past::new(if with_energy { n } else { dof * n }, settings.delay_rows().unwrap_or(0)),
             phase: 0,
             settings: settings.clone(),
+            thinning: 1,
+            turn: 0,
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
             estimator: Estimator::new(nominal_base, &scales, &estimator),
@@ -201,6 +209,11 @@ impl Identifier {
 
     /// Like [`push`](Self::push), with second encoders where the arm has them. A joint without one (NaN) leaves all out.
     pub fn push_sample(&mut self, sample: Sample<'_>) -> Step {
+        self.push_observed(sample, &mut ())
+    }
+
+    /// Like [`push_sample`](Self::push_sample), while `observer` looks on.
+    pub fn push_observed<O: Observer>(&mut self, sample: Sample<'_>, observer: &mut O) -> Step {
         let Sample { q, second, tau, setpoint } = sample;
         if let Err(why) = self.check(Motion { q, qd: &[], qdd: &[] }, tau, setpoint) {
             return self.refuse(why);
@@ -211,11 +224,13 @@ impl Identifier {
         self.remember(q);
         let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
         self.reference.read_second(second.filter(whole), tau);
-        if !self.aligned.push(q, tau, setpoint) {
-            self.estimator.work();
+        let whole = self.aligned.push(q, tau, setpoint);
+        observer.done(Phase::Differentiate);
+        if !whole {
+            self.work(observer);
             return Step::WarmingUp;
         }
-        self.process()
+        self.process(observer)
     }
 
     /// Like [`push`](Self::push) for an arm that measures velocity and acceleration itself: nothing is differentiated,
@@ -231,7 +246,7 @@ impl Identifier {
         }
         self.remember(motion.q);
         self.aligned.set(motion, tau, setpoint);
-        self.process()
+        self.process(&mut ())
     }
 
     /// Differentiator and filters start anew, after lost samples; what was learnt stays.
@@ -251,6 +266,12 @@ impl Identifier {
         self.reference.restart();
         self.past.restart();
         self.phase = 0;
+    }
+
+    /// Lets only every `factor`-th row that is due reach the estimator, which has its turn at every `factor`-th sample: less
+    /// work, later values. The window keeps its length in rows. 1 leaves nothing out.
+    pub fn thin(&mut self, factor: usize) {
+        self.thinning = factor.max(1);
     }
 
     /// Stops learning; residuals are still reported.
@@ -308,6 +329,7 @@ impl Identifier {
             // All but the estimator is the signal chain; the estimator goes back to where it was.
             std::mem::swap(self, fresh);
             std::mem::swap(&mut self.estimator, &mut fresh.estimator);
+            self.thinning = fresh.thinning;
         }
         Reconfigured { signals, window }
     }
@@ -380,7 +402,17 @@ impl Identifier {
         Ok(())
     }
 
-    fn process(&mut self) -> Step {
+    /// The slow part of the estimator has its turn.
+    fn work<O: Observer>(&mut self, observer: &mut O) {
+        self.turn += 1;
+        if self.turn >= self.thinning {
+            self.turn = 0;
+            self.estimator.work();
+        }
+        observer.done(Phase::Supervise);
+    }
+
+    fn process<O: Observer>(&mut self, observer: &mut O) -> Step {
         let Identifier {
             aligned,
             input,
@@ -421,28 +453,39 @@ impl Identifier {
             desired.step(regressors, Side::Second, std::iter::empty());
         }
         self.phase += 1;
-        let due = self.phase >= self.decimation;
+        let due = self.phase >= self.decimation * self.thinning;
         if due {
             self.phase = 0;
         }
+        observer.done(Phase::Model);
         let step = if self.measured.age() < self.settled {
             Step::WarmingUp
         } else if due {
-            self.learn()
+            self.learn(observer)
         } else {
             Step::Between
         };
-        self.estimator.work();
+        observer.done(Phase::Estimate);
+        self.work(observer);
         step
     }
 
-    fn learn(&mut self) -> Step {
+    fn learn<O: Observer>(&mut self, observer: &mut O) -> Step {
         self.measured.rows(&mut self.d);
         let (tau, moving) = self.measured.extra().split_at(self.dof);
         // The filter's own view of what came from a moving joint.
         let mut used = [false; MAX_JOINTS];
         for (used, moving) in used.iter_mut().zip(moving) {
             *used = *moving >= MOVED;
+        }
+        let mut row = Row { tau: [0.0; MAX_JOINTS], predicted: [0.0; MAX_JOINTS], moving: used };
+        row.tau[..self.dof].copy_from_slice(tau);
+        let values = self.estimator.estimate().values;
+        for (predicted, d) in row.predicted.iter_mut().zip(self.d.chunks_exact(values.len())) {
+            *predicted = dot(d, values);
+        }
+        if !observer.admits(&row) {
+            return Step::Skipped(Skip::NotAdmitted);
         }
         self.reference.learn(&used[..self.dof], &self.aligned);
         if let Some(energy) = &mut self.energy {

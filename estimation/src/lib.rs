@@ -28,6 +28,7 @@ mod identifier;
 mod kernels;
 mod linear;
 mod noise;
+mod observer;
 pub mod offline;
 mod reference;
 mod repetition;
@@ -41,7 +42,8 @@ mod supervision;
 mod torque_rows;
 pub mod ud;
 pub use estimator::{Correlation, Directions, Estimator, EstimatorSettings, Hausman};
-pub use identifier::{Identifier, Reconfigured};
+pub use identifier::{Identifier, LARGEST_EFFORT, LARGEST_MOTION, Reconfigured};
+pub use observer::{Observer, Phase, Row};
 pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, Setpoint, Skip, Step, Verdict};
 pub use scales::Scales;
 pub use settings::{

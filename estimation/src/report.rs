@@ -71,6 +71,8 @@ pub enum Skip {
     Frozen,
     /// A row is not finite or too large to square.
     NotFinite,
+    /// The observer did not admit them.
+    NotAdmitted,
 }
 
 /// What one sample did.

@@ -29,6 +29,12 @@
 #define RIVET_REFUSALS 16
 /* Longest control_reply.text [bytes]. */
 #define RIVET_REPLY_TEXT 1000
+/* Entries of health.input_faults. */
+#define RIVET_INPUT_FAULTS 24
+/* Phases of a period. */
+#define RIVET_PHASES 7
+/* Worst periods that are kept. */
+#define RIVET_WORST_PERIODS 32
 
 /* An encoder reading is not to be trusted. */
 #define RIVET_FAULT_ENCODER (UINT32_C(1) << 0)
@@ -44,6 +50,12 @@
 #define RIVET_FLAG_FROZEN (UINT32_C(1) << 1)
 /* Too little data so far for the values to be used in a controller. */
 #define RIVET_FLAG_PROVISIONAL (UINT32_C(1) << 2)
+/* Something is wrong with the samples (health.input_fault): the values are those from before. */
+#define RIVET_FLAG_BAD_INPUT (UINT32_C(1) << 3)
+/* Late: further behind its sample than `[realtime] stale_periods`. */
+#define RIVET_FLAG_LATE (UINT32_C(1) << 4)
+/* Where the load level stands in the flags: two bits from this one on. */
+#define RIVET_FLAG_LOAD_SHIFT 8
 
 /* Which model the torque of a Command was computed with. */
 enum {
@@ -96,6 +108,96 @@ enum {
     /* Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is used, nothing is
      * published. */
     RIVET_DAEMON_MODE_WRONG_PERIOD = 5,
+    /* Something is wrong with the samples (Health::input_fault says what): none is learnt from. */
+    RIVET_DAEMON_MODE_BAD_INPUT = 6,
+};
+
+/* What is wrong with the samples. */
+enum {
+    /* Nothing. */
+    RIVET_INPUT_FAULT_NONE = 0,
+    /* Samples are missing between sequence numbers. */
+    RIVET_INPUT_FAULT_LOST = 1,
+    /* A sample has come twice. */
+    RIVET_INPUT_FAULT_DUPLICATE = 2,
+    /* A sample is older than the one before it. */
+    RIVET_INPUT_FAULT_REORDERED = 3,
+    /* Positions stay as they are, to the bit, though the arm was moving. */
+    RIVET_INPUT_FAULT_FROZEN = 4,
+    /* A position or torque is NaN or infinite. */
+    RIVET_INPUT_FAULT_NOT_FINITE = 5,
+    /* A torque is pinned at the drive's limit. */
+    RIVET_INPUT_FAULT_SATURATED = 6,
+    /* Torques have the sign opposite to the one that the motion needs. */
+    RIVET_INPUT_FAULT_SIGN_FLIPPED = 7,
+    /* The stamp jumps, while sequence numbers go on. */
+    RIVET_INPUT_FAULT_TIME_JUMP = 8,
+    /* A position jumps as no drive can move its joint. */
+    RIVET_INPUT_FAULT_ENCODER_JUMP = 9,
+    /* A torque stays as it is, to the bit, though the motion needs another. */
+    RIVET_INPUT_FAULT_TORQUE_STUCK = 10,
+    /* No one publishes joint states any more. */
+    RIVET_INPUT_FAULT_PUBLISHER_GONE = 11,
+    /* The robot controller began its sequence anew. */
+    RIVET_INPUT_FAULT_PUBLISHER_RESTARTED = 12,
+    /* A second publisher of joint states is there; its samples are not used. */
+    RIVET_INPUT_FAULT_SECOND_PUBLISHER = 13,
+    /* The machine was suspended. */
+    RIVET_INPUT_FAULT_CLOCK_SUSPENDED = 14,
+    /* The robot controller set fault bits. */
+    RIVET_INPUT_FAULT_ROBOT_FAULT = 15,
+    /* Samples come at another rate than the robot file says. */
+    RIVET_INPUT_FAULT_WRONG_PERIOD = 16,
+    /* The joint count is not the arm's. */
+    RIVET_INPUT_FAULT_WRONG_SHAPE = 17,
+    /* A value is beyond anything an arm does. */
+    RIVET_INPUT_FAULT_IMPLAUSIBLE = 18,
+};
+
+/* What is left out because periods have become too short for the work, each level beside those before it. */
+enum {
+    /* Nothing. */
+    RIVET_LOAD_LEVEL_NORMAL = 0,
+    /* Parameters are published at an eighth of the rate. */
+    RIVET_LOAD_LEVEL_PUBLISH_LESS = 1,
+    /* A quarter of the rows reaches the estimator. */
+    RIVET_LOAD_LEVEL_DECIMATE = 2,
+    /* Nothing is learnt: parameters are held. */
+    RIVET_LOAD_LEVEL_HOLD = 3,
+};
+
+/* A part of a period. */
+enum {
+    /* From when the period was due to the wake-up. */
+    RIVET_LOOP_PHASE_WAIT = 0,
+    /* Samples and requests out of shared memory. */
+    RIVET_LOOP_PHASE_READ = 1,
+    /* Checks of the samples, velocities and accelerations. */
+    RIVET_LOOP_PHASE_DIFFERENTIATE = 2,
+    /* Regressors, instruments and the model filter. */
+    RIVET_LOOP_PHASE_MODEL = 3,
+    /* Sums of the window, least squares, residuals. */
+    RIVET_LOOP_PHASE_ESTIMATE = 4,
+    /* What may move, the solution, standard deviations. */
+    RIVET_LOOP_PHASE_SUPERVISE = 5,
+    /* Messages for the publishing thread. */
+    RIVET_LOOP_PHASE_PUBLISH = 6,
+};
+
+/* Why a period was long (Timing::worst_cause). */
+enum {
+    /* The thread woke late. */
+    RIVET_PERIOD_CAUSE_LATE_WAKE_UP = 0,
+    /* Reading took the most time. */
+    RIVET_PERIOD_CAUSE_LONG_READ = 1,
+    /* The work itself took it. */
+    RIVET_PERIOD_CAUSE_OWN_WORK = 2,
+    /* The thread met pages that were not in memory. */
+    RIVET_PERIOD_CAUSE_PAGE_FAULT = 3,
+    /* The thread was moved to another processor. */
+    RIVET_PERIOD_CAUSE_MIGRATION = 4,
+    /* The processor was taken from the thread. */
+    RIVET_PERIOD_CAUSE_INVOLUNTARY_SWITCH = 5,
 };
 
 /* Whose parameters make the torque (ControllerHealth::source). */
@@ -417,7 +519,7 @@ RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, smallest_eigenvalue) == 17
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v3"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v4"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -473,54 +575,120 @@ typedef struct {
     double cycle_s;
     /* Length of the window [s of motion]; infinite while nothing is forgotten. */
     double window_s;
-    /* Durbin-Wu-Hausman statistic of the window: least squares (reference of the parameters) against the instruments; NaN
+    /* Durbin-Wu-Hausman statistic of the window: least squares (`Parameters::reference`) against the instruments; NaN
      * while unknown. */
     double hausman;
     /* Probability of a statistic as large as that if the regressor has no noise and the model is complete; NaN while
      * unknown. */
     double hausman_p_value;
     /* What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN while
-     * unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from its
-     * setpoint. */
+     * unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from
+     * its setpoint. */
     double instrument_ratio[RIVET_MAX_JOINTS];
     /* Degrees of freedom of the statistic: joints whose regressor and instruments differ. */
     uint32_t hausman_degrees;
-    /* Zero; keeps the size a multiple of eight. */
+    /* An InputFault: what is wrong with the samples now. */
+    uint32_t input_fault;
+    /* The joints that it concerns, bit 0 the base's; zero where it concerns all or none. */
+    uint32_t input_joints;
+    /* An InputFault: what was wrong last, now or before. */
+    uint32_t last_input_fault;
+    /* A LoadLevel: what is left out because periods have become too short for the work. */
+    uint32_t load_level;
+    /* Publishers of joint states at present: one, and one more where a network bridge mirrors them. */
+    uint32_t publishers;
+    /* Times that each InputFault was met, by number: samples, or events where it is none of a sample. */
+    uint64_t input_faults[RIVET_INPUT_FAULTS];
+    /* From the last faulty sample to the next row that was learnt from, of the last fault that is over [s]; NaN
+     * before. */
+    double recovery_s;
+    /* Times that the load level changed. */
+    uint64_t load_changes;
+    /* seq of the first sample under the present load level. */
+    uint64_t load_seq;
+    /* Parameter sets that were late: more than `[realtime] stale_periods` behind the sample they were made from,
+     * reckoned from the least such delay seen. They carry that sample's stamp, as all do. */
+    uint64_t late_sets;
+} rivet_health_v4;
+RIVET_ASSERT(sizeof(rivet_health_v4) == 992);
+RIVET_ASSERT(offsetof(rivet_health_v4, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v4, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v4, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v4, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v4, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v4, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v4, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v4, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v4, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v4, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v4, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v4, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v4, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v4, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v4, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v4, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v4, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v4, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v4, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v4, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v4, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v4, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v4, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v4, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v4, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v4, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v4, window_s) == 656);
+RIVET_ASSERT(offsetof(rivet_health_v4, hausman) == 664);
+RIVET_ASSERT(offsetof(rivet_health_v4, hausman_p_value) == 672);
+RIVET_ASSERT(offsetof(rivet_health_v4, instrument_ratio) == 680);
+RIVET_ASSERT(offsetof(rivet_health_v4, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v4, input_fault) == 748);
+RIVET_ASSERT(offsetof(rivet_health_v4, input_joints) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v4, last_input_fault) == 756);
+RIVET_ASSERT(offsetof(rivet_health_v4, load_level) == 760);
+RIVET_ASSERT(offsetof(rivet_health_v4, publishers) == 764);
+RIVET_ASSERT(offsetof(rivet_health_v4, input_faults) == 768);
+RIVET_ASSERT(offsetof(rivet_health_v4, recovery_s) == 960);
+RIVET_ASSERT(offsetof(rivet_health_v4, load_changes) == 968);
+RIVET_ASSERT(offsetof(rivet_health_v4, load_seq) == 976);
+RIVET_ASSERT(offsetof(rivet_health_v4, late_sets) == 984);
+
+/* Where the daemon's real-time thread spends its time, with every health message, on service
+ * `rivet/<robot>/timing`. Counts run since the daemon's start. */
+#define RIVET_TIMING_TYPE_NAME "rivet.Timing.v1"
+typedef struct {
+    /* When this was written, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Periods of the real-time thread. */
+    uint64_t periods;
+    /* The time between periods that it is to keep [ns]. */
+    uint64_t period_ns;
+    /* How many entries of the arrays of worst periods are in use. */
+    uint32_t count;
+    /* Zero. Padding is spelt out, so the layout can be read off the source. */
     uint32_t reserved;
-} rivet_health_v3;
-RIVET_ASSERT(sizeof(rivet_health_v3) == 752);
-RIVET_ASSERT(offsetof(rivet_health_v3, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v3, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v3, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v3, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v3, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v3, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v3, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v3, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v3, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v3, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v3, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v3, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v3, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v3, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v3, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v3, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v3, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v3, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v3, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v3, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v3, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v3, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v3, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v3, worst_work_ns) == 576);
-RIVET_ASSERT(offsetof(rivet_health_v3, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v3, cycle_s) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v3, window_s) == 656);
-RIVET_ASSERT(offsetof(rivet_health_v3, hausman) == 664);
-RIVET_ASSERT(offsetof(rivet_health_v3, hausman_p_value) == 672);
-RIVET_ASSERT(offsetof(rivet_health_v3, instrument_ratio) == 680);
-RIVET_ASSERT(offsetof(rivet_health_v3, hausman_degrees) == 744);
-RIVET_ASSERT(offsetof(rivet_health_v3, reserved) == 748);
+    /* Longest time of each phase [ns]. */
+    uint64_t phase_max_ns[RIVET_PHASES];
+    /* Time of each phase: 32 bins of the first phase, then of the next; bins as of Health. */
+    uint32_t phase_histogram[RIVET_PHASES * RIVET_HISTOGRAM_BINS];
+    /* When each of the worst periods was due, CLOCK_MONOTONIC [ns], the worst first. */
+    uint64_t worst_stamp_ns[RIVET_WORST_PERIODS];
+    /* Time of each phase of it [ns], seven numbers a period; the wait is the lateness of the wake-up. */
+    uint32_t worst_phase_ns[RIVET_WORST_PERIODS * RIVET_PHASES];
+    /* A PeriodCause each. */
+    uint32_t worst_cause[RIVET_WORST_PERIODS];
+} rivet_timing_v1;
+RIVET_ASSERT(sizeof(rivet_timing_v1) == 2264);
+RIVET_ASSERT(offsetof(rivet_timing_v1, stamp_ns) == 0);
+RIVET_ASSERT(offsetof(rivet_timing_v1, periods) == 8);
+RIVET_ASSERT(offsetof(rivet_timing_v1, period_ns) == 16);
+RIVET_ASSERT(offsetof(rivet_timing_v1, count) == 24);
+RIVET_ASSERT(offsetof(rivet_timing_v1, reserved) == 28);
+RIVET_ASSERT(offsetof(rivet_timing_v1, phase_max_ns) == 32);
+RIVET_ASSERT(offsetof(rivet_timing_v1, phase_histogram) == 88);
+RIVET_ASSERT(offsetof(rivet_timing_v1, worst_stamp_ns) == 984);
+RIVET_ASSERT(offsetof(rivet_timing_v1, worst_phase_ns) == 1240);
+RIVET_ASSERT(offsetof(rivet_timing_v1, worst_cause) == 2136);
 
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.

@@ -31,6 +31,12 @@ HISTOGRAM_BINS = 32
 REFUSALS = 16
 #: Longest ControlReply.text [bytes].
 REPLY_TEXT = 1000
+#: Entries of Health.input_faults.
+INPUT_FAULTS = 24
+#: Phases of a period.
+PHASES = 7
+#: Worst periods that are kept.
+WORST_PERIODS = 32
 
 #: An encoder reading is not to be trusted.
 FAULT_ENCODER = 1 << 0
@@ -46,6 +52,12 @@ FLAG_SUSPENDED = 1 << 0
 FLAG_FROZEN = 1 << 1
 #: Too little data so far for the values to be used in a controller.
 FLAG_PROVISIONAL = 1 << 2
+#: Something is wrong with the samples (Health.input_fault): the values are those from before.
+FLAG_BAD_INPUT = 1 << 3
+#: Late: further behind its sample than `[realtime] stale_periods`.
+FLAG_LATE = 1 << 4
+#: Where the load level stands in the flags: two bits from this one on.
+FLAG_LOAD_SHIFT = 8
 
 #: Which model the torque of a Command was computed with.
 COMMAND_MODE = {"none": 0, "nominal": 1, "identified": 2}
@@ -54,7 +66,15 @@ INSTRUMENT_SOURCE = {"none": 0, "setpoint": 1, "delayed": 2, "setpoint_through_l
 #: What became of one parameter (Parameters::state). On the wire one byte.
 PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
-DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4, "wrong_period": 5}
+DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4, "wrong_period": 5, "bad_input": 6}
+#: What is wrong with the samples.
+INPUT_FAULT = {"none": 0, "lost": 1, "duplicate": 2, "reordered": 3, "frozen": 4, "not_finite": 5, "saturated": 6, "sign_flipped": 7, "time_jump": 8, "encoder_jump": 9, "torque_stuck": 10, "publisher_gone": 11, "publisher_restarted": 12, "second_publisher": 13, "clock_suspended": 14, "robot_fault": 15, "wrong_period": 16, "wrong_shape": 17, "implausible": 18}
+#: What is left out because periods have become too short for the work, each level beside those before it.
+LOAD_LEVEL = {"normal": 0, "publish_less": 1, "decimate": 2, "hold": 3}
+#: A part of a period.
+LOOP_PHASE = {"wait": 0, "read": 1, "differentiate": 2, "model": 3, "estimate": 4, "supervise": 5, "publish": 6}
+#: Why a period was long (Timing::worst_cause).
+PERIOD_CAUSE = {"late_wake_up": 0, "long_read": 1, "own_work": 2, "page_fault": 3, "migration": 4, "involuntary_switch": 5}
 #: Whose parameters make the torque (ControllerHealth::source).
 PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
 #: Why the source is what it is (ControllerHealth::source_reason).
@@ -259,7 +279,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v3"
+    TYPE_NAME = "rivet.Health.v4"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -309,27 +329,76 @@ class Health(_Message):
         ("worst_wake_ns", ctypes.c_uint64),
         # Longest work of a period [ns].
         ("worst_work_ns", ctypes.c_uint64),
-        # Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while
-        # unknown.
+        # Delay of each joint behind its setpoint in slow motion [s], by the identified closed loop; NaN while unknown.
         ("loop_lag_s", ctypes.c_double * MAX_JOINTS),
         # Length of the cycle that the motion repeats [s]; NaN while none is known.
         ("cycle_s", ctypes.c_double),
         # Length of the window [s of motion]; infinite while nothing is forgotten.
         ("window_s", ctypes.c_double),
-        # Durbin-Wu-Hausman statistic of the window: least squares (reference of the parameters) against the instruments;
+        # Durbin-Wu-Hausman statistic of the window: least squares (`Parameters::reference`) against the instruments;
         # NaN while unknown.
         ("hausman", ctypes.c_double),
         # Probability of a statistic as large as that if the regressor has no noise and the model is complete; NaN while
         # unknown.
         ("hausman_p_value", ctypes.c_double),
-        # What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN while
-        # unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far from
-        # its setpoint.
+        # What noise in each joint's regressor puts on least squares, over what is left of it with instruments; NaN
+        # while unknown, and with delayed instruments, near 1 where the instruments see the same noise or the arm is far
+        # from its setpoint.
         ("instrument_ratio", ctypes.c_double * MAX_JOINTS),
         # Degrees of freedom of the statistic: joints whose regressor and instruments differ.
         ("hausman_degrees", ctypes.c_uint32),
-        # Zero; keeps the size a multiple of eight.
+        # An InputFault: what is wrong with the samples now.
+        ("input_fault", ctypes.c_uint32),
+        # The joints that it concerns, bit 0 the base's; zero where it concerns all or none.
+        ("input_joints", ctypes.c_uint32),
+        # An InputFault: what was wrong last, now or before.
+        ("last_input_fault", ctypes.c_uint32),
+        # A LoadLevel: what is left out because periods have become too short for the work.
+        ("load_level", ctypes.c_uint32),
+        # Publishers of joint states at present: one, and one more where a network bridge mirrors them.
+        ("publishers", ctypes.c_uint32),
+        # Times that each InputFault was met, by number: samples, or events where it is none of a sample.
+        ("input_faults", ctypes.c_uint64 * INPUT_FAULTS),
+        # From the last faulty sample to the next row that was learnt from, of the last fault that is over [s]; NaN
+        # before.
+        ("recovery_s", ctypes.c_double),
+        # Times that the load level changed.
+        ("load_changes", ctypes.c_uint64),
+        # seq of the first sample under the present load level.
+        ("load_seq", ctypes.c_uint64),
+        # Parameter sets that were late: more than `[realtime] stale_periods` behind the sample they were made from,
+        # reckoned from the least such delay seen. They carry that sample's stamp, as all do.
+        ("late_sets", ctypes.c_uint64),
+    ]
+
+
+class Timing(_Message):
+    """Where the daemon's real-time thread spends its time, with every health message, on service
+    `rivet/<robot>/timing`. Counts run since the daemon's start.
+    """
+
+    TYPE_NAME = "rivet.Timing.v1"
+    _fields_ = [
+        # When this was written, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Periods of the real-time thread.
+        ("periods", ctypes.c_uint64),
+        # The time between periods that it is to keep [ns].
+        ("period_ns", ctypes.c_uint64),
+        # How many entries of the arrays of worst periods are in use.
+        ("count", ctypes.c_uint32),
+        # Zero. Padding is spelt out, so the layout can be read off the source.
         ("reserved", ctypes.c_uint32),
+        # Longest time of each phase [ns].
+        ("phase_max_ns", ctypes.c_uint64 * PHASES),
+        # Time of each phase: 32 bins of the first phase, then of the next; bins as of Health.
+        ("phase_histogram", ctypes.c_uint32 * (PHASES * HISTOGRAM_BINS)),
+        # When each of the worst periods was due, CLOCK_MONOTONIC [ns], the worst first.
+        ("worst_stamp_ns", ctypes.c_uint64 * WORST_PERIODS),
+        # Time of each phase of it [ns], seven numbers a period; the wait is the lateness of the wake-up.
+        ("worst_phase_ns", ctypes.c_uint32 * (WORST_PERIODS * PHASES)),
+        # A PeriodCause each.
+        ("worst_cause", ctypes.c_uint32 * WORST_PERIODS),
     ]
 
 
@@ -493,7 +562,7 @@ LAYOUT = {
         "torque_percent": 1776,
         "smallest_eigenvalue": 1784,
     }),
-    Health: (752, {
+    Health: (992, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -525,7 +594,28 @@ LAYOUT = {
         "hausman_p_value": 672,
         "instrument_ratio": 680,
         "hausman_degrees": 744,
-        "reserved": 748,
+        "input_fault": 748,
+        "input_joints": 752,
+        "last_input_fault": 756,
+        "load_level": 760,
+        "publishers": 764,
+        "input_faults": 768,
+        "recovery_s": 960,
+        "load_changes": 968,
+        "load_seq": 976,
+        "late_sets": 984,
+    }),
+    Timing: (2264, {
+        "stamp_ns": 0,
+        "periods": 8,
+        "period_ns": 16,
+        "count": 24,
+        "reserved": 28,
+        "phase_max_ns": 32,
+        "phase_histogram": 88,
+        "worst_stamp_ns": 984,
+        "worst_phase_ns": 1240,
+        "worst_cause": 2136,
     }),
     ControllerHealth: (528, {
         "seq": 0,

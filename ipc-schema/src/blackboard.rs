@@ -18,7 +18,7 @@ use iceoryx2::service::builder::blackboard::{BlackboardCreateError as CreateErro
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use crate::bus::{BusConfig, MAX_NODES, MAX_SUBSCRIBERS, retry};
+use crate::bus::{BusConfig, MAX_NODES, MAX_ONLOOKERS, retry};
 use crate::error::BusError;
 use crate::messages::Stamped;
 use crate::name::{RobotName, Service};
@@ -118,7 +118,7 @@ fn create<T: Stamped>(node: &Node<ipc::Service>, name: &ServiceName) -> Result<F
     node.service_builder(name)
         .blackboard_creator::<u64>()
         .add::<T>(ENTRY, T::EMPTY)
-        .max_readers(MAX_SUBSCRIBERS)
+        .max_readers(MAX_ONLOOKERS)
         .max_nodes(MAX_NODES)
         .create_with_attributes(&attributes)
 }

@@ -16,7 +16,7 @@ use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
 use crate::messages::{
     Command, ConsistentParameters, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint,
-    Stamped,
+    Stamped, Timing,
 };
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
@@ -25,8 +25,10 @@ use crate::pubsub::{self, Publisher, Quality, Subscriber};
 pub(crate) const MAX_PUBLISHERS: usize = 2;
 /// Subscribers (listeners, readers, clients) of a service.
 pub(crate) const MAX_SUBSCRIBERS: usize = 16;
+/// The same of what the daemon and the controller publish: anyone may look on.
+pub(crate) const MAX_ONLOOKERS: usize = 72;
 /// Parties of a service.
-pub(crate) const MAX_NODES: usize = 32;
+pub(crate) const MAX_NODES: usize = 96;
 
 /// How long `send` may stall on a subscriber that it cannot reach (another user's). The default of a second
 /// would stop a publisher for as long.
@@ -265,6 +267,16 @@ impl Bus {
     /// Receives the daemon's health, the latest at once; the ring holds 16.
     pub fn health_subscriber(&self) -> Result<Subscriber<Health>, BusError> {
         self.subscriber(Service::Health)
+    }
+
+    /// Daemon: publishes where its real-time thread spends its time.
+    pub fn timing_publisher(&self) -> Result<Publisher<Timing>, BusError> {
+        self.publisher(Service::Timing)
+    }
+
+    /// Receives where the daemon's real-time thread spends its time, the latest at once; the ring holds 16.
+    pub fn timing_subscriber(&self) -> Result<Subscriber<Timing>, BusError> {
+        self.subscriber(Service::Timing)
     }
 
     /// Controller: publishes its health.

@@ -15,7 +15,7 @@ use crate::bus::BusConfig;
 use crate::error::BusError;
 
 /// Where POSIX shared memory lies.
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// How long to wait for another process that clears up the same party.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -73,7 +73,7 @@ pub fn purge(config: &BusConfig) -> Result<Leftovers, BusError> {
 
 /// Whether a file of the bus's belongs to `prefix`, and not to a longer prefix that begins alike: what follows
 /// is a hash or an id, to the next `_` or `.`.
-fn belongs(name: &[u8], prefix: &str) -> bool {
+pub(crate) fn belongs(name: &[u8], prefix: &str) -> bool {
     let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };
     let id = rest.iter().take_while(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f')).count();
     id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))

@@ -2,8 +2,9 @@
 
 use crate::messages::{
     Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest, ControlStatus,
-    ControllerHealth, ControllerState, DaemonMode, Health, InstrumentSource, JointState, LinkState, ParameterRefusal,
-    ParameterSource, ParameterState, Parameters, Setpoint, SourceReason,
+    ControllerHealth, ControllerState, DaemonMode, Health, InputFault, InstrumentSource, JointState, LinkState,
+    LoadLevel, LoopPhase, ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause, Setpoint,
+    SourceReason, Timing,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -31,7 +32,7 @@ pub struct Enumeration {
 }
 
 /// All messages.
-pub const MESSAGES: [Layout; 10] = [
+pub const MESSAGES: [Layout; 11] = [
     JointState::LAYOUT,
     Setpoint::LAYOUT,
     LinkState::LAYOUT,
@@ -39,17 +40,22 @@ pub const MESSAGES: [Layout; 10] = [
     Parameters::LAYOUT,
     ConsistentParameters::LAYOUT,
     Health::LAYOUT,
+    Timing::LAYOUT,
     ControllerHealth::LAYOUT,
     ControlRequest::LAYOUT,
     ControlReply::LAYOUT,
 ];
 
 /// All enumerations.
-pub const ENUMERATIONS: [Enumeration; 10] = [
+pub const ENUMERATIONS: [Enumeration; 14] = [
     CommandMode::TABLE,
     ParameterState::TABLE,
     InstrumentSource::TABLE,
     DaemonMode::TABLE,
+    InputFault::TABLE,
+    LoadLevel::TABLE,
+    LoopPhase::TABLE,
+    PeriodCause::TABLE,
     ParameterSource::TABLE,
     SourceReason::TABLE,
     ParameterRefusal::TABLE,

@@ -33,6 +33,7 @@ mod messages;
 mod name;
 mod pubsub;
 mod sample_clock;
+mod survey;
 mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
@@ -44,10 +45,12 @@ pub use event::{Listener, Notifier};
 pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
 pub use messages::{
     BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
-    ControlStatus, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InstrumentSource, JointState,
-    LinkState, MAX_JOINTS, MAX_PARAMETERS, Message, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, UnknownValue, faults, parameter_flags,
+    ControlStatus, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault,
+    InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase, MAX_JOINTS, MAX_PARAMETERS, Message, PHASES,
+    ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause, REFUSALS, REPLY_TEXT, Setpoint,
+    SourceReason, Stamped, Timing, UnknownValue, WORST_PERIODS, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;
+pub use survey::{Survey, survey};

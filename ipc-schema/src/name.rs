@@ -61,6 +61,8 @@ pub enum Service {
     ParametersConsistent,
     /// Publish-subscribe: daemon -> all.
     Health,
+    /// Publish-subscribe: daemon -> all.
+    Timing,
     /// Publish-subscribe: controller -> all.
     ControllerHealth,
     /// Request-response: anyone -> daemon.
@@ -78,6 +80,7 @@ impl Service {
             Self::Parameters => "parameters",
             Self::ParametersConsistent => "parameters-consistent",
             Self::Health => "health",
+            Self::Timing => "timing",
             Self::ControllerHealth => "controller-health",
             Self::Control => "control",
         }

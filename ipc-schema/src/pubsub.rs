@@ -13,7 +13,7 @@ use iceoryx2::service::builder::publish_subscribe::{
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::bus::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS, retry};
+use crate::bus::{MAX_NODES, MAX_ONLOOKERS, MAX_PUBLISHERS, MAX_SUBSCRIBERS, retry};
 use crate::error::{BusError, PortError};
 use crate::messages::Message;
 use crate::name::Service;
@@ -26,6 +26,8 @@ pub(crate) struct Quality {
     pub(crate) history: usize,
     /// Samples a subscriber may fall behind before the oldest are overwritten.
     pub(crate) buffer: usize,
+    /// Most subscribers; shared memory is set aside for the buffers of all.
+    pub(crate) subscribers: usize,
 }
 
 impl Quality {
@@ -33,10 +35,12 @@ impl Quality {
     pub(crate) fn of(service: Service) -> Self {
         match service {
             // A second of 1 kHz samples: the daemon must not lose any while it catches up.
-            Service::JointState | Service::Setpoint | Service::LinkState => Self { history: 0, buffer: 1024 },
-            Service::Parameters => Self { history: 1, buffer: 64 },
+            Service::JointState | Service::Setpoint | Service::LinkState => {
+                Self { history: 0, buffer: 1024, subscribers: MAX_SUBSCRIBERS }
+            }
+            Service::Parameters => Self { history: 1, buffer: 64, subscribers: MAX_ONLOOKERS },
             // A late monitor has something to show before the next report.
-            _ => Self { history: 1, buffer: 16 },
+            _ => Self { history: 1, buffer: 16, subscribers: MAX_ONLOOKERS },
         }
     }
 }
@@ -56,7 +60,7 @@ pub(crate) fn open_service<T: Message>(
         node.service_builder(name)
             .publish_subscribe::<T>()
             .max_publishers(MAX_PUBLISHERS)
-            .max_subscribers(MAX_SUBSCRIBERS)
+            .max_subscribers(quality.subscribers)
             .max_nodes(MAX_NODES)
             .history_size(quality.history)
             .subscriber_max_buffer_size(quality.buffer)
@@ -182,19 +186,28 @@ impl<T: Message> Subscriber<T> {
         self.receive_with(|message| *message)
     }
 
+    /// [`receive`](Self::receive), and the number of the publisher that sent it.
+    pub fn receive_from(&self) -> Result<Option<(T, u128)>, PortError> {
+        match self.port.receive() {
+            Ok(sample) => Ok(sample.map(|sample| (*sample.payload(), sample.header().publisher_id().value()))),
+            Err(e) => Err(self.not_received(e)),
+        }
+    }
+
     /// [`receive`](Self::receive) without the copy: `look` sees the message in shared memory.
     pub fn receive_with<R>(&self, look: impl FnOnce(&T) -> R) -> Result<Option<R>, PortError> {
         match self.port.receive() {
             Ok(sample) => Ok(sample.map(|sample| look(sample.payload()))),
-            Err(e) => Err(PortError {
-                service: self.service,
-                what: "receive",
-                why: match e {
-                    ReceiveError::ExceedsMaxBorrows => "too many messages are borrowed",
-                    ReceiveError::ConnectionFailure(_) => "a publisher could not be connected (another user's?)",
-                },
-            }),
+            Err(e) => Err(self.not_received(e)),
         }
+    }
+
+    fn not_received(&self, why: ReceiveError) -> PortError {
+        let why = match why {
+            ReceiveError::ExceedsMaxBorrows => "too many messages are borrowed",
+            ReceiveError::ConnectionFailure(_) => "a publisher could not be connected (another user's?)",
+        };
+        PortError { service: self.service, what: "receive", why }
     }
 
     /// The newest message, all older ones dropped; `None` when nothing new has come.

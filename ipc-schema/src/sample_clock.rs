@@ -47,6 +47,11 @@ impl SampleClock {
         self.fits()
     }
 
+    /// Begins a new look, after a stamp that jumped; what was measured before stands.
+    pub fn begin(&mut self) {
+        self.filled = 0;
+    }
+
     /// Whether the rate is, as far as is known, the stated one.
     #[must_use]
     pub fn fits(&self) -> bool {

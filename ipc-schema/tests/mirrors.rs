@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_ipc_schema::{
-    ENUMERATIONS, HISTOGRAM_BINS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, REFUSALS, REPLY_TEXT, faults, parameter_flags,
+    ENUMERATIONS, HISTOGRAM_BINS, INPUT_FAULTS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, PHASES, REFUSALS, REPLY_TEXT,
+    WORST_PERIODS, faults, parameter_flags,
 };
 
 fn path(relative: &str) -> PathBuf {
@@ -27,7 +28,7 @@ fn snake(name: &str) -> String {
     })
 }
 
-fn bits() -> [(&'static str, u32); 7] {
+fn bits() -> [(&'static str, u32); 9] {
     [
         ("FAULT_ENCODER", faults::ENCODER),
         ("FAULT_TORQUE", faults::TORQUE),
@@ -36,6 +37,8 @@ fn bits() -> [(&'static str, u32); 7] {
         ("FLAG_SUSPENDED", parameter_flags::SUSPENDED),
         ("FLAG_FROZEN", parameter_flags::FROZEN),
         ("FLAG_PROVISIONAL", parameter_flags::PROVISIONAL),
+        ("FLAG_BAD_INPUT", parameter_flags::BAD_INPUT),
+        ("FLAG_LATE", parameter_flags::LATE),
     ]
 }
 
@@ -66,6 +69,10 @@ fn the_header_has_every_number() {
     has(&format!("#define RIVET_HISTOGRAM_BINS {HISTOGRAM_BINS}\n"));
     has(&format!("#define RIVET_REFUSALS {REFUSALS}\n"));
     has(&format!("#define RIVET_REPLY_TEXT {REPLY_TEXT}\n"));
+    has(&format!("#define RIVET_INPUT_FAULTS {INPUT_FAULTS}\n"));
+    has(&format!("#define RIVET_PHASES {PHASES}\n"));
+    has(&format!("#define RIVET_WORST_PERIODS {WORST_PERIODS}\n"));
+    has(&format!("#define RIVET_FLAG_LOAD_SHIFT {}\n", parameter_flags::LOAD_SHIFT));
     for (name, bit) in bits() {
         has(&format!("#define RIVET_{name} (UINT32_C(1) << {})\n", bit.ilog2()));
     }
@@ -121,6 +128,10 @@ fn the_python_mirror_has_every_number() {
     has(&format!("\nHISTOGRAM_BINS = {HISTOGRAM_BINS}\n"));
     has(&format!("\nREFUSALS = {REFUSALS}\n"));
     has(&format!("\nREPLY_TEXT = {REPLY_TEXT}\n"));
+    has(&format!("\nINPUT_FAULTS = {INPUT_FAULTS}\n"));
+    has(&format!("\nPHASES = {PHASES}\n"));
+    has(&format!("\nWORST_PERIODS = {WORST_PERIODS}\n"));
+    has(&format!("\nFLAG_LOAD_SHIFT = {}\n", parameter_flags::LOAD_SHIFT));
     for (name, bit) in bits() {
         has(&format!("\n{name} = 1 << {}\n", bit.ilog2()));
     }

@@ -15,12 +15,23 @@ pub fn now_ns() -> u64 {
 
 /// Periodic wake-ups at absolute times: the period does not drift with the work done in it.
 ///
-/// After an overrun the timer realigns to its grid: deadlines that passed are skipped and counted, never made
-/// up for in a burst.
+/// After an overrun the timer realigns to its grid. Deadlines that passed are counted and, as [`Overrun`] says, skipped or
+/// run at once, one after the other.
 #[derive(Debug)]
 pub struct PeriodTimer {
     period_ns: u64,
     next_ns: u64,
+    overrun: Overrun,
+}
+
+/// What becomes of deadlines that have passed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overrun {
+    /// They are left out.
+    #[default]
+    Skip,
+    /// Each gets its period, at once: a burst after a delay.
+    CatchUp,
 }
 
 /// One wake-up of a [`PeriodTimer`].
@@ -30,7 +41,7 @@ pub struct Tick {
     pub deadline_ns: u64,
     /// How much later it came \[ns\].
     pub lateness_ns: u64,
-    /// Further deadlines that had passed by then and are skipped.
+    /// Further deadlines that had passed by then: skipped, or due at once.
     pub missed: u64,
 }
 
@@ -42,7 +53,13 @@ impl PeriodTimer {
 
     fn starting_at(period: Duration, now_ns: u64) -> Self {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX / 4).clamp(1_000, u64::MAX / 4);
-        Self { period_ns, next_ns: now_ns + period_ns }
+        Self { period_ns, next_ns: now_ns + period_ns, overrun: Overrun::Skip }
+    }
+
+    /// Does with deadlines that have passed what `overrun` says.
+    #[must_use]
+    pub fn with_overrun(self, overrun: Overrun) -> Self {
+        Self { overrun, ..self }
     }
 
     /// Sleeps until the next deadline; returns at once when it has passed.
@@ -65,9 +82,46 @@ impl PeriodTimer {
         let deadline_ns = self.next_ns;
         let lateness_ns = now_ns - deadline_ns;
         let missed = lateness_ns / self.period_ns;
-        self.next_ns = deadline_ns + (missed + 1) * self.period_ns;
+        let left_out = if self.overrun == Overrun::Skip { missed } else { 0 };
+        self.next_ns = deadline_ns + (left_out + 1) * self.period_ns;
         Tick { deadline_ns, lateness_ns, missed }
     }
+}
+
+/// Notices that the machine was suspended: `CLOCK_BOOTTIME` goes on meanwhile, `CLOCK_MONOTONIC` does not.
+#[derive(Clone, Copy, Debug)]
+pub struct Suspension {
+    ahead_ns: i64,
+}
+
+/// Suspensions shorter than this are none \[ns\].
+const LEAST_SUSPENSION: i64 = 1_000_000;
+
+impl Suspension {
+    /// From now on.
+    pub fn watch() -> Self {
+        let (boot, monotonic) = clocks();
+        Self { ahead_ns: boot - monotonic }
+    }
+
+    /// How long the machine was suspended since the last look \[ns\], if it was. No system call (vDSO).
+    pub fn look(&mut self) -> Option<u64> {
+        let (boot, monotonic) = clocks();
+        self.judge(boot, monotonic)
+    }
+
+    /// `monotonic` was read after `boot`: a delay between the two readings makes the difference smaller, never larger.
+    fn judge(&mut self, boot: i64, monotonic: i64) -> Option<u64> {
+        let ahead = boot - monotonic;
+        let gone = ahead - self.ahead_ns;
+        self.ahead_ns = self.ahead_ns.max(ahead);
+        (gone >= LEAST_SUSPENSION).then_some(gone.cast_unsigned())
+    }
+}
+
+fn clocks() -> (i64, i64) {
+    let boot = clock_gettime(ClockId::Boottime);
+    (boot.tv_sec * NANOSECONDS.cast_signed() + boot.tv_nsec, now_ns().cast_signed())
 }
 
 #[cfg(test)]
@@ -97,6 +151,14 @@ mod tests {
     }
 
     #[test]
+    fn catching_up_gives_every_deadline_its_period() {
+        let mut timer = PeriodTimer::starting_at(PERIOD, 0).with_overrun(Overrun::CatchUp);
+        let due: Vec<u64> = (0..5).map(|_| timer.advance(4_700_000.max(timer.next_ns)).deadline_ns).collect();
+        assert_eq!(due, [1_000_000, 2_000_000, 3_000_000, 4_000_000, 5_000_000]);
+        assert_eq!(timer.next_ns, 6_000_000);
+    }
+
+    #[test]
     fn a_wait_never_ends_early_and_accounts_for_every_period() {
         let mut timer = PeriodTimer::new(Duration::from_micros(300));
         let first = timer.next_ns;
@@ -117,6 +179,17 @@ mod tests {
             assert!(now >= last);
             last = now;
         }
+    }
+
+    #[test]
+    fn a_suspension_is_noticed_once_and_a_delay_is_none() {
+        let mut watch = Suspension { ahead_ns: 7_000 };
+        assert_eq!(watch.judge(1_000_000_000 + 7_000, 1_000_000_000), None);
+        assert_eq!(watch.judge(2_000_000_000 + 7_000, 2_300_000_000), None, "away between the two readings");
+        assert_eq!(watch.judge(62_000_007_000, 3_000_000_000), Some(59_000_000_000));
+        assert_eq!(watch.judge(63_000_007_000, 4_000_000_000), None);
+        let mut real = Suspension::watch();
+        assert!((0..1000).all(|_| real.look().is_none()));
     }
 
     #[test]

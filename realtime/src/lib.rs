@@ -2,11 +2,17 @@
 //! report of what was refused, a histogram that never allocates, and an orderly end.
 
 mod clock;
+mod doctor;
 mod end;
 mod histogram;
 mod settings;
+mod usage;
+mod wakeups;
 
-pub use clock::{PeriodTimer, Tick, now_ns};
+pub use clock::{Overrun, PeriodTimer, Suspension, Tick, now_ns};
+pub use doctor::{Finding, Machine, Severity};
 pub use end::{Hangup, Shutdown, die_with_parent};
 pub use histogram::LogHistogram;
-pub use settings::{Granted, RealTimeError, RealTimeSettings, enter};
+pub use settings::{Granted, RealTimeError, RealTimeSettings, Scheduling, enter};
+pub use usage::ThreadUsage;
+pub use wakeups::{Latencies, measure_wakeups};

@@ -13,11 +13,36 @@ const PREFAULT: usize = 256 * 1024;
 /// `CAP_IPC_LOCK` in `CapEff` of `/proc/self/status`.
 const CAP_IPC_LOCK: u32 = 14;
 
+/// How a real-time thread is scheduled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheduling {
+    /// `SCHED_FIFO` with this priority, 1..=99.
+    Fifo(u8),
+    /// `SCHED_DEADLINE`: `runtime_ns` in each `period_ns`, not bound to a processor.
+    Deadline {
+        /// Time granted in a period \[ns\].
+        runtime_ns: u64,
+        /// The period, and the deadline in it \[ns\].
+        period_ns: u64,
+    },
+}
+
+impl std::fmt::Display for Scheduling {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Scheduling::Fifo(priority) => write!(f, "SCHED_FIFO priority {priority}"),
+            Scheduling::Deadline { runtime_ns, period_ns } => {
+                write!(f, "SCHED_DEADLINE with {} of every {} us", runtime_ns / 1000, period_ns / 1000)
+            }
+        }
+    }
+}
+
 /// What a real-time thread wants of the system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RealTimeSettings {
-    /// `SCHED_FIFO` priority, 1..=99; `None`: time-sharing as usual.
-    pub priority: Option<u8>,
+    /// The scheduler; `None`: time-sharing as usual.
+    pub scheduling: Option<Scheduling>,
     /// The processor to stay on; `None`: any.
     pub cpu: Option<usize>,
     /// Keep all memory of the process, present and future, in RAM.
@@ -29,8 +54,8 @@ pub struct RealTimeSettings {
 /// What the system granted.
 #[derive(Debug, Default)]
 pub struct Granted {
-    /// `SCHED_FIFO` priority in force.
-    pub priority: Option<u8>,
+    /// The scheduler in force.
+    pub scheduling: Option<Scheduling>,
     /// Processor the thread stays on.
     pub cpu: Option<usize>,
     /// Whether memory is locked.
@@ -61,14 +86,15 @@ pub enum RealTimeError {
         /// What the system said.
         source: io::Error,
     },
-    /// The priority was not granted.
+    /// The scheduler was not granted.
     #[error(
-        "cannot use SCHED_FIFO priority {priority}: {source}; raise the rtprio limit, now {limit} (systemd: \
-         LimitRTPRIO=; /etc/security/limits.d: `rtprio 95`) or grant CAP_SYS_NICE{cgroup}"
+        "cannot use {scheduling}: {source}; raise the rtprio limit, now {limit} (systemd: \
+         LimitRTPRIO=; /etc/security/limits.d: `rtprio 95`) or grant CAP_SYS_NICE, which SCHED_DEADLINE needs in any \
+         case{cgroup}"
     )]
-    Priority {
-        /// The priority asked for.
-        priority: u8,
+    Scheduler {
+        /// What was asked for.
+        scheduling: Scheduling,
         /// What the system said.
         source: io::Error,
         /// `RLIMIT_RTPRIO` of the process.
@@ -108,9 +134,9 @@ pub fn enter(settings: &RealTimeSettings) -> Result<Granted, RealTimeError> {
         }
     }
     // Last: whatever comes before takes its time at normal priority.
-    if let Some(priority) = settings.priority {
-        match use_fifo(priority) {
-            Ok(()) => granted.priority = Some(priority),
+    if let Some(scheduling) = settings.scheduling {
+        match schedule(scheduling) {
+            Ok(()) => granted.scheduling = Some(scheduling),
             Err(why) => refuse(why)?,
         }
     }
@@ -157,11 +183,15 @@ fn stay_on(cpu: usize) -> Result<(), RealTimeError> {
     sched_setaffinity(None, &set).map_err(|e| fail(e.into()))
 }
 
-fn use_fifo(priority: u8) -> Result<(), RealTimeError> {
-    set_fifo(priority).map_err(|source| {
+fn schedule(scheduling: Scheduling) -> Result<(), RealTimeError> {
+    let set = match scheduling {
+        Scheduling::Fifo(priority) => set_fifo(priority),
+        Scheduling::Deadline { runtime_ns, period_ns } => set_deadline(runtime_ns, period_ns),
+    };
+    set.map_err(|source| {
         let permitted = source.kind() != io::ErrorKind::PermissionDenied;
-        RealTimeError::Priority {
-            priority,
+        RealTimeError::Scheduler {
+            scheduling,
             source,
             limit: getrlimit(Resource::Rtprio).current.unwrap_or(99),
             cgroup: if permitted { String::new() } else { cgroup_hint() },
@@ -176,6 +206,38 @@ fn set_fifo(priority: u8) -> io::Result<()> {
     let policy = libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK;
     // SAFETY: 0 is the calling thread; `parameters` outlives the call, which only reads it.
     match unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+#[allow(unsafe_code, reason = "no safe wrapper of sched_setattr exists in the crates at hand")]
+fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
+    // `struct sched_attr` of sched_setattr(2), first version.
+    #[repr(C)]
+    struct Attributes {
+        size: u32,
+        policy: u32,
+        flags: u64,
+        nice: i32,
+        priority: u32,
+        runtime: u64,
+        deadline: u64,
+        period: u64,
+    }
+    let attributes = Attributes {
+        size: size_of::<Attributes>() as u32,
+        policy: libc::SCHED_DEADLINE.cast_unsigned(),
+        // Reset on fork: such a thread could else start no other.
+        flags: 1,
+        nice: 0,
+        priority: 0,
+        runtime: runtime_ns,
+        deadline: period_ns,
+        period: period_ns,
+    };
+    // SAFETY: 0 is the calling thread; `attributes` has the layout and size that it states, and the call only reads it.
+    match unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }
@@ -206,15 +268,16 @@ mod tests {
     #[test]
     fn nothing_asked_is_nothing_refused() {
         let granted = in_thread(|| enter(&RealTimeSettings { required: true, ..Default::default() })).expect("entered");
-        assert!(granted.refused.is_empty() && granted.priority.is_none() && !granted.memory_locked);
+        assert!(granted.refused.is_empty() && granted.scheduling.is_none() && !granted.memory_locked);
     }
 
     #[test]
     fn the_impossible_is_refused_with_a_hint_or_reported() {
-        let impossible = RealTimeSettings { cpu: Some(1023), priority: Some(200), ..Default::default() };
+        let impossible =
+            RealTimeSettings { cpu: Some(1023), scheduling: Some(Scheduling::Fifo(200)), ..Default::default() };
         let wish = impossible.clone();
         let granted = in_thread(move || enter(&wish)).expect("best effort");
-        assert_eq!((granted.cpu, granted.priority, granted.refused.len()), (None, None, 2));
+        assert_eq!((granted.cpu, granted.scheduling, granted.refused.len()), (None, None, 2));
         let text: Vec<String> = granted.refused.iter().map(ToString::to_string).collect();
         assert!(text[0].contains("processor 1023") && text[0].contains("cpuset"), "{}", text[0]);
         assert!(text[1].contains("rtprio") && text[1].contains("CAP_SYS_NICE"), "{}", text[1]);
@@ -228,8 +291,8 @@ mod tests {
         let (granted, allowed, policy) = in_thread(|| {
             let first = rustix::thread::sched_getaffinity(None).expect("affinity");
             let cpu = (0..CpuSet::MAX_CPU).find(|&cpu| first.is_set(cpu));
-            let granted =
-                enter(&RealTimeSettings { priority: Some(1), cpu, ..Default::default() }).expect("best effort");
+            let granted = enter(&RealTimeSettings { scheduling: Some(Scheduling::Fifo(1)), cpu, ..Default::default() })
+                .expect("best effort");
             let stat = fs::read_to_string("/proc/thread-self/stat").expect("stat");
             // Fields after the name in brackets; the policy is field 41 of proc(5), the third is the first here.
             let policy: u32 =
@@ -238,18 +301,38 @@ mod tests {
         });
         assert_eq!(allowed.count(), 1);
         assert!(granted.cpu.is_some_and(|cpu| allowed.is_set(cpu)));
-        assert_eq!(granted.priority.is_some(), policy & 0xff == 1, "policy {policy}, {:?}", granted.refused);
+        assert_eq!(granted.scheduling.is_some(), policy & 0xff == 1, "policy {policy}, {:?}", granted.refused);
+    }
+
+    #[test]
+    fn a_deadline_is_granted_or_refused_by_name() {
+        let wish = Scheduling::Deadline { runtime_ns: 200_000, period_ns: 1_000_000 };
+        let (granted, policy) = in_thread(move || {
+            let settings = RealTimeSettings { scheduling: Some(wish), ..Default::default() };
+            let granted = enter(&settings).expect("best effort");
+            let stat = fs::read_to_string("/proc/thread-self/stat").expect("stat");
+            let policy = stat.rsplit(')').next().and_then(|rest| rest.split_whitespace().nth(38)?.parse::<u32>().ok());
+            (granted, policy)
+        });
+        match granted.scheduling {
+            Some(scheduling) => assert_eq!((scheduling, policy), (wish, Some(6))),
+            None => assert!(granted.refused[0].to_string().contains("SCHED_DEADLINE with 200 of every 1000 us")),
+        }
+        let absurd = Scheduling::Deadline { runtime_ns: 2_000_000, period_ns: 1_000_000 };
+        let settings = RealTimeSettings { scheduling: Some(absurd), required: true, ..Default::default() };
+        assert!(in_thread(move || enter(&settings)).is_err(), "more than all");
     }
 
     #[test]
     fn a_thread_started_by_a_real_time_thread_is_an_ordinary_one() {
         let inherited = in_thread(|| {
-            let granted = enter(&RealTimeSettings { priority: Some(1), ..Default::default() }).expect("best effort");
+            let granted = enter(&RealTimeSettings { scheduling: Some(Scheduling::Fifo(1)), ..Default::default() })
+                .expect("best effort");
             let child = in_thread(|| {
                 let stat = fs::read_to_string("/proc/thread-self/stat").expect("stat");
                 stat.rsplit(')').next().and_then(|rest| rest.split_whitespace().nth(38)?.parse().ok()).unwrap_or(99_u32)
             });
-            (granted.priority, child)
+            (granted.scheduling, child)
         });
         assert_eq!(inherited.1, 0, "granted {:?}", inherited.0);
     }

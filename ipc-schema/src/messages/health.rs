@@ -1,4 +1,4 @@
-//! `rivet.Health.v3`
+//! `rivet.Health.v4`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -11,9 +11,10 @@ pub const HISTOGRAM_BINS: usize = 32;
 /// How the daemon is doing, a few times a second, on service `rivet/<robot>/health`.
 ///
 /// Counters run since the daemon's start and never go back. Version 2 adds what the estimator says about its instruments and
-/// its window, version 3 how far least squares can be trusted beside them.
+/// its window, version 3 how far least squares can be trusted beside them, version 4 what is wrong with the input and how
+/// much of the work is done.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.Health.v3")]
+#[type_name("rivet.Health.v4")]
 #[repr(C)]
 pub struct Health {
     /// `seq` of the last joint state taken in.
@@ -82,9 +83,89 @@ pub struct Health {
     pub instrument_ratio: [f64; MAX_JOINTS],
     /// Degrees of freedom of the statistic: joints whose regressor and instruments differ.
     pub hausman_degrees: u32,
-    /// Zero; keeps the size a multiple of eight.
-    pub reserved: u32,
+    /// An [`InputFault`]: what is wrong with the samples now.
+    pub input_fault: u32,
+    /// The joints that it concerns, bit 0 the base's; zero where it concerns all or none.
+    pub input_joints: u32,
+    /// An [`InputFault`]: what was wrong last, now or before.
+    pub last_input_fault: u32,
+    /// A [`LoadLevel`]: what is left out because periods have become too short for the work.
+    pub load_level: u32,
+    /// Publishers of joint states at present: one, and one more where a network bridge mirrors them.
+    pub publishers: u32,
+    /// Times that each [`InputFault`] was met, by number: samples, or events where it is none of a sample.
+    pub input_faults: [u64; INPUT_FAULTS],
+    /// From the last faulty sample to the next row that was learnt from, of the last fault that is over \[s\]; NaN before.
+    pub recovery_s: f64,
+    /// Times that the load level changed.
+    pub load_changes: u64,
+    /// `seq` of the first sample under the present load level.
+    pub load_seq: u64,
+    /// Parameter sets that were late: more than `[realtime] stale_periods` behind the sample they were made from, reckoned
+    /// from the least such delay seen. They carry that sample's stamp, as all do.
+    pub late_sets: u64,
 }
+
+/// Entries of [`Health::input_faults`].
+pub const INPUT_FAULTS: usize = 24;
+
+wire_enum!(
+    /// What is wrong with the samples.
+    InputFault {
+        /// Nothing.
+        None = 0,
+        /// Samples are missing between sequence numbers.
+        Lost = 1,
+        /// A sample has come twice.
+        Duplicate = 2,
+        /// A sample is older than the one before it.
+        Reordered = 3,
+        /// Positions stay as they are, to the bit, though the arm was moving.
+        Frozen = 4,
+        /// A position or torque is NaN or infinite.
+        NotFinite = 5,
+        /// A torque is pinned at the drive's limit.
+        Saturated = 6,
+        /// Torques have the sign opposite to the one that the motion needs.
+        SignFlipped = 7,
+        /// The stamp jumps, while sequence numbers go on.
+        TimeJump = 8,
+        /// A position jumps as no drive can move its joint.
+        EncoderJump = 9,
+        /// A torque stays as it is, to the bit, though the motion needs another.
+        TorqueStuck = 10,
+        /// No one publishes joint states any more.
+        PublisherGone = 11,
+        /// The robot controller began its sequence anew.
+        PublisherRestarted = 12,
+        /// A second publisher of joint states is there; its samples are not used.
+        SecondPublisher = 13,
+        /// The machine was suspended.
+        ClockSuspended = 14,
+        /// The robot controller set fault bits.
+        RobotFault = 15,
+        /// Samples come at another rate than the robot file says.
+        WrongPeriod = 16,
+        /// The joint count is not the arm's.
+        WrongShape = 17,
+        /// A value is beyond anything an arm does.
+        Implausible = 18,
+    }
+);
+
+wire_enum!(
+    /// What is left out because periods have become too short for the work, each level beside those before it.
+    LoadLevel {
+        /// Nothing.
+        Normal = 0,
+        /// Parameters are published at an eighth of the rate.
+        PublishLess = 1,
+        /// A quarter of the rows reaches the estimator.
+        Decimate = 2,
+        /// Nothing is learnt: parameters are held.
+        Hold = 3,
+    }
+);
 
 wire_enum!(
     /// What the daemon is doing ([`Health::mode`]).
@@ -102,24 +183,29 @@ wire_enum!(
         /// Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is used, nothing is
         /// published.
         WrongPeriod = 5,
+        /// Something is wrong with the samples ([`Health::input_fault`] says what): none is learnt from.
+        BadInput = 6,
     }
 );
 
-message!(Health v 3, size 752 align 8, empty Health {
+message!(Health v 4, size 992 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
     residual_rms: [0.0; MAX_JOINTS], nominal_residual_rms: [0.0; MAX_JOINTS], torque_rms: [0.0; MAX_JOINTS],
     wake_histogram: [0; HISTOGRAM_BINS], work_histogram: [0; HISTOGRAM_BINS], worst_wake_ns: 0, worst_work_ns: 0,
     loop_lag_s: [f64::NAN; MAX_JOINTS], cycle_s: f64::NAN, window_s: f64::NAN,
-    hausman: f64::NAN, hausman_p_value: f64::NAN, instrument_ratio: [f64::NAN; MAX_JOINTS], hausman_degrees: 0, reserved: 0,
+    hausman: f64::NAN, hausman_p_value: f64::NAN, instrument_ratio: [f64::NAN; MAX_JOINTS], hausman_degrees: 0,
+    input_fault: 0, input_joints: 0, last_input_fault: 0, load_level: 0, publishers: 0,
+    input_faults: [0; INPUT_FAULTS], recovery_s: f64::NAN, load_changes: 0, load_seq: 0, late_sets: 0,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
     held @ 104, active @ 108, mode @ 112, instruments @ 116, residual_rms @ 120, nominal_residual_rms @ 184,
     torque_rms @ 248, wake_histogram @ 312, work_histogram @ 440, worst_wake_ns @ 568, worst_work_ns @ 576,
     loop_lag_s @ 584, cycle_s @ 648, window_s @ 656, hausman @ 664, hausman_p_value @ 672, instrument_ratio @ 680,
-    hausman_degrees @ 744, reserved @ 748,
+    hausman_degrees @ 744, input_fault @ 748, input_joints @ 752, last_input_fault @ 756, load_level @ 760,
+    publishers @ 764, input_faults @ 768, recovery_s @ 960, load_changes @ 968, load_seq @ 976, late_sets @ 984,
 });
 
 impl Stamped for Health {

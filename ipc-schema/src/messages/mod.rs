@@ -9,6 +9,7 @@ mod joint_state;
 mod link_state;
 mod parameters;
 mod setpoint;
+mod timing;
 
 pub use command::{Command, CommandMode};
 pub use consistent_parameters::{BODY_VALUES, ConsistentParameters};
@@ -16,11 +17,12 @@ pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus, R
 pub use controller_health::{
     ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
 };
-pub use health::{DaemonMode, HISTOGRAM_BINS, Health};
+pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel};
 pub use joint_state::{JointState, faults};
 pub use link_state::LinkState;
 pub use parameters::{InstrumentSource, ParameterState, Parameters, parameter_flags};
 pub use setpoint::Setpoint;
+pub use timing::{LoopPhase, PHASES, PeriodCause, Timing, WORST_PERIODS};
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -57,6 +57,12 @@ pub mod parameter_flags {
     pub const FROZEN: u32 = 1 << 1;
     /// Too little data so far for the values to be used in a controller.
     pub const PROVISIONAL: u32 = 1 << 2;
+    /// Something is wrong with the samples (`Health::input_fault`): the values are those from before.
+    pub const BAD_INPUT: u32 = 1 << 3;
+    /// Late: further behind its sample than `[realtime] stale_periods`.
+    pub const LATE: u32 = 1 << 4;
+    /// Where the `LoadLevel` stands in the flags: two bits from this one on.
+    pub const LOAD_SHIFT: u32 = 8;
 }
 
 /// What became of one parameter ([`Parameters::state`]). On the wire one byte.

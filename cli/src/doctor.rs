@@ -1,0 +1,251 @@
+//! `rivet doctor`: is this machine fit for real time, and what to change.
+
+use crate::table::show;
+use anyhow::Result;
+use rivet_config::Robot;
+use rivet_ipc_schema::{BusConfig, RobotName, Survey};
+use rivet_realtime::{Finding, Latencies, Machine, RealTimeSettings, Scheduling, Severity};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Shared memory that the processes of one robot need, with some to spare \[bytes\].
+const SHARED_MEMORY: u64 = 64 << 20;
+/// Share of a period that all but one wake-up in a thousand must keep, and of wake-ups that may miss a whole period.
+const LATE_SHARE: f64 = 0.2;
+const MISSED_SHARE: f64 = 1e-3;
+
+/// Arguments of `rivet doctor`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Robot file: its period, scheduler, processor and bus count; without it 1 ms, SCHED_FIFO 80, any processor, the default
+    /// bus.
+    #[arg(value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
+    /// How long wake-ups are measured [s]; 0 leaves them out.
+    #[arg(long, default_value_t = 5.0, value_parser = seconds)]
+    seconds: f64,
+    /// The processor that is to be looked at, over the robot file's.
+    #[arg(long)]
+    cpu: Option<usize>,
+    /// Overrides `[bus] prefix`.
+    #[arg(long)]
+    prefix: Option<String>,
+    /// Overrides `[bus] root`.
+    #[arg(long)]
+    root: Option<PathBuf>,
+    /// The findings as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it must be a number".to_owned())?;
+    if (0.0..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("it must be 0 to 86400".to_owned()) }
+}
+
+/// Prints every finding with the line to change. Exit code 0: nothing worse than a note; 1: a warning; 2: a failure.
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let robot = args.robot.as_ref().map(rivet_config::load).transpose()?;
+    let period_s = robot.as_ref().map_or(1e-3, |robot| robot.config.sample_period_s);
+    let wish = wish(robot.as_ref(), args.cpu);
+    let mut findings = Machine::default().findings(&wish);
+    findings.push(shared_memory());
+    findings.extend(bus(robot.as_ref(), args));
+    let granted = grant(&wish);
+    let allowed = granted.severity < Severity::Failure;
+    findings.push(granted);
+    let measured = (args.seconds > 0.0).then(|| {
+        let (period, duration) = (Duration::from_secs_f64(period_s), Duration::from_secs_f64(args.seconds));
+        // With what is granted: a refusal is a finding of its own.
+        in_thread(move || {
+            let _granted = rivet_realtime::enter(&RealTimeSettings { required: false, ..wish });
+            rivet_realtime::measure_wakeups(period, duration)
+        })
+    });
+    if let Some(latencies) = &measured {
+        findings.push(judge(latencies, period_s, allowed));
+    }
+    let worst = findings.iter().map(|finding| finding.severity).max().unwrap_or(Severity::Ok);
+    let text = if args.json { as_json(&findings, measured.as_ref(), worst)? } else { as_text(&findings, worst) };
+    show(&text)?;
+    Ok(ExitCode::from(match worst {
+        Severity::Ok | Severity::Note => 0,
+        Severity::Warning => 1,
+        Severity::Failure => 2,
+    }))
+}
+
+fn wish(robot: Option<&Robot>, cpu: Option<usize>) -> RealTimeSettings {
+    let of = robot.map(|robot| (&robot.config.realtime, robot.config.sample_period_s));
+    RealTimeSettings {
+        scheduling: of
+            .map_or(Some(Scheduling::Fifo(80)), |(realtime, period)| rivet_daemon::shell::scheduling(realtime, period)),
+        cpu: cpu.or_else(|| of.and_then(|(realtime, _)| realtime.cpu)),
+        lock_memory: of.is_none_or(|(realtime, _)| realtime.lock_memory),
+        required: true,
+    }
+}
+
+/// Priority and processor stay with the thread.
+fn in_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    let thread = std::thread::spawn(work);
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// Whether the kernel grants what the daemon will ask for.
+fn grant(wish: &RealTimeSettings) -> Finding {
+    let check = "real time";
+    let wish = wish.clone();
+    match in_thread(move || rivet_realtime::enter(&wish)) {
+        Ok(granted) => {
+            let scheduling = granted.scheduling.map_or_else(|| "time-sharing, as asked".to_owned(), |s| s.to_string());
+            let memory = if granted.memory_locked { ", memory locked" } else { "" };
+            Finding::fine(check, Severity::Ok, format!("granted: {scheduling}{memory}"))
+        }
+        Err(why) => {
+            let found = format!("refused: {why}");
+            Finding::change(check, Severity::Failure, found, "as above; or, without real time: rivetd --best-effort")
+        }
+    }
+}
+
+fn shared_memory() -> Finding {
+    let check = "/dev/shm";
+    match rustix::fs::statvfs("/dev/shm") {
+        Ok(file_system) => {
+            let free = file_system.f_bavail.saturating_mul(file_system.f_frsize);
+            if free >= SHARED_MEMORY {
+                return Finding::fine(check, Severity::Ok, format!("{} MiB free", free >> 20));
+            }
+            Finding::change(
+                check,
+                Severity::Failure,
+                format!("{} MiB free, {} are needed for a robot", free >> 20, SHARED_MEMORY >> 20),
+                "mount -o remount,size=256M /dev/shm   # for good: the size= of /dev/shm in /etc/fstab",
+            )
+        }
+        Err(why) => Finding::change(check, Severity::Failure, why.to_string(), "mount -t tmpfs tmpfs /dev/shm"),
+    }
+}
+
+/// What lies on the bus.
+fn bus(robot: Option<&Robot>, args: &Args) -> Vec<Finding> {
+    let default = robot.map_or_else(BusConfig::default, |robot| BusConfig {
+        prefix: robot.config.bus.prefix.clone(),
+        root: robot.config.bus.root.clone(),
+    });
+    let config = BusConfig {
+        prefix: args.prefix.clone().unwrap_or(default.prefix),
+        root: args.root.clone().unwrap_or(default.root),
+    };
+    let name = robot.map_or("robot", |robot| &robot.config.name);
+    match RobotName::new(name).and_then(|name| rivet_ipc_schema::survey(&config, &name)) {
+        Ok(survey) => of_survey(&survey, &config),
+        Err(why) => {
+            let owner = format!("chown -R $USER {}", config.root.display());
+            vec![Finding::change("bus", Severity::Failure, why.to_string(), owner)]
+        }
+    }
+}
+
+fn of_survey(survey: &Survey, config: &BusConfig) -> Vec<Finding> {
+    let (prefix, root) = (&config.prefix, config.root.display());
+    let stale = if survey.dead == 0 {
+        Finding::fine("stale shared memory", Severity::Ok, format!("none; {} parties alive", survey.alive.len()))
+    } else {
+        // Whoever joins next frees it; until then it is memory and places that are taken.
+        Finding::change(
+            "stale shared memory",
+            Severity::Warning,
+            format!("{} dead parties left theirs", survey.dead),
+            format!("rivetd frees it at its start; if none is to start: rm -f /dev/shm/{prefix}*; rm -rf {root}"),
+        )
+    };
+    let mut strange: Vec<String> = survey.foreign.iter().map(ToString::to_string).collect();
+    let others = survey.inaccessible + survey.foreign_files;
+    if others > 0 {
+        strange.push(format!("{others} parties or files of another user under the prefix {prefix}"));
+    }
+    let foreign = if strange.is_empty() {
+        Finding::fine("foreign services", Severity::Ok, "none of the robot's names is taken by another program")
+    } else {
+        Finding::change(
+            "foreign services",
+            Severity::Failure,
+            strange.join("; "),
+            "stop the other program, or give this robot a bus of its own: robot.toml: [bus] prefix = \"rivet2_\"",
+        )
+    };
+    vec![stale, foreign]
+}
+
+fn judge(latencies: &Latencies, period_s: f64, real_time: bool) -> Finding {
+    let period_us = period_s * 1e6;
+    let (p50, p999) = (latencies.quantile_us(0.5), latencies.quantile_us(0.999));
+    let needed = LATE_SHARE * period_us;
+    let missed = latencies.at_least((period_s * 1e9) as u64);
+    let found = format!(
+        "{} wake-ups, late by 50 % {p50:.0}, 99 % {:.0}, 99.9 % {p999:.0}, worst {:.0} us; needed: 99.9 % within \
+         {needed:.0} us ({:.0} % of the period), and a whole period missed by at most one in {:.0}: {missed} were",
+        latencies.total(),
+        latencies.quantile_us(0.99),
+        latencies.max_ns() as f64 * 1e-3,
+        LATE_SHARE * 100.0,
+        1.0 / MISSED_SHARE,
+    );
+    let check = "wake-up latency";
+    let change = if real_time { "the warnings above, from the top" } else { "the failures above, from the top" };
+    if missed as f64 > MISSED_SHARE * latencies.total() as f64 {
+        Finding::change(check, Severity::Failure, found, change)
+    } else if p999 > needed {
+        Finding::change(check, Severity::Warning, found, change)
+    } else {
+        Finding::fine(check, Severity::Ok, found)
+    }
+}
+
+fn as_text(findings: &[Finding], worst: Severity) -> String {
+    let mut text = String::new();
+    for finding in findings {
+        let _ = writeln!(text, "{:<8} {:<20} {}", finding.severity, finding.check, finding.found);
+        if let Some(change) = &finding.change {
+            let _ = writeln!(text, "{:29} -> {change}", "");
+        }
+    }
+    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
+    let _ = writeln!(
+        text,
+        "\n{}: {} failures, {} warnings",
+        match worst {
+            Severity::Ok | Severity::Note => "fit for real time",
+            Severity::Warning => "real time with late wake-ups",
+            Severity::Failure => "not fit for real time",
+        },
+        count(Severity::Failure),
+        count(Severity::Warning)
+    );
+    text
+}
+
+fn as_json(findings: &[Finding], measured: Option<&Latencies>, worst: Severity) -> Result<String> {
+    let list: Vec<_> = findings
+        .iter()
+        .map(|finding| {
+            json!({
+                "check": finding.check, "severity": finding.severity.to_string(), "found": finding.found,
+                "change": finding.change,
+            })
+        })
+        .collect();
+    let wakeups = measured.map(|latencies| {
+        json!({
+            "count": latencies.total(), "p50_us": latencies.quantile_us(0.5), "p99_us": latencies.quantile_us(0.99),
+            "p999_us": latencies.quantile_us(0.999), "max_us": latencies.max_ns() as f64 * 1e-3,
+        })
+    });
+    let all = json!({ "severity": worst.to_string(), "findings": list, "wake_ups": wakeups });
+    Ok(serde_json::to_string_pretty(&all)? + "\n")
+}

@@ -1,0 +1,347 @@
+//! What is wrong with the samples: checks of each reading against the one before, with no model in them.
+
+use rivet_config::Robot;
+use rivet_dynamics::{JointKind, MAX_JOINTS};
+use rivet_ipc_schema::{INPUT_FAULTS, InputFault, JointState, Setpoint};
+use std::f64::consts::TAU;
+
+/// No drive accelerates a joint faster than this, even in a collision \[rad/s²\].
+const LARGEST_ACCELERATION: f64 = 500.0;
+/// Nor by more than this many times what second differences usually are: encoders of any noise.
+const LARGEST_CHANGE: f64 = 12.0;
+/// Memory of what is usual \[samples\].
+const USUAL: f64 = 500.0;
+/// Memory of a joint's speed \[samples\].
+const SPEED: f64 = 8.0;
+/// Identical readings, while moving, that are a reading which is frozen. Logs of a slower source repeat each sample a few
+/// times.
+const FROZEN_RUN: u32 = 4;
+/// Speed above which one joint alone does not stop from one sample to the next \[rad/s\].
+const FAST: f64 = 0.2;
+/// Speed above which a joint moves \[rad/s\].
+const SLOW: f64 = 0.04;
+/// A position that has not changed for this long, with no setpoint that moves, is of an arm that stands \[s\].
+const STANDING_S: f64 = 1.0;
+/// A setpoint that has moved by this much since the readings froze says that the arm does not stand \[rad\].
+const SETPOINT_MOVED: f64 = 0.02;
+/// A position that has jumped and stays so for this long is that of an encoder that was referenced anew \[s\].
+const REFERENCED_S: f64 = 10.0;
+/// Samples at the torque limit that are more than a peak.
+const SATURATED_RUN: u32 = 3;
+/// Share of the torque limit from which on a torque is at it.
+const AT_LIMIT: f64 = 0.999;
+/// Across more lost samples than this nothing is said about jumps.
+const MOST_LOST: u64 = 10;
+/// A stamp off by more than this many periods jumps.
+const STAMP_PERIODS: f64 = 20.0;
+
+/// A fault and the joints that it concerns, bit 0 the base's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Found {
+    pub(crate) fault: InputFault,
+    pub(crate) joints: u32,
+}
+
+/// What of one joint is remembered.
+#[derive(Clone, Copy, Debug, Default)]
+struct Joint {
+    /// How many samples there are to reckon with: 0, 1 or 2.
+    known: u8,
+    q: f64,
+    /// Change of the position in the last period.
+    step: f64,
+    /// The same, smoothed.
+    speed: f64,
+    /// Mean square of second differences.
+    usual: f64,
+    /// Identical positions in a row, the speed before them, and where the setpoint was.
+    same: u32,
+    speed_before: f64,
+    setpoint_before: f64,
+    frozen: bool,
+    /// Where the position would be had it not jumped is `q - offset`.
+    offset: f64,
+    offset_age: u32,
+    /// A jump of the sample before, not yet told from a change of speed: the step that led to it, and the one expected.
+    pending: Option<(f64, f64)>,
+    tau: f64,
+    /// Identical torques in a row.
+    tau_same: u32,
+    /// Torques at the limit in a row.
+    at_limit: u32,
+}
+
+/// Limits of one joint.
+#[derive(Clone, Copy, Debug, Default)]
+struct Limits {
+    /// Largest second difference that is none of an encoder's \[rad\].
+    jump: f64,
+    resolution: f64,
+    torque: f64,
+    revolute: bool,
+}
+
+/// Looks at every sample. Nothing allocates.
+#[derive(Clone, Debug)]
+pub(crate) struct InputGuard {
+    dof: usize,
+    period_s: f64,
+    /// Of the last sample looked at.
+    seq: u64,
+    limits: [Limits; MAX_JOINTS],
+    joints: [Joint; MAX_JOINTS],
+}
+
+impl InputGuard {
+    pub(crate) fn new(robot: &Robot) -> InputGuard {
+        let (config, arm) = (&robot.config, &robot.model.arm);
+        let mut limits = [Limits::default(); MAX_JOINTS];
+        for (j, limits) in limits.iter_mut().enumerate().take(arm.dof()) {
+            *limits = Limits {
+                jump: LARGEST_ACCELERATION * config.sample_period_s.powi(2),
+                resolution: config.drive.encoder_resolution[j],
+                torque: config.drive.torque_limit[j],
+                revolute: arm.joints[j].kind == JointKind::Revolute,
+            };
+        }
+        InputGuard {
+            dof: arm.dof(),
+            period_s: config.sample_period_s,
+            seq: 0,
+            limits,
+            joints: [Joint::default(); MAX_JOINTS],
+        }
+    }
+
+    /// Nothing is known of what came before.
+    pub(crate) fn restart(&mut self) {
+        for joint in &mut self.joints {
+            *joint = Joint { usual: joint.usual, ..Joint::default() };
+        }
+    }
+
+    /// Whether the stamps go on as the sequence numbers do.
+    pub(crate) fn stamps_fit(&self, lost: u64, before_ns: u64, now_ns: u64) -> bool {
+        if before_ns == 0 || now_ns == 0 {
+            return true;
+        }
+        let due = (lost as f64 + 1.0) * self.period_s * 1e9;
+        (now_ns as f64 - before_ns as f64 - due).abs() <= STAMP_PERIODS * self.period_s * 1e9
+    }
+
+    /// Identical torques in a row of joint `j`, and whether it moves.
+    pub(crate) fn torque_run(&self, j: usize) -> (u32, bool) {
+        let joint = &self.joints[j];
+        (joint.tau_same, joint.speed.abs() > SLOW * self.period_s)
+    }
+
+    /// Largest torque of joint `j` \[N·m\].
+    pub(crate) fn torque_limit(&self, j: usize) -> f64 {
+        self.limits[j].torque
+    }
+
+    /// Looks at a sample of finite numbers, newer than the last; `None` where nothing is wrong.
+    pub(crate) fn look(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Option<Found> {
+        let since = sample.seq.saturating_sub(self.seq);
+        self.seq = sample.seq;
+        if since > MOST_LOST + 1 {
+            self.restart();
+        }
+        let periods = since.max(1) as f64;
+        let (mut jumped, mut frozen, mut saturated, mut moved) = (0, 0, 0, false);
+        let (mut identical, mut least_run) = (true, u32::MAX);
+        for j in 0..self.dof {
+            let (joint, limits, bit) = (&mut self.joints[j], &self.limits[j], 1 << j);
+            let (q, tau) = (sample.q[j], sample.tau[j]);
+            let tau_same = since == 1 && joint.known > 0 && tau == joint.tau;
+            joint.tau_same = if tau_same { joint.tau_same + 1 } else { 0 };
+            joint.tau = tau;
+            joint.at_limit = if tau.abs() >= AT_LIMIT * limits.torque { joint.at_limit + 1 } else { 0 };
+            saturated |= if joint.at_limit >= SATURATED_RUN { bit } else { 0 };
+            let still = since == 1 && joint.known > 0 && q == joint.q;
+            identical &= still && tau_same;
+            let desired = setpoint.map_or(f64::NAN, |s| s.q[j]);
+            let thawed = joint.run(still, desired, q);
+            least_run = least_run.min(joint.same);
+            moved |= joint.same > 0 && joint.speed_before.abs() > (SLOW * self.period_s).max(4.0 * limits.resolution);
+            let stood = f64::from(joint.same) * self.period_s >= STANDING_S
+                && (desired - joint.setpoint_before).abs().min(1.0) <= SETPOINT_MOVED;
+            if joint.position(q, periods, limits, self.period_s) {
+                // A position that stays where it is does not jump; one that has stayed may have been elsewhere.
+                if still {
+                    joint.frozen = true;
+                } else if thawed {
+                    joint.begin(q);
+                    frozen |= bit;
+                } else {
+                    jumped |= bit;
+                }
+            }
+            let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.resolution);
+            let left = (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
+            joint.frozen |= joint.same >= FROZEN_RUN && (fast || left);
+            joint.frozen &= joint.same > 0 && !stood;
+            frozen |= if joint.frozen { bit } else { 0 };
+        }
+        if identical && moved && least_run >= FROZEN_RUN && !self.stands(setpoint) {
+            frozen = (1 << self.dof) - 1;
+        }
+        let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
+        found(InputFault::Frozen, frozen)
+            .or_else(|| found(InputFault::EncoderJump, jumped))
+            .or_else(|| found(InputFault::Saturated, saturated))
+    }
+
+    /// Whether all joints have been still for long, with no setpoint that moves.
+    fn stands(&self, setpoint: Option<&Setpoint>) -> bool {
+        self.joints[..self.dof].iter().enumerate().all(|(j, joint)| {
+            let moved = setpoint.map_or(0.0, |s| (s.q[j] - joint.setpoint_before).abs().min(1.0));
+            f64::from(joint.same) * self.period_s >= STANDING_S && moved <= SETPOINT_MOVED
+        })
+    }
+}
+
+impl Joint {
+    /// Knows nothing of the arm but this position.
+    fn begin(&mut self, q: f64) {
+        *self = Joint { known: 1, q, usual: self.usual, tau: self.tau, tau_same: self.tau_same, ..Joint::default() };
+    }
+
+    /// Counts identical positions. Whether a run of them has ended in which the arm may have moved: the setpoint, if there is
+    /// one, has gone about as far.
+    fn run(&mut self, still: bool, desired: f64, q: f64) -> bool {
+        if still {
+            if self.same == 0 {
+                self.speed_before = self.speed;
+                self.setpoint_before = desired;
+            }
+            self.same += 1;
+            false
+        } else {
+            let (gone, planned) = (q - self.q, desired - self.setpoint_before);
+            let elsewhere = planned.is_finite() && (gone - planned).abs() > 0.5 * gone.abs();
+            let thawed = self.same >= FROZEN_RUN && !elsewhere;
+
+            if self.frozen {
+                // Where it has been meanwhile is not known: the first sample after it says nothing about jumps.
+                *self = Joint { usual: self.usual, tau: self.tau, tau_same: self.tau_same, ..Joint::default() };
+            }
+            self.same = 0;
+            thawed
+        }
+    }
+
+    /// Takes in a position; whether it has jumped, now or before.
+    fn position(&mut self, q: f64, periods: f64, limits: &Limits, period_s: f64) -> bool {
+        let taken = |joint: &mut Joint, step: f64| {
+            joint.q = q;
+            joint.step = step;
+            joint.speed += (step - joint.speed) / SPEED;
+        };
+        if self.known < 2 {
+            let step = if self.known == 0 { 0.0 } else { (q - self.q) / periods };
+            self.known += 1;
+            if self.known == 2 {
+                self.speed = step;
+            }
+            taken(self, step);
+            return self.latched(limits, period_s, 0.0);
+        }
+        let off = q - self.q - self.step * periods;
+        let limit =
+            limits.jump.max(LARGEST_CHANGE * self.usual.sqrt()).max(4.0 * limits.resolution) * periods * periods;
+        self.usual += ((off * off).min(limit * limit) - self.usual) / USUAL;
+        if let Some((led, expected)) = self.pending.take() {
+            // Had the position jumped, the arm goes on as before; had its speed changed, it goes on with the new one.
+            let (as_jump, as_speed) = ((q - self.q) / periods - expected, (q - self.q) / periods - led);
+            if as_speed.abs() < as_jump.abs() {
+                self.offset = 0.0;
+            }
+        }
+        if off.abs() <= limit {
+            taken(self, (q - self.q) / periods);
+            return self.latched(limits, period_s, limit);
+        }
+        self.pending = Some(((q - self.q) / periods, self.step));
+        self.offset += off;
+        self.q = q;
+        if limits.revolute {
+            // A whole turn is the same place.
+            let rest = self.offset - TAU * (self.offset / TAU).round();
+            if rest.abs() <= limit {
+                self.offset = rest;
+            }
+        }
+        if self.offset.abs() <= 2.0 * limit {
+            self.offset = 0.0;
+            self.offset_age = 0;
+            self.pending = None;
+        }
+        true
+    }
+
+    /// Whether a jump is in force.
+    fn latched(&mut self, limits: &Limits, period_s: f64, limit: f64) -> bool {
+        if self.offset.abs() <= limit.max(limits.jump) {
+            self.offset = 0.0;
+            self.offset_age = 0;
+            return false;
+        }
+        self.offset_age += 1;
+        if f64::from(self.offset_age) * period_s >= REFERENCED_S {
+            self.offset = 0.0;
+            self.offset_age = 0;
+        }
+        self.offset != 0.0
+    }
+}
+
+/// What was wrong, how often, and how long it took to get over it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FaultRecord {
+    pub(crate) now: InputFault,
+    pub(crate) joints: u32,
+    pub(crate) last: InputFault,
+    pub(crate) counts: [u64; INPUT_FAULTS],
+    /// Samples since the last faulty one, until the signals have settled; `None` once they have.
+    since: Option<u64>,
+    pub(crate) recovery: Option<u64>,
+}
+
+impl FaultRecord {
+    pub(crate) const NONE: FaultRecord = FaultRecord {
+        now: InputFault::None,
+        joints: 0,
+        last: InputFault::None,
+        counts: [0; INPUT_FAULTS],
+        since: None,
+        recovery: None,
+    };
+
+    /// Counts an event that leaves the signals as they are.
+    pub(crate) fn count(&mut self, fault: InputFault, times: u64) {
+        let count = &mut self.counts[fault as usize % INPUT_FAULTS];
+        *count = count.saturating_add(times);
+        self.last = fault;
+    }
+
+    /// A fault after which the signals must settle anew.
+    pub(crate) fn interrupt(&mut self, found: Found, times: u64) {
+        self.count(found.fault, times);
+        self.now = found.fault;
+        self.joints = found.joints;
+        self.since = Some(0);
+    }
+
+    /// A good sample was taken in; `settled`: the signals have no more of the fault in them.
+    pub(crate) fn good(&mut self, settled: bool) {
+        let Some(since) = &mut self.since else { return };
+        *since += 1;
+        if settled {
+            self.recovery = Some(*since);
+            self.since = None;
+            self.now = InputFault::None;
+            self.joints = 0;
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Whether measured torques can be those that make the motion: signs and stuck sensors, by the model as identified so far.
+
+use crate::input::{Found, InputGuard};
+use rivet_dynamics::MAX_JOINTS;
+use rivet_estimation::{Estimate, Row};
+use rivet_ipc_schema::{InputFault, JointState};
+
+/// A torque is flipped when measured and predicted sum to less than this share of their difference.
+const FLIPPED: f64 = 0.4;
+/// And right when the difference is less than this share of the sum.
+const RIGHT: f64 = 0.5;
+/// Differences below this many sigmas, or this share of the torque limit, say nothing.
+const SIGMAS: f64 = 20.0;
+const LIMIT_SHARE: f64 = 0.02;
+/// Rows in a row that name a fault, and that end it.
+const ROWS: u32 = 3;
+/// Share of a joint's torque that the model may leave unexplained for its word to count.
+const EXPLAINED: f64 = 0.4;
+/// Identical torques, while the joint moves, from which on nothing is learnt until they change.
+const SUSPECT_RUN: u32 = 10;
+/// Identical torques that are a stuck sensor if the motion needs another torque.
+const STUCK_RUN: u32 = 20;
+/// How far the torque that the motion needs must have gone meanwhile, in sigmas.
+const STUCK_SIGMAS: f64 = 8.0;
+/// Time for which nothing is learnt after a torque has changed its sign from one sample to the next \[s\]: until rows tell.
+const SUSPICION_S: f64 = 0.2;
+/// A step of the torque is large beyond this many times the usual one.
+const LARGE_STEP: f64 = 12.0;
+/// Memory of what is usual \[samples\].
+const USUAL: f64 = 500.0;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Joint {
+    tau: f64,
+    /// Mean square of steps of the torque.
+    usual: f64,
+    predicted: f64,
+    /// What the motion needed when the torque last changed.
+    predicted_before: f64,
+    flipped_rows: u32,
+    right_rows: u32,
+    flipped: bool,
+    stuck: bool,
+    /// Standard deviation of the torque's residual \[N·m\].
+    sigma: f64,
+    /// The model explains this joint's torque.
+    trusted: bool,
+}
+
+/// Judges torques before they are learnt from.
+#[derive(Clone, Debug)]
+pub(crate) struct TorqueWatch {
+    dof: usize,
+    suspicion: u32,
+    suspect: u32,
+    stuck_suspected: bool,
+    seen: bool,
+    joints: [Joint; MAX_JOINTS],
+}
+
+impl TorqueWatch {
+    pub(crate) fn new(dof: usize, period_s: f64) -> TorqueWatch {
+        let suspicion = (SUSPICION_S / period_s).ceil() as u32;
+        let joints = [Joint::default(); MAX_JOINTS];
+        TorqueWatch { dof, suspicion, suspect: 0, stuck_suspected: false, seen: false, joints }
+    }
+
+    /// The signals begin anew: what was found about them is over.
+    pub(crate) fn restart(&mut self) {
+        self.seen = false;
+        for joint in &mut self.joints {
+            (joint.flipped_rows, joint.right_rows) = (0, 0);
+        }
+    }
+
+    /// Nothing is held against any torque any more: another robot controller, or a request to forget.
+    pub(crate) fn forget(&mut self) {
+        self.suspect = 0;
+        self.restart();
+        for joint in &mut self.joints {
+            (joint.flipped, joint.stuck) = (false, false);
+        }
+    }
+
+    /// Reads how well the model explains the torques now.
+    pub(crate) fn read(&mut self, estimate: &Estimate<'_>, established: bool) {
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            joint.sigma = estimate.torque_noise[j];
+            joint.trusted = established && estimate.residual_rms[j] < EXPLAINED * estimate.torque_rms[j];
+        }
+    }
+
+    /// Takes in the torques of a sample that `guard` has looked at; what is wrong with them, and whether that has just ended.
+    pub(crate) fn sample(&mut self, sample: &JointState, guard: &InputGuard) -> (Option<Found>, bool) {
+        self.suspect = self.suspect.saturating_sub(1);
+        self.stuck_suspected = false;
+        let (mut stuck, mut flipped, mut ended) = (0, 0, false);
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            let (tau, least) = (sample.tau[j], LIMIT_SHARE * guard.torque_limit(j));
+            let step = tau - joint.tau;
+            if self.seen {
+                let large = step * step > (LARGE_STEP * LARGE_STEP * joint.usual).max(least * least);
+                if joint.trusted && large && (tau + joint.tau).abs() < FLIPPED * step.abs() {
+                    self.suspect = self.suspicion;
+                }
+                let most = LARGE_STEP * LARGE_STEP * joint.usual + f64::MIN_POSITIVE;
+                let counted = if joint.usual > 0.0 { (step * step).min(most) } else { step * step };
+                joint.usual += (counted - joint.usual) / USUAL;
+            }
+            joint.tau = tau;
+            let (run, moves) = guard.torque_run(j);
+            if run == 0 {
+                joint.predicted_before = joint.predicted;
+                ended |= joint.stuck;
+                joint.stuck = false;
+            } else if joint.trusted && moves {
+                self.stuck_suspected |= run >= SUSPECT_RUN;
+                let needed = (joint.predicted - joint.predicted_before).abs();
+                joint.stuck |= run >= STUCK_RUN && needed > (STUCK_SIGMAS * joint.sigma).max(least);
+            }
+            stuck |= u32::from(joint.stuck) << j;
+            if joint.flipped && joint.right_rows >= ROWS {
+                joint.flipped = false;
+                ended = true;
+            }
+            flipped |= u32::from(joint.flipped) << j;
+        }
+        self.seen = true;
+        let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
+        (found(InputFault::TorqueStuck, stuck).or_else(|| found(InputFault::SignFlipped, flipped)), ended)
+    }
+
+    /// Whether a row may be learnt from.
+    pub(crate) fn admits(&mut self, row: &Row, limits: &InputGuard) -> bool {
+        let mut doubtful = self.suspect > 0 || self.stuck_suspected;
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            joint.predicted = row.predicted[j];
+            if row.moving[j] && joint.trusted {
+                let (difference, sum) = ((row.tau[j] - row.predicted[j]).abs(), (row.tau[j] + row.predicted[j]).abs());
+                let least = (SIGMAS * joint.sigma).max(LIMIT_SHARE * limits.torque_limit(j));
+                if difference > least && sum < FLIPPED * difference {
+                    joint.flipped_rows += 1;
+                    joint.right_rows = 0;
+                    doubtful = true;
+                } else if sum > least && difference < RIGHT * sum {
+                    joint.right_rows += 1;
+                    joint.flipped_rows = 0;
+                }
+                joint.flipped |= joint.flipped_rows >= ROWS;
+            }
+            doubtful |= joint.flipped || joint.stuck;
+        }
+        !doubtful
+    }
+}

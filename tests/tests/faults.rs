@@ -1,0 +1,257 @@
+//! What neighbours on the bus do to `rivetd`: die, come twice, never read, come in crowds, speak another version, fill the
+//! shared memory. Faults of the samples themselves are in `daemon/tests/faults`.
+
+use rivet_ipc_schema::{
+    Bus, BusConfig, DaemonMode, Health, InputFault, JointState, PrivateBus, Publisher, RobotName, Subscriber,
+};
+use rivet_tests::{rivet, robot};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A child that does not outlive the test.
+struct Process(Child);
+
+impl Process {
+    fn start(command: &mut Command) -> Process {
+        Process(command.spawn().expect("the program starts"))
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.0.id().to_string();
+        assert!(Command::new("kill").args([name, &pid]).status().expect("kill runs").success());
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn daemon(config: &BusConfig) -> Command {
+    let mut command = rivet();
+    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
+    command.arg("--root").arg(&config.root);
+    command
+}
+
+fn bus(config: &BusConfig, role: &str) -> Bus {
+    Bus::open(config, &RobotName::new("dd2").expect("a sound name"), role).expect("the bus opens")
+}
+
+/// Waits for something without asking how long it takes; only a hang fails.
+fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begin = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The first report that is as wanted; what came meanwhile is shown when it never does.
+fn report(health: &Subscriber<Health>, what: &str, wanted: impl Fn(&Health) -> bool) -> Health {
+    eventually(what, || health.receive().expect("received").filter(&wanted))
+}
+
+fn sample(seq: u64) -> JointState {
+    let t = seq as f64 * 0.001;
+    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
+    for j in 0..2 {
+        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
+        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
+    }
+    state
+}
+
+/// Sends as fast as the loop takes: more than the ring holds at once would be a loss that the robot made.
+fn send(states: &Publisher<JointState>, seqs: std::ops::RangeInclusive<u64>) {
+    for seq in seqs {
+        states.send(&sample(seq)).expect("sent");
+        if seq.is_multiple_of(10) {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+}
+
+/// Not a test: the robot that is killed. It publishes for ever where the environment says so.
+#[test]
+#[ignore = "run by a test as a process of its own"]
+fn robot_that_publishes_until_it_is_killed() {
+    let Ok(prefix) = std::env::var("RIVET_TEST_PREFIX") else { return };
+    let root = PathBuf::from(std::env::var("RIVET_TEST_ROOT").expect("set together"));
+    let bus = bus(&BusConfig { prefix, root }, "test-robot");
+    let states = bus.joint_state_publisher().expect("a publisher");
+    for seq in 1.. {
+        let _ = states.send(&sample(seq));
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn killable_robot(config: &BusConfig) -> Process {
+    let mut command = Command::new(std::env::current_exe().expect("a running test has a file"));
+    command.args(["--ignored", "--exact", "robot_that_publishes_until_it_is_killed"]);
+    command.env("RIVET_TEST_PREFIX", &config.prefix).env("RIVET_TEST_ROOT", &config.root);
+    Process::start(command.stdout(Stdio::null()).stderr(Stdio::null()))
+}
+
+#[test]
+fn a_robot_that_is_killed_is_missed_by_name_and_followed_when_it_comes_back() {
+    let private = PrivateBus::new("killed");
+    let _daemon = Process::start(&mut daemon(private.config()));
+    let side = bus(private.config(), "test-onlooker");
+    let health = side.health_subscriber().expect("a subscriber");
+    for turn in 1..=2_u64 {
+        let robot = killable_robot(private.config());
+        report(&health, "samples are taken", |h| {
+            h.mode != u32::from(DaemonMode::Stale) && h.samples > 0 && h.input_fault == 0
+        });
+        let restarts = report(&health, "restarts are named", |h| {
+            h.input_faults[InputFault::PublisherRestarted as usize] == turn - 1
+        });
+        assert_eq!(restarts.input_faults[InputFault::PublisherGone as usize], turn - 1);
+        // Long enough that its numbers, begun anew, are seen to be old ones.
+        std::thread::sleep(Duration::from_millis(500));
+        robot.signal("-KILL");
+        let gone = report(&health, "the robot is missed", |h| h.input_fault == u32::from(InputFault::PublisherGone));
+        assert_eq!(DaemonMode::try_from(gone.mode), Ok(DaemonMode::Stale));
+        drop(robot);
+    }
+}
+
+#[test]
+fn a_second_publisher_is_named_and_none_of_its_samples_is_used() {
+    let private = PrivateBus::new("twice");
+    let (first, second) = (bus(private.config(), "test-robot"), bus(private.config(), "test-stranger"));
+    let states = first.joint_state_publisher().expect("a publisher");
+    let health = first.health_subscriber().expect("a subscriber");
+    let _daemon = Process::start(&mut daemon(private.config()));
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=200);
+    let before = report(&health, "the first is heard", |h| h.samples > 0);
+    assert_eq!(before.publishers, 1);
+    let stranger = second.joint_state_publisher().expect("another publisher");
+    for seq in 201..=1200 {
+        // The stranger's would pass for the next sample, or for one far ahead.
+        let mut wrong = sample(seq + 1);
+        wrong.q = [1.0; 8];
+        stranger.send(&wrong).expect("sent");
+        states.send(&sample(seq)).expect("sent");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let named = report(&health, "both are seen", |h| h.samples == 1200);
+    assert_eq!((named.lost, named.refused_stale, named.publishers), (0, 0, 2));
+    assert!(named.input_faults[InputFault::SecondPublisher as usize] >= 900, "{named:?}");
+    assert_eq!(named.last_input_fault, u32::from(InputFault::SecondPublisher));
+    // When the first is gone for good, the other one is heard.
+    drop(states);
+    drop(stranger);
+    let successor = second.joint_state_publisher().expect("a publisher");
+    eventually("rivetd listens", || (successor.subscribers() > 0).then_some(()));
+    send(&successor, 1201..=1500);
+    report(&health, "the successor is heard", |h| h.samples == 1500 && h.lost == 0);
+}
+
+/// 64 subscribers of each kind that never read, beside one that does.
+#[test]
+fn a_crowd_that_never_reads_costs_no_sample() {
+    let private = PrivateBus::new("crowd");
+    let side = bus(private.config(), "test-robot");
+    let states = side.joint_state_publisher().expect("a publisher");
+    let health = side.health_subscriber().expect("a subscriber");
+    let crowd = bus(private.config(), "test-crowd");
+    let deaf: Vec<_> = (0..64)
+        .map(|_| (crowd.parameters_subscriber().expect("room"), crowd.health_subscriber().expect("room")))
+        .collect();
+    let _daemon = Process::start(&mut daemon(private.config()));
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=9000);
+    let seen = report(&health, "all samples are taken", |h| h.samples == 9000);
+    assert_eq!((seen.lost, seen.dropped_messages), (0, 0));
+    // 90 sets into rings of 64: each has lost the oldest, none the newest.
+    let last = deaf.iter().map(|(parameters, _)| parameters.receive_newest().expect("received").map(|set| set.epoch));
+    assert!(last.into_iter().all(|epoch| epoch == Some(90)));
+}
+
+#[test]
+fn a_message_of_another_version_is_told_which_side_is_older() {
+    use iceoryx2::prelude::{NodeBuilder, ServiceName, SignalHandlingMode, ZeroCopySend, ipc};
+    #[derive(Clone, Copy, Debug, ZeroCopySend)]
+    #[type_name("rivet.JointState.v2")]
+    #[repr(C)]
+    struct Newer {
+        words: [u64; 31],
+    }
+    let private = PrivateBus::new("version");
+    let node = NodeBuilder::new()
+        .config(&private.config().iceoryx().expect("config"))
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<ipc::Service>()
+        .expect("a node");
+    let name = ServiceName::new("rivet/dd2/joint-state").expect("a name");
+    let _service = node.service_builder(&name).publish_subscribe::<Newer>().create().expect("a service");
+    let output = daemon(private.config()).output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(69), "not 78: it may be the other side that is updated");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("rivet.JointState.v2") && said.contains("older"), "{said}");
+    let doctor = rivet()
+        .args(["doctor", "--seconds", "0", "--json", "--prefix", &private.config().prefix, "--root"])
+        .arg(&private.config().root)
+        .arg(robot("dd2"))
+        .output()
+        .expect("the program starts");
+    assert_eq!(doctor.status.code(), Some(2));
+    let found: serde_json::Value = serde_json::from_slice(&doctor.stdout).expect("JSON");
+    let foreign = found["findings"].as_array().expect("a list").iter().find(|f| f["check"] == "foreign services");
+    let foreign = foreign.expect("looked at");
+    assert_eq!(foreign["severity"], "failure");
+    assert!(foreign["found"].as_str().expect("text").contains("rivet.JointState.v2"), "{foreign}");
+}
+
+/// A process that stands still for longer than its samples are kept is not told from one that was suspended: what is lost is
+/// counted, and it goes on.
+#[test]
+fn a_daemon_that_is_stopped_for_a_while_goes_on() {
+    let private = PrivateBus::new("stopped");
+    let side = bus(private.config(), "test-robot");
+    let states = side.joint_state_publisher().expect("a publisher");
+    let health = side.health_subscriber().expect("a subscriber");
+    let process = Process::start(&mut daemon(private.config()));
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=300);
+    report(&health, "samples are taken", |h| h.samples == 300);
+    process.signal("-STOP");
+    for seq in 301..=3000 {
+        states.send(&sample(seq)).expect("sent: a receiver that stands still stops no one");
+    }
+    process.signal("-CONT");
+    let after = report(&health, "it goes on", |h| h.seq == 3000);
+    assert_eq!(after.samples + after.lost, 3000);
+    assert!(after.lost > 0 && after.input_faults[InputFault::Lost as usize] == after.lost, "{after:?}");
+    assert!(after.overruns > 0, "periods that passed are counted");
+}
+
+/// `/dev/shm` of a few pages: the daemon ends with a reason and a code, not with a signal.
+#[test]
+fn full_shared_memory_is_an_error_that_says_so() {
+    let private = PrivateBus::new("full");
+    let inner = daemon(private.config());
+    let words: Vec<_> = std::iter::once(inner.get_program()).chain(inner.get_args()).collect();
+    let mount = "mount -t tmpfs -o size=64k tmpfs /dev/shm && exec \"$@\"";
+    let output = Command::new("unshare").args(["--mount", "sh", "-c", mount, "sh"]).args(words).output();
+    let Ok(output) = output else {
+        eprintln!("SKIPPED: no unshare");
+        return;
+    };
+    let said = String::from_utf8_lossy(&output.stderr);
+    if said.contains("unshare failed") || said.contains("permission denied") || said.contains("must be superuser") {
+        eprintln!("SKIPPED: mounting needs root");
+        return;
+    }
+    assert_eq!(output.status.code(), Some(69), "{output:?}");
+    assert!(said.contains("/dev/shm"), "{said}");
+}
