@@ -15,7 +15,7 @@ const TURN: Duration = Duration::from_millis(10);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A core on its way into the loop, and, with what it was changed for, out of it.
-pub struct Swap {
+pub(crate) struct Swap {
     pub(crate) core: Box<Core>,
     /// What was kept, and the number of the last sample before the change.
     pub(crate) done: Option<(Reconfigured, u64)>,
