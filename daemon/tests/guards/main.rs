@@ -6,8 +6,8 @@ mod watch;
 use rivet_config::Trigger;
 use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop};
 use rivet_ipc_schema::{
-    Bus, ControlCommand, Health, JointState, LoadLevel, Parameters, PrivateBus, Publisher, RobotName, Setpoint,
-    parameter_flags,
+    Bus, ControlCommand, HISTOGRAM_BINS, Health, JointState, LoadLevel, PHASES, Parameters, PrivateBus, Publisher,
+    RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
 };
 use rivet_realtime::{Overrun, RealTimeSettings, ThreadUsage};
 use std::path::Path;
@@ -28,6 +28,7 @@ struct Bench {
     seq: u64,
     parameters: Option<Parameters>,
     health: Option<Health>,
+    timing: Option<Timing>,
     _bus: Bus,
     _private: PrivateBus,
 }
@@ -63,6 +64,7 @@ impl Bench {
             seq: 0,
             parameters: None,
             health: None,
+            timing: None,
             _bus: bus,
             _private: private,
         }
@@ -101,7 +103,7 @@ impl Bench {
             match message {
                 Outbound::Parameters(set) => self.parameters = Some(set),
                 Outbound::Health(health) => self.health = Some(health),
-                Outbound::Timing(_) => {}
+                Outbound::Timing(timing) => self.timing = Some(timing),
             }
         }
     }
@@ -149,6 +151,11 @@ fn a_hundred_thousand_periods_allocate_nothing_call_nothing_and_meet_no_page_fau
     let health = bench.health.expect("reported");
     assert!(health.samples > 90_000 && health.refused_invalid > 50, "{health:?}");
     assert!(health.input_faults.iter().filter(|&&count| count > 0).count() >= 5, "{:?}", health.input_faults);
+    let timing = bench.timing.as_ref().expect("reported");
+    let counts = timing.phase_histogram.chunks(HISTOGRAM_BINS).map(|bins| bins.iter().map(|&n| u64::from(n)).sum());
+    let counts: [u64; PHASES] = counts.collect::<Vec<u64>>().try_into().expect("seven phases");
+    assert!(counts.iter().all(|&count| count > 50_000), "every phase is timed: {counts:?}");
+    assert_eq!(timing.count as usize, WORST_PERIODS);
 
     // What the guards see when something creeps in, in one period of a hundred.
     let (bad, _) = bench.run(100, |k| {
@@ -207,6 +214,27 @@ impl Pages {
         }
         std::hint::black_box(&mut self.0);
     }
+}
+
+/// Samples that lay about for a while before they were taken: what was made of them says so, and carries their stamp.
+#[test]
+fn a_set_that_is_late_says_so() {
+    let mut bench = Bench::new("late", Duration::from_micros(100));
+    let run = |bench: &mut Bench, periods: u64| {
+        for _ in 0..periods {
+            bench.feed();
+            bench.turning.period();
+        }
+        bench.feed();
+        bench.parameters.take()
+    };
+    let fresh = run(&mut bench, 150).expect("published");
+    assert_eq!(fresh.flags & parameter_flags::LATE, 0);
+    // A robot that stands still for a while and then goes on with the stamps of before.
+    std::thread::sleep(Duration::from_millis(400));
+    let late = run(&mut bench, 60).expect("published");
+    assert_ne!(late.flags & parameter_flags::LATE, 0);
+    assert_eq!(late.stamp_ns, late.seq * 1_000_000, "the sample's own");
 }
 
 /// Periods far too short for the work: the ladder goes up, and everything published says so.
