@@ -197,14 +197,17 @@ fn feed(robot: &Robot, config: &BusConfig, name: &RobotName, period: Duration, s
     let (dof, columns) = (robot.dof(), robot.model.len());
     let mut workspace = Workspace::new(&robot.model.arm);
     let mut rows = vec![0.0; dof * columns];
-    let mut timer = PeriodTimer::new(period);
+    // Late or not, every sample is sent, with the stamp of when it was due: a robot controller's.
+    let mut timer = PeriodTimer::new(period).with_overrun(Overrun::CatchUp);
+    let (begin, period_ns) = (now_ns(), period.as_nanos() as u64);
     for seq in 1.. {
         if shutdown.is_requested() {
             break;
         }
         timer.wait();
         let t = seq as f64 * period.as_secs_f64();
-        let mut state = JointState { seq, stamp_ns: now_ns(), joints: dof as u32, ..JointState::default() };
+        let mut state =
+            JointState { seq, stamp_ns: begin + seq * period_ns, joints: dof as u32, ..JointState::default() };
         let mut plan = Setpoint { seq, stamp_ns: state.stamp_ns, joints: dof as u32, ..Setpoint::default() };
         for j in 0..dof {
             let w = 1.0 + 0.6 * j as f64;

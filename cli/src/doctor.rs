@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 /// Shared memory that the processes of one robot need, with some to spare \[bytes\].
-const SHARED_MEMORY: u64 = 64 << 20;
+const SHARED_MEMORY: u64 = 48 << 20;
 /// Share of a period that all but one wake-up in a thousand must keep, and of wake-ups that may miss a whole period.
 const LATE_SHARE: f64 = 0.2;
 const MISSED_SHARE: f64 = 1e-3;

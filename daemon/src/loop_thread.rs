@@ -42,6 +42,9 @@ const SAMPLE_PATIENCE: Duration = Duration::from_millis(20);
 /// Periods after which health is reported even if no sample came.
 const IDLE_HEALTH_PERIODS: u64 = 100;
 
+/// Silence of the publisher that is heard after which another one may take its place while it is still listed \[ns\].
+const SUCCESSION_NS: u64 = 1_000_000_000;
+
 /// Periods without a sample after which a stream counts as quiet.
 const QUIET_PERIODS: u64 = 3;
 
@@ -297,10 +300,10 @@ impl RealTimeLoop {
 
     /// Takes in what is queued, at most `catch_up` samples; how many there were.
     fn take(&mut self, start: u64) -> usize {
-        let quiet = self.last_sample_ns.is_none_or(|last| start.saturating_sub(last) > self.settings.stale_ns);
+        let quiet = self.last_sample_ns.is_none_or(|last| start.saturating_sub(last) > SUCCESSION_NS);
         let mut taken = 0;
         while taken < self.settings.catch_up {
-            let Some((sample, setpoint, link)) = self.input.next(quiet) else { break };
+            let Some((sample, setpoint, link)) = self.input.next(quiet && taken == 0) else { break };
             self.timing.done(LoopPhase::Read);
             taken += 1;
             let late = self.delay.late(start, sample.stamp_ns, self.settings.stale_ns);

@@ -60,6 +60,9 @@ fn parse_trigger(word: &str) -> Result<Trigger, String> {
 /// Messages that may wait for the bus thread: about a quarter of a second of them at the usual rates.
 const OUTBOUND: usize = 64;
 
+/// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
+const SHARED_MEMORY: u64 = 32 << 20;
+
 /// Control requests that may wait for the loop.
 const INBOUND: usize = 16;
 
@@ -87,6 +90,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let mut core = Core::new(&robot).map_err(StartError::Settings)?;
+    rivet_ipc_schema::ensure_room(SHARED_MEMORY)?;
     rivet_ipc_schema::cleanup(&bus)?;
     let keeper = match &options.state {
         Some(folder) => Some(Keeper::open(folder, &name, &robot, &mut core)?),

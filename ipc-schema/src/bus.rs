@@ -10,7 +10,7 @@ use iceoryx2::prelude::{
 };
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
-use crate::cleanup::close_to_others;
+use crate::cleanup::{close_to_others, ensure_room};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -33,6 +33,9 @@ pub(crate) const MAX_NODES: usize = 96;
 /// How long `send` may stall on a subscriber that it cannot reach (another user's). The default of a second
 /// would stop a publisher for as long.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(10);
+
+/// Room in shared memory for a party that only listens \[bytes\].
+const LEAST_ROOM: u64 = 1 << 20;
 
 /// How long an opening waits for a service that another process is making or removing.
 const OPENING_PATIENCE: Duration = Duration::from_secs(2);
@@ -147,6 +150,7 @@ impl Bus {
     pub fn open(config: &BusConfig, robot: &RobotName, role: &str) -> Result<Self, BusError> {
         // Not warnings: they are dumps of internal state, made whenever a killed process is cleared away.
         set_log_level_from_env_or(LogLevel::Error);
+        ensure_room(LEAST_ROOM)?;
         let iceoryx = config.iceoryx()?;
         let node = config.join(&iceoryx, role)?;
         Ok(Self { node, iceoryx, config: config.clone(), robot: robot.clone(), role: role.to_owned() })

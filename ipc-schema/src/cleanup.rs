@@ -20,6 +20,18 @@ pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 /// How long to wait for another process that clears up the same party.
 const PATIENCE: Duration = Duration::from_secs(1);
 
+/// Fails where shared memory has less room than this \[bytes\]: the bus library sets memory aside without asking whether it is
+/// there, and whoever then writes to it is ended by SIGBUS.
+pub fn ensure_room(needed: u64) -> Result<(), BusError> {
+    match rustix::fs::statvfs(SHARED_MEMORY) {
+        Ok(there) => {
+            let free = there.f_bavail.saturating_mul(there.f_frsize);
+            if free < needed { Err(BusError::SharedMemoryFull { free, needed }) } else { Ok(()) }
+        }
+        Err(why) => Err(BusError::File { path: PathBuf::from(SHARED_MEMORY), source: why.into() }),
+    }
+}
+
 /// What was removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Leftovers {

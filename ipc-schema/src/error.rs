@@ -29,6 +29,18 @@ pub enum BusError {
         /// The rule.
         why: &'static str,
     },
+    /// Shared memory has too little room: to write beyond it would end the process without a word.
+    #[error(
+        "/dev/shm has {} KiB free and {} are needed: free some, or make it larger (mount -o remount,size=256M /dev/shm)",
+        free >> 10,
+        needed >> 10
+    )]
+    SharedMemoryFull {
+        /// What is free \[bytes\].
+        free: u64,
+        /// What is needed \[bytes\].
+        needed: u64,
+    },
     /// The bus itself could not be joined.
     #[error(
         "cannot join the bus (prefix {prefix}, root {}): {why}; all processes of one robot must run as one user, \

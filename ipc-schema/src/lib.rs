@@ -38,7 +38,7 @@ mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
 pub use bus::{Bus, BusConfig};
-pub use cleanup::{Leftovers, PrivateBus, cleanup, purge};
+pub use cleanup::{Leftovers, PrivateBus, cleanup, ensure_room, purge};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier};
