@@ -5,13 +5,14 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use rivet_diagnosis::{Run, Verdict, diagnose, diagnose_and_patch};
-use rivet_report::words::percent;
-use rivet_report::{Document, formats, page};
+use rivet_report::words::{figure, percent};
+use rivet_report::{Document, Power, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::runs;
+use crate::self_check::self_check;
 use crate::table::{Table, paragraph, show};
 
 /// Arguments of `rivet diagnose`.
@@ -33,6 +34,9 @@ pub(crate) struct Args {
     /// (what each cannot carry, in N m) into this folder.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
+    /// Add effects of graded strength to the logs and tell which would have been found (at most the first minute).
+    #[arg(long)]
+    self_check: bool,
     /// Tell what is considered.
     #[arg(long, short)]
     verbose: bool,
@@ -53,20 +57,23 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
     };
     let all = runs_of(&sources)?;
-    let (found, patch) = if args.export.is_some() {
+    let (found, patch) = if args.export.is_some() || args.html.is_some() {
         diagnose_and_patch(&robot.model, &robot.nominal, all, &mut say)?
     } else {
         (diagnose(&robot.model, &robot.nominal, all, &mut say)?, None)
     };
     let passport = passport(&robot, &args.robot, &sources)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
+    if let Some(patch) = &patch {
+        document.export = formats(patch);
+    }
     match (&args.export, &patch) {
-        (Some(folder), Some(patch)) => {
-            patched::export(&robot, patch, folder)?;
-            document.export = formats(patch);
-        }
+        (Some(folder), Some(patch)) => patched::export(&robot, patch, folder)?,
         (Some(_), None) => eprintln!("rivet: nothing was evaluated, so nothing is exported"),
         (None, _) => {}
+    }
+    if args.self_check && document.remark.is_none() {
+        document.self_check = Some(self_check(&robot, runs_of(&sources)?)?);
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&document)? + "\n";
@@ -137,5 +144,36 @@ fn as_text(found: &Document) -> String {
     for j in &found.gap.per_joint {
         table.row([j.joint.clone(), percent(j.before), percent(j.after), percent(j.noise_floor)]);
     }
-    out + &table.text()
+    out += &table.text();
+    if let Some(check) = &found.self_check {
+        out += &power(found, check);
+    }
+    out
+}
+
+/// The weakest effects that these logs would have shown.
+fn power(found: &Document, check: &SelfCheck) -> String {
+    let mut out = paragraph(
+        "  ",
+        &format!(
+            "weakest effect that {:.0} s of these logs would have shown (a dash: not even the strongest tried); \
+             {} false alarms in {} resamplings",
+            check.seconds, check.false_alarms, check.resamplings
+        ),
+    );
+    let said = |power: &Power| match (power.named_already, power.smallest) {
+        (true, _) => "named".to_owned(),
+        (false, Some(size)) => figure(size, 2),
+        (false, None) => "-".to_owned(),
+    };
+    let joints = found.gap.per_joint.len();
+    let heads = ["effect".to_owned(), "unit".to_owned()].into_iter().chain((1..=joints).map(|j| format!("joint {j}")));
+    let mut table = Table::new(heads);
+    for chunk in check.powers.chunk_by(|a, b| a.effect == b.effect) {
+        let mut cells = vec![chunk[0].effect.clone(), chunk[0].unit.clone()];
+        cells.extend(chunk.iter().map(&said));
+        table.row(cells);
+    }
+    out += &table.text();
+    out
 }

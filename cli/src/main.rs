@@ -24,6 +24,7 @@ mod progress;
 mod refine;
 mod replay;
 mod runs;
+mod self_check;
 mod stream;
 mod study;
 mod study_real;

@@ -216,6 +216,59 @@ impl Design {
         self.multiply();
     }
 
+    /// Roots of the weights of one joint's rows.
+    pub(crate) fn root(&self, run: usize, joint: usize) -> &[f64] {
+        &self.root[run][joint]
+    }
+
+    /// The left-hand side, to be put back after [`Design::add`].
+    pub(crate) fn target(&self) -> Vec<Vec<DVector<f64>>> {
+        self.y.clone()
+    }
+
+    /// Puts a left-hand side back.
+    pub(crate) fn set_target(&mut self, y: Vec<Vec<DVector<f64>>>) {
+        self.y = y;
+        self.remultiply();
+    }
+
+    /// Adds torque \[N·m\], `rows[run][joint][row]`, to the measured one.
+    pub(crate) fn add(&mut self, rows: &[Vec<Vec<f64>>]) {
+        for ((y, root), rows) in self.y.iter_mut().zip(&self.root).zip(rows) {
+            for ((y, root), rows) in y.iter_mut().zip(root).zip(rows) {
+                for ((y, w), t) in y.iter_mut().zip(root).zip(rows) {
+                    *y += w * t;
+                }
+            }
+        }
+        self.remultiply();
+    }
+
+    /// Products with the left-hand side anew; those of the columns stay.
+    fn remultiply(&mut self) {
+        for (block, cells) in self.blocks.iter().zip(&mut self.background.cells) {
+            for (j, cell) in cells.iter_mut().enumerate() {
+                let (from, len) = (block.rows.start, block.rows.len());
+                let y = self.y[block.run][j].rows(from, len);
+                cell.dy = self.d[block.run][j].rows(from, len).tr_mul(&y);
+                cell.yy = y.norm_squared();
+            }
+        }
+    }
+
+    /// A candidate's products with the left-hand side anew.
+    pub(crate) fn retarget(&self, columns: &[Vec<Column>], cells: &mut [CandidateCell]) {
+        for cell in cells {
+            let block = &self.blocks[cell.block];
+            let y = &self.y[block.run][cell.joint];
+            let root = &self.root[block.run][cell.joint];
+            for (c, column) in columns[block.run].iter().enumerate() {
+                let Some(values) = &column[cell.joint] else { continue };
+                cell.cy[c] = block.rows.clone().map(|k| values[k] * root[k] * y[k]).sum();
+            }
+        }
+    }
+
     pub(crate) fn joints(&self) -> usize {
         self.root.first().map_or(0, Vec::len)
     }

@@ -61,11 +61,7 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
         let limits = LIMITS.map(|share| share * needed);
         let cut = limits.into_iter().filter(|limit| asked > BEYOND * limit);
         forms.extend(cut.map(|limit| Form::Saturation { joint, limit }));
-        for order in &orders[joint] {
-            forms.push(Form::Ripple { joint, order: *order });
-            forms.push(Form::TransmissionError { joint, order: *order });
-            forms.push(Form::PositionFriction { joint, order: *order });
-        }
+        forms.extend(orders[joint].iter().flat_map(|order| periodic(joint, *order)));
         let stiffness = |hz: f64| inertia(physics, joint) * (std::f64::consts::TAU * hz).powi(2);
         let (low, high, steps) = RESONANCES;
         for step in 0..=steps {
@@ -91,6 +87,11 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
         }
     }
     forms
+}
+
+/// What repeats with an order of the joint's angle.
+pub(crate) fn periodic(joint: usize, order: f64) -> [Form; 3] {
+    [Form::Ripple { joint, order }, Form::TransmissionError { joint, order }, Form::PositionFriction { joint, order }]
 }
 
 /// Mean inertia of the link side at a joint.

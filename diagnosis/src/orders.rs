@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::physics::Physics;
 use crate::search::Search;
 
 /// Highest order looked at.
@@ -14,8 +15,12 @@ const KEPT: usize = 3;
 /// For each joint the orders with the largest amplitude in the full-rate residual.
 pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
     let physics = search.physics()?;
-    let n = search.noise.len();
-    let each = |j: usize| {
+    Some((0..search.noise.len()).map(|j| on(&physics, j, None)).collect())
+}
+
+/// The same of one joint, with torque added to the measured one: `added[run][joint]`.
+pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>>]>) -> Vec<f64> {
+    {
         let range = physics.iter().map(|p| span(&p.motion.q[j])).fold(0.0, f64::max);
         if range < 0.05 {
             return Vec::new();
@@ -24,7 +29,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
         let count = ((HIGHEST - LOWEST) / step).ceil().max(1.0) as usize;
         let mut power = vec![[0.0; 2]; count];
         let mut total = vec![0.0; count];
-        for p in &physics {
+        for (i, p) in physics.iter().enumerate() {
             let (q, qd) = (&p.motion.q[j], &p.motion.qd[j]);
             power.fill([0.0; 2]);
             let thin = (0.001 / p.period_s()).round().max(1.0) as usize;
@@ -32,7 +37,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
                 if qd[k].abs() < 0.01 {
                     continue;
                 }
-                let r = p.run.tau[j][k] - p.torque[j][k];
+                let r = p.run.tau[j][k] - p.torque[j][k] + added.map_or(0.0, |a| a[i][j][k]);
                 // A phasor turned by one step of the order each time.
                 let (mut s, mut c) = (LOWEST * q[k]).sin_cos();
                 let (ds, dc) = (step * q[k]).sin_cos();
@@ -65,8 +70,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
                 LOWEST + step * (i as f64 + shift)
             })
             .collect()
-    };
-    Some((0..n).map(each).collect())
+    }
 }
 
 fn span(x: &[f64]) -> f64 {

@@ -39,7 +39,7 @@ const EXPLAINED_SIMULATED: f64 = 0.5;
 /// The same where more than noise is left: an effect that is in the library leaves little else.
 const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
 /// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
-const UNEXPLAINED: f64 = 4.0;
+pub(crate) const UNEXPLAINED: f64 = 4.0;
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
 /// Columns of the background beside the model's own.
@@ -123,7 +123,7 @@ fn run_all(
     done.ok_or(DiagnosisError::Singular)
 }
 
-fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
+pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
     let fault = |what: String| Err(DiagnosisError::Shape { run: run.name.clone(), what });
     let rows = run.len();
     for (signal, name) in [(&run.q, "positions"), (&run.tau, "torques")] {
@@ -546,7 +546,7 @@ fn shrink_of(seen: &[Stages], k: usize) -> f64 {
 }
 
 /// Whether the joints that the effect is reported on are explained.
-fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bool {
+pub(crate) fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bool {
     if adopted.form.effect().kind() == Kind::Value {
         return true;
     }

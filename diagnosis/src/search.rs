@@ -27,6 +27,7 @@ const REWEIGHINGS: usize = 4;
 const SETTLED: f64 = 0.05;
 
 /// A candidate with its products.
+#[derive(Clone)]
 pub(crate) struct Candidate {
     pub(crate) form: Form,
     pub(crate) columns: Vec<Vec<Column>>,
@@ -54,6 +55,7 @@ pub(crate) struct Search<'a> {
 }
 
 /// A candidate's standing.
+#[derive(Clone)]
 pub(crate) struct Standing {
     pub(crate) at: usize,
     pub(crate) gain: f64,

@@ -39,7 +39,8 @@ pub(crate) struct Adopted {
     pub(crate) form: Form,
     /// Gain of log evidence over the model without it.
     pub(crate) gain: f64,
-    /// Largest share of a joint's residual variance that it removed, held out.
+    /// Share of each joint's residual variance that it removed, held out; the largest of them.
+    pub(crate) shares: Vec<f64>,
     pub(crate) share: f64,
     /// Other effects that explain this about as well.
     pub(crate) rivals: Vec<Effect>,
@@ -61,7 +62,7 @@ pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Opti
         let orders = orders::find(search)?;
         let candidates = search.candidates(&physics, &orders, &bursts::find(search)?);
         say(&format!("round {}: {} candidates", adopted.len() + 1, candidates.len()));
-        let Some(next) = best(search, &candidates, &physics, &adopted, say)? else { break };
+        let Some(next) = best(search, &candidates, &physics, &adopted, true, say)? else { break };
         let (candidate, adoption) = next;
         let mean = adoption.mean.clone();
         let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
@@ -81,11 +82,13 @@ pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Opti
 
 type Found = Option<(Candidate, Adopted)>;
 
-fn best(
+/// The candidate to adopt next, if any is worth it; inner values as on the grid unless they are to be refined.
+pub(crate) fn best(
     search: &Search<'_>,
     candidates: &[Candidate],
     physics: &[Physics<'_>],
     adopted: &[Adopted],
+    refined: bool,
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     let standings = search.rank(candidates)?;
@@ -103,10 +106,14 @@ fn best(
             continue;
         }
         seen.push(key);
-        listed.push(search.refine(form, physics)?);
+        listed.push(if refined {
+            search.refine(form, physics)?
+        } else {
+            (candidates[standing.at].clone(), standing.clone())
+        });
     }
     listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    let mut accepted: Vec<(Candidate, Standing, f64)> = Vec::new();
+    let mut accepted: Vec<(Candidate, Standing, f64, Vec<f64>)> = Vec::new();
     for (candidate, standing) in listed {
         let shares = held_out_shares(search, &candidate)?;
         let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -124,7 +131,7 @@ fn best(
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
         let plausible = candidate.form.plausible(standing.added.c.as_slice()) && cut;
         if standing.gain >= least && material && plausible {
-            accepted.push((candidate, standing, share));
+            accepted.push((candidate, standing, share, shares));
         }
     }
     if accepted.is_empty() {
@@ -148,14 +155,23 @@ fn best(
     let chosen = accepted[simplest].0.form.effect();
     let mut rivals: Vec<Effect> = near.iter().map(|i| accepted[*i].0.form.effect()).filter(|e| *e != chosen).collect();
     rivals.dedup();
-    let (candidate, standing, share) = accepted.swap_remove(simplest);
+    let (candidate, standing, share, shares) = accepted.swap_remove(simplest);
     let place = search.design.background.len();
     let mean = candidate.belief.mean.iter().copied().collect();
     let joints = search.noise.len();
     let acts_on = (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect();
     let values = physics.first()?.x.clone();
-    let adoption =
-        Adopted { form: candidate.form.clone(), gain: standing.gain, share, rivals, place, values, acts_on, mean };
+    let adoption = Adopted {
+        form: candidate.form.clone(),
+        gain: standing.gain,
+        shares,
+        share,
+        rivals,
+        place,
+        values,
+        acts_on,
+        mean,
+    };
     Some(Some((candidate, adoption)))
 }
 

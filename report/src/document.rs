@@ -54,6 +54,43 @@ pub struct Document {
     /// What each file format holds of the model that was found.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub export: Vec<Format>,
+    /// What these very runs would have shown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub self_check: Option<SelfCheck>,
+}
+
+/// Effects of graded strength added to the runs, and what was found of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SelfCheck {
+    /// How much of the runs was used \[s\].
+    pub seconds: f64,
+    /// Times that nothing was added and the residual changed sign block by block instead.
+    pub resamplings: usize,
+    /// How many of these were given a name.
+    pub false_alarms: usize,
+    /// Effect by effect.
+    pub powers: Vec<Power>,
+}
+
+/// The weakest effect that was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Power {
+    /// Its name.
+    pub effect: String,
+    /// The joint's name; null for the whole arm.
+    pub joint: Option<String>,
+    /// Unit of sizes.
+    pub unit: String,
+    /// Size of the weakest that was found; null when none was.
+    pub smallest: Number,
+    /// Torque that it adds where it adds most, root mean square \[N·m\].
+    pub torque_nm: Number,
+    /// The same over what the model leaves there.
+    pub over_noise: Number,
+    /// Size of the strongest that was tried.
+    pub strongest: f64,
+    /// Whether it is named in these runs without being added, so that nothing could be asked.
+    pub named_already: bool,
 }
 
 /// A file that the model found can be written to.
@@ -462,6 +499,7 @@ impl Document {
             passport,
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
+            self_check: None,
         }
     }
 

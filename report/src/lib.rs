@@ -13,7 +13,7 @@ pub mod words;
 pub use changes::{Changes, JointChange, Kept, Pair, ValueChange};
 pub use document::{
     Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap, Left,
-    LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, SCHEMA, Shrink, Stage, Tool,
+    LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, Power, SCHEMA, SelfCheck, Shrink, Stage, Tool,
 };
 pub use export::formats;
 pub use page::page;

@@ -30,6 +30,7 @@ pub struct Recorded<'a> {
 
 /// An effect with its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "fields are the quantities of the sentence above them")]
 pub enum Injected {
     /// Static friction above the sliding one, `excess·exp(−|v|/velocity)` \[N·m, rad/s\].
     Stribeck { joint: usize, excess: f64, velocity: f64 },
@@ -222,8 +223,6 @@ impl<'a> Injector<'a> {
             mass_matrix(run.arm, &run.arm.links, &mut ws, &q, &mut m);
             let inertia = m[joint * n + joint].max(1e-9);
             let damping = 2.0 * GEAR_DAMPING * (stiffness * inertia).sqrt();
-            let mut push = 0.0;
-            let mut accel = 0.0;
             for step in 0..steps {
                 let share = step as f64 / steps as f64;
                 let between = |x: &[Vec<f64>], j: usize| x[j][k] * (1.0 - share) + x[j][next] * share;
@@ -237,26 +236,24 @@ impl<'a> Injector<'a> {
                 inverse_dynamics(run.arm, &run.arm.links, &mut ws, &q, &qd, &qdd, &mut tau);
                 let wound = motor - link;
                 let stretch = wound - wound.clamp(-half, half);
-                push = if stretch == 0.0 && half > 0.0 {
+                let push = if stretch == 0.0 && half > 0.0 {
                     0.0
                 } else {
                     stiffness * stretch + damping * (motor_speed - speed)
                 };
-                accel = (push - tau[joint]) / inertia;
+                let accel = (push - tau[joint]) / inertia;
                 if step == 0 {
                     // The sample itself: what the motor carries, and what the others feel.
                     qdd[joint] = accel;
-                    let carried = push;
                     inverse_dynamics(run.arm, &run.arm.links, &mut ws, &q, &qd, &qdd, &mut tau);
                     for j in 0..n {
-                        let now = if j == joint { carried } else { tau[j] };
+                        let now = if j == joint { push } else { tau[j] };
                         added[j][k] = now - self.rigid[j][k];
                     }
                 }
                 speed += h * accel;
                 link += h * speed;
             }
-            debug_assert!(push.is_finite() && accel.is_finite());
             place = Some((link, speed));
         }
         added
@@ -410,11 +407,16 @@ mod tests {
 
     #[test]
     fn a_parabola_is_its_own_fit() {
-        let x: Vec<f64> = (0..60).map(|k| 1.0 + 2.0 * f64::from(k) * 0.01 + 3.0 * (f64::from(k) * 0.01).powi(2)).collect();
+        let x: Vec<f64> =
+            (0..60).map(|k| 1.0 + 2.0 * f64::from(k) * 0.01 + 3.0 * (f64::from(k) * 0.01).powi(2)).collect();
         let [level, speed, accel] = parabola(&x, 5, 0.01);
         for k in 0..60 {
             let t = k as f64 * 0.01;
-            assert!((level[k] - x[k]).abs() < 1e-10 && (speed[k] - 2.0 - 6.0 * t).abs() < 1e-8 && (accel[k] - 6.0).abs() < 1e-6);
+            assert!(
+                (level[k] - x[k]).abs() < 1e-10
+                    && (speed[k] - 2.0 - 6.0 * t).abs() < 1e-8
+                    && (accel[k] - 6.0).abs() < 1e-6
+            );
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod closed_loop;
 mod friction;
+mod inject;
 mod integrator;
 mod mechanics;
 pub mod motion;
@@ -17,6 +18,7 @@ mod truth;
 
 pub use closed_loop::{Record, SetpointRef, closed_loop};
 pub use friction::FrictionLaw;
+pub use inject::{Injected, Injector, Recorded};
 pub use mechanics::Vector;
 pub use plant::{Plant, PlantSettings};
 pub use random::Random;

@@ -5,6 +5,7 @@ mod html;
 mod left;
 mod patch;
 mod plot;
+mod power;
 mod sections;
 mod trust;
 
@@ -35,6 +36,7 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
         sections.push(Section { id: "parameters", title: "Parameters", body: sections::parameters(document) });
         sections.push(Section { id: "patch", title: "Patch", body: patch::patch(document) });
     }
+    sections.push(Section { id: "power", title: "What these logs could show", body: power::power(document) });
     sections.push(Section { id: "trust", title: "How far to trust this", body: trust::trust(scores) });
     sections.push(Section { id: "passport", title: "Passport", body: sections::passport(document) });
     sections.retain(|s| !s.body.is_empty());

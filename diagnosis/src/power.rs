@@ -1,0 +1,172 @@
+//! What a diagnosis of these very runs would have found: torque of an effect is added to theirs and the first choice of
+//! the search is asked for again, thousands of candidates at once, since only the torque changes.
+//!
+//! Inner values stay on the grid, weights of rows in doubt as they were, and the sealed run is looked at with the others:
+//! what is found here the whole procedure finds as a rule, not always.
+
+use rivet_dynamics::Model;
+
+use crate::background::{Nominal, Typical};
+use crate::bursts;
+use crate::design::Prepared;
+use crate::effect::{Effect, Kind};
+use crate::orders;
+use crate::physics::Physics;
+use crate::procedure::{DiagnosisError, UNEXPLAINED, check, stands};
+use crate::run::Run;
+use crate::search::{Bursts, Candidate, Search};
+use crate::select::{Adopted, best, select};
+
+/// An effect that was named, with what cannot be told from it and its joints (none: the whole arm).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// Its name.
+    pub effect: Effect,
+    /// Others that explain the same.
+    pub or: Vec<Effect>,
+    /// Joints, from 0.
+    pub joints: Vec<usize>,
+}
+
+/// Runs that effects are added to.
+pub struct Probe<'a> {
+    search: Search<'a>,
+    physics: Vec<Physics<'a>>,
+    candidates: Vec<Candidate>,
+    adopted: Vec<Adopted>,
+    scale: f64,
+}
+
+/// Prepares runs and hands them to `ask`.
+///
+/// # Errors
+/// As [`crate::diagnose`].
+pub fn probe<T>(
+    model: &Model,
+    nominal: &[f64],
+    runs: Vec<Run>,
+    say: &mut dyn FnMut(&str),
+    ask: impl FnOnce(&mut Probe<'_>) -> T,
+) -> Result<T, DiagnosisError> {
+    let joints = model.arm.dof();
+    for run in &runs {
+        check(run, joints)?;
+    }
+    if runs.is_empty() {
+        return Err(DiagnosisError::NoRun);
+    }
+    let nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
+    let mut probe = Probe::new(&runs, &nominal, say).ok_or(DiagnosisError::Singular)?;
+    Ok(ask(&mut probe))
+}
+
+impl<'a> Probe<'a> {
+    fn new(runs: &'a [Prepared], nominal: &'a Nominal, say: &mut dyn FnMut(&str)) -> Option<Probe<'a>> {
+        let mut search = Search::new(runs.iter().collect(), nominal)?;
+        let adopted = select(&mut search, say)?;
+        let physics = search.physics()?;
+        let orders: Vec<Vec<f64>> = (0..search.noise.len()).map(|j| orders::on(&physics, j, None)).collect();
+        let bursts: Bursts = bursts::find(&search)?;
+        let candidates = search.candidates(&physics, &orders, &bursts);
+        let scale = search.scale;
+        Some(Probe { search, physics, candidates, adopted, scale })
+    }
+
+    /// What was found in the runs as they are.
+    pub fn found(&self) -> Vec<Named> {
+        self.adopted
+            .iter()
+            .map(|a| Named { effect: a.form.effect(), or: a.rivals.clone(), joints: a.form.joints() })
+            .collect()
+    }
+
+    /// Root mean square of the torque that one joint's runs are left with \[N·m\].
+    pub fn left(&self) -> &[f64] {
+        &self.search.noise
+    }
+
+    /// What is named first with `added[run][joint][sample]` \[N·m\] added to the torque; nothing when nothing is.
+    ///
+    /// `ordered`: a joint whose angle the torque repeats with, so that orders are looked for anew.
+    pub fn with(&mut self, added: &[Vec<Vec<f64>>], ordered: Option<usize>) -> Option<Named> {
+        let rows = self.rows(added);
+        let own: Vec<Candidate> = ordered.map_or_else(Vec::new, |j| {
+            let orders = orders::on(&self.physics, j, Some(added));
+            let forms = orders.into_iter().flat_map(|order| crate::library::periodic(j, order));
+            forms.filter_map(|form| self.search.candidate(form, &self.physics)).collect()
+        });
+        self.asked(&rows, own)
+    }
+
+    /// What is named when the residual of the runs changes sign, block by block: nothing has been added, so a name is a
+    /// false alarm. `flipped` says which blocks.
+    pub fn false_alarm(&mut self, mut flipped: impl FnMut(usize) -> bool) -> Option<Named> {
+        let x = self.search.best()?.1.x;
+        let residuals = self.search.design.residuals(&x);
+        let mut rows: Vec<Vec<Vec<f64>>> =
+            residuals.iter().map(|run| run.iter().map(|r| vec![0.0; r.len()]).collect()).collect();
+        for (b, block) in self.search.design.blocks.iter().enumerate() {
+            if !flipped(b) {
+                continue;
+            }
+            for (j, to) in rows[block.run].iter_mut().enumerate() {
+                for k in block.rows.clone() {
+                    to[k] = -2.0 * residuals[block.run][j][k] / self.search.design.root(block.run, j)[k];
+                }
+            }
+        }
+        self.asked(&rows, Vec::new())
+    }
+
+    fn rows(&self, added: &[Vec<Vec<f64>>]) -> Vec<Vec<Vec<f64>>> {
+        let runs = self.search.runs.iter().zip(added);
+        runs.map(|(run, added)| added.iter().map(|t| run.chain.apply(t)).collect()).collect()
+    }
+
+    /// The search's first choice with rows added to the torque; the search is as before afterwards.
+    fn asked(&mut self, rows: &[Vec<Vec<f64>>], mut own: Vec<Candidate>) -> Option<Named> {
+        let (noise, correlations, weights) =
+            (self.search.noise.clone(), self.search.correlations.clone(), self.search.weights.clone());
+        let target = self.search.design.target();
+        self.search.design.add(rows);
+        let named = self.first(&mut own);
+        self.search.design.set_target(target);
+        self.search.noise = noise;
+        self.search.correlations = correlations;
+        self.search.weights = weights;
+        self.search.scale = self.scale;
+        named
+    }
+
+    fn first(&mut self, own: &mut Vec<Candidate>) -> Option<Named> {
+        self.search.weigh()?;
+        let kept = self.candidates.len();
+        self.candidates.append(own);
+        for candidate in &mut self.candidates {
+            self.search.design.retarget(&candidate.columns, &mut candidate.cells);
+        }
+        let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, false, &mut |_| ());
+        self.candidates.truncate(kept);
+        let (candidate, adopted) = found??;
+        // As the report decides: what is left where the effect is said to act must be explained.
+        let floor = &self.search.floor;
+        let left: Vec<f64> = (0..floor.len())
+            .map(|j| {
+                let share = adopted.shares.get(j).copied().unwrap_or(0.0).clamp(0.0, 1.0);
+                self.search.noise[j] * (1.0 - share).sqrt()
+            })
+            .collect();
+        let explained: Vec<f64> = (0..floor.len())
+            .map(|j| {
+                let (first, left, floor) = (self.search.noise[j].powi(2), left[j].powi(2), floor[j].powi(2));
+                if first <= floor { 1.0 } else { 1.0 - (left - floor).max(0.0) / (first - floor) }
+            })
+            .collect();
+        let noisy: Vec<bool> = left.iter().zip(floor).map(|(l, f)| *l > UNEXPLAINED * f).collect();
+        if candidate.form.effect().kind() == Kind::Structure && !stands(&adopted, &explained, &noisy) {
+            return None;
+        }
+        Some(Named { effect: adopted.form.effect(), or: adopted.rivals, joints: adopted.form.joints() })
+    }
+}

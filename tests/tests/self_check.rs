@@ -1,0 +1,64 @@
+//! What a log would have shown: effects made by the simulated plant's physics, added to a log of another program's arm in
+//! which nothing is wrong.
+
+use rivet_config::Robot;
+use rivet_diagnosis::{Effect, Run, diagnose, probe};
+use rivet_logs::{ReadOptions, read};
+use rivet_simulation::{Injected, Injector, Recorded};
+use rivet_tests::shared;
+
+fn undisturbed() -> Option<(Robot, Run)> {
+    let case = shared("data/practice")?.join("case-24");
+    let robot = rivet_config::load(case.join("robot.toml")).expect("a sound robot file");
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(robot.dof())).expect("a log");
+    let (log, report) = log.resample(0.001).expect("an even clock");
+    let tau = log.torque().expect("torque").clone();
+    Some((robot, Run { name: "log".to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature }))
+}
+
+fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
+    let (n, x) = (robot.dof(), &robot.nominal);
+    Recorded {
+        arm: &robot.model.arm,
+        rotor_inertia: &x[10 * n..11 * n],
+        viscous: &x[11 * n..12 * n],
+        coulomb: &x[12 * n..13 * n],
+        period_s: run.period_s,
+        q: &run.q,
+        tau: &run.tau,
+    }
+}
+
+/// Strong effects are named on their joints, faint ones and none at all are not; what the probe names first, the whole
+/// procedure names as well.
+#[test]
+fn the_probe_finds_what_the_diagnosis_finds() {
+    let Some((robot, run)) = undisturbed() else { return };
+    let injector = Injector::new(recorded(&robot, &run));
+    let spring = |stiffness: f64| vec![injector.torque(Injected::Spring { joint: 2, stiffness })];
+    let delay = vec![injector.torque(Injected::Delay { seconds: 0.006 })];
+    let asked = probe(&robot.model, &robot.nominal, vec![run.clone()], &mut |_| (), |probe| {
+        assert!(probe.found().is_empty(), "{:?}", probe.found());
+        let first = probe.with(&spring(20.0), None);
+        let faint = probe.with(&spring(1e-4), None);
+        let late = probe.with(&delay, None);
+        // Nothing of what was asked before is left behind.
+        assert_eq!(probe.with(&spring(20.0), None), first);
+        (first, faint, late)
+    })
+    .expect("a sound log");
+    let (first, faint, late) = asked;
+    let first = first.expect("a spring of 20 N m/rad is found");
+    let is = |effect: Effect| first.effect == effect || first.or.contains(&effect);
+    assert!(is(Effect::JointSpring) && first.joints == [2], "{first:?}");
+    assert_eq!(faint, None);
+    assert_eq!(late.map(|n| n.effect), Some(Effect::TransportDelay));
+
+    let mut disturbed = run.clone();
+    for (tau, added) in disturbed.tau.iter_mut().zip(&spring(20.0)[0]) {
+        tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
+    }
+    let whole = diagnose(&robot.model, &robot.nominal, vec![disturbed], &mut |_| ()).expect("a sound log");
+    let same = whole.causes.iter().any(|c| is(c.effect) && c.joints == [robot.model.arm.joints[2].name.clone()]);
+    assert!(same, "{:?}", whole.causes);
+}
