@@ -137,6 +137,9 @@ impl Kind {
     }
 }
 
+/// What one worker found: powers with their places, false alarms.
+type Part = (Vec<(usize, Power)>, usize);
+
 /// The power of these runs, by effect and joint.
 pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
     let runs = shortened(runs);
@@ -145,7 +148,7 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
     let mut pairs: Vec<(Kind, Option<usize>)> = ON_ARM.iter().map(|k| (*k, None)).collect();
     pairs.extend(ON_JOINTS.iter().flat_map(|k| (0..joints).map(move |j| (*k, Some(j)))));
     let workers = thread::available_parallelism().map_or(1, NonZero::get).clamp(1, 4);
-    let work = |worker: usize| -> Result<(Vec<(usize, Power)>, usize)> {
+    let work = |worker: usize| -> Result<Part> {
         let mut quiet = |_: &str| ();
         let done = probe(&robot.model, &robot.nominal, runs.clone(), &mut quiet, |probe| {
             let recorded: Vec<Injector<'_>> = runs.iter().map(|run| Injector::new(recorded(robot, run))).collect();
@@ -158,9 +161,9 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
         })?;
         Ok(done)
     };
-    let done: Vec<Result<(Vec<(usize, Power)>, usize)>> = thread::scope(|scope| {
+    let done: Vec<Result<Part>> = thread::scope(|scope| {
         let handles: Vec<_> = (0..workers).map(|worker| scope.spawn(move || work(worker))).collect();
-        let joined = handles.into_iter().map(|h| h.join());
+        let joined = handles.into_iter().map(thread::ScopedJoinHandle::join);
         joined.map(|r| r.unwrap_or_else(|_| bail!("the self-check stopped half-way"))).collect()
     });
     let (mut powers, mut alarms) = (Vec::new(), 0);
@@ -186,7 +189,9 @@ fn shortened(runs: Vec<Run>) -> Vec<Run> {
         let samples = ((left / run.period_s) as usize).min(run.len());
         left -= samples as f64 * run.period_s;
         for signals in [Some(&mut run.q), Some(&mut run.tau), run.temperature.as_mut()].into_iter().flatten() {
-            signals.iter_mut().for_each(|s| s.truncate(samples));
+            for signal in signals {
+                signal.truncate(samples);
+            }
         }
         if samples as f64 * run.period_s >= 1.0 {
             out.push(run);
@@ -273,6 +278,7 @@ fn power(
         torque_nm: None,
         over_noise: None,
         strongest,
+        instead: None,
         named_already: probe.found().iter().any(is),
     };
     if result.named_already {
@@ -281,7 +287,7 @@ fn power(
     // Bisection: a stronger effect is found where a weaker one is.
     let (mut missed, mut found) = (-1, LEVELS);
     while found - missed > 1 {
-        let level = (found + missed) / 2;
+        let level = i32::midpoint(found, missed);
         let (injected, size, _) = kind.at(strength(level), on, &typical[on]);
         let added: Vec<Vec<Vec<f64>>> = runs.iter().map(|r| r.torque(injected)).collect();
         let named = probe.with(&added, joint.filter(|_| kind.is_periodic()));
@@ -298,7 +304,11 @@ fn power(
             (result.torque_nm, result.over_noise) = (Some(most.0), Some(most.1));
         } else {
             missed = level;
+            result.instead = named.map(|n| n.effect.name().to_owned());
         }
+    }
+    if result.smallest.is_some() {
+        result.instead = None;
     }
     result
 }

@@ -30,6 +30,8 @@ const RIVAL_GAP: f64 = 12.0;
 const SATURATED: f64 = 0.8;
 /// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
 const CLEARLY_MORE: f64 = 0.1;
+/// How far the coefficient of a form that is not refined may be from the 1 that it has by the physics.
+const OFF_GRID: f64 = 0.4;
 /// Most effects in one diagnosis.
 const MOST: usize = 4;
 
@@ -106,6 +108,10 @@ pub(crate) fn best(
             continue;
         }
         seen.push(key);
+        // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
+        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
+            continue;
+        }
         listed.push(if refined {
             search.refine(form, physics)?
         } else {

@@ -89,6 +89,8 @@ pub struct Power {
     pub over_noise: Number,
     /// Size of the strongest that was tried.
     pub strongest: f64,
+    /// What was named instead at the strongest, where that was something else.
+    pub instead: Option<String>,
     /// Whether it is named in these runs without being added, so that nothing could be asked.
     pub named_already: bool,
 }

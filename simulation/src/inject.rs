@@ -36,7 +36,7 @@ pub enum Injected {
     Stribeck { joint: usize, excess: f64, velocity: f64 },
     /// Friction per transmitted torque.
     LoadFriction { joint: usize, ratio: f64 },
-    /// More friction forwards than backwards \[N·m\].
+    /// So much more friction forwards and less backwards \[N·m\].
     FrictionAsymmetry { joint: usize, torque: f64 },
     /// Friction that grows with the cube of speed \[N·m·s³/rad³\].
     CubicFriction { joint: usize, coefficient: f64 },
@@ -120,7 +120,7 @@ impl<'a> Injector<'a> {
                 on(j, &mut added, &|k| ratio * self.rigid[j][k].abs() * direction(path.qd[j][k]));
             }
             Injected::FrictionAsymmetry { joint: j, torque } => {
-                on(j, &mut added, &|k| torque * direction(path.qd[j][k]).max(0.0));
+                on(j, &mut added, &|k| torque * direction(path.qd[j][k]).abs());
             }
             Injected::CubicFriction { joint: j, coefficient } => {
                 on(j, &mut added, &|k| coefficient * path.qd[j][k].powi(3));

@@ -13,7 +13,10 @@ fn undisturbed() -> Option<(Robot, Run)> {
     let log = read(case.join("log-a.parquet"), &ReadOptions::new(robot.dof())).expect("a log");
     let (log, report) = log.resample(0.001).expect("an even clock");
     let tau = log.torque().expect("torque").clone();
-    Some((robot, Run { name: "log".to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature }))
+    Some((
+        robot,
+        Run { name: "log".to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature },
+    ))
 }
 
 fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
@@ -35,30 +38,30 @@ fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
 fn the_probe_finds_what_the_diagnosis_finds() {
     let Some((robot, run)) = undisturbed() else { return };
     let injector = Injector::new(recorded(&robot, &run));
-    let spring = |stiffness: f64| vec![injector.torque(Injected::Spring { joint: 2, stiffness })];
+    let load = |ratio: f64| vec![injector.torque(Injected::LoadFriction { joint: 1, ratio })];
     let delay = vec![injector.torque(Injected::Delay { seconds: 0.006 })];
     let asked = probe(&robot.model, &robot.nominal, vec![run.clone()], &mut |_| (), |probe| {
         assert!(probe.found().is_empty(), "{:?}", probe.found());
-        let first = probe.with(&spring(20.0), None);
-        let faint = probe.with(&spring(1e-4), None);
+        let first = probe.with(&load(0.2), None);
+        let faint = probe.with(&load(1e-5), None);
         let late = probe.with(&delay, None);
         // Nothing of what was asked before is left behind.
-        assert_eq!(probe.with(&spring(20.0), None), first);
+        assert_eq!(probe.with(&load(0.2), None), first);
         (first, faint, late)
     })
     .expect("a sound log");
     let (first, faint, late) = asked;
-    let first = first.expect("a spring of 20 N m/rad is found");
+    let first = first.expect("friction of a fifth of the load is found");
     let is = |effect: Effect| first.effect == effect || first.or.contains(&effect);
-    assert!(is(Effect::JointSpring) && first.joints == [2], "{first:?}");
+    assert!(is(Effect::LoadDependentFriction) && first.joints == [1], "{first:?}");
     assert_eq!(faint, None);
     assert_eq!(late.map(|n| n.effect), Some(Effect::TransportDelay));
 
     let mut disturbed = run.clone();
-    for (tau, added) in disturbed.tau.iter_mut().zip(&spring(20.0)[0]) {
+    for (tau, added) in disturbed.tau.iter_mut().zip(&load(0.2)[0]) {
         tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
     }
     let whole = diagnose(&robot.model, &robot.nominal, vec![disturbed], &mut |_| ()).expect("a sound log");
-    let same = whole.causes.iter().any(|c| is(c.effect) && c.joints == [robot.model.arm.joints[2].name.clone()]);
+    let same = whole.causes.iter().any(|c| is(c.effect) && c.joints == [robot.model.arm.joints[1].name.clone()]);
     assert!(same, "{:?}", whole.causes);
 }

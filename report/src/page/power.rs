@@ -11,7 +11,7 @@ pub(super) fn power(document: &Document) -> String {
     let mut out = format!(
         "<p>Effects of graded strength, made by a simulated arm's physics along the motion of these logs, were added to the \
          measured torque of {} s. Below is the weakest that is then named first on its joint; strengths stand a factor of two \
-         apart. With nothing added and the residual's sign changed block by block, {} of {} resamplings were given a name \
+         apart; \u{201c}as\u{201d} tells what the strongest was taken for. With nothing added and the residual's sign changed block by block, {} of {} resamplings were given a name \
          (false alarms).</p>\n",
         figure(check.seconds, 3),
         check.false_alarms,
@@ -61,6 +61,9 @@ fn said(power: &Power) -> String {
             let over = power.over_noise.map_or_else(String::new, |o| format!(" ({})", figure(o, 2)));
             format!("{}{over}", figure(size, 2))
         }
-        (None, false) => format!("not at {}", figure(power.strongest, 2)),
+        (None, false) => match &power.instead {
+            Some(name) => format!("as {}", effect(name)),
+            None => format!("not at {}", figure(power.strongest, 2)),
+        },
     }
 }
