@@ -68,7 +68,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         document.export = formats(patch);
     }
     match (&args.export, &patch) {
-        (Some(folder), Some(patch)) => patched::export(&robot, patch, folder)?,
+        (Some(folder), Some(patch)) => {
+            patched::export(&robot, patch, folder)?;
+        }
         (Some(_), None) => eprintln!("rivet: nothing was evaluated, so nothing is exported"),
         (None, _) => {}
     }

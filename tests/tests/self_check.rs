@@ -7,16 +7,17 @@ use rivet_logs::{ReadOptions, read};
 use rivet_simulation::{Injected, Injector, Recorded};
 use rivet_tests::shared;
 
-fn undisturbed() -> Option<(Robot, Run)> {
+fn undisturbed() -> Option<(Robot, [Run; 2])> {
     let case = shared("data/practice")?.join("case-24");
     let robot = rivet_config::load(case.join("robot.toml")).expect("a sound robot file");
-    let log = read(case.join("log-a.parquet"), &ReadOptions::new(robot.dof())).expect("a log");
-    let (log, report) = log.resample(0.001).expect("an even clock");
-    let tau = log.torque().expect("torque").clone();
-    Some((
-        robot,
-        Run { name: "log".to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature },
-    ))
+    let run = |name: &str| {
+        let log = read(case.join(name), &ReadOptions::new(robot.dof())).expect("a log");
+        let (log, report) = log.resample(0.001).expect("an even clock");
+        let tau = log.torque().expect("torque").clone();
+        Run { name: name.to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature }
+    };
+    let runs = ["log-a.parquet", "log-b.parquet"].map(run);
+    Some((robot, runs))
 }
 
 fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
@@ -36,11 +37,12 @@ fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
 /// procedure names as well.
 #[test]
 fn the_probe_finds_what_the_diagnosis_finds() {
-    let Some((robot, run)) = undisturbed() else { return };
-    let injector = Injector::new(recorded(&robot, &run));
-    let load = |ratio: f64| vec![injector.torque(Injected::LoadFriction { joint: 1, ratio })];
-    let delay = vec![injector.torque(Injected::Delay { seconds: 0.006 })];
-    let asked = probe(&robot.model, &robot.nominal, vec![run.clone()], &mut |_| (), |probe| {
+    let Some((robot, runs)) = undisturbed() else { return };
+    let injectors = [0, 1].map(|i| Injector::new(recorded(&robot, &runs[i])));
+    let added = |effect: Injected| -> Vec<Vec<Vec<f64>>> { injectors.iter().map(|i| i.torque(effect)).collect() };
+    let load = |ratio: f64| added(Injected::LoadFriction { joint: 1, ratio });
+    let delay = added(Injected::Delay { seconds: 0.006 });
+    let asked = probe(&robot.model, &robot.nominal, runs.to_vec(), &mut |_| (), |probe| {
         assert!(probe.found().is_empty(), "{:?}", probe.found());
         let first = probe.with(&load(0.2), None);
         let faint = probe.with(&load(1e-5), None);
@@ -57,11 +59,13 @@ fn the_probe_finds_what_the_diagnosis_finds() {
     assert_eq!(faint, None);
     assert_eq!(late.map(|n| n.effect), Some(Effect::TransportDelay));
 
-    let mut disturbed = run.clone();
-    for (tau, added) in disturbed.tau.iter_mut().zip(&load(0.2)[0]) {
-        tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
+    let mut disturbed = runs.to_vec();
+    for (run, added) in disturbed.iter_mut().zip(load(0.2)) {
+        for (tau, added) in run.tau.iter_mut().zip(added) {
+            tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
+        }
     }
-    let whole = diagnose(&robot.model, &robot.nominal, vec![disturbed], &mut |_| ()).expect("a sound log");
+    let whole = diagnose(&robot.model, &robot.nominal, disturbed, &mut |_| ()).expect("sound logs");
     let same = whole.causes.iter().any(|c| is(c.effect) && c.joints == [robot.model.arm.joints[1].name.clone()]);
     assert!(same, "{:?}", whole.causes);
 }
