@@ -15,6 +15,7 @@ mod random;
 mod sensors;
 mod stand_in;
 mod truth;
+pub mod two_mass;
 
 pub use closed_loop::{Record, SetpointRef, closed_loop};
 pub use friction::FrictionLaw;

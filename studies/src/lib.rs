@@ -1,7 +1,9 @@
-//! Studies of the estimators: the paper's figures, supervision schemes side by side, measured arms. Each is a command of
-//! `rivet` that computes everything anew from seeds or logs and prints what it found; none runs in the daemon.
+//! Studies of the estimators: the paper's figures, supervision schemes side by side, measured arms; and blind cases for
+//! the diagnosis. Each is a command of `rivet` that computes everything anew from seeds or logs and prints what it found;
+//! none runs in the daemon.
 
 pub mod batch;
+pub mod blind;
 pub mod figures;
 pub mod real;
 pub mod supervision;

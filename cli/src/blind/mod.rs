@@ -1,5 +1,6 @@
 //! `rivet blind`: diagnoses of cases whose answers are withheld, and how good they were.
 
+mod make;
 mod run;
 mod score;
 
@@ -17,6 +18,8 @@ pub(crate) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
+    /// Draw cases: arms that differ from their robot files by withheld effects; the answers are sealed
+    Make(make::Args),
     /// Diagnose every case of a folder (each a folder with robot.toml and logs) in a process of its own
     Run(run::Args),
     /// Open the answers and count
@@ -25,6 +28,7 @@ enum Command {
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     match &args.command {
+        Command::Make(args) => make::run(args),
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::run(args),
     }
