@@ -46,7 +46,7 @@ fn input(role: &str, path: &Path, clock: Option<Clock>) -> Result<Input> {
     Ok(Input { role: role.to_owned(), name: short_name(path), sha256: sha256(path)?, clock })
 }
 
-fn sha256(path: &Path) -> Result<String> {
+pub(crate) fn sha256(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
     Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
         // Writing to a String cannot fail.

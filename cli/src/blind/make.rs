@@ -13,8 +13,8 @@ use rivet_logs::write_columns;
 use rivet_simulation::two_mass::Recording;
 use rivet_studies::blind::{Case, PERIOD_S, case};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 
+use crate::passport::sha256;
 use crate::runs::write_whole;
 use crate::table::show;
 
@@ -122,8 +122,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         return Err(why);
     }
     let text = serde_json::to_string_pretty(&*lock(&answers))? + "\n";
-    let hash: String = Sha256::digest(&text).iter().map(|byte| format!("{byte:02x}")).collect();
     write_whole(&answers_path, &text).with_context(|| answers_path.display().to_string())?;
+    let hash = sha256(&answers_path)?;
     show(&format!(
         "answers  sha256 {hash}\n         {}\ncases    {} in {}\nnext     rivet blind run {} --out VERDICTS.json\n",
         answers_path.display(),

@@ -158,7 +158,9 @@ impl<'a> Draw<'a> {
         let mut arm = robot.model.arm.clone();
         for body in &mut arm.links {
             let f = factor(WRONG[0]);
-            body.iter_mut().for_each(|entry| *entry *= f);
+            for entry in body {
+                *entry *= f;
+            }
         }
         let pair = robot.model.structure.coupling.map(|c| [c.driving, c.driven]);
         let joints = (0..n)
@@ -229,7 +231,9 @@ impl<'a> Draw<'a> {
         match effect {
             "link_inertia" => {
                 let f = 1.0 + either * u(0.2, 0.4);
-                physics.arm.links[j].iter_mut().for_each(|entry| *entry *= f);
+                for entry in &mut physics.arm.links[j] {
+                    *entry *= f;
+                }
                 size.push(("factor", f));
             }
             "payload" => {
