@@ -67,15 +67,21 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(patch) = &patch {
         document.export = formats(patch);
     }
-    match (&args.export, &patch) {
-        (Some(folder), Some(patch)) => {
-            patched::export(&robot, patch, folder)?;
+    // The verdict is told whatever becomes of these two.
+    let exported = match (&args.export, &patch) {
+        (Some(folder), Some(patch)) => patched::export(&robot, patch, folder).map(|_| ()),
+        (Some(_), None) => {
+            eprintln!("rivet: nothing was evaluated, so nothing is exported");
+            Ok(())
         }
-        (Some(_), None) => eprintln!("rivet: nothing was evaluated, so nothing is exported"),
-        (None, _) => {}
-    }
+        (None, _) => Ok(()),
+    };
+    let mut checked = Ok(());
     if args.self_check && document.remark.is_none() {
-        document.self_check = Some(self_check(&robot, runs_of(&sources)?)?);
+        match self_check(&robot, runs_of(&sources)?) {
+            Ok(check) => document.self_check = Some(check),
+            Err(why) => checked = Err(why),
+        }
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&document)? + "\n";
@@ -86,6 +92,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&as_text(&document))?;
+    exported?;
+    checked?;
     Ok(ExitCode::from(match found.verdict {
         Verdict::NoGap => 0,
         Verdict::Parameter | Verdict::Effect | Verdict::Several => 1,
@@ -169,10 +177,13 @@ fn power(found: &Document, check: &SelfCheck) -> String {
         (false, None) => "-".to_owned(),
     };
     let joints = found.gap.per_joint.len();
-    let heads = ["effect".to_owned(), "unit".to_owned()].into_iter().chain((1..=joints).map(|j| format!("joint {j}")));
+    let heads = ["effect", "unit", "arm"].map(str::to_owned).into_iter();
+    let heads = heads.chain((1..=joints).map(|j| format!("joint {j}")));
     let mut table = Table::new(heads);
     for chunk in check.powers.chunk_by(|a, b| a.effect == b.effect) {
         let mut cells = vec![chunk[0].effect.clone(), chunk[0].unit.clone()];
+        // What acts on the whole arm stands before what acts on joints.
+        cells.extend(chunk[0].joint.is_some().then(String::new));
         cells.extend(chunk.iter().map(&said));
         table.row(cells);
     }

@@ -370,7 +370,13 @@ impl Core {
         self.publish_every = fresh.publish_every;
         self.row_period_s = fresh.row_period_s;
         self.provisional_updates = fresh.provisional_updates;
-        self.identifier.reconfigure(&mut fresh.identifier)
+        self.guard.adopt_limits(&fresh.guard);
+        let kept = self.identifier.reconfigure(&mut fresh.identifier);
+        if !kept.window {
+            // It judges torques by what the window knew.
+            self.watch.forget();
+        }
+        kept
     }
 
     /// Number of the last sample; 0 before the first.

@@ -93,6 +93,11 @@ pub(crate) struct InputGuard {
 }
 
 impl InputGuard {
+    /// Other limits of the same arm from the next sample on.
+    pub(crate) fn adopt_limits(&mut self, other: &InputGuard) {
+        self.limits = other.limits;
+    }
+
     pub(crate) fn new(robot: &Robot) -> InputGuard {
         let (config, arm) = (&robot.config, &robot.model.arm);
         let mut limits = [Limits::default(); MAX_JOINTS];
@@ -215,7 +220,7 @@ impl Joint {
                 self.speed_before = self.speed;
                 self.setpoint_before = desired;
             }
-            self.same += 1;
+            self.same = self.same.saturating_add(1);
             false
         } else {
             let (gone, planned) = (q - self.q, desired - self.setpoint_before);
@@ -287,7 +292,7 @@ impl Joint {
             self.offset_age = 0;
             return false;
         }
-        self.offset_age += 1;
+        self.offset_age = self.offset_age.saturating_add(1);
         if f64::from(self.offset_age) * period_s >= REFERENCED_S {
             self.offset = 0.0;
             self.offset_age = 0;

@@ -100,6 +100,12 @@ impl Input {
     }
 
     fn with_plan(&mut self, state: JointState) -> (JointState, Option<Setpoint>, Option<LinkState>) {
+        // Nothing is planned further ahead than a ring holds: such a number is of another run of the planner, or none, and
+        // would stand in the way of all that follow.
+        let near = |seq: u64, ring: usize| seq >= state.seq && seq - state.seq <= ring as u64;
+        let rings = (self.setpoints.capacity(), self.links.capacity());
+        self.pending = self.pending.filter(|setpoint| near(setpoint.seq, rings.0));
+        self.pending_link = self.pending_link.filter(|link| near(link.seq, rings.1));
         for _ in 0..self.setpoints.capacity() {
             if self.pending.is_some_and(|setpoint| setpoint.seq >= state.seq) {
                 break;
@@ -141,18 +147,33 @@ impl Pace {
     }
 }
 
-/// How far sets are behind the samples they were made from, reckoned from the least that was seen: stamps may be of another
-/// clock, a log's say.
+/// How far sets are behind the samples they were made from, reckoned from the least that was seen lately: stamps may be of
+/// another clock, a log's say, which jumps or drifts.
 #[derive(Clone, Copy, Debug)]
 struct Delay {
-    least: i64,
+    /// In this span and in the one before.
+    least: [i64; 2],
+    since_ns: u64,
 }
+
+impl Default for Delay {
+    fn default() -> Delay {
+        Delay { least: [i64::MAX; 2], since_ns: 0 }
+    }
+}
+
+/// How long a least delay counts, once more at most \[ns\].
+const DELAY_SPAN: u64 = 10_000_000_000;
 
 impl Delay {
     fn late(&mut self, now_ns: u64, stamp_ns: u64, limit_ns: u64) -> bool {
+        if now_ns.saturating_sub(self.since_ns) >= DELAY_SPAN {
+            self.least = [i64::MAX, self.least[0]];
+            self.since_ns = now_ns;
+        }
         let delay = now_ns.wrapping_sub(stamp_ns).cast_signed();
-        self.least = self.least.min(delay);
-        delay.saturating_sub(self.least).cast_unsigned() > limit_ns
+        self.least[0] = self.least[0].min(delay);
+        delay.saturating_sub(self.least[0].min(self.least[1])).cast_unsigned() > limit_ns
     }
 }
 
@@ -229,7 +250,7 @@ impl RealTimeLoop {
             timing: Timing::new(period_ns),
             ladder: Ladder::new(period_ns),
             suspension: Suspension::watch(),
-            delay: Delay { least: i64::MAX },
+            delay: Delay::default(),
             parameters: Parameters::default(),
             health: Health::default(),
             message: TimingMessage::default(),
@@ -306,10 +327,11 @@ impl RealTimeLoop {
             let Some((sample, setpoint, link)) = self.input.next(quiet && taken == 0) else { break };
             self.timing.done(LoopPhase::Read);
             taken += 1;
-            let late = self.delay.late(start, sample.stamp_ns, self.settings.stale_ns);
             let timing = &mut self.timing;
             let output =
                 self.core.tick_timed(&sample, setpoint.as_ref(), link.as_ref(), |phase| timing.estimator_done(phase));
+            // Stamps of samples that are refused say nothing of the others.
+            let late = output.taken.is_ok() && self.delay.late(start, sample.stamp_ns, self.settings.stale_ns);
             if output.publish {
                 self.core.write_parameters(&mut self.parameters);
                 if late {
@@ -402,12 +424,17 @@ mod tests {
     #[test]
     fn lateness_is_reckoned_from_the_least_delay_whatever_the_clock() {
         for ahead in [0_u64, 5_000_000_000_000] {
-            let mut delay = Delay { least: i64::MAX };
+            let mut delay = Delay::default();
             let mut late = |now: u64, stamp: u64| delay.late(now, stamp.wrapping_add(ahead), 20_000_000);
             assert!(!late(1_000_000_000, 999_950_000));
             assert!(!late(1_021_000_000, 1_001_000_000), "20 ms");
             assert!(late(1_024_000_000, 1_002_000_000), "22 ms");
             assert!(!late(1_025_000_000, 1_024_900_000));
+            // One stamp of a second ahead makes all others late, but not for ever.
+            assert!(!late(1_026_000_000, 2_026_000_000));
+            assert!(late(1_027_000_000, 1_026_950_000));
+            let again: Vec<bool> = (2..40).map(|s| late(s * 1_000_000_000, s * 1_000_000_000 - 50_000)).collect();
+            assert!(again[0] && !again[20..].contains(&true), "{again:?}");
         }
     }
 }

@@ -119,7 +119,8 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     }
     let nominal_now = nominal.x.clone();
     let consistent = project(&model, &base_set, &base, &covariance, &nominal_now, &reference);
-    let written = consistent.as_ref().map_or(&standard, |found| &found.standard).clone();
+    // Where no arm that can be built comes near, files keep the bodies and drives that were given.
+    let written = consistent.as_ref().map_or(&nominal.x, |found| &found.standard).clone();
 
     let of_values = |values: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
         let mut torque = vec![Vec::new(); n];

@@ -228,12 +228,11 @@ impl Model {
         if self.effects().is_empty() {
             return;
         }
-        for effect in self.effects().list() {
-            let [size, ..] = effect.values;
-            match effect.kind {
-                EffectKind::TorqueSaturation => tau[effect.joint] = tau[effect.joint].max(-size).min(size),
-                EffectKind::TorqueConstant => tau[effect.joint] /= 1.0 + size,
-                _ => {}
+        // The drive cuts what it reports, and gives that by its true constant: in this order, whatever the list's.
+        for (kind, cut) in [(EffectKind::TorqueSaturation, true), (EffectKind::TorqueConstant, false)] {
+            for effect in self.effects().list().iter().filter(|effect| effect.kind == kind) {
+                let (size, tau) = (effect.values[0], &mut tau[effect.joint]);
+                *tau = if cut { tau.max(-size).min(size) } else { *tau / (1.0 + size) };
             }
         }
         let beside = self.effect_torque(ws, q, qd, qdd);

@@ -82,7 +82,10 @@ impl PeriodTimer {
         let deadline_ns = self.next_ns;
         let lateness_ns = now_ns - deadline_ns;
         let missed = lateness_ns / self.period_ns;
-        let left_out = if self.overrun == Overrun::Skip { missed } else { 0 };
+        let skips = self.overrun == Overrun::Skip;
+        let left_out = if skips { missed } else { 0 };
+        // Caught up one by one, each of them is late once more: counted one by one too.
+        let missed = if skips { missed } else { missed.min(1) };
         self.next_ns = deadline_ns + (left_out + 1) * self.period_ns;
         Tick { deadline_ns, lateness_ns, missed }
     }

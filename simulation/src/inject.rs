@@ -236,11 +236,9 @@ impl<'a> Injector<'a> {
                 inverse_dynamics(run.arm, &run.arm.links, &mut ws, &q, &qd, &qdd, &mut tau);
                 let wound = motor - link;
                 let stretch = wound - wound.clamp(-half, half);
-                let push = if stretch == 0.0 && half > 0.0 {
-                    0.0
-                } else {
-                    stiffness * stretch + damping * (motor_speed - speed)
-                };
+                let pushed = stiffness * stretch + damping * (motor_speed - speed);
+                // Flanks with play between them push; they do not pull.
+                let push = if half > 0.0 && pushed * stretch <= 0.0 { 0.0 } else { pushed };
                 let accel = (push - tau[joint]) / inertia;
                 if step == 0 {
                     // The sample itself: what the motor carries, and what the others feel.

@@ -7,7 +7,7 @@ use rivet_store::{Knowledge, Parameters, Store, Supervision};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const HASH: u64 = 0x5afe;
 const ROBOT: &str = "arm";
@@ -66,6 +66,14 @@ fn a_writer_killed_at_any_instant_loses_no_more_than_it_was_writing() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut random = 0x2545_f491_4f6c_dd1d_u64;
     let (mut last, mut mid_write) = (0, 0);
+    // Some writes fit before the kill, however slow the disk is.
+    let begun = Instant::now();
+    let file = folder.path().join("probe");
+    for _ in 0..4 {
+        std::fs::File::create(&file).and_then(|probe| probe.sync_all()).expect("a file on disk");
+    }
+    std::fs::remove_file(&file).expect("gone");
+    let latest = u64::try_from(begun.elapsed().as_nanos()).expect("short").max(8_000_000);
     for kill in 0..KILLS {
         let mut child = start(folder.path());
         let mut pipe = child.stderr.take().expect("a pipe");
@@ -74,7 +82,7 @@ fn a_writer_killed_at_any_instant_loses_no_more_than_it_was_writing() {
         random ^= random << 13;
         random ^= random >> 7;
         random ^= random << 17;
-        std::thread::sleep(Duration::from_nanos(random % 8_000_000));
+        std::thread::sleep(Duration::from_nanos(random % latest));
         child.kill().expect("killed");
         child.wait().expect("dead");
         let mut rest = Vec::new();

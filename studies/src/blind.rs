@@ -64,11 +64,14 @@ fn motion(robot: &Robot, seed: u64) -> Both {
     Both { first: Fourier::new(&limits, &fourier, &mut load), then: PointToPoint::new(&limits, &moves, &mut load) }
 }
 
+/// Draws of one case before it counts as one that cannot be made.
+const TRIES: usize = 50;
+
 /// Makes the case of `seed` with an arm like `robot`. Draws again, with the next number of the same stream, until the arm
-/// follows its motion: a case in which it falls over is of no use to anyone.
-pub fn case(robot: &Robot, seed: u64) -> Case {
+/// follows its motion: a case in which it falls over is of no use to anyone. None when it never does.
+pub fn case(robot: &Robot, seed: u64) -> Option<Case> {
     let mut random = Random::stream(seed, 0xb1);
-    loop {
+    for _ in 0..TRIES {
         let runs = [random.bits(), random.bits()].map(|seed| (motion(robot, seed), seed));
         let draw = draw::Draw::new(robot, &runs[0].0);
         let drawn = draw.case(&mut random);
@@ -92,13 +95,14 @@ pub fn case(robot: &Robot, seed: u64) -> Case {
             }
             (sum / f64::max(count, 1.0)).sqrt() / noise.torque[j]
         });
-        return Case {
+        return Some(Case {
             torque_change_over_noise: change.collect(),
             runs: with,
             effects: drawn.effects,
             nominal_error: drawn.nominal_error,
-        };
+        });
     }
+    None
 }
 
 /// Sensors of a case.

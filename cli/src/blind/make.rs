@@ -56,6 +56,16 @@ struct Nominal {
 impl Nominal {
     fn read(path: &Path) -> Result<Nominal> {
         let robot = rivet_config::load(path)?;
+        let config = &robot.config;
+        let refused = [
+            ("[effects]", !robot.model.effects().list().is_empty()),
+            ("[friction] load_dependent", config.friction.load_dependent.is_some()),
+            ("[friction] viscous_quadratic", config.friction.viscous_quadratic.is_some()),
+            ("[drive] rotor_inertia of 0", config.drive.rotor_inertia.contains(&0.0)),
+        ];
+        if let Some((what, _)) = refused.iter().find(|(_, there)| *there) {
+            bail!("{}: {what}: the arm that cases are drawn from cannot have it", path.display());
+        }
         let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
         let all: toml::Table = toml::from_str(&text).with_context(|| path.display().to_string())?;
         let mut kept: toml::Table = all.into_iter().filter(|(key, _)| KEPT.contains(&key.as_str())).collect();
@@ -82,15 +92,18 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if answers_path.exists() {
         bail!("{}: exists; answers are not written over", answers_path.display());
     }
-    if answers_path.starts_with(&args.out) {
-        bail!("{}: answers do not lie among the cases", answers_path.display());
-    }
     let files = if args.robots.is_empty() {
         ARMS.map(|arm| Path::new("robots").join(arm).join("robot.toml")).to_vec()
     } else {
         args.robots.clone()
     };
     let robots: Vec<Nominal> = files.iter().map(|path| Nominal::read(path)).collect::<Result<_>>()?;
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let beside = answers_path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let real = |path: &Path| std::fs::canonicalize(path).with_context(|| path.display().to_string());
+    if real(beside)?.starts_with(real(&args.out)?) {
+        bail!("{}: answers do not lie among the cases", answers_path.display());
+    }
     let width = args.count.to_string().len().max(2);
     let next = AtomicUsize::new(0);
     let answers: Mutex<BTreeMap<String, Value>> = Mutex::new(BTreeMap::new());
@@ -107,10 +120,21 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
                     // Each case has a stream of its own: more cases leave the first ones as they are.
                     let made = case(&nominal.robot, args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64));
                     let name = format!("case-{:0width$}", k + 1);
-                    if let Err(why) = write_case(&args.out.join(&name), nominal, &made) {
-                        *lock(&failed) = Some(why);
-                        return;
-                    }
+                    let made = made.with_context(|| {
+                        format!(
+                            "{}: the arm does not follow its motion, however it is drawn",
+                            nominal.robot.config.name
+                        )
+                    });
+                    let written =
+                        made.and_then(|made| write_case(&args.out.join(&name), nominal, &made).map(|()| made));
+                    let made = match written {
+                        Ok(made) => made,
+                        Err(why) => {
+                            *lock(&failed) = Some(why);
+                            return;
+                        }
+                    };
                     let mut all = lock(&answers);
                     all.insert(name, answer(nominal, &made));
                     eprintln!("{:>width$} of {} made", all.len(), args.count);

@@ -49,9 +49,8 @@ struct True {
     joints: Vec<usize>,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize)]
 struct Found {
-    #[serde(default)]
     verdict: String,
     #[serde(default)]
     causes: Vec<Cause>,
@@ -87,6 +86,12 @@ struct Shrink {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    let said: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
+    // A diagnosis that failed names nothing, which must not pass for a right answer.
+    let failed: Vec<&String> = said.iter().filter(|(_, v)| v.get("error").is_some()).map(|(name, _)| name).collect();
+    if !failed.is_empty() {
+        bail!("{}: the diagnosis of {failed:?} failed; there is nothing to score", args.verdicts.display());
+    }
     let verdicts: BTreeMap<String, Found> = read(&args.verdicts)?;
     let answers: BTreeMap<String, Answer> = read(&args.answers)?;
     let missing: Vec<&String> = answers.keys().filter(|name| !verdicts.contains_key(*name)).collect();

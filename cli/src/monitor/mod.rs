@@ -80,7 +80,8 @@ fn live(
     shutdown: &Shutdown,
 ) -> Result<()> {
     let mut view = View::default();
-    while !shutdown.is_requested() {
+    // A terminal that is gone is no terminal any more, and says so at every look without waiting.
+    while !shutdown.is_requested() && std::io::stdin().is_terminal() {
         snapshot.take(ports)?;
         terminal.draw(|frame| screen::draw(frame, snapshot, &mut view))?;
         if !event::poll(TURN)? {

@@ -80,6 +80,7 @@ fn lines(document: &Document) -> String {
 
 /// The document itself, so that the page can be read by a program too.
 fn data(document: &Document) -> String {
-    // Of structs with plain fields: nothing in it can fail to be written. `</` would end the script element.
-    serde_json::to_string(document).map(|text| text.replace("</", "<\\/")).unwrap_or_default()
+    // Of structs with plain fields: nothing in it can fail to be written. A `<` could end the script element, or begin a
+    // comment that does not end.
+    serde_json::to_string(document).map(|text| text.replace('<', "\\u003c")).unwrap_or_default()
 }

@@ -35,7 +35,7 @@ pub(super) fn power(document: &Document) -> String {
     let mut table = Table::new("The same of effects on the whole arm", &["Effect", "Unit", "Weakest found"]);
     for name in names(&check.powers, false) {
         if let Some(power) = check.powers.iter().find(|p| p.effect == name) {
-            table.row(&[effect(name), power.unit.clone(), said(power)]);
+            table.row(&[effect(name), escape(&power.unit), escape(&said(power))]);
         }
     }
     if !table.is_empty() {

@@ -13,7 +13,7 @@ pub use run::{Recording, Tracking, record};
 use rivet_dynamics::Arm;
 
 /// Speed within which friction without bristles turns over \[rad/s\].
-const TURNS: f64 = 0.003;
+const TURNS: f64 = 0.008;
 /// Temperature at which friction has its nominal level, and of the room \[°C\].
 const ROOM: f64 = 25.0;
 

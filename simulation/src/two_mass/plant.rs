@@ -5,8 +5,9 @@ use crate::mechanics::Vector;
 use rivet_dynamics::{Arm, MAX_JOINTS, Workspace, inverse_dynamics, mass_matrix};
 use std::collections::VecDeque;
 
-/// Steps of the integrator in a second (midpoint rule).
-const RATE: f64 = 10_000.0;
+/// Steps of the integrator in a second (midpoint rule): the steepest friction here, the coupled wrist of a light arm, turns
+/// over in about one of them.
+const RATE: f64 = 20_000.0;
 /// Damping of bristles in parts of their stiffness \[s\].
 const BRISTLE_DAMPING_S: f64 = 1e-3;
 /// Time constant with which motors warm up and cool down \[s\].
@@ -46,12 +47,19 @@ pub struct TwoMassArm {
     /// Commands under way to the current loops, the newest last.
     under_way: VecDeque<Vector>,
     step: u64,
+    /// Steps in a second.
+    rate_hz: f64,
 }
 
 impl TwoMassArm {
     /// At rest, motors at `q` \[rad\], warm as the room. A motor of a joint with an encoder that deceives is where the
     /// encoder says `q`.
     pub fn new(physics: &Physics, q: &[f64]) -> TwoMassArm {
+        TwoMassArm::with_rate(physics, q, RATE)
+    }
+
+    /// The same with so many steps a second.
+    pub fn with_rate(physics: &Physics, q: &[f64], rate_hz: f64) -> TwoMassArm {
         let n = physics.arm.dof();
         let mut state = State { temperature: [ROOM; MAX_JOINTS], ..State::default() };
         for j in 0..n {
@@ -63,7 +71,7 @@ impl TwoMassArm {
         if let Some(last) = kilogram.links.last_mut() {
             (last[0], last[3]) = (1.0, REACH);
         }
-        let late = (physics.delay_s * RATE).round() as usize;
+        let late = (physics.delay_s * rate_hz).round() as usize;
         TwoMassArm {
             n,
             state,
@@ -74,13 +82,14 @@ impl TwoMassArm {
             carried: [0.0; MAX_JOINTS],
             under_way: VecDeque::from(vec![[0.0; MAX_JOINTS]; late]),
             step: 0,
+            rate_hz,
             physics: physics.clone(),
         }
     }
 
     /// Simulated time \[s\].
     pub fn time_s(&self) -> f64 {
-        self.step as f64 / RATE
+        self.step as f64 / self.rate_hz
     }
 
     /// What ideal encoders on the motors say \[rad\].
@@ -104,7 +113,7 @@ impl TwoMassArm {
     pub fn run(&mut self, command: &[f64], span_s: f64) {
         let mut wanted = [0.0; MAX_JOINTS];
         wanted[..self.n].copy_from_slice(&command[..self.n]);
-        for _ in 0..(span_s * RATE).round() as usize {
+        for _ in 0..(span_s * self.rate_hz).round() as usize {
             self.under_way.push_back(wanted);
             let arrives = self.under_way.pop_front().unwrap_or(wanted);
             self.advance(&arrives);
@@ -114,7 +123,7 @@ impl TwoMassArm {
 
     /// One step of the midpoint rule.
     fn advance(&mut self, wanted: &Vector) {
-        let h = 1.0 / RATE;
+        let h = 1.0 / self.rate_hz;
         let before = self.state;
         self.derive(wanted);
         self.state = before;
@@ -200,8 +209,9 @@ impl TwoMassArm {
                     let ahead_rate = speed[j] * (1.0 + amplitude * order * cos) - qd[j];
                     let half = 0.5 * gear.play;
                     let stretch = ahead - ahead.clamp(-half, half);
-                    let touches = half == 0.0 || stretch != 0.0;
-                    let carried = if touches { gear.stiffness * stretch + gear.damping * ahead_rate } else { 0.0 };
+                    let pushed = gear.stiffness * stretch + gear.damping * ahead_rate;
+                    // Flanks with play between them push; they do not pull.
+                    let carried = if half > 0.0 && pushed * stretch <= 0.0 { 0.0 } else { pushed };
                     self.carried[j] = carried;
                     // A gear error turns torque into torque of the motor by the same lever.
                     rate.speed[j] = (motors[j] - carried * (1.0 + amplitude * order * cos)) / joints[j].rotor_inertia;
@@ -230,7 +240,7 @@ impl TwoMassArm {
     /// Adds what pushes at the flange do to the joints: the weight of a kilogram there, were gravity the force.
     fn lean(&mut self, q: &Vector, links: &mut Vector) {
         // The middle of the step, for both of its derivatives.
-        let t = self.time_s() + 0.5 / RATE;
+        let t = self.time_s() + 0.5 / self.rate_hz;
         let n = self.n;
         for push in &self.physics.pushes {
             let into = (t - push.from_s) / push.length_s;

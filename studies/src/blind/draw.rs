@@ -198,7 +198,7 @@ impl<'a> Draw<'a> {
             // What turns about the vertical, or is light, has no weight to show it.
             "link_inertia" | "encoder_offset" => all.filter(|j| (1..n - 1).contains(j)).collect(),
             "counterbalance" => all.filter(|j| *j == 1).collect(),
-            "joint_coupling" if pair.is_some() => Vec::new(),
+            "joint_coupling" if pair.is_some() || n < 2 => Vec::new(),
             "joint_coupling" => all.filter(|j| *j == n - 1 && free(&(n - 2))).collect(),
             _ => all.collect(),
         };
@@ -278,7 +278,7 @@ impl<'a> Draw<'a> {
             }
             "viscous_nonlinearity" => {
                 let (v, part) = (self.speed[j], u(0.3, 0.8));
-                // Half of the motion's largest speed has this part less than in proportion, all of it this part more.
+                // More or less than in proportion at the motion's largest speed, the other way at a half of it.
                 joint.cubic = either * part * joint.viscous / (v * v);
                 joint.viscous *= 1.0 - 0.5 * either * part;
                 size.push(("cubic_nm_s3", joint.cubic));
@@ -339,6 +339,9 @@ impl<'a> Draw<'a> {
                 joints = vec![j - 1, j];
                 let inertia = u(0.1, 0.25) * total;
                 let (viscous, coulomb) = (u(0.3, 0.6) * joint.viscous, u(0.3, 0.6) * dry);
+                // The motor turns with the sum: each joint carries all of its inertia.
+                joint.rotor_inertia += inertia;
+                physics.joints[j - 1].rotor_inertia += inertia;
                 physics.coupled.push(CoupledMotor { joints: [j - 1, j], inertia, viscous, coulomb });
                 size.extend([("coulomb_nm", coulomb), ("viscous_nms_rad", viscous), ("inertia_kgm2", inertia)]);
             }
