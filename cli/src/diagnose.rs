@@ -4,13 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_diagnosis::{Run, Verdict, diagnose, diagnose_and_patch};
+use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch};
 use rivet_report::words::{figure, percent};
 use rivet_report::{Document, Power, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::passport::{Source, passport};
 use crate::patched;
+use crate::rollout::rollout;
 use crate::runs;
 use crate::self_check::self_check;
 use crate::table::{Table, paragraph, show};
@@ -31,7 +32,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Write model.toml (robot file with the values and effects found), robot.urdf, robot.xml (MJCF) and not-expressible.md
-    /// (what each cannot carry, in N m) into this folder.
+    /// (what each cannot carry, in N m) into this folder; and separating-N.csv for each cause that cannot be told from others:
+    /// setpoints for `rivet sim --setpoints` or a robot, whose surroundings nobody here knows.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
     /// Add effects of graded strength to the logs and tell which would have been found (at most the first minute).
@@ -57,15 +59,17 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
     };
     let all = runs_of(&sources)?;
-    let (found, patch) = if args.export.is_some() || args.html.is_some() {
-        diagnose_and_patch(&robot.model, &robot.nominal, all, &mut say)?
-    } else {
-        (diagnose(&robot.model, &robot.nominal, all, &mut say)?, None)
-    };
+    let last = all.last().cloned();
+    let bounds = MotionBounds::of(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
+    let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
     let passport = passport(&robot, &args.robot, &sources)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
     if let Some(patch) = &patch {
         document.export = formats(patch);
+    }
+    if let (Some(patch), Some(last), false) = (&patch, &last, found.causes.is_empty()) {
+        say("the simulator in closed loop");
+        document.rollout = rollout(&robot, patch, last);
     }
     // The verdict is told whatever becomes of these two.
     let exported = match (&args.export, &patch) {
@@ -124,6 +128,9 @@ fn as_text(found: &Document) -> String {
     let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, found.verdict));
     for line in found.lines() {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
+    }
+    if let Some(rollout) = &found.rollout {
+        out += &paragraph("  simulator    ", &rollout.text());
     }
     if !found.causes.is_empty() {
         let mut table = Table::new(["cause", "joints", "predicted", "90 %", "measured [%]", "sure"]);

@@ -23,6 +23,7 @@ mod predict;
 mod progress;
 mod refine;
 mod replay;
+mod rollout;
 mod runs;
 mod self_check;
 mod stream;

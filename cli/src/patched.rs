@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
-use rivet_diagnosis::{Fidelity, Patch, drives, mjcf_coupling_fits};
+use rivet_diagnosis::{Fidelity, Patch, SeparatingMotion, drives, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
 use crate::export::{bodies, place_load};
@@ -45,6 +45,18 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         made = rivet_config::load(&model)?;
     }
     runs::write_whole(&mjcf, &of_robot(&made).text()).with_context(|| named(&mjcf))?;
+    for (k, motion) in patch.motions.iter().enumerate() {
+        let path = folder.join(format!("separating-{}.csv", k + 1));
+        let text = setpoints(motion, &robot.config.log.joint_zero);
+        runs::write_whole(&path, &text).with_context(|| named(&path))?;
+        eprintln!(
+            "rivet: {} tells {} from {}: {}",
+            path.display(),
+            motion.effect,
+            motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", "),
+            motion.text
+        );
+    }
     runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
     Ok(made)
 }
@@ -90,6 +102,28 @@ pub(crate) fn of_robot(robot: &Robot) -> Mjcf {
         }
     }
     mjcf
+}
+
+/// A motion as a log without torque: time, planned positions (as both `q` and `q_des`), speeds and accelerations.
+fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
+    let n = motion.q.len();
+    let mut out = "t".to_owned();
+    for kind in ["q", "q_des", "qd_des", "qdd_des"] {
+        (1..=n).for_each(|j| out += &format!(",{kind}{j}"));
+    }
+    out.push('\n');
+    for k in 0..motion.q[0].len() {
+        // Writing to a String cannot fail.
+        let _ = write!(out, "{}", (k as f64 * motion.period_s * 1e9).round() / 1e9);
+        let positions = motion.q.iter().zip(joint_zero).map(|(q, zero)| q[k] - zero);
+        let positions: Vec<f64> = positions.collect();
+        let others = motion.qd.iter().chain(&motion.qdd).map(|s| s[k]);
+        for value in positions.iter().chain(&positions).copied().chain(others) {
+            let _ = write!(out, ",{value}");
+        }
+        out.push('\n');
+    }
+    out
 }
 
 fn not_expressible(robot: &Robot, patch: &Patch) -> String {

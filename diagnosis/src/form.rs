@@ -144,6 +144,24 @@ impl Form {
         matches!(self, Form::Presliding { .. } | Form::TwoMass { .. } | Form::Delay { .. } | Form::Saturation { .. })
     }
 
+    /// How many columns it has; contact has as many as its time needs, here 0.
+    pub(crate) fn coefficients(&self) -> usize {
+        match self {
+            Form::Force { .. } => 0,
+            Form::Payload => 10,
+            Form::PositionFriction { .. } | Form::Coupling { .. } => 3,
+            Form::Asymmetry { .. }
+            | Form::ViscousNonlinearity { .. }
+            | Form::Temperature { .. }
+            | Form::Ripple { .. }
+            | Form::TransmissionError { .. }
+            | Form::Eccentricity { .. }
+            | Form::Counterbalance { .. }
+            | Form::Gravity => 2,
+            _ => 1,
+        }
+    }
+
     /// How many inner values were searched for.
     pub(crate) fn inner_values(&self) -> usize {
         match self {

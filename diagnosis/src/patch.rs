@@ -9,6 +9,7 @@ use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::formats::{FormatReport, Part, PartKind, reports};
 use crate::known::{self, Carried};
+use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
 use crate::rows::Column;
 use crate::search::Search;
 use crate::select::Adopted;
@@ -26,6 +27,8 @@ pub struct Patch {
     pub base: Vec<f64>,
     /// Their standard deviations.
     pub std: Vec<f64>,
+    /// For each cause that these runs cannot tell from others, the motion that would.
+    pub motions: Vec<SeparatingMotion>,
     /// Causes that no file holds, with the reason.
     pub left_out: Vec<(Effect, String)>,
     /// What each format carries.
@@ -55,6 +58,8 @@ pub(crate) struct Found<'a> {
     pub(crate) timing: Vec<&'a Column>,
     /// Causes that stand.
     pub(crate) upheld: Vec<&'a Adopted>,
+    /// What the arm may do, for motions.
+    pub(crate) bounds: &'a MotionBounds,
     /// Forms that were withdrawn.
     pub(crate) withdrawn: Vec<&'a Adopted>,
 }
@@ -72,10 +77,15 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     let mut effects: Vec<KnownEffect> = nominal.model.effects().list().to_vec();
     let mut left_out = Vec::new();
     let mut parts: Vec<Part> = Vec::new();
+    let mut classes: Vec<Class<'_>> = Vec::new();
     let temperature: Option<Vec<f64>> =
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
     for adopted in &found.upheld {
         let c: Vec<f64> = adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
+        let rivals = &adopted.rival_forms;
+        if rivals.iter().chain([&adopted.form]).all(|form| form.coefficients() > 0) && !rivals.is_empty() {
+            classes.push(Class { form: &adopted.form, coefficients: c.clone(), rivals });
+        }
         let (carried, beside) = adopted.form.carried(&c, &adopted.values, n, temperature.as_deref());
         for (at, change) in beside {
             standard[at] += change;
@@ -204,9 +214,27 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
             (square / rows.max(1) as f64).sqrt()
         })
         .collect();
+    let usual: Vec<f64> = nominal.std.iter().map(|s| s * search.scale.max(0.1)).collect();
+    let looked_at: Vec<&Prepared> = search.runs.clone();
+    let motions = classes
+        .iter()
+        .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &search.noise, found.bounds))
+        .collect();
     let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(0.0).sqrt()).collect();
     let formats = reports(&parts, &written, n);
-    Some(Patch { model, standard, consistent, base, std, left_out, formats, timing_s: timing, timing_rms, torque_rms })
+    Some(Patch {
+        model,
+        standard,
+        consistent,
+        base,
+        std,
+        motions,
+        left_out,
+        formats,
+        timing_s: timing,
+        timing_rms,
+        torque_rms,
+    })
 }
 
 /// `G·C·Gᵀ` row-major, G from standard to base parameters.

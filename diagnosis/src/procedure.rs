@@ -12,6 +12,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
+use crate::motions::MotionBounds;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
@@ -79,10 +80,11 @@ pub fn diagnose(
     runs: Vec<Run>,
     say: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnosisError> {
-    Ok(run_all(model, nominal, runs, false, say)?.0)
+    Ok(run_all(model, nominal, runs, None, say)?.0)
 }
 
-/// As [`diagnose`], and the model with what was found; none where nothing could be evaluated.
+/// As [`diagnose`], and the model with what was found; none where nothing could be evaluated. `bounds` are those of the
+/// motions that tell causes apart.
 ///
 /// # Errors
 /// [`DiagnosisError`].
@@ -90,16 +92,17 @@ pub fn diagnose_and_patch(
     model: &Model,
     nominal: &[f64],
     runs: Vec<Run>,
+    bounds: &MotionBounds,
     say: &mut dyn FnMut(&str),
 ) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
-    run_all(model, nominal, runs, true, say)
+    run_all(model, nominal, runs, Some(bounds), say)
 }
 
 fn run_all(
     model: &Model,
     nominal: &[f64],
     runs: Vec<Run>,
-    patch: bool,
+    patch: Option<&MotionBounds>,
     say: &mut dyn FnMut(&str),
 ) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
     let joints = model.arm.dof();
@@ -179,7 +182,7 @@ struct Step {
 }
 
 impl Procedure<'_> {
-    fn run(&self, patch: bool, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
+    fn run(&self, patch: Option<&MotionBounds>, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
         let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let adopted = select(&mut search, say)?;
@@ -216,9 +219,7 @@ impl Procedure<'_> {
         let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &means, log);
         let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
         report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
-        if !patch {
-            return Some((report, None));
-        }
+        let Some(bounds) = patch else { return Some((report, None)) };
         say("the model with what was found");
         let of = |wanted: bool| -> Vec<&Adopted> {
             steps.iter().zip(&upheld).filter(|(_, u)| **u == wanted).flat_map(|(s, _)| &s.adopted).collect()
@@ -228,6 +229,7 @@ impl Procedure<'_> {
             nominal: self.nominal,
             runs: all().map(|r| r.run).collect(),
             timing: all().filter_map(|r| r.extra.first()).collect(),
+            bounds,
             upheld: of(true),
             withdrawn: of(false),
         };

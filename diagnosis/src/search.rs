@@ -7,6 +7,7 @@ use crate::design::{Design, Prepared, correlation};
 use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, joint_errors_with};
 use crate::form::Form;
 use crate::library;
+use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::Column;
 
@@ -191,19 +192,19 @@ impl<'a> Search<'a> {
     pub(crate) fn rank(&self, candidates: &[Candidate]) -> Option<Vec<Standing>> {
         let (_, base) = self.best()?;
         let solved: Vec<Solved> = PRIOR_SCALES.iter().filter_map(|s| self.solved(*s)).collect();
-        let mut standings: Vec<Standing> = candidates
-            .iter()
-            .enumerate()
-            .filter_map(|(at, c)| {
-                let added = solved
-                    .iter()
-                    .filter_map(|s| s.add(&c.cells, &c.belief, &self.weights, |_| true))
-                    .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
-                c.form.plausible(added.c.as_slice()).then_some(())?;
-                let searched = INNER_VALUE * c.form.inner_values() as f64;
-                Some(Standing { at, gain: added.log_evidence - base.log_evidence - searched, added })
-            })
-            .collect();
+        let numbered: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
+        let mut standings: Vec<Standing> = parallel::map(&numbered, |(at, c)| {
+            let added = solved
+                .iter()
+                .filter_map(|s| s.add(&c.cells, &c.belief, &self.weights, |_| true))
+                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+            c.form.plausible(added.c.as_slice()).then_some(())?;
+            let searched = INNER_VALUE * c.form.inner_values() as f64;
+            Some(Standing { at: *at, gain: added.log_evidence - base.log_evidence - searched, added })
+        })
+        .into_iter()
+        .flatten()
+        .collect();
         standings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Some(standings)
     }
@@ -241,10 +242,7 @@ impl<'a> Search<'a> {
     pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
         let Some(first) = physics.first() else { return Vec::new() };
         let force = (!bursts.iter().all(Vec::is_empty)).then(|| Form::Force { windows: bursts.clone() });
-        library::forms(first, orders)
-            .into_iter()
-            .chain(force)
-            .filter_map(|form| self.candidate(form, physics))
-            .collect()
+        let forms: Vec<Form> = library::forms(first, orders).into_iter().chain(force).collect();
+        parallel::map(&forms, |form| self.candidate(form.clone(), physics)).into_iter().flatten().collect()
     }
 }

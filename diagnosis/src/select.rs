@@ -46,6 +46,8 @@ pub(crate) struct Adopted {
     pub(crate) share: f64,
     /// Other effects that explain this about as well.
     pub(crate) rivals: Vec<Effect>,
+    /// Forms of these, as they were refined.
+    pub(crate) rival_forms: Vec<Form>,
     /// Where its columns begin in the design.
     pub(crate) place: usize,
     /// Standard vector that its columns were made with.
@@ -161,6 +163,7 @@ pub(crate) fn best(
     let chosen = accepted[simplest].0.form.effect();
     let mut rivals: Vec<Effect> = near.iter().map(|i| accepted[*i].0.form.effect()).filter(|e| *e != chosen).collect();
     rivals.dedup();
+    let rival_forms = near.iter().map(|i| accepted[*i].0.form.clone()).filter(|form| form.effect() != chosen).collect();
     let (candidate, standing, share, shares) = accepted.swap_remove(simplest);
     let place = search.design.background.len();
     let mean = candidate.belief.mean.iter().copied().collect();
@@ -173,6 +176,7 @@ pub(crate) fn best(
         shares,
         share,
         rivals,
+        rival_forms,
         place,
         values,
         acts_on,

@@ -57,6 +57,9 @@ pub struct Document {
     /// What these very runs would have shown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub self_check: Option<SelfCheck>,
+    /// The corrected simulator in closed loop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollout: Option<crate::Rollout>,
 }
 
 /// Effects of graded strength added to the runs, and what was found of them.
@@ -502,6 +505,7 @@ impl Document {
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
             self_check: None,
+            rollout: None,
         }
     }
 

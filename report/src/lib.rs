@@ -6,6 +6,7 @@ mod changes;
 mod document;
 mod export;
 mod page;
+mod rollout;
 mod scores;
 mod verdict;
 pub mod words;
@@ -17,5 +18,6 @@ pub use document::{
 };
 pub use export::formats;
 pub use page::page;
+pub use rollout::{Rollout, RolloutPoint};
 pub use scores::{Outcome, Score};
 pub use verdict::Line;

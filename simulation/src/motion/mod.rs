@@ -5,10 +5,12 @@
 mod fourier;
 mod governor;
 mod point_to_point;
+mod recorded;
 
 pub use fourier::{Fourier, FourierSettings};
 pub use governor::Governor;
 pub use point_to_point::{PointToPoint, PointToPointSettings};
+pub use recorded::Recorded;
 
 use rivet_dynamics::{Arm, MAX_JOINTS, Model, Workspace};
 

@@ -180,7 +180,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
         options.log_out.as_deref().map(|path| LogWriter::create(path, &robot.config.log.joint_zero)).transpose()?;
     let (period_s, seed) = (robot.config.sample_period_s, options.seed(&robot));
     let plant = Plant::new(&truth, &options.sensors(&robot), &options.plant(&robot), seed);
-    let governor = Governor::new(options.trajectory(&robot));
+    let governor = Governor::new(options.trajectory(&robot)?);
     let stand_in = StandIn::new(plant, governor, period_s, options.stale_periods, seed);
 
     let name = RobotName::new(&robot.config.name)?;

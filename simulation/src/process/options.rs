@@ -1,19 +1,21 @@
 //! What the user of `rivet-sim` may choose.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::SimError;
 use crate::friction::FrictionLaw;
 use crate::motion::{
-    Fourier, FourierSettings, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Standstill, Trajectory,
-    load_ratio,
+    Fourier, FourierSettings, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Recorded, Standstill,
+    Trajectory, load_ratio,
 };
 use crate::plant::PlantSettings;
 use crate::sensors::Sensors;
 use crate::truth::{Disturbances, Payload};
 use rivet_config::Robot;
 use rivet_dynamics::Joints;
+use rivet_logs::ReadOptions;
 
 /// Motions of the setpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -64,6 +66,9 @@ pub struct Options {
     /// Motion of the setpoint
     #[arg(long, value_enum, default_value_t = MotionKind::Fourier)]
     pub motion: MotionKind,
+    /// Setpoints to follow instead of a motion: a log with q_des, qd_des and qdd_des, such as `rivet diagnose --export` writes
+    #[arg(long, value_name = "FILE", conflicts_with = "motion")]
+    pub setpoints: Option<PathBuf>,
     /// The joint that moves in single-joint motion, from 1
     #[arg(long, default_value_t = 1)]
     pub joint: usize,
@@ -188,7 +193,13 @@ impl Options {
     }
 
     /// The motion, made for the nominal arm: the planner does not know the true one.
-    pub(super) fn trajectory(&self, robot: &Robot) -> Box<dyn Trajectory> {
+    ///
+    /// # Errors
+    /// If the file of setpoints cannot be read or has not all of them.
+    pub(super) fn trajectory(&self, robot: &Robot) -> Result<Box<dyn Trajectory>, SimError> {
+        if let Some(path) = &self.setpoints {
+            return Ok(Box::new(recorded(robot, path)?));
+        }
         let limits = MotionLimits::of(&robot.model.arm, self.velocity);
         let mut load = load_ratio(&robot.model, &robot.nominal, &robot.config.drive.torque_limit);
         let fourier = FourierSettings {
@@ -198,7 +209,7 @@ impl Options {
             only: (self.motion == MotionKind::SingleJoint).then(|| self.joint - 1),
             ..FourierSettings::default()
         };
-        match self.motion {
+        let made: Box<dyn Trajectory> = match self.motion {
             MotionKind::Fourier | MotionKind::SingleJoint => Box::new(Fourier::new(&limits, &fourier, &mut load)),
             MotionKind::PointToPoint => {
                 let settings = PointToPointSettings { seed: self.seed(robot), ..PointToPointSettings::default() };
@@ -206,6 +217,18 @@ impl Options {
             }
             MotionKind::Paper => Box::new(PaperMotion::new(&limits, &mut load)),
             MotionKind::Standstill => Box::new(Standstill { pose: limits.home }),
-        }
+        };
+        Ok(made)
+    }
+}
+
+fn recorded(robot: &Robot, path: &Path) -> Result<Recorded, SimError> {
+    let options = ReadOptions { joints: robot.dof(), drive_gain: None, joint_zero: Some(&robot.config.log.joint_zero) };
+    let refuse = |why: String| SimError::Option(format!("--setpoints {}: {why}", path.display()));
+    let log = rivet_logs::read(path, &options).map_err(|why| refuse(why.to_string()))?;
+    let (log, _) = log.resample(robot.config.sample_period_s).map_err(|why| refuse(why.to_string()))?;
+    match (log.q_des, log.qd_des, log.qdd_des) {
+        (Some(q), Some(qd), Some(qdd)) => Ok(Recorded { period_s: robot.config.sample_period_s, q, qd, qdd }),
+        _ => Err(refuse("needs columns q_des, qd_des and qdd_des of every joint".to_owned())),
     }
 }

@@ -1,0 +1,56 @@
+//! What the corrected simulator does in closed loop, beside the one as given.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Both simulators driven by the log's torque and a weak position loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Rollout {
+    /// Whether the corrected one is closer to the log at the longest horizon, in position and in torque; else what was found
+    /// holds for torque only.
+    pub closer: bool,
+    /// Instants that it was started from.
+    pub starts: usize,
+    /// Effects that the simulator does not have.
+    pub not_simulated: Vec<String>,
+    /// By horizon.
+    pub points: Vec<RolloutPoint>,
+}
+
+/// Errors at one horizon: root mean squares over starts and joints.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs, reason = "before and after of two measures are the names themselves")]
+pub struct RolloutPoint {
+    /// Time since the start \[s\].
+    pub horizon_s: f64,
+    /// Of position \[rad\].
+    pub position_before_rad: f64,
+    pub position_after_rad: f64,
+    /// Of the torque that the loop adds until then, over each joint's torque.
+    pub torque_before: f64,
+    pub torque_after: f64,
+}
+
+impl Rollout {
+    /// In a line.
+    pub fn text(&self) -> String {
+        let Some(end) = self.points.last() else { return "too short a run for a rollout".to_owned() };
+        let verdict =
+            if self.closer { "closer to the log in closed loop" } else { "torque only: no closer in closed loop" };
+        let mut text = format!(
+            "{verdict}; after {} s from {} starts position is off by {:.3} instead of {:.3} mrad, torque by {:.1} instead of \
+             {:.1} %",
+            end.horizon_s,
+            self.starts,
+            1e3 * end.position_after_rad,
+            1e3 * end.position_before_rad,
+            100.0 * end.torque_after,
+            100.0 * end.torque_before
+        );
+        for effect in &self.not_simulated {
+            text += "; ";
+            text += effect;
+        }
+        text
+    }
+}
