@@ -278,7 +278,7 @@ pub(crate) fn best(
             sums
         })
         .collect();
-    let without: Vec<f64> = logs.iter().map(|s| s.left()).collect::<Option<_>>()?;
+    let without: Vec<f64> = logs.iter().map(Sums::left).collect::<Option<_>>()?;
     let mut found: Option<(f64, Plan, f64)> = None;
     for plan in Plan::ALL {
         let Some(slower) = admissible(plan, joint, &home, bounds, model, x) else { continue };
