@@ -109,7 +109,9 @@ fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
     let n = motion.q.len();
     let mut out = "t".to_owned();
     for kind in ["q", "q_des", "qd_des", "qdd_des"] {
-        (1..=n).for_each(|j| out += &format!(",{kind}{j}"));
+        for j in 1..=n {
+            let _ = write!(out, ",{kind}{j}");
+        }
     }
     out.push('\n');
     for k in 0..motion.q[0].len() {

@@ -38,7 +38,9 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     let starts: Vec<usize> = (0..STARTS).map(|i| edge + i * (last - edge) / STARTS.max(1)).collect();
     let smooth = ZeroPhase::new(MOTION_HZ.min(0.2 / run.period_s), 4, run.period_s);
     let mut q = run.q.clone();
-    q.iter_mut().for_each(|q| smooth.apply(q));
+    for q in &mut q {
+        smooth.apply(q);
+    }
     let motion = Trajectory::from_positions(&q, run.period_s);
     let mut arm = patch.model.arm.clone();
     for (link, body) in arm.links.iter_mut().enumerate() {

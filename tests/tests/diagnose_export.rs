@@ -159,6 +159,25 @@ fn with_the_exported_model_the_effect_is_gone() {
     assert!(apart.abs() < 0.01, "{before} {after}");
 }
 
+/// The corrected simulator follows the log, and for a class there is a motion within the joints' limits.
+#[test]
+fn the_simulator_comes_closer_and_a_motion_is_planned() {
+    let Some((_, found)) = exported("practice", "case-16") else { return };
+    let rollout = &found.facts["rollout"];
+    assert_eq!(rollout["closer"], true, "{rollout:#}");
+    let end = &rollout["points"][4];
+    let error = |key: &str| end[key].as_f64().expect("a number");
+    assert!(error("position_after_rad") < 0.1 * error("position_before_rad"), "{end}");
+    assert!(error("torque_after") < 0.1 * error("torque_before"), "{end}");
+    let robot = &found.model;
+    let options = ReadOptions { joints: robot.dof(), drive_gain: None, joint_zero: Some(&robot.config.log.joint_zero) };
+    let motion = read(found.place.join("separating-1.csv"), &options).expect("setpoints read as a log");
+    assert!(motion.qd_des.is_some() && motion.qdd_des.is_some() && motion.len() > 5000);
+    for (q, joint) in motion.q_des.as_ref().expect("positions").iter().zip(&robot.model.arm.joints) {
+        assert!(q.iter().all(|q| (joint.lower..=joint.upper).contains(q)), "{} leaves its range", joint.name);
+    }
+}
+
 /// Another program reads the MJCF and needs the torque that we read out of it. Runs where a Python with MuJoCo is
 /// (`RIVET_MUJOCO_PYTHON`, or `python3`).
 #[test]
