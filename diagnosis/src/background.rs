@@ -2,6 +2,7 @@
 
 use rivet_dynamics::{Model, Parameter, Structure, Workspace, com_from_body};
 
+use crate::parallel::{self, chunks, joined};
 use crate::rows::{Chain, Column};
 use crate::run::{Motion, Run};
 
@@ -110,24 +111,29 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical
 
 /// Rows of every standard column along a motion.
 pub(crate) fn standard_columns(model: &Model, motion: &Motion, chain: &Chain) -> Vec<Column> {
-    let (n, width, samples) = (motion.joints(), model.len(), motion.len());
-    let mut ws = Workspace::new(&model.arm);
-    let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut y = vec![0.0; n * width];
-    let mut columns: Vec<Column> = vec![vec![None; n]; width];
-    for j in 0..n {
-        // One joint at a time: all full-rate columns at once would not fit into memory for a long log.
-        let mut full = vec![vec![0.0; samples]; width];
-        for k in 0..samples {
-            motion.state(k, &mut q, &mut qd, &mut qdd);
-            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
-            full.iter_mut().zip(&y[j * width..]).for_each(|(column, value)| column[k] = *value);
-        }
-        for (column, full) in columns.iter_mut().zip(&full) {
-            if full.iter().any(|v| *v != 0.0) {
-                column[j] = Some(chain.apply(full));
+    let (n, width) = (motion.joints(), model.len());
+    let average = chain.average();
+    let groups = motion.len() / average;
+    // Only means are kept: all full-rate columns at once would not fit into memory for a long log.
+    let chunk = |(from, to): &(usize, usize)| {
+        let mut ws = Workspace::new(&model.arm);
+        let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut y = vec![0.0; n * width];
+        let mut means = vec![Vec::with_capacity(to - from); n * width];
+        for group in *from..*to {
+            means.iter_mut().for_each(|m| m.push(0.0));
+            for k in group * average..(group + 1) * average {
+                motion.state(k, &mut q, &mut qd, &mut qdd);
+                model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+                for (mean, value) in means.iter_mut().zip(&y) {
+                    mean[group - from] += value;
+                }
             }
+            means.iter_mut().for_each(|m| m[group - from] /= average as f64);
         }
-    }
-    columns
+        means
+    };
+    let means = joined(parallel::map(&chunks(groups), chunk), n * width);
+    let rows = parallel::map(&means, |mean| mean.iter().any(|v| *v != 0.0).then(|| chain.filtered(mean.clone())));
+    (0..width).map(|c| (0..n).map(|j| rows[j * width + c].clone()).collect()).collect()
 }

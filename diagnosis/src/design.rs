@@ -73,6 +73,31 @@ impl Prepared {
 
     /// What the form adds to this run's torque, filtered: `[column][joint]`.
     pub(crate) fn columns(&self, form: &Form, physics: &Physics<'_>) -> Vec<Column> {
+        let n = self.tau.len();
+        match *form {
+            // A body is columns that the model has already.
+            Form::Payload => self.standard[10 * (n - 1)..10 * n].to_vec(),
+            Form::LinkScale { link } => vec![self.body(link, &physics.nominal.x)],
+            _ => self.made(form, physics),
+        }
+    }
+
+    /// Torque of one link's body as `x` has it.
+    fn body(&self, link: usize, x: &[f64]) -> Column {
+        (0..self.tau.len())
+            .map(|j| {
+                let mut sum: Option<Vec<f64>> = None;
+                for (column, x) in self.standard.iter().zip(x).skip(10 * link).take(10) {
+                    let Some(values) = &column[j] else { continue };
+                    let sum = sum.get_or_insert_with(|| vec![0.0; values.len()]);
+                    sum.iter_mut().zip(values).for_each(|(s, v)| *s += x * v);
+                }
+                sum.filter(|sum| sum.iter().any(|v| *v != 0.0))
+            })
+            .collect()
+    }
+
+    fn made(&self, form: &Form, physics: &Physics<'_>) -> Vec<Column> {
         form.columns(physics).into_iter().map(|full| column(&self.chain, full)).collect()
     }
 }
@@ -123,6 +148,8 @@ pub(crate) struct Design {
     y: Vec<Vec<DVector<f64>>>,
     /// Root of each row's weight, `[run][joint][row]`.
     root: Vec<Vec<Vec<f64>>>,
+    /// Columns that are not nothing, `[run][joint]`: a joint does not feel the links before it, nor others' friction.
+    present: Vec<Vec<Vec<usize>>>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) background: Background,
 }
@@ -143,6 +170,7 @@ impl Design {
             d: Vec::new(),
             y: Vec::new(),
             root: Vec::new(),
+            present: Vec::new(),
             blocks: Vec::new(),
             background: Background {
                 cells: Vec::new(),
@@ -281,6 +309,8 @@ impl Design {
             let transposed = d.transpose();
             Cell { dd: &transposed * d, dy: &transposed * y, yy: y.norm_squared(), rows: len as f64 }
         };
+        let present = |d: &DMatrix<f64>| (0..d.ncols()).filter(|c| d.column(*c).iter().any(|v| *v != 0.0)).collect();
+        self.present = self.d.iter().map(|run| run.iter().map(present).collect()).collect();
         let cells = self.blocks.iter().map(|b| (0..self.joints()).map(|j| cell(b, j)).collect()).collect();
         self.background.cells = cells;
     }
@@ -294,18 +324,33 @@ impl Design {
                 if own.iter().all(|column| column[joint].is_none()) {
                     continue;
                 }
-                let (from, len) = (block.rows.start, block.rows.len());
-                let root = &self.root[block.run][joint];
-                let mut transposed = DMatrix::zeros(own.len(), len);
-                for (c, column) in own.iter().enumerate() {
-                    let Some(values) = &column[joint] else { continue };
-                    for row in 0..len {
-                        transposed[(c, row)] = values[from + row] * root[from + row];
+                let rows = block.rows.clone();
+                let root = &self.root[block.run][joint][rows.clone()];
+                let weighted: Vec<Option<Vec<f64>>> = own
+                    .iter()
+                    .map(|column| {
+                        let values = &column[joint].as_ref()?[rows.clone()];
+                        Some(values.iter().zip(root).map(|(v, w)| v * w).collect())
+                    })
+                    .collect();
+                // Columns lie one behind the other.
+                let (d, height) = (self.d[block.run][joint].as_slice(), self.root[block.run][joint].len());
+                let y = &self.y[block.run][joint].as_slice()[rows.clone()];
+                let mut cd = DMatrix::zeros(own.len(), self.background.std.len());
+                let mut cc = DMatrix::zeros(own.len(), own.len());
+                let mut cy = DVector::zeros(own.len());
+                for (c, column) in weighted.iter().enumerate() {
+                    let Some(column) = column else { continue };
+                    for k in &self.present[block.run][joint] {
+                        cd[(c, *k)] = dot(column, &d[k * height..][rows.clone()]);
                     }
+                    for (other, values) in weighted.iter().enumerate().take(c + 1) {
+                        let product = values.as_ref().map_or(0.0, |values| dot(column, values));
+                        cc[(c, other)] = product;
+                        cc[(other, c)] = product;
+                    }
+                    cy[c] = dot(column, y);
                 }
-                let d = self.d[block.run][joint].rows(from, len);
-                let y = self.y[block.run][joint].rows(from, len);
-                let (cd, cc, cy) = (&transposed * d, &transposed * transposed.transpose(), &transposed * y);
                 cells.push(CandidateCell { block: b, joint, cd, cc, cy });
             }
         }
@@ -357,6 +402,20 @@ impl Design {
     }
 }
 
+/// Sum of products, in lanes that processors add side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let mut sums = [0.0; LANES];
+    let (left, right) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in left.zip(right) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
 /// Roots of rows' weights: one over the standard deviation of noise and doubt together, in units of the noise.
 fn doubt_weights(doubt: &[f64], noise: f64) -> Vec<f64> {
     doubt.iter().map(|u| 1.0 / (1.0 + (u / noise).powi(2)).sqrt()).collect()
@@ -378,7 +437,8 @@ pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
     let mut sum = 1.0;
     for lag in 1..longest {
         let share = product(lag) / power;
-        if share <= 0.0 {
+        // From the longest memory on nothing changes any more, and the work would grow with the square of the log.
+        if share <= 0.0 || sum >= LONGEST_MEMORY {
             break;
         }
         sum += 2.0 * share;

@@ -68,6 +68,7 @@ struct Sums {
 }
 
 /// A background solved for given weights and prior scale.
+#[derive(Clone)]
 pub(crate) struct Solved {
     factor: Cholesky<f64, Dyn>,
     /// L⁻¹b
@@ -116,7 +117,16 @@ impl Background {
 
     /// Solves for the blocks chosen.
     pub(crate) fn solve(&self, weights: &[f64], scale: f64, blocks: impl Iterator<Item = usize>) -> Option<Solved> {
-        let mut sums = self.sums(weights, blocks);
+        self.solve_sums(self.sums(weights, blocks), scale)
+    }
+
+    /// Solves for all blocks at each of the scales that can be solved.
+    pub(crate) fn solve_scales(&self, weights: &[f64], scales: &[f64]) -> Vec<(f64, Solved)> {
+        let sums = self.sums(weights, 0..self.blocks());
+        scales.iter().filter_map(|s| Some((*s, self.solve_sums(sums.clone(), *s)?))).collect()
+    }
+
+    fn solve_sums(&self, mut sums: Sums, scale: f64) -> Option<Solved> {
         let mut log_prior = 0.0;
         for (i, std) in self.std.iter().enumerate() {
             let p = if self.scaled[i] { std * scale } else { *std };
@@ -143,13 +153,18 @@ impl Background {
 }
 
 /// A candidate's sums over blocks.
-struct CandidateSums {
+pub(crate) struct CandidateSums {
     cd: DMatrix<f64>,
     cc: DMatrix<f64>,
     cy: DVector<f64>,
 }
 
-fn candidate_sums(cells: &[CandidateCell], weights: &[f64], keep: impl Fn(usize) -> bool) -> Option<CandidateSums> {
+/// Sums over the blocks that are kept; none for a candidate that is nothing.
+pub(crate) fn candidate_sums(
+    cells: &[CandidateCell],
+    weights: &[f64],
+    keep: impl Fn(usize) -> bool,
+) -> Option<CandidateSums> {
     let first = cells.first()?;
     let (c, k) = first.cd.shape();
     let mut sums = CandidateSums { cd: DMatrix::zeros(c, k), cc: DMatrix::zeros(c, c), cy: DVector::zeros(c) };
@@ -182,7 +197,11 @@ impl Solved {
         weights: &[f64],
         keep: impl Fn(usize) -> bool,
     ) -> Option<Added> {
-        let sums = candidate_sums(cells, weights, keep)?;
+        self.add_sums(&candidate_sums(cells, weights, keep)?, belief)
+    }
+
+    /// As [`add`](Self::add), of sums made before.
+    pub(crate) fn add_sums(&self, sums: &CandidateSums, belief: &Belief) -> Option<Added> {
         let v = self.factor.l_dirty().solve_lower_triangular(&sums.cd.transpose())?;
         let m = &belief.mean;
         // With the mean m taken out of y: b − Dᵀc·m, cᵀ(y − c·m).

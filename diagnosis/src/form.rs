@@ -276,7 +276,7 @@ impl Form {
                 let tau = &p.run.tau[j];
                 vec![on(j, &|k| tau[k] - tau[k].clamp(-limit, limit))]
             }
-            Form::EncoderOffset { joint: j } => vec![p.gradient[j].iter().map(|g| Some(g.clone())).collect()],
+            Form::EncoderOffset { joint: j } => vec![p.gradient()[j].iter().map(|g| Some(g.clone())).collect()],
             Form::Force { windows } => force(p, &windows),
             Form::Gravity => gravity(p),
             Form::Payload => {
@@ -355,10 +355,11 @@ fn body(p: &Physics<'_>, link: usize, parameters: &[f64; 10]) -> Full {
     let n = p.joints();
     let mut links = vec![[0.0; 10]; n];
     links[link] = *parameters;
-    rigid(p, &links, p.nominal.model.arm.gravity)
+    rigid(p, &links, p.nominal.model.arm.gravity, None)
 }
 
-fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3]) -> Full {
+/// Torque of bodies along the motion, or at its positions with the rates of one that stands `still`.
+fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3], still: Option<&[f64]>) -> Full {
     let n = p.joints();
     let mut arm = p.nominal.model.arm.clone();
     arm.gravity = gravity;
@@ -367,7 +368,8 @@ fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3]) -> Full {
     let mut full: Full = vec![Some(Vec::with_capacity(p.samples())); n];
     for k in 0..p.samples() {
         p.motion.state(k, &mut q, &mut qd, &mut qdd);
-        inverse_dynamics(&arm, links, &mut ws, &q, &qd, &qdd, &mut tau);
+        let (qd, qdd) = still.map_or((&qd[..], &qdd[..]), |s| (s, s));
+        inverse_dynamics(&arm, links, &mut ws, &q, qd, qdd, &mut tau);
         full.iter_mut().zip(&tau).for_each(|(signal, tau)| {
             if let Some(signal) = signal {
                 signal.push(*tau);
@@ -418,19 +420,9 @@ fn force(p: &Physics<'_>, windows: &[Vec<(f64, f64)>]) -> Vec<Full> {
     columns
 }
 
-/// Torque per m/s² of gravity along the base's x and y.
+/// Torque per m/s² of gravity along the base's x and y: that of the arm at rest, since gravity enters linearly.
 fn gravity(p: &Physics<'_>) -> Vec<Full> {
     let links = bodies(&p.x, p.joints());
-    let still = rigid(p, &links, [0.0; 3]);
-    let along = |axis: usize| {
-        let mut g = [0.0; 3];
-        g[axis] = 1.0;
-        let with = rigid(p, &links, g);
-        let difference = |(with, still): (Option<Vec<f64>>, &Option<Vec<f64>>)| {
-            let (with, still) = (with?, still.as_ref()?);
-            Some(with.iter().zip(still).map(|(a, b)| a - b).collect())
-        };
-        with.into_iter().zip(&still).map(difference).collect()
-    };
-    vec![along(0), along(1)]
+    let still = vec![0.0; p.joints()];
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|g| rigid(p, &links, g, Some(&still))).into()
 }

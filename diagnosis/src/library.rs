@@ -96,6 +96,6 @@ pub(crate) fn periodic(joint: usize, order: f64) -> [Form; 3] {
 
 /// Mean inertia of the link side at a joint.
 fn inertia(physics: &Physics<'_>, joint: usize) -> f64 {
-    let mass = &physics.mass[joint][joint];
+    let mass = &physics.mass()[joint][joint];
     mass.iter().sum::<f64>() / mass.len().max(1) as f64
 }

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use crate::parallel;
 use crate::physics::Physics;
-use crate::search::Search;
 
 /// Highest order looked at.
 const HIGHEST: f64 = 420.0;
@@ -11,11 +11,13 @@ const HIGHEST: f64 = 420.0;
 const LOWEST: f64 = 4.0;
 /// Orders kept for each joint.
 const KEPT: usize = 3;
+/// Samples whose phasors turn side by side.
+const LANES: usize = 8;
 
 /// For each joint the orders with the largest amplitude in the full-rate residual.
-pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<f64>>> {
-    let physics = search.physics()?;
-    Some((0..search.noise.len()).map(|j| on(&physics, j, None)).collect())
+pub(crate) fn find(physics: &[Physics<'_>]) -> Vec<Vec<f64>> {
+    let joints: Vec<usize> = (0..physics.first().map_or(0, Physics::joints)).collect();
+    parallel::map(&joints, |j| on(physics, *j, None))
 }
 
 /// The same of one joint, with torque added to the measured one: `added[run][joint]`.
@@ -33,18 +35,28 @@ pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>
             let (q, qd) = (&p.motion.q[j], &p.motion.qd[j]);
             power.fill([0.0; 2]);
             let thin = (0.001 / p.period_s()).round().max(1.0) as usize;
-            for k in (0..p.samples()).step_by(thin) {
-                if qd[k].abs() < 0.01 {
-                    continue;
+            let moving: Vec<usize> = (0..p.samples()).step_by(thin).filter(|k| qd[*k].abs() >= 0.01).collect();
+            for some in moving.chunks(LANES) {
+                let mut r = [0.0; LANES];
+                let (mut s, mut c) = ([0.0; LANES], [0.0; LANES]);
+                let (mut ds, mut dc) = ([0.0; LANES], [0.0; LANES]);
+                for (lane, k) in some.iter().enumerate() {
+                    r[lane] = p.run.tau[j][*k] - p.torque[j][*k] + added.map_or(0.0, |a| a[i][j][*k]);
+                    (s[lane], c[lane]) = (LOWEST * q[*k]).sin_cos();
+                    (ds[lane], dc[lane]) = (step * q[*k]).sin_cos();
                 }
-                let r = p.run.tau[j][k] - p.torque[j][k] + added.map_or(0.0, |a| a[i][j][k]);
-                // A phasor turned by one step of the order each time.
-                let (mut s, mut c) = (LOWEST * q[k]).sin_cos();
-                let (ds, dc) = (step * q[k]).sin_cos();
+                // Phasors turned by one step of the order each time.
                 for entry in &mut power {
-                    entry[0] += r * c;
-                    entry[1] += r * s;
-                    (s, c) = (s * dc + c * ds, c * dc - s * ds);
+                    let (mut along, mut across) = (0.0, 0.0);
+                    for lane in 0..LANES {
+                        along += r[lane] * c[lane];
+                        across += r[lane] * s[lane];
+                        let turned = s[lane] * dc[lane] + c[lane] * ds[lane];
+                        c[lane] = c[lane] * dc[lane] - s[lane] * ds[lane];
+                        s[lane] = turned;
+                    }
+                    entry[0] += along;
+                    entry[1] += across;
                 }
             }
             total.iter_mut().zip(&power).for_each(|(t, p)| *t += p[0] * p[0] + p[1] * p[1]);

@@ -4,6 +4,8 @@ use std::num::NonZero;
 
 /// More threads than this gain nothing: memory is the bound.
 const MOST: usize = 8;
+/// Samples that a thread takes at a time.
+const CHUNK: usize = 2048;
 
 /// `f` of every item.
 pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
@@ -20,6 +22,20 @@ pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> 
     });
     let mut parts: Vec<_> = done.into_iter().map(Vec::into_iter).collect();
     (0..items.len()).filter_map(|i| parts[i % workers].next()).collect()
+}
+
+/// Stretches of samples: from and to.
+pub(crate) fn chunks(samples: usize) -> Vec<(usize, usize)> {
+    (0..samples).step_by(CHUNK).map(|from| (from, (from + CHUNK).min(samples))).collect()
+}
+
+/// Signals of successive chunks, one behind the other.
+pub(crate) fn joined(chunks: Vec<Vec<Vec<f64>>>, signals: usize) -> Vec<Vec<f64>> {
+    let mut all = vec![Vec::with_capacity(chunks.iter().filter_map(|c| c.first()).map(Vec::len).sum()); signals];
+    for chunk in chunks {
+        all.iter_mut().zip(chunk).for_each(|(to, from)| to.extend(from));
+    }
+    all
 }
 
 #[cfg(test)]

@@ -1,8 +1,11 @@
 //! Signals along one run that the forms of effects are made of, at the rate of the log.
 
+use std::sync::OnceLock;
+
 use rivet_dynamics::{Workspace, friction_sign, inverse_dynamics, mass_matrix};
 
 use crate::background::Nominal;
+use crate::parallel::{self, chunks, joined};
 use crate::run::{Motion, Run};
 
 /// Step of the numeric derivative with respect to a position \[rad\].
@@ -23,10 +26,13 @@ pub(crate) struct Physics<'a> {
     pub(crate) torque: Vec<Vec<f64>>,
     /// Direction of friction.
     pub(crate) sign: Vec<Vec<f64>>,
-    /// `gradient[j][i]`: change of joint i's rigid torque per change of position j.
-    pub(crate) gradient: Vec<Vec<Vec<f64>>>,
-    /// `mass[j][i]`: entry of the mass matrix of the rigid links.
-    pub(crate) mass: Vec<Vec<Vec<f64>>>,
+    inertial: OnceLock<Inertial>,
+}
+
+/// What a displaced joint changes, `[moved joint][joint][sample]`.
+struct Inertial {
+    gradient: Vec<Vec<Vec<f64>>>,
+    mass: Vec<Vec<Vec<f64>>>,
 }
 
 impl<'a> Physics<'a> {
@@ -38,40 +44,76 @@ impl<'a> Physics<'a> {
         index: Option<usize>,
     ) -> Physics<'a> {
         let model = &nominal.model;
-        let (n, samples) = (motion.joints(), motion.len());
+        let n = motion.joints();
         let links = bodies(x, n);
-        let mut ws = Workspace::new(&model.arm);
-        let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let (mut up, mut down, mut m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * n]);
-        let mut y = vec![0.0; n * model.len()];
-        let signals = || vec![vec![0.0; samples]; n];
-        let (mut rigid, mut torque, mut sign) = (signals(), signals(), signals());
-        let mut gradient = vec![signals(); n];
-        let mut mass = vec![signals(); n];
-        for k in 0..samples {
-            motion.state(k, &mut q, &mut qd, &mut qdd);
-            inverse_dynamics(&model.arm, &links, &mut ws, &q, &qd, &qdd, &mut up);
-            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
-            for i in 0..n {
-                rigid[i][k] = up[i];
-                torque[i][k] = y[i * model.len()..][..model.len()].iter().zip(x).map(|(y, x)| y * x).sum();
-                sign[i][k] = friction_sign(qd[i], model.structure.sign_velocity);
-            }
-            mass_matrix(&model.arm, &links, &mut ws, &q, &mut m);
-            for j in 0..n {
-                let at = q[j];
-                q[j] = at + STEP;
-                inverse_dynamics(&model.arm, &links, &mut ws, &q, &qd, &qdd, &mut up);
-                q[j] = at - STEP;
-                inverse_dynamics(&model.arm, &links, &mut ws, &q, &qd, &qdd, &mut down);
-                q[j] = at;
+        // Rigid torque, whole torque and direction of friction of each joint beside each other.
+        let chunk = |(from, to): &(usize, usize)| {
+            let mut ws = Workspace::new(&model.arm);
+            let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+            let mut tau = vec![0.0; n];
+            let mut y = vec![0.0; n * model.len()];
+            let mut signals = vec![Vec::with_capacity(to - from); 3 * n];
+            for k in *from..*to {
+                motion.state(k, &mut q, &mut qd, &mut qdd);
+                inverse_dynamics(&model.arm, &links, &mut ws, &q, &qd, &qdd, &mut tau);
+                model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
                 for i in 0..n {
-                    gradient[j][i][k] = (up[i] - down[i]) / (2.0 * STEP);
-                    mass[j][i][k] = m[i * n + j];
+                    let whole = y[i * model.len()..][..model.len()].iter().zip(x).map(|(y, x)| y * x).sum();
+                    signals[i].push(tau[i]);
+                    signals[n + i].push(whole);
+                    signals[2 * n + i].push(friction_sign(qd[i], model.structure.sign_velocity));
                 }
             }
-        }
-        Physics { index, run, motion, nominal, x: x.to_vec(), rigid, torque, sign, gradient, mass }
+            signals
+        };
+        let mut rigid = joined(parallel::map(&chunks(motion.len()), chunk), 3 * n);
+        let sign = rigid.split_off(2 * n);
+        let torque = rigid.split_off(n);
+        Physics { index, run, motion, nominal, x: x.to_vec(), rigid, torque, sign, inertial: OnceLock::new() }
+    }
+
+    /// `gradient()[j][i]`: change of joint i's rigid torque per change of position j.
+    pub(crate) fn gradient(&self) -> &[Vec<Vec<f64>>] {
+        &self.inertial().gradient
+    }
+
+    /// `mass()[j][i]`: entry of the mass matrix of the rigid links.
+    pub(crate) fn mass(&self) -> &[Vec<Vec<f64>>] {
+        &self.inertial().mass
+    }
+
+    /// Made when first asked for: most of the work, and not every form needs it.
+    fn inertial(&self) -> &Inertial {
+        self.inertial.get_or_init(|| {
+            let (arm, n) = (&self.nominal.model.arm, self.joints());
+            let links = bodies(&self.x, n);
+            let chunk = |(from, to): &(usize, usize)| {
+                let mut ws = Workspace::new(arm);
+                let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+                let (mut up, mut down, mut m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * n]);
+                let mut signals = vec![Vec::with_capacity(to - from); 2 * n * n];
+                for k in *from..*to {
+                    self.motion.state(k, &mut q, &mut qd, &mut qdd);
+                    mass_matrix(arm, &links, &mut ws, &q, &mut m);
+                    for j in 0..n {
+                        let at = q[j];
+                        q[j] = at + STEP;
+                        inverse_dynamics(arm, &links, &mut ws, &q, &qd, &qdd, &mut up);
+                        q[j] = at - STEP;
+                        inverse_dynamics(arm, &links, &mut ws, &q, &qd, &qdd, &mut down);
+                        q[j] = at;
+                        for i in 0..n {
+                            signals[j * n + i].push((up[i] - down[i]) / (2.0 * STEP));
+                            signals[n * n + j * n + i].push(m[i * n + j]);
+                        }
+                    }
+                }
+                signals
+            };
+            let mut signals = joined(parallel::map(&chunks(self.samples()), chunk), 2 * n * n).into_iter();
+            let mut square = || (0..n).map(|_| signals.by_ref().take(n).collect()).collect();
+            Inertial { gradient: square(), mass: square() }
+        })
     }
 
     /// The torque of known effects joins that of the model.
@@ -105,7 +147,7 @@ pub(crate) fn bodies(x: &[f64], joints: usize) -> Vec<[f64; 10]> {
 pub(crate) fn displaced(physics: &Physics<'_>, joint: usize, delta: &[f64], accel: &[f64]) -> Vec<Option<Vec<f64>>> {
     (0..physics.joints())
         .map(|i| {
-            let (mass, gradient) = (&physics.mass[joint][i], &physics.gradient[joint][i]);
+            let (mass, gradient) = (&physics.mass()[joint][i], &physics.gradient()[joint][i]);
             let at = |k: usize| mass[k] * accel[k] + gradient[k] * delta[k];
             Some((0..delta.len()).map(at).collect())
         })

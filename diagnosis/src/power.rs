@@ -66,7 +66,7 @@ impl<'a> Probe<'a> {
         let mut search = Search::new(runs.iter().collect(), nominal)?;
         let adopted = select(&mut search, say)?;
         let physics = search.physics()?;
-        let orders: Vec<Vec<f64>> = (0..search.noise.len()).map(|j| orders::on(&physics, j, None)).collect();
+        let orders = orders::find(&physics);
         let bursts: Bursts = bursts::find(&search)?;
         let candidates = search.candidates(&physics, &orders, &bursts);
         let scale = search.scale;

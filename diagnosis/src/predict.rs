@@ -73,12 +73,12 @@ pub(crate) fn predict(
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut samples: Vec<Vec<f64>> = Vec::new();
     let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+    let all: Vec<Vec<f64>> = (0..blocks).map(|b| search.design.background.joint_errors(b, x)).collect();
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, chosen.iter().copied())?.x;
         // Residuals by the same blocks: their spread is that of v.
         let errors: Vec<Vec<f64>> = chosen.iter().map(|b| search.design.background.joint_errors(*b, &again)).collect();
-        let all: Vec<Vec<f64>> = (0..blocks).map(|b| search.design.background.joint_errors(b, x)).collect();
         let ratio = |j: usize| {
             let of = |errors: &[Vec<f64>]| errors.iter().map(|e| e[j]).sum::<f64>();
             of(&errors) / of(&all).max(f64::MIN_POSITIVE)

@@ -42,9 +42,10 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
 impl Search<'_> {
     /// The form with the inner values that the evidence prefers, found by coordinate search from those given.
     pub(crate) fn refine(&self, start: &Form, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
+        let solved = self.scales();
         let judge = |form: Form| -> Option<(Candidate, Standing)> {
             let candidate = self.candidate(form, physics)?;
-            let standing = self.rank(std::slice::from_ref(&candidate))?.into_iter().next()?;
+            let standing = self.standing(0, &candidate, &solved)?;
             Some((candidate, standing))
         };
         let mut best = judge(start.clone())?;

@@ -37,7 +37,16 @@ impl Chain {
     /// Rows of a full-rate signal.
     pub(crate) fn apply(&self, signal: &[f64]) -> Vec<f64> {
         let a = self.average as f64;
-        let mut x: Vec<f64> = signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect();
+        self.filtered(signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect())
+    }
+
+    /// How many samples are averaged first.
+    pub(crate) fn average(&self) -> usize {
+        self.average
+    }
+
+    /// Rows of a signal that is averaged already.
+    pub(crate) fn filtered(&self, mut x: Vec<f64>) -> Vec<f64> {
         self.filter.apply(&mut x);
         self.span(x.len()).step_by(2).map(|k| x[k]).collect()
     }

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use crate::background::Nominal;
 use crate::design::{Design, Prepared, correlation};
-use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, joint_errors_with};
+use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, candidate_sums, joint_errors_with};
 use crate::form::Form;
 use crate::library;
 use crate::parallel;
@@ -106,8 +106,12 @@ impl<'a> Search<'a> {
 
     /// The background at its best scale.
     pub(crate) fn best(&self) -> Option<(f64, Solved)> {
-        let all = PRIOR_SCALES.iter().filter_map(|s| Some((*s, self.solved(*s)?)));
-        all.max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))
+        self.scales().into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))
+    }
+
+    /// The background solved at every scale.
+    pub(crate) fn scales(&self) -> Vec<(f64, Solved)> {
+        self.design.background.solve_scales(&self.weights, &PRIOR_SCALES)
     }
 
     /// Weights from the residual that the background leaves: one over its long-run variance.
@@ -190,23 +194,25 @@ impl<'a> Search<'a> {
 
     /// Evidence of all candidates, best first.
     pub(crate) fn rank(&self, candidates: &[Candidate]) -> Option<Vec<Standing>> {
-        let (_, base) = self.best()?;
-        let solved: Vec<Solved> = PRIOR_SCALES.iter().filter_map(|s| self.solved(*s)).collect();
+        let solved = self.scales();
         let numbered: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
-        let mut standings: Vec<Standing> = parallel::map(&numbered, |(at, c)| {
-            let added = solved
-                .iter()
-                .filter_map(|s| s.add(&c.cells, &c.belief, &self.weights, |_| true))
-                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
-            c.form.plausible(added.c.as_slice()).then_some(())?;
-            let searched = INNER_VALUE * c.form.inner_values() as f64;
-            Some(Standing { at: *at, gain: added.log_evidence - base.log_evidence - searched, added })
-        })
-        .into_iter()
-        .flatten()
-        .collect();
+        let mut standings: Vec<Standing> =
+            parallel::map(&numbered, |(at, c)| self.standing(*at, c, &solved)).into_iter().flatten().collect();
         standings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        Some(standings)
+        (!solved.is_empty()).then_some(standings)
+    }
+
+    /// A candidate's standing over the background as it is [solved](Self::scales); none where it makes no sense.
+    pub(crate) fn standing(&self, at: usize, candidate: &Candidate, solved: &[(f64, Solved)]) -> Option<Standing> {
+        let base = solved.iter().map(|(_, s)| s.log_evidence).max_by(f64::total_cmp)?;
+        let sums = candidate_sums(&candidate.cells, &self.weights, |_| true)?;
+        let added = solved
+            .iter()
+            .filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief))
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+        candidate.form.plausible(added.c.as_slice()).then_some(())?;
+        let searched = INNER_VALUE * candidate.form.inner_values() as f64;
+        Some(Standing { at, gain: added.log_evidence - base - searched, added })
     }
 
     /// Held-out gain of a candidate by block, in units of independent rows: the weighted sum of squares that the

@@ -63,7 +63,7 @@ pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Opti
     let mut adopted: Vec<Adopted> = Vec::new();
     let mut physics = search.physics()?;
     while adopted.len() < MOST {
-        let orders = orders::find(search)?;
+        let orders = orders::find(&physics);
         let candidates = search.candidates(&physics, &orders, &bursts::find(search)?);
         say(&format!("round {}: {} candidates", adopted.len() + 1, candidates.len()));
         let Some(next) = best(search, &candidates, &physics, &adopted, true, say)? else { break };

@@ -28,7 +28,7 @@ const MOST_STEPS: f64 = 16.0;
 /// Full-rate column of the torque change that a gear causes.
 pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Option<Vec<f64>>> {
     let (samples, period) = (physics.samples(), physics.period_s());
-    let (mass, gradient) = (&physics.mass[joint][joint], &physics.gradient[joint][joint]);
+    let (mass, gradient) = (&physics.mass()[joint][joint], &physics.gradient()[joint][joint]);
     let rigid = &physics.rigid[joint];
     let mean = mass.iter().sum::<f64>() / samples.max(1) as f64;
     let damping = 2.0 * gear.damping * (gear.stiffness * mean.max(1e-9)).sqrt();
@@ -67,7 +67,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
             if i == joint {
                 return Some(at_motor.clone());
             }
-            let (mass, gradient) = (&physics.mass[joint][i], &physics.gradient[joint][i]);
+            let (mass, gradient) = (&physics.mass()[joint][i], &physics.gradient()[joint][i]);
             Some((0..samples).map(|k| mass[k] * accels[k] + gradient[k] * deltas[k]).collect())
         })
         .collect()
