@@ -121,7 +121,9 @@ pub(crate) fn standard_columns(model: &Model, motion: &Motion, chain: &Chain) ->
         let mut y = vec![0.0; n * width];
         let mut means = vec![Vec::with_capacity(to - from); n * width];
         for group in *from..*to {
-            means.iter_mut().for_each(|m| m.push(0.0));
+            for mean in &mut means {
+                mean.push(0.0);
+            }
             for k in group * average..(group + 1) * average {
                 motion.state(k, &mut q, &mut qd, &mut qdd);
                 model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
@@ -129,7 +131,9 @@ pub(crate) fn standard_columns(model: &Model, motion: &Motion, chain: &Chain) ->
                     mean[group - from] += value;
                 }
             }
-            means.iter_mut().for_each(|m| m[group - from] /= average as f64);
+            for mean in &mut means {
+                mean[group - from] /= average as f64;
+            }
         }
         means
     };
