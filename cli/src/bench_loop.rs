@@ -3,7 +3,7 @@
 use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_config::{Robot, Trigger};
-use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop};
+use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, Snapshots};
 use rivet_dynamics::Workspace;
 use rivet_ipc_schema::{
     Bus, BusConfig, Health, JointState, LoadLevel, LoopPhase, PHASES, PeriodCause, PrivateBus, RobotName, Setpoint,
@@ -164,7 +164,8 @@ fn turn(
     let (outbound, mut inbox) = rtrb::RingBuffer::new(64);
     let (_requests, commands) = rtrb::RingBuffer::new(1);
     let progress = Arc::new(Progress::default());
-    let channels = Channels { outbound, commands, reload: Incoming::none(), progress };
+    let channels =
+        Channels { outbound, commands, reload: Incoming::none(), snapshots: Snapshots::none(), progress, flight: None };
     let mut turning = RealTimeLoop::open(core, &settings, config, name, channels)?;
     let (mut woken, mut work, mut done) = (Latencies::default(), Latencies::default(), Latencies::default());
     let (mut health, mut timing) = (Health::default(), Timing::default());

@@ -11,7 +11,6 @@ pub mod law;
 mod limits;
 pub mod output;
 mod recent;
-pub mod recorder;
 mod service_thread;
 pub mod shell;
 mod source;

@@ -1,15 +1,12 @@
-//! The thread that owns what may allocate or wait: the health publisher, the flight recorder, the log.
+//! The thread that owns what may allocate or wait: the health publisher, the flight record's file, the log.
 
 use crate::error::StartError;
 use crate::gate::refusal_text;
-use crate::recorder::{Pair, Recorder};
-use rivet_config::Robot;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason,
 };
 use rivet_realtime::Shutdown;
-use rivet_service::Manager;
-use std::path::Path;
+use rivet_service::{Flight, Manager};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
@@ -27,9 +24,8 @@ pub(crate) struct Pulse {
 }
 
 /// What the loop hands over.
+#[expect(clippy::large_enum_variant, reason = "all live in a preallocated ring; boxing would allocate in the loop")]
 pub(crate) enum Outbound {
-    /// An answered sample.
-    Pair(Pair),
     /// The controller's health.
     Health(ControllerHealth),
     /// The stop reaction has begun.
@@ -41,7 +37,8 @@ const TURN: Duration = Duration::from_millis(5);
 
 struct Service {
     health: Publisher<ControllerHealth>,
-    recorder: Option<Recorder>,
+    flight: Option<Arc<Flight>>,
+    name: RobotName,
     said: Option<(u32, u32, u32)>,
 }
 
@@ -50,12 +47,10 @@ pub(crate) fn start(
     config: &BusConfig,
     name: &RobotName,
     mut inbound: rtrb::Consumer<Outbound>,
-    folder: Option<&Path>,
-    robot: &Robot,
+    flight: Option<Arc<Flight>>,
     pulse: &Arc<Pulse>,
     shutdown: &Shutdown,
 ) -> Result<JoinHandle<()>, StartError> {
-    let recorder = folder.map(|folder| Recorder::new(folder, name.as_str(), robot.dof()));
     let (config, name, shutdown, pulse) = (config.clone(), name.clone(), shutdown.clone(), Arc::clone(pulse));
     let (ready, readiness) = mpsc::channel();
     let body = move || {
@@ -70,12 +65,15 @@ pub(crate) fn start(
             }
         };
         let _ = ready.send(Ok(()));
-        let mut service = Service { health, recorder, said: None };
+        let mut service = Service { health, flight, name: name.clone(), said: None };
         let mut manager = Manager::new();
         loop {
             let stopping = shutdown.is_requested();
             while let Ok(message) = inbound.pop() {
                 service.take(&message);
+            }
+            if let Some(flight) = &service.flight {
+                flight.serve();
             }
             // Late subscribers get the latest health; a failure here is a subscriber's, and will show again.
             let _ = service.health.refresh();
@@ -101,17 +99,12 @@ pub(crate) fn start(
 impl Service {
     fn take(&mut self, message: &Outbound) {
         match message {
-            Outbound::Pair(pair) => {
-                if let Some(recorder) = &mut self.recorder {
-                    recorder.push(pair);
-                }
-            }
             Outbound::Health(health) => {
                 self.say(health);
                 // A subscriber that cannot be reached is not the controller's concern.
                 let _ = self.health.send(health);
             }
-            Outbound::Stopped => match self.recorder.as_ref().map(Recorder::write) {
+            Outbound::Stopped => match self.flight.as_ref().map(|flight| flight.write(self.name.as_str())) {
                 None => log::error!(rivet_event = "stop"; "joint states stopped; no --state DIR, no flight record"),
                 Some(Ok(path)) => {
                     log::error!(rivet_event = "stop"; "joint states stopped; flight record {}", path.display());

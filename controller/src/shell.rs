@@ -3,7 +3,7 @@
 use crate::core::Core;
 use crate::error::StartError;
 use crate::gate::refusal_text;
-use crate::recorder::Pair;
+use crate::law::Desired;
 use crate::service_thread::{self, Outbound, Pulse};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
@@ -11,6 +11,7 @@ use rivet_ipc_schema::{
     Parameters, RobotName, Setpoint, Subscriber,
 };
 use rivet_realtime::{RealTimeSettings, Scheduling, Shutdown, now_ns};
+use rivet_service::Flight;
 use rivet_store::Store;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -57,8 +58,8 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// Samples taken in per period; more would be an unbounded loop.
 const CATCH_UP: usize = 32;
 
-/// Messages that may wait for the service thread: a second of samples at 1 kHz, and more than a flight record.
-const OUTBOUND: usize = 2048;
+/// Messages that may wait for the service thread.
+const OUTBOUND: usize = 64;
 
 struct Ports {
     states: Subscriber<JointState>,
@@ -109,15 +110,17 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     // The service thread comes first: what this thread starts later would inherit its scheduling.
     let (outbound, inbound) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
     let pulse = Arc::new(Pulse::default());
-    let state = options.state.as_deref();
-    let service = service_thread::start(&config, &name, inbound, state, &robot, &pulse, &shutdown)?;
+    let columns = ["q", "tau", "q_des", "qd_des", "qdd_des", "command"].map(|column| (column, robot.dof()));
+    let flight = options.state.as_deref().map(|folder| Arc::new(Flight::new(folder, name.as_str(), &columns)));
+    rivet_service::abort_on_panic(flight.clone());
+    let service = service_thread::start(&config, &name, inbound, flight.clone(), &pulse, &shutdown)?;
     let granted = rivet_realtime::enter(&realtime(&robot, options));
     let ended = granted.map_err(StartError::from).map(|granted| {
         for refused in &granted.refused {
             log::warn!("goes on without real time: {refused}");
         }
         log::info!(rivet_event = "waiting"; "{name}: waits for samples");
-        let mut control = Loop::new(core, ports, outbound, pulse, &robot, options.lockstep);
+        let mut control = Loop::new(core, ports, outbound, flight, pulse, &robot, options.lockstep);
         while !shutdown.is_requested() {
             control.period();
         }
@@ -166,6 +169,8 @@ struct Loop {
     core: Core,
     ports: Ports,
     outbound: rtrb::Producer<Outbound>,
+    flight: Option<Arc<Flight>>,
+    joints: usize,
     pulse: Arc<Pulse>,
     period: Duration,
     health_every: u64,
@@ -180,6 +185,7 @@ impl Loop {
         core: Core,
         ports: Ports,
         outbound: rtrb::Producer<Outbound>,
+        flight: Option<Arc<Flight>>,
         pulse: Arc<Pulse>,
         robot: &Robot,
         lockstep: bool,
@@ -189,6 +195,8 @@ impl Loop {
             core,
             ports,
             outbound,
+            flight,
+            joints: robot.dof(),
             pulse,
             period: Duration::from_secs_f64(robot.config.sample_period_s),
             health_every: robot.config.publish.health_every as u64,
@@ -254,8 +262,13 @@ impl Loop {
         self.ports.command.write(&command);
         self.answered_ns = Some(now);
         self.since_health += 1;
-        let plan = self.core.plan().copied();
-        self.hand_over(Outbound::Pair(Pair { sample: *sample, plan, command }));
+        if let Some(flight) = &self.flight {
+            let n = self.joints;
+            // Without a plan the arm was to stay where it was.
+            let plan = self.core.plan().copied().unwrap_or(Desired { q: sample.q, ..Desired::default() });
+            let columns = [&sample.q, &sample.tau, &plan.q, &plan.qd, &plan.qdd, &command.tau];
+            flight.push(sample.stamp_ns, sample.seq, sample.faults, columns.into_iter().flat_map(|c| &c[..n]).copied());
+        }
         true
     }
 

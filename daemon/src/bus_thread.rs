@@ -134,7 +134,7 @@ fn turn(
 pub(crate) struct Requests {
     /// To the loop.
     pub(crate) commands: rtrb::Producer<ControlCommand>,
-    /// To the thread that reads the robot file, and how that ended.
+    /// To the thread that reads the robot file; how that ended, or what was asked of the store.
     pub(crate) reloads: Sender<()>,
     pub(crate) outcomes: Receiver<Outcome>,
 }
@@ -145,12 +145,12 @@ impl Requests {
         let refused = |why: &str| Answer::Now(ControlStatus::Refused, why.to_owned());
         let done = || Answer::Now(ControlStatus::Done, String::new());
         match (command, kept) {
-            (ControlCommand::Save, Some(kept)) if kept.save_now() => done(),
+            // Who works on a request for another thread answers for itself: `Later` refuses a second one.
+            (ControlCommand::Save | ControlCommand::Reload, _) if owes => Answer::Later,
+            (ControlCommand::Save, Some(kept)) if kept.save_now() => Answer::Later,
             (ControlCommand::Save, Some(_)) => refused("there is nothing new that is worth storing"),
             (ControlCommand::Save, None) => refused("rivetd runs without --state: nothing is stored"),
             (ControlCommand::Load, _) => refused("what is stored is taken up at the start only"),
-            // One that is being worked on answers for itself: `Later` refuses a second one.
-            (ControlCommand::Reload, _) if owes => Answer::Later,
             (ControlCommand::Reload, _) => match self.reloads.send(()) {
                 Ok(()) => Answer::Later,
                 Err(_) => refused("rivetd is on its way out"),

@@ -6,7 +6,7 @@ use rivet_config::Robot;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::{
     Identifier, Instrument, LARGEST_EFFORT, LARGEST_MOTION, Motion, Observer, ParameterState as Estimated, Phase,
-    Reconfigured, Row, Sample, SettingsError, Step,
+    Reconfigured, Row, Sample, SettingsError, Skip, Step,
 };
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, MAX_PARAMETERS,
@@ -61,6 +61,10 @@ pub struct Counts {
     pub restarts: u64,
     /// Samples not used because a reading cannot be true.
     pub unbelievable: u64,
+    /// Sound samples that were left aside because there was no time for them.
+    pub held: u64,
+    /// Rows not learnt from because their torques are in doubt.
+    pub doubted: u64,
 }
 
 /// Consecutive "old" samples, each one newer than the one before, after which the robot controller counts as restarted.
@@ -97,6 +101,8 @@ pub struct Core {
     stale_run: u64,
     stale_seq: u64,
     setpoints_seen: bool,
+    /// Numbers of the estimator's memory, and what they mean.
+    memory: (usize, u64),
     /// Updates before which the estimate is called provisional.
     provisional_updates: u64,
     counts: Counts,
@@ -112,6 +118,7 @@ impl Core {
         let identifier =
             Identifier::new(Arc::clone(&robot.model), Arc::clone(&robot.base), &robot.nominal_base, &settings)?;
         Ok(Core {
+            memory: (identifier.memory_len(), identifier.memory_fingerprint()),
             identifier,
             clock: SampleClock::new(robot.config.sample_period_s),
             guard: InputGuard::new(robot),
@@ -257,7 +264,10 @@ impl Core {
             return Err(self.refuse(found.fault, found.joints, Refused::Reading(found.fault)));
         }
         if self.load == LoadLevel::Hold {
+            // The signals begin anew when learning does: nothing of a fault is in them.
             self.interrupted = true;
+            self.counts.held += 1;
+            self.record.good(true);
             return Ok(());
         }
         // Differences across a hole would be wrong velocities: the signal chain starts anew, the information stays.
@@ -285,6 +295,7 @@ impl Core {
             return Err(self.refuse(InputFault::Implausible, 0, Refused::Invalid));
         }
         self.counts.samples += 1;
+        self.counts.doubted += u64::from(step == Step::Skipped(Skip::NotAdmitted));
         match wrong {
             Some(found) => self.record.interrupt(found, 1),
             None => self.record.good(step != Step::WarmingUp),
@@ -362,6 +373,26 @@ impl Core {
         self.identifier.recall(values, std, identified)
     }
 
+    /// Numbers that [`write_memory`](Self::write_memory) writes.
+    pub fn memory_len(&self) -> usize {
+        self.memory.0
+    }
+
+    /// Says what those numbers mean: [`Identifier::memory_fingerprint`].
+    pub fn memory_fingerprint(&self) -> u64 {
+        self.memory.1
+    }
+
+    /// Writes all that the estimator has learnt; false if `room` is not of as many numbers. Real-time safe.
+    pub fn write_memory(&mut self, room: &mut [f64]) -> bool {
+        self.identifier.remember_all(room)
+    }
+
+    /// Goes on from what a core with the same fingerprint wrote; false, and nothing changed, if it cannot be of such a one.
+    pub fn resume(&mut self, memory: &[f64]) -> bool {
+        self.identifier.resume_from(memory)
+    }
+
     /// Goes on with the settings of `fresh`, made for the same model: filters, window, thresholds, rate of publication. No
     /// sample is lost and no parameter steps; see [`Identifier::reconfigure`]. What is replaced is left in `fresh`.
     ///
@@ -370,6 +401,7 @@ impl Core {
         self.publish_every = fresh.publish_every;
         self.row_period_s = fresh.row_period_s;
         self.provisional_updates = fresh.provisional_updates;
+        self.memory = fresh.memory;
         self.guard.adopt_limits(&fresh.guard);
         let kept = self.identifier.reconfigure(&mut fresh.identifier);
         if !kept.window {
@@ -446,6 +478,8 @@ impl Core {
         out.refused_invalid = self.counts.invalid;
         out.rejected_faults = self.counts.faults;
         out.gaps = self.counts.gaps;
+        out.samples_held = self.counts.held;
+        out.rows_doubted = self.counts.doubted;
         out.setpoints_missing = self.counts.setpoints_missing;
         out.active = estimate.state.iter().filter(|s| **s == Estimated::Active).count() as u32;
         out.held = self.count as u32 - out.active;
@@ -481,12 +515,22 @@ impl Core {
             DaemonMode::Frozen
         } else if self.counts.samples == 0 {
             DaemonMode::Starting
-        } else if estimate.verdict.suspended {
+        } else if estimate.verdict.suspended || self.load == LoadLevel::Hold {
             DaemonMode::Suspended
         } else {
             DaemonMode::Estimating
         }
         .into();
+    }
+
+    /// What the estimator knows now.
+    pub fn estimate(&self) -> rivet_estimation::Estimate<'_> {
+        self.identifier.estimate()
+    }
+
+    /// Joints of the arm.
+    pub fn dof(&self) -> usize {
+        self.dof
     }
 
     /// What happened so far.

@@ -29,7 +29,7 @@ const REFERENCED_S: f64 = 10.0;
 /// Samples at the torque limit that are more than a peak.
 const SATURATED_RUN: u32 = 3;
 /// Share of the torque limit from which on a torque is at it.
-const AT_LIMIT: f64 = 0.999;
+pub(crate) const AT_LIMIT: f64 = 0.999;
 /// Across more lost samples than this nothing is said about jumps.
 const MOST_LOST: u64 = 10;
 /// A stamp off by more than this many periods jumps.

@@ -2,11 +2,15 @@
 
 use crate::core::Core;
 use crate::error::StartError;
+use crate::reload::Outcome;
+use crate::snapshot::{Asking, Snapshot};
 use rivet_config::Robot;
-use rivet_ipc_schema::{ParameterState, Parameters, RobotName, parameter_flags};
+use rivet_ipc_schema::{ControlStatus, ParameterState, Parameters, RobotName, parameter_flags};
 use rivet_realtime::Shutdown;
-use rivet_store::{Knowledge, Store, Supervision};
+use rivet_service::{Flight, Reason};
+use rivet_store::{Knowledge, Memory, Store, Supervision};
 use std::path::Path;
+use std::sync::mpsc::Sender;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -33,12 +37,25 @@ impl Latest {
 
     /// Keeps `set` if the estimator stands by it.
     pub(crate) fn offer(&self, set: &Parameters) {
-        if set.flags & (parameter_flags::PROVISIONAL | parameter_flags::SUSPENDED) == 0 {
+        if accepted(set) {
             self.waiting().set = Some(*set);
         }
     }
 
-    /// Asks for a file without waiting for the interval; false when there is nothing new to write.
+    fn has_news(&self) -> bool {
+        self.waiting().set.is_some()
+    }
+
+    fn take_news(&self) -> Option<Parameters> {
+        self.waiting().set.take()
+    }
+
+    fn take_request(&self) -> bool {
+        std::mem::take(&mut self.waiting().now)
+    }
+
+    /// Asks for a file without waiting for the interval: the keeper answers when the disk has it. False when there is nothing
+    /// new to write.
     pub(crate) fn save_now(&self) -> bool {
         let mut waiting = self.waiting();
         waiting.now = waiting.set.is_some();
@@ -46,11 +63,21 @@ impl Latest {
     }
 }
 
+/// Whether the estimator stands by it.
+fn accepted(set: &Parameters) -> bool {
+    set.flags & (parameter_flags::PROVISIONAL | parameter_flags::SUSPENDED) == 0
+}
+
 /// The store of one robot, and the model whose numbers it holds.
 pub(crate) struct Keeper {
     store: Store,
     hash: u64,
 }
+
+/// How long the loop may take to hand over what it knows before the parameters alone are stored.
+const HAND_OVER: Duration = Duration::from_secs(1);
+/// The same on the way out.
+const LAST_WORDS: Duration = Duration::from_millis(300);
 
 impl Keeper {
     /// Opens the store and lets `core` go on from what it holds; files of another model are set aside.
@@ -63,9 +90,17 @@ impl Keeper {
         for path in store.set_others_aside(robot.hash)? {
             log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
         }
-        match loaded.knowledge.map(|knowledge| recall(core, &knowledge)) {
-            Some(true) => log::info!(rivet_event = "state-restored"; "goes on from stored parameters"),
-            Some(false) => {
+        match loaded.knowledge.map(|knowledge| (recall(core, &knowledge), knowledge.parameters.seq)) {
+            Some((Recalled::All, seq)) => {
+                log::info!(rivet_event = "state-restored"; "goes on from stored parameters, window and supervision, as of sample {seq}");
+            }
+            Some((Recalled::Parameters, seq)) => {
+                log::info!(
+                    rivet_event = "state-restored";
+                    "goes on from stored parameters, as of sample {seq}; the window begins anew"
+                );
+            }
+            Some((Recalled::Nothing, _)) => {
                 log::warn!(rivet_event = "state-refused"; "stored parameters do not fit the model and are not used");
             }
             None => log::info!(rivet_event = "state-none"; "no stored parameters: starts from the robot file's"),
@@ -74,53 +109,120 @@ impl Keeper {
     }
 
     /// Stores what comes until shut down, then what is left.
-    pub(crate) fn run(mut self, latest: &Latest, shutdown: &Shutdown) {
+    pub(crate) fn run(
+        mut self,
+        latest: &Latest,
+        mut asking: Asking,
+        flight: &Flight,
+        answers: &Sender<Outcome>,
+        shutdown: &Shutdown,
+    ) {
         let mut next = Instant::now() + INTERVAL;
+        // Since when the loop has been asked, and whether someone waits for an answer.
+        let (mut asked, mut owed) = (None, false);
         let mut complained = false;
         loop {
             let stopping = shutdown.is_requested();
             if stopping {
                 // The bus thread hands over what the loop left behind in its last turn.
                 std::thread::sleep(TURN);
+                flight.ask(Reason::Stop);
             }
-            let due = stopping || Instant::now() >= next;
-            let set = {
-                let mut waiting = latest.waiting();
-                let now = std::mem::take(&mut waiting.now);
-                if due || now { waiting.set.take() } else { None }
-            };
+            let (due, now) = (Instant::now() >= next, latest.take_request());
             if due {
                 next = Instant::now() + INTERVAL;
             }
-            if let Some(set) = set {
-                match self.store.save(&knowledge(&set, self.hash)) {
-                    Ok(()) => complained = false,
-                    Err(why) if !complained => {
-                        complained = true;
-                        log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");
+            owed |= now;
+            if (due || now) && asked.is_none() && latest.has_news() {
+                asked = Some(Instant::now());
+                asking.ask();
+            }
+            let mut found = None;
+            let mut last = !stopping;
+            let begin = Instant::now();
+            loop {
+                while let Some((end, knowledge)) = asking.with(|filled| (filled.last, self.whole(filled))) {
+                    found = Some(knowledge);
+                    last |= end;
+                }
+                // What the loop knew when it ended.
+                if last || begin.elapsed() >= LAST_WORDS {
+                    break;
+                }
+                std::thread::sleep(TURN / 10);
+            }
+            let waited = asked.is_some_and(|since| since.elapsed() >= HAND_OVER);
+            if found.is_some() || waited || stopping {
+                asked = None;
+                // What the estimator does not stand by now it may have stood by a moment ago.
+                let news = latest.take_news();
+                let knowledge =
+                    found.flatten().filter(|_| news.is_some()).or(news.map(|set| knowledge(&set, self.hash)));
+                if let Some(knowledge) = knowledge {
+                    let saved = self.store.save(&knowledge);
+                    if owed {
+                        owed = false;
+                        let outcome = match &saved {
+                            Ok(()) => {
+                                (ControlStatus::Done, format!("stored as of sample {}", knowledge.parameters.seq))
+                            }
+                            Err(why) => (ControlStatus::Failed, format!("not stored: {why}")),
+                        };
+                        // The bus thread is gone when the daemon is on its way out.
+                        let _ = answers.send(outcome);
                     }
-                    Err(_) => {}
+                    match saved {
+                        Ok(()) => complained = false,
+                        Err(why) if !complained => {
+                            complained = true;
+                            log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");
+                        }
+                        Err(_) => {}
+                    }
                 }
             }
+            flight.serve();
             if stopping {
                 return;
             }
             std::thread::sleep(TURN);
         }
     }
+
+    /// A snapshot as it is stored, if the estimator stands by it.
+    fn whole(&self, snapshot: &Snapshot) -> Option<Knowledge> {
+        accepted(&snapshot.parameters).then(|| {
+            let whole = snapshot.fingerprint != 0;
+            let memory = Memory { fingerprint: snapshot.fingerprint, numbers: snapshot.memory.clone() };
+            Knowledge { memory: whole.then_some(memory), ..knowledge(&snapshot.parameters, self.hash) }
+        })
+    }
 }
 
-/// Lets `core` go on from what was stored: values, how well they are known, and what had been identified.
-fn recall(core: &mut Core, knowledge: &Knowledge) -> bool {
+/// What of the stored was taken up.
+enum Recalled {
+    All,
+    Parameters,
+    Nothing,
+}
+
+/// Lets `core` go on from what was stored: all that was learnt if it is made alike; else values, how well they are known, and
+/// what had been identified.
+fn recall(core: &mut Core, knowledge: &Knowledge) -> Recalled {
     let stored = &knowledge.parameters;
-    match &knowledge.supervision {
+    let known = knowledge.memory.as_ref().filter(|memory| memory.fingerprint == core.memory_fingerprint());
+    if known.is_some_and(|memory| core.resume(&memory.numbers)) {
+        return Recalled::All;
+    }
+    let taken = match &knowledge.supervision {
         Some(supervision) => {
             let identified: Vec<bool> =
                 supervision.state.iter().map(|s| *s != u8::from(ParameterState::Unidentified)).collect();
             core.recall(&stored.values, &stored.std, &identified)
         }
         None => core.load(&stored.values),
-    }
+    };
+    if taken { Recalled::Parameters } else { Recalled::Nothing }
 }
 
 fn knowledge(set: &Parameters, model_hash: u64) -> Knowledge {
@@ -132,5 +234,5 @@ fn knowledge(set: &Parameters, model_hash: u64) -> Knowledge {
         std: set.std[..n].to_vec(),
     };
     let supervision = Supervision { state: set.state[..n].to_vec(), excitation: set.excitation[..n].to_vec() };
-    Knowledge { model_hash, parameters, supervision: Some(supervision) }
+    Knowledge { model_hash, parameters, supervision: Some(supervision), memory: None }
 }

@@ -2,10 +2,12 @@
 
 use crate::core::Core;
 use crate::error::StartError;
+use crate::flight::Recorder;
 use crate::ladder::Ladder;
 use crate::outbound::Outbound;
 use crate::progress::{Progress, Snapshot};
 use crate::reload::Incoming;
+use crate::snapshot::Snapshots;
 use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
@@ -13,6 +15,7 @@ use rivet_ipc_schema::{
     LoopPhase, Parameters, RobotName, Setpoint, Subscriber, Timing as TimingMessage, parameter_flags,
 };
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
+use rivet_service::Flight;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -185,8 +188,12 @@ pub struct Channels {
     pub commands: rtrb::Consumer<ControlCommand>,
     /// Changed settings.
     pub reload: Incoming,
+    /// What the store asks for.
+    pub snapshots: Snapshots,
     /// How far the loop is.
     pub progress: Arc<Progress>,
+    /// The flight record, if there is one.
+    pub flight: Option<Arc<Flight>>,
 }
 
 /// Everything of the loop: made once, then [`period`](RealTimeLoop::period) again and again.
@@ -196,6 +203,7 @@ pub struct RealTimeLoop {
     input: Input,
     pace: Pace,
     channels: Channels,
+    recorder: Recorder,
     /// A period with samples was in time.
     met: bool,
     timing: Timing,
@@ -241,6 +249,7 @@ impl RealTimeLoop {
         };
         let period_ns = u64::try_from(settings.period.as_nanos()).unwrap_or(u64::MAX);
         Ok(RealTimeLoop {
+            recorder: Recorder::new(channels.flight.clone(), core.dof()),
             core,
             settings: settings.clone(),
             input,
@@ -312,6 +321,7 @@ impl RealTimeLoop {
             met: self.met,
             wrong_period_ns: self.core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
         });
+        self.channels.snapshots.serve(&mut self.core);
         self.timing.done(LoopPhase::Publish);
         let work = self.timing.end();
         if let Some(level) = self.ladder.period(work, taken) {
@@ -330,6 +340,7 @@ impl RealTimeLoop {
             let timing = &mut self.timing;
             let output =
                 self.core.tick_timed(&sample, setpoint.as_ref(), link.as_ref(), |phase| timing.estimator_done(phase));
+            self.recorder.sample(&self.core, &sample, setpoint.as_ref());
             // Stamps of samples that are refused say nothing of the others.
             let late = output.taken.is_ok() && self.delay.late(start, sample.stamp_ns, self.settings.stale_ns);
             if output.publish {
@@ -360,6 +371,7 @@ impl RealTimeLoop {
         let gone = silent || (publishers == 0 && self.last_sample_ns.is_some());
         if gone && !self.gone {
             self.core.note(InputFault::PublisherGone, 1);
+            self.recorder.gone();
         }
         self.gone = gone;
         let health = &mut self.health;
@@ -415,6 +427,7 @@ pub(crate) fn run(
     while !shutdown.is_requested() {
         turning.period();
     }
+    turning.channels.snapshots.end(&mut turning.core);
 }
 
 #[cfg(test)]

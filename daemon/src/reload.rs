@@ -6,6 +6,8 @@ use rivet_estimation::Reconfigured;
 use rivet_ipc_schema::ControlStatus;
 use rivet_realtime::{Hangup, Shutdown};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::{Duration, Instant};
 
@@ -14,9 +16,15 @@ const TURN: Duration = Duration::from_millis(10);
 /// The loop swaps within a period; one that has not for this long is stuck, which the watchdog will say.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// Whose a [`Swap`] is: one side takes it, or the other calls it back; never both.
+const OFFERED: u8 = 0;
+const TAKEN: u8 = 1;
+const CALLED_BACK: u8 = 2;
+
 /// A core on its way into the loop, and, with what it was changed for, out of it.
 pub(crate) struct Swap {
     pub(crate) core: Box<Core>,
+    ticket: Arc<AtomicU8>,
     /// What was kept, and the number of the last sample before the change.
     pub(crate) done: Option<(Reconfigured, u64)>,
 }
@@ -36,7 +44,8 @@ impl Incoming {
     /// Changes `core` if there is something to change it for. Real-time safe.
     pub(crate) fn apply(&mut self, core: &mut Core) {
         if let Ok(mut swap) = self.fresh.pop() {
-            swap.done = Some((core.reconfigure(&mut swap.core), core.last_seq()));
+            let mine = swap.ticket.compare_exchange(OFFERED, TAKEN, Ordering::AcqRel, Ordering::Relaxed).is_ok();
+            swap.done = mine.then(|| (core.reconfigure(&mut swap.core), core.last_seq()));
             // There is room: the other end sends one at a time. If there were none, the loop would drop it.
             let _ = self.replaced.push(swap);
         }
@@ -50,6 +59,7 @@ pub(crate) type Outcome = (ControlStatus, String);
 pub(crate) struct Reloader {
     path: PathBuf,
     robot: Robot,
+    patience: Duration,
     fresh: rtrb::Producer<Swap>,
     replaced: rtrb::Consumer<Swap>,
 }
@@ -59,7 +69,7 @@ impl Reloader {
     pub(crate) fn new(path: &Path, robot: &Robot) -> (Reloader, Incoming) {
         let (fresh, fresh_end) = rtrb::RingBuffer::new(1);
         let (replaced_end, replaced) = rtrb::RingBuffer::new(1);
-        let reloader = Reloader { path: path.to_owned(), robot: robot.clone(), fresh, replaced };
+        let reloader = Reloader { path: path.to_owned(), robot: robot.clone(), patience: PATIENCE, fresh, replaced };
         (reloader, Incoming { fresh: fresh_end, replaced: replaced_end })
     }
 
@@ -106,19 +116,25 @@ impl Reloader {
         };
         // One that came back after its time was up has nothing to say any more.
         while self.replaced.pop().is_ok() {}
-        if self.fresh.push(Swap { core, done: None }).is_err() {
+        let ticket = Arc::new(AtomicU8::new(OFFERED));
+        if self.fresh.push(Swap { core, ticket: Arc::clone(&ticket), done: None }).is_err() {
             return (ControlStatus::Failed, "the loop has not taken the last one".to_owned());
         }
         let begin = Instant::now();
-        while begin.elapsed() < PATIENCE && !shutdown.is_requested() {
+        while !shutdown.is_requested() {
             if let Ok(Swap { done: Some((kept, seq)), .. }) = self.replaced.pop() {
                 let text = told(&self.path, &self.robot, &robot, kept, seq);
                 self.robot = robot;
                 return (ControlStatus::Done, text);
             }
+            // What the loop has taken by now it is about to hand back; what it has not, it will leave.
+            let late = begin.elapsed() >= self.patience;
+            if late && ticket.compare_exchange(OFFERED, CALLED_BACK, Ordering::AcqRel, Ordering::Relaxed).is_ok() {
+                break;
+            }
             std::thread::sleep(Duration::from_millis(1));
         }
-        (ControlStatus::Failed, "the loop did not take it in time".to_owned())
+        (ControlStatus::Failed, "the loop did not take it in time and will not take it later".to_owned())
     }
 }
 
@@ -156,4 +172,36 @@ fn told(path: &Path, old: &Robot, new: &Robot, kept: Reconfigured, seq: u64) -> 
         text += &later.join(", ");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A loop that is stuck for longer than the request waits must not change later what was told to stay.
+    #[test]
+    fn what_came_too_late_is_not_taken_later() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.toml");
+        let robot = rivet_config::load(&file).expect("the robot file is sound");
+        let mut core = Core::new(&robot).expect("sound settings");
+        let (mut reloader, mut incoming) = Reloader::new(&file, &robot);
+        reloader.patience = Duration::from_millis(5);
+        let shutdown = Shutdown::new();
+        let (status, text) = reloader.reload(&shutdown);
+        assert_eq!(status, ControlStatus::Failed, "{text}");
+        assert_eq!(reloader.reload(&shutdown).0, ControlStatus::Failed, "nor is there room for another one");
+        incoming.apply(&mut core);
+        let late = reloader.replaced.pop().expect("handed back, to be dropped here");
+        assert!(late.done.is_none(), "not applied");
+        // In time it is.
+        reloader.patience = PATIENCE;
+        let loop_thread = std::thread::spawn(move || {
+            while incoming.fresh.is_empty() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            incoming.apply(&mut core);
+        });
+        assert_eq!(reloader.reload(&shutdown).0, ControlStatus::Done);
+        loop_thread.join().expect("no panic");
+    }
 }

@@ -8,18 +8,20 @@ use crate::bus_thread::{self, Requests};
 use crate::consistent::{self, Projector, Waiting};
 use crate::core::Core;
 use crate::error::StartError;
+use crate::flight::flight;
 use crate::keeper::{Keeper, Latest};
 use crate::loop_thread::{self, Channels, LoopSettings};
 use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Reloader;
+use crate::snapshot::snapshots;
 use rivet_config::{Realtime, Robot, Scheduler, Trigger};
 use rivet_ipc_schema::{BusConfig, ControlCommand, RobotName};
 use rivet_realtime::{Hangup, Overrun, RealTimeSettings, Scheduling, Shutdown};
-use rivet_service::Manager;
+use rivet_service::{Flight, Manager, Reason};
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How the daemon is to run, beside what the robot file says.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -62,6 +64,9 @@ const OUTBOUND: usize = 64;
 
 /// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
 const SHARED_MEMORY: u64 = 32 << 20;
+
+/// A loop that stands still for this long is recorded, before the service manager's watchdog ends the process.
+const STUCK: Duration = Duration::from_millis(700);
 
 /// Control requests that may wait for the loop.
 const INBOUND: usize = 16;
@@ -135,16 +140,19 @@ fn run_threads(
 
     // Service threads come first: what the loop thread starts would inherit its scheduling.
     let kept = Arc::new(Latest::default());
-    let keeping = match keeper {
-        Some(keeper) => {
-            let (kept, shutdown) = (Arc::clone(&kept), shutdown.clone());
-            Some(spawn("rivetd-store", move || keeper.run(&kept, &shutdown))?)
+    let flight = options.state.as_deref().map(|folder| Arc::new(flight(folder, robot)));
+    rivet_service::abort_on_panic(flight.clone());
+    let (outcome, outcomes) = mpsc::channel();
+    let (asking, snapshots) = snapshots(core.memory_len());
+    let keeping = match keeper.zip(flight.clone()) {
+        Some((keeper, flight)) => {
+            let (kept, shutdown, answers) = (Arc::clone(&kept), shutdown.clone(), outcome.clone());
+            Some(spawn("rivetd-store", move || keeper.run(&kept, asking, &flight, &answers, &shutdown))?)
         }
         None => None,
     };
     let (reloader, incoming) = Reloader::new(&options.robot, robot);
     let (reloads, asked) = mpsc::channel();
-    let (outcome, outcomes) = mpsc::channel();
     let reloading = {
         let shutdown = shutdown.clone();
         spawn("rivetd-reload", move || reloader.run(&hangup, &asked, &outcome, &shutdown))?
@@ -182,8 +190,9 @@ fn run_threads(
     };
     let estimator = {
         let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
+        let flight = flight.clone();
         spawn("rivetd-loop", move || {
-            let channels = Channels { outbound, commands: commands_end, reload: incoming, progress };
+            let channels = Channels { outbound, commands: commands_end, reload: incoming, snapshots, progress, flight };
             loop_thread::run(core, &settings, &bus, &name, channels, &shutdown, &ready);
         })?
     };
@@ -194,16 +203,13 @@ fn run_threads(
         .try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
     if started.is_ok() {
         log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
-        watch(&progress, shutdown, &threads);
+        watch(&progress, shutdown, &threads, flight.as_deref());
     }
     shutdown.request();
     // The store is last: it writes what the others left.
-    let ended = threads.into_iter().chain([reloading]).chain(keeping).map(std::thread::JoinHandle::join);
-    let panicked = ended.filter(Result::is_err).count() > 0;
+    // A panic would have ended the process.
+    threads.into_iter().chain([reloading]).chain(keeping).for_each(|thread| drop(thread.join()));
     started?;
-    if panicked {
-        return Err(StartError::Thread("a thread of the daemon panicked"));
-    }
     let end = progress.read();
     log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
     Ok(())
@@ -226,8 +232,9 @@ fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread
 }
 
 /// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
-fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>]) {
+fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>], flight: Option<&Flight>) {
     let mut manager = Manager::new();
+    let (mut seen, mut moved, mut stuck) = (0, Instant::now(), false);
     let (mut flowing, mut complained) = (false, false);
     while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
         std::thread::sleep(Duration::from_millis(20));
@@ -236,6 +243,15 @@ fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinH
             flowing = true;
             log::info!(rivet_event = "ready"; "samples are flowing");
             manager.ready();
+        }
+        if now.periods != seen {
+            (seen, moved, stuck) = (now.periods, Instant::now(), false);
+        } else if !stuck && moved.elapsed() > STUCK {
+            stuck = true;
+            log::error!(rivet_event = "stuck"; "the real-time loop has stood still for {:.1} s", moved.elapsed().as_secs_f64());
+            if let Some(flight) = flight {
+                flight.ask(Reason::Stuck);
+            }
         }
         if (now.wrong_period_ns > 0) != complained {
             complained = !complained;

@@ -15,6 +15,10 @@ struct Bad {
     cause: u32,
 }
 
+/// For how long a period is one of the worst \[ns\]: what happened once must not hide for months what happens now. The largest
+/// of each phase ever is in its histogram's message.
+const WORST_AGE_NS: u64 = 3_600_000_000_000;
+
 /// What the loop measures about itself. Nothing allocates; the clock is the vDSO's.
 #[derive(Debug)]
 pub(crate) struct Timing {
@@ -125,6 +129,19 @@ impl Timing {
         work
     }
 
+    /// Leaves out what is too long ago; the order stays.
+    fn forget_old(&mut self, now_ns: u64) {
+        let mut kept = 0;
+        for k in 0..self.kept {
+            if now_ns.saturating_sub(self.worst[k].due_ns) <= WORST_AGE_NS {
+                self.worst[kept] = self.worst[k];
+                kept += 1;
+            }
+        }
+        self.worst[kept..].fill(Bad::default());
+        self.kept = kept;
+    }
+
     pub(crate) fn write_health(&self, health: &mut Health) {
         health.periods = self.periods;
         health.overruns = self.overruns;
@@ -138,6 +155,7 @@ impl Timing {
     }
 
     pub(crate) fn write(&mut self, out: &mut TimingMessage) {
+        self.forget_old(now_ns());
         // So that what comes next is not blamed on what was before.
         self.usage = ThreadUsage::now();
         out.periods = self.periods;
@@ -217,5 +235,28 @@ mod tests {
         assert_eq!((message.count, message.periods), (32, 1000));
         let counted: u32 = message.phase_histogram[HISTOGRAM_BINS..2 * HISTOGRAM_BINS].iter().sum();
         assert_eq!((counted, message.phase_max_ns[1]), (1000, 1000));
+    }
+
+    /// An hour later the worst of before are gone, and what came since stands in order.
+    #[test]
+    fn the_worst_periods_age() {
+        let mut timing = Timing::new(1_000_000);
+        for k in 0..40_u64 {
+            timing.begin(0);
+            timing.now = of(0, 1000 * (k + 1), 0);
+            timing.end();
+        }
+        let now = now_ns();
+        for (k, bad) in timing.worst.iter_mut().enumerate() {
+            bad.due_ns = now + if k % 2 == 0 { 0 } else { WORST_AGE_NS };
+        }
+        timing.forget_old(now + WORST_AGE_NS + 1);
+        assert_eq!(timing.kept, 16);
+        let total: Vec<u64> = timing.worst[..17].iter().map(|bad| bad.total_ns / 1000).collect();
+        assert_eq!(total, (0..16).map(|k| 39 - 2 * k).chain([0]).collect::<Vec<u64>>());
+        timing.begin(0);
+        timing.now = of(0, 500, 0);
+        timing.end();
+        assert_eq!((timing.kept, timing.worst[16].total_ns), (17, 500));
     }
 }

@@ -1,6 +1,6 @@
 //! Whether measured torques can be those that make the motion: signs and stuck sensors, by the model as identified so far.
 
-use crate::input::{Found, InputGuard};
+use crate::input::{AT_LIMIT, Found, InputGuard};
 use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::{Estimate, Row};
 use rivet_ipc_schema::{InputFault, JointState};
@@ -22,7 +22,8 @@ const SUSPECT_RUN: u32 = 10;
 const STUCK_RUN: u32 = 20;
 /// How far the torque that the motion needs must have gone meanwhile, in sigmas.
 const STUCK_SIGMAS: f64 = 8.0;
-/// Time for which nothing is learnt after a torque has changed its sign from one sample to the next \[s\]: until rows tell.
+/// Time for which nothing is learnt after a torque has changed its sign from one sample to the next, or has jumped to the
+/// drive's limit, or stood still \[s\]: until rows tell, or the filters have forgotten it.
 const SUSPICION_S: f64 = 0.2;
 /// A step of the torque is large beyond this many times the usual one.
 const LARGE_STEP: f64 = 12.0;
@@ -53,7 +54,6 @@ pub(crate) struct TorqueWatch {
     dof: usize,
     suspicion: u32,
     suspect: u32,
-    stuck_suspected: bool,
     seen: bool,
     joints: [Joint; MAX_JOINTS],
 }
@@ -62,7 +62,7 @@ impl TorqueWatch {
     pub(crate) fn new(dof: usize, period_s: f64) -> TorqueWatch {
         let suspicion = (SUSPICION_S / period_s).ceil() as u32;
         let joints = [Joint::default(); MAX_JOINTS];
-        TorqueWatch { dof, suspicion, suspect: 0, stuck_suspected: false, seen: false, joints }
+        TorqueWatch { dof, suspicion, suspect: 0, seen: false, joints }
     }
 
     /// The signals begin anew: what was found about them is over.
@@ -93,14 +93,15 @@ impl TorqueWatch {
     /// Takes in the torques of a sample that `guard` has looked at; what is wrong with them, and whether that has just ended.
     pub(crate) fn sample(&mut self, sample: &JointState, guard: &InputGuard) -> (Option<Found>, bool) {
         self.suspect = self.suspect.saturating_sub(1);
-        self.stuck_suspected = false;
         let (mut stuck, mut flipped, mut ended) = (0, 0, false);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             let (tau, least) = (sample.tau[j], LIMIT_SHARE * guard.torque_limit(j));
             let step = tau - joint.tau;
             if self.seen {
                 let large = step * step > (LARGE_STEP * LARGE_STEP * joint.usual).max(least * least);
-                if joint.trusted && large && (tau + joint.tau).abs() < FLIPPED * step.abs() {
+                let sign = (tau + joint.tau).abs() < FLIPPED * step.abs();
+                let at_limit = tau.abs() >= AT_LIMIT * guard.torque_limit(j);
+                if joint.trusted && large && (sign || at_limit) {
                     self.suspect = self.suspicion;
                 }
                 let most = LARGE_STEP * LARGE_STEP * joint.usual + f64::MIN_POSITIVE;
@@ -114,7 +115,8 @@ impl TorqueWatch {
                 ended |= joint.stuck;
                 joint.stuck = false;
             } else if joint.trusted && moves {
-                self.stuck_suspected |= run >= SUSPECT_RUN;
+                // Until the filters hold nothing of it any more.
+                self.suspect = if run >= SUSPECT_RUN { self.suspicion } else { self.suspect };
                 let needed = (joint.predicted - joint.predicted_before).abs();
                 joint.stuck |= run >= STUCK_RUN && needed > (STUCK_SIGMAS * joint.sigma).max(least);
             }
@@ -132,7 +134,7 @@ impl TorqueWatch {
 
     /// Whether a row may be learnt from.
     pub(crate) fn admits(&mut self, row: &Row, limits: &InputGuard) -> bool {
-        let mut doubtful = self.suspect > 0 || self.stuck_suspected;
+        let mut doubtful = self.suspect > 0;
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             joint.predicted = row.predicted[j];
             if row.moving[j] && joint.trusted {

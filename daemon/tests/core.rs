@@ -4,7 +4,8 @@ use rivet_config::Robot;
 use rivet_daemon::{Core, Output, Refused};
 use rivet_dynamics::Workspace;
 use rivet_ipc_schema::{
-    ControlCommand, DaemonMode, Health, JointState, ParameterState, Parameters, Setpoint, faults, parameter_flags,
+    ControlCommand, DaemonMode, Health, JointState, LoadLevel, ParameterState, Parameters, Setpoint, faults,
+    parameter_flags,
 };
 use std::path::Path;
 
@@ -268,9 +269,17 @@ fn a_changed_file_moves_no_parameter_and_loses_no_sample() {
             assert_eq!((kept.signals, kept.window), (signals, window), "{to}");
             let after = parameters(&core);
             assert_eq!((before.values, before.seq, before.epoch), (after.values, after.seq, after.epoch), "{to}");
-            assert_eq!(after.flags & parameter_flags::PROVISIONAL, 0, "{to}");
-            if window {
-                assert_eq!((before.std, before.state), (after.std, after.state), "{to}");
+            // A window that begins anew says so: nobody is to act on it, or store it, before it has seen some motion.
+            let provisional = after.flags & parameter_flags::PROVISIONAL != 0;
+            assert_eq!(provisional, !window, "{to}");
+            for i in 0..before.len() {
+                let (known, now) = ((before.std[i], before.state[i]), (after.std[i], after.state[i]));
+                if window {
+                    assert_eq!(known, now, "{to}: {i}");
+                } else if known.1 != u8::from(ParameterState::Unidentified) {
+                    assert!((now.0 / known.0 - 1.0).abs() < 1e-12, "{to}: {i}: {known:?} {now:?}");
+                    assert_eq!(now.1, u8::from(ParameterState::Held), "{to}: {i}");
+                }
             }
             let taken = run(&mut core, &mut motion, 5001..=8000).iter().filter(|out| out.taken.is_ok()).count();
             assert_eq!((taken, core.counts().gaps, core.counts().samples), (3000, 0, 8000), "{to}");
@@ -322,4 +331,147 @@ fn a_successor_knows_what_was_stored() {
     for (value, nominal) in later.values[..n].iter().zip(&robot().nominal_base) {
         assert!((value - nominal).abs() < 0.02 * nominal.abs().max(0.1), "{value} {nominal}");
     }
+}
+
+/// Kinds of supervision, by a line of the robot file, and whether the judgement of a cycle that is under way may be lost.
+const KINDS: [(&str, &str, bool); 4] = [
+    ("window_s = 5.0", "window_s = 5.0", true),
+    ("window_s = 5.0", "window_s = 5.0\ninstruments = \"setpoint\"", true),
+    ("[controller]", "[supervision]\nkind = \"eigen\"\n[controller]", false),
+    ("[controller]", "[supervision]\nkind = \"columns\"\n[controller]", false),
+];
+
+/// Whoever goes on from the memory of a daemon that was killed does what that one would have done, had it lost the same
+/// samples: bit for bit where supervision works sample by sample; else, where a judgement that was under way begins anew, to
+/// a small part of the standard deviations.
+#[test]
+fn from_its_memory_a_successor_goes_on_as_if_nothing_had_been() {
+    for (from, line, exact) in KINDS {
+        let (mut first, mut motion) = (changed(from, line), Motion::new());
+        run(&mut first, &mut motion, 1..=5000);
+        let mut memory = vec![0.0; first.memory_len()];
+        assert!(first.write_memory(&mut memory), "{line}");
+        assert!(!first.write_memory(&mut memory.clone()[1..]), "another length");
+        let mut second = changed(from, line);
+        assert_eq!(second.memory_fingerprint(), first.memory_fingerprint());
+        assert!(second.resume(&memory), "{line}");
+        let (a, b) = (parameters(&first), parameters(&second));
+        assert_eq!((a.values, a.std, a.state, a.reference), (b.values, b.std, b.state, b.reference), "{line}");
+        assert_eq!(b.flags & parameter_flags::PROVISIONAL, 0, "{line}");
+        for core in [&mut first, &mut second] {
+            run(core, &mut motion, 5100..=9000);
+        }
+        let (a, b) = (parameters(&first), parameters(&second));
+        if exact {
+            assert_eq!((a.values, a.std, a.state, a.reference), (b.values, b.std, b.state, b.reference), "{line}");
+        }
+        for i in 0..a.len() {
+            assert!(
+                (a.values[i] - b.values[i]).abs() <= 0.05 * a.std[i],
+                "{line}: {i}: {} {}",
+                a.values[i],
+                b.values[i]
+            );
+            assert!((a.std[i] / b.std[i] - 1.0).abs() <= 0.05, "{line}: {i}: {} {}", a.std[i], b.std[i]);
+        }
+    }
+}
+
+/// A memory of another daemon, or one that was damaged, is not taken up, and nothing changes.
+#[test]
+fn a_memory_that_cannot_be_is_not_taken_up() {
+    let (mut first, mut motion) = (Core::new(&robot()).expect("settings"), Motion::new());
+    run(&mut first, &mut motion, 1..=3000);
+    let mut memory = vec![0.0; first.memory_len()];
+    assert!(first.write_memory(&mut memory));
+    let mut second = Core::new(&robot()).expect("settings");
+    let before = parameters(&second);
+    for at in (0..memory.len()).step_by(7) {
+        let kept = std::mem::replace(&mut memory[at], f64::NEG_INFINITY);
+        // Not everything is finite by nature.
+        if second.resume(&memory) {
+            second = Core::new(&robot()).expect("settings");
+        } else {
+            assert_eq!(parameters(&second), before, "{at}");
+        }
+        memory[at] = kept;
+    }
+    assert!(!second.resume(&memory[1..]) && !second.resume(&[]));
+    assert_eq!(parameters(&second), before);
+    for line in ["window_s = 6.0", "window_s = 5.0\nkind = \"rls\""] {
+        assert_ne!(changed("window_s = 5.0", line).memory_fingerprint(), second.memory_fingerprint(), "{line}");
+    }
+    assert!(second.resume(&memory));
+    run(&mut second, &mut motion, 4000..=5000);
+}
+
+/// Levels that change at any sample, up and down, with a fault under each: what the published messages say of them is enough to
+/// do it all again, bit for bit.
+#[test]
+fn a_recorded_sequence_of_load_levels_replays_bit_for_bit() {
+    const LEVELS: [LoadLevel; 4] = [LoadLevel::Normal, LoadLevel::PublishLess, LoadLevel::Decimate, LoadLevel::Hold];
+    let mut motion = Motion::new();
+    let mut spoilt = |seq: u64| {
+        let (mut state, setpoint) = motion.at(seq);
+        if seq.is_multiple_of(1900) {
+            state.tau[0] = f64::NAN;
+        }
+        (state, setpoint)
+    };
+    let mut live = Core::new(&robot()).expect("settings");
+    let (mut sets, mut told) = (Vec::new(), Vec::<(u64, u32)>::new());
+    let mut random = 88_172_645_463_325_252_u64;
+    for seq in 1..=20_000 {
+        let (state, setpoint) = spoilt(seq);
+        if live.tick(&state, Some(&setpoint)).publish {
+            sets.push(parameters(&live));
+        }
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        if random.is_multiple_of(400) {
+            live.set_load(LEVELS[(random >> 32) as usize % 4]);
+            let said = health(&live);
+            told.extend(
+                (told.last() != Some(&(said.load_seq, said.load_level))).then_some((said.load_seq, said.load_level)),
+            );
+        }
+    }
+    assert!(told.len() > 20 && sets.len() > 50, "{} levels, {} sets", told.len(), sets.len());
+    assert_eq!(health(&live).load_changes, told.len() as u64);
+    let mut again = Core::new(&robot()).expect("settings");
+    let mut replayed = Vec::new();
+    for seq in 1..=20_000 {
+        for (_, level) in told.iter().filter(|(from, _)| *from == seq) {
+            again.set_load(LoadLevel::try_from(*level).expect("a level"));
+        }
+        let (state, setpoint) = spoilt(seq);
+        if again.tick(&state, Some(&setpoint)).publish {
+            replayed.push(parameters(&again));
+        }
+    }
+    assert_eq!(replayed, sets);
+}
+
+/// While nothing is learnt a fault is over with the first sound sample, and sound samples are counted as left aside.
+#[test]
+fn held_it_tells_sound_samples_from_faults() {
+    let (mut core, mut motion) = (Core::new(&robot()).expect("settings"), Motion::new());
+    run(&mut core, &mut motion, 1..=3000);
+    let before = parameters(&core);
+    core.set_load(LoadLevel::Hold);
+    let (mut bad, _) = motion.at(3001);
+    bad.q[0] = f64::NAN;
+    core.tick(&bad, None);
+    assert_eq!(DaemonMode::try_from(health(&core).mode), Ok(DaemonMode::BadInput));
+    run(&mut core, &mut motion, 3002..=3500);
+    let held = health(&core);
+    assert_eq!(DaemonMode::try_from(held.mode), Ok(DaemonMode::Suspended));
+    assert_eq!((held.input_fault, held.samples, held.samples_held), (0, 3000, 499));
+    assert_eq!(parameters(&core).flags & parameter_flags::BAD_INPUT, 0);
+    assert_eq!(parameters(&core).values, before.values);
+    core.set_load(LoadLevel::Normal);
+    run(&mut core, &mut motion, 3501..=6000);
+    assert_eq!(DaemonMode::try_from(health(&core).mode), Ok(DaemonMode::Estimating));
+    assert_ne!(parameters(&core).values, before.values);
 }

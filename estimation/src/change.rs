@@ -4,6 +4,8 @@
 //! until the old rows are forgotten (the paper's footnote 6: the window must be as short as parameters change). A change is
 //! seen long before that: the residuals of all joints rise at once and stay.
 
+use crate::memory::{Carry, MANY};
+
 /// Memory of the short-term mean \[s\]: longer than a collision's peak, short beside a window.
 const SHORT_S: f64 = 0.3;
 /// The baseline counts a row at most as this many times its own level: a change must not become the baseline at once.
@@ -46,6 +48,13 @@ impl Change {
     /// Goes on with the memories of `fresh`.
     pub(crate) fn reconfigure(&mut self, fresh: &Change) {
         (self.short, self.memory, self.settle) = (fresh.short, fresh.memory, fresh.settle);
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        carry.sizes(&mut self.baseline);
+        carry.sizes(&mut self.rows);
+        carry.number(&mut self.recent);
+        carry.whole(&mut self.seen, MANY);
     }
 
     /// Forgets what residuals were like; counts on.

@@ -12,6 +12,7 @@
 //! plan, free of noise, so g is not biased, and what noise g carries is that of thousands of rows.
 
 use crate::filter::{Bank, Butterworth};
+use crate::memory::{Carry, MANY};
 use crate::report::Motion;
 
 /// Low-passes in series.
@@ -118,6 +119,23 @@ pub(crate) struct ClosedLoop {
 }
 
 impl ClosedLoop {
+    /// What the fits hold; signals begin anew.
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        for fit in &mut self.fits {
+            carry.numbers(fit.normal.as_flattened_mut());
+            carry.numbers(&mut fit.right);
+            carry.sizes(std::slice::from_mut(&mut fit.square));
+            carry.sizes(std::slice::from_mut(&mut fit.rows));
+            carry.whole(&mut fit.seen, MANY);
+            carry.numbers(&mut fit.gain);
+        }
+        carry.place(&mut self.next, self.dof);
+        for lag in &mut self.lag_s {
+            // NaN while it is not known.
+            carry.any(lag);
+        }
+    }
+
     /// `row_s`: time between rows \[s\].
     pub(crate) fn new(dof: usize, filter: &Butterworth, filter_hz: f64, period_s: f64, row_s: f64) -> ClosedLoop {
         let time_s = TIME_SHARE / filter_hz;

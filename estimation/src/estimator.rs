@@ -20,6 +20,7 @@ pub use comparison::Hausman;
 use crate::change::Change;
 use crate::kernels::{Part, add_products};
 use crate::linear::{axpy, dot, packed};
+use crate::memory::{Carry, MANY};
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::residuals::Residuals;
@@ -245,13 +246,53 @@ impl Estimator {
     }
 
     /// What is known of the values just loaded: standard deviations of those that had been identified.
-    pub(crate) fn recall(&mut self, std: &[f64], identified: &[bool]) {
-        for i in (0..self.n).filter(|&i| identified[i]) {
+    pub(crate) fn recall(&mut self, std: &[f64], identified: impl Fn(usize) -> bool) {
+        for i in (0..self.n).filter(|&i| identified(i)) {
             let scaled = (std[i] * self.column[i]).min(self.prior[i]);
             self.std[i] = scaled / self.column[i];
             self.state[i] = ParameterState::Held;
             self.cycle.recall(i, scaled);
         }
+    }
+
+    /// All that the past has left.
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        self.noise.carry(carry);
+        self.ud.carry(carry);
+        for sums in [&mut self.m, &mut self.s, &mut self.y, &mut self.values, &mut self.rls_values] {
+            carry.numbers(sums);
+        }
+        carry.sizes(&mut self.excited);
+        carry.sizes(&mut self.count);
+        self.long_run.carry(carry);
+        self.comparison.carry(carry);
+        self.cycle.carry(carry);
+        carry.sizes(&mut self.std);
+        for state in &mut self.state {
+            let mut number = *state as u64;
+            carry.whole(&mut number, 3);
+            *state = [ParameterState::Active, ParameterState::Held, ParameterState::Unidentified][number as usize % 3];
+        }
+        for share in &mut self.excitation {
+            carry.any(share);
+        }
+        self.residuals.carry(carry);
+        if let Some(change) = &mut self.change {
+            change.carry(carry);
+        }
+        carry.number(&mut self.lambda);
+        carry.whole(&mut self.updates, MANY);
+    }
+
+    /// Goes on from what was carried in.
+    pub(crate) fn take_up(&mut self) {
+        self.lambda = self.lambda.clamp(self.settings.forgetting, 1.0);
+        self.cycle.resume();
+    }
+
+    /// What numbers that are carried in must belong to.
+    pub(crate) fn scale_words(&self) -> impl Iterator<Item = u64> + '_ {
+        self.nominal.iter().chain(&self.column).chain(&self.prior).map(|x| x.to_bits())
     }
 
     fn reload(&mut self, values: &[f64]) {
@@ -277,8 +318,9 @@ impl Estimator {
 
     /// Goes on with the settings of `fresh`, an estimator for the same model that has learnt nothing. The values stay what they
     /// are. So does what the window holds, unless the information means something else from now on: another estimator,
-    /// scheme, prior scale or noise. Returns whether it stayed. What is replaced is left in `fresh`, to be dropped where that
-    /// may take time. Real-time safe.
+    /// scheme, prior scale or noise. Then the window begins anew and `updates` with it; what had been identified is held and
+    /// known as well as before. Returns whether the window stayed. What is replaced is left in `fresh`, to be dropped where
+    /// that may take time. Real-time safe.
     pub fn reconfigure(&mut self, fresh: &mut Estimator) -> bool {
         let alike = self.n == fresh.n
             && self.settings.kind == fresh.settings.kind
@@ -288,7 +330,8 @@ impl Estimator {
         if !(alike && self.cycle.reconfigure(&fresh.cycle)) {
             if self.n == fresh.n {
                 fresh.load(&self.values);
-                (fresh.updates, fresh.frozen) = (self.updates, self.frozen);
+                fresh.recall(&self.std, |i| self.state[i] != ParameterState::Unidentified);
+                fresh.frozen = self.frozen;
             }
             std::mem::swap(self, fresh);
             return false;

@@ -6,6 +6,7 @@ use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings, Hausman};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::linear::dot;
+use crate::memory::{Carry, fingerprint};
 use crate::observer::{Observer, Phase, Row};
 use crate::reference::Reference;
 use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Skip, Step};
@@ -42,6 +43,9 @@ const RESIDUAL_MEMORY: f64 = 10.0;
 /// Length of a block of scores, as a share of the window, and its longest \[s\]; never fewer rows than `LEAST_BLOCK`.
 const BLOCK: (f64, f64) = (0.1, 2.5);
 const LEAST_BLOCK: f64 = 10.0;
+
+/// Of what [`Identifier::remember_all`] writes.
+const MEMORY_VERSION: u32 = 1;
 
 /// What [`Identifier::reconfigure`] kept beside the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -308,9 +312,59 @@ impl Identifier {
         let n = self.base.len();
         let fits = std.len() == n && identified.len() == n && std.iter().all(|s| s.is_finite() && *s >= 0.0);
         fits && self.load(values) && {
-            self.estimator.recall(std, identified);
+            self.estimator.recall(std, |i| identified[i]);
             true
         }
+    }
+
+    /// Numbers that [`remember_all`](Self::remember_all) writes.
+    #[must_use]
+    pub fn memory_len(&self) -> usize {
+        let mut counting = Carry::measure();
+        // Counting changes nothing, but goes the way that everything goes.
+        self.clone().carry(&mut counting);
+        counting.end().unwrap_or(0)
+    }
+
+    /// Says what those numbers mean: settings, nominal parameters, scales. An identifier of another one cannot
+    /// [`resume`](Self::resume) from them.
+    #[must_use]
+    pub fn memory_fingerprint(&self) -> u64 {
+        let settings = format!("{MEMORY_VERSION} {} {:?}", self.memory_len(), self.settings);
+        let words = settings.bytes().map(u64::from).chain(self.estimator.scale_words());
+        fingerprint(words)
+    }
+
+    /// Writes all that was learnt to `room`, of [`memory_len`](Self::memory_len) numbers: the sums of the window and what was
+    /// decided from them, noise, closed loop. What the filters hold and a motion's cycle is not part of it: after a pause both
+    /// begin anew. False if the length is another.
+    ///
+    /// Real-time safe: bounded work, of the order of a copy.
+    pub fn remember_all(&mut self, room: &mut [f64]) -> bool {
+        let mut carry = Carry::out(room);
+        self.carry(&mut carry);
+        carry.end().is_some()
+    }
+
+    /// Goes on from what [`remember_all`](Self::remember_all) of an identifier with the same
+    /// [fingerprint](Self::memory_fingerprint) wrote, as after a hole in the stream: bit for bit what that one would have done.
+    /// False, and nothing changed, if the numbers cannot be of such a one. Allocates.
+    pub fn resume_from(&mut self, stored: &[f64]) -> bool {
+        let mut other = self.clone();
+        let mut carry = Carry::back(stored);
+        other.carry(&mut carry);
+        let sound = carry.end().is_some();
+        if sound {
+            other.restart_signals();
+            other.estimator.take_up();
+            *self = other;
+        }
+        sound
+    }
+
+    fn carry(&mut self, carry: &mut Carry<'_>) {
+        self.estimator.carry(carry);
+        self.reference.carry(carry);
     }
 
     /// Goes on with the settings of `fresh`, made for the same model: parameters stay what they are, and what the window holds

@@ -27,6 +27,7 @@ pub mod filter;
 mod identifier;
 mod kernels;
 mod linear;
+mod memory;
 mod noise;
 mod observer;
 pub mod offline;

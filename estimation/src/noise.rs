@@ -5,6 +5,8 @@
 //! standstill would outweigh the motion after it, and a payload would have to wait until the window has forgotten how
 //! well the old one fitted.
 
+use crate::memory::Carry;
+
 /// A residual counts at most as this many sigmas: a collision must not teach the estimator that the arm is noisy. A
 /// level that has really risen is followed at about 7 % a row.
 const LARGEST: f64 = 3.0;
@@ -77,6 +79,19 @@ impl Noise {
     /// Goes on with the memory and the outlier of `fresh`.
     pub(crate) fn reconfigure(&mut self, fresh: &Noise) {
         (self.memory, self.outlier) = (fresh.memory, fresh.outlier);
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        for variance in self.rows.iter_mut().chain([&mut self.level]) {
+            carry.sizes(std::slice::from_mut(&mut variance.value));
+            carry.sizes(std::slice::from_mut(&mut variance.rows));
+        }
+        for values in [&mut self.sigma, &mut self.unit] {
+            carry.sizes(values);
+        }
+        for values in [&mut self.before, &mut self.product] {
+            carry.numbers(values);
+        }
     }
 
     pub(crate) fn reset(&mut self) {

@@ -7,6 +7,7 @@
 use crate::closed_loop::ClosedLoop;
 use crate::differentiate::Aligned;
 use crate::filter::Butterworth;
+use crate::memory::Carry;
 use crate::repetition::Repetition;
 use crate::report::{Instrument, Motion};
 use crate::settings::{Instruments, Settings};
@@ -41,6 +42,12 @@ impl Reference {
             second: second.then(|| Aligned::new(dof, settings.differentiator, period)),
             second_now: false,
             repetition: cycle.map(|longest| Repetition::new(dof, longest, period, settings.decimation)),
+        }
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        if let Some(closed_loop) = &mut self.closed_loop {
+            closed_loop.carry(carry);
         }
     }
 

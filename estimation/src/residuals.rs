@@ -1,5 +1,7 @@
 //! Windowed squares of what the parameters leave, each joint.
 
+use crate::memory::{Carry, MANY};
+
 #[derive(Clone, Debug)]
 pub(crate) struct Residuals {
     /// Rows that count.
@@ -26,6 +28,15 @@ impl Residuals {
     /// Goes on with the memory of `fresh`.
     pub(crate) fn reconfigure(&mut self, fresh: &Residuals) {
         self.memory = fresh.memory;
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        for values in self.square.iter_mut().chain(&mut self.rms) {
+            carry.sizes(values);
+        }
+        for count in self.used.iter_mut().chain(&mut self.left_out) {
+            carry.whole(count, MANY);
+        }
     }
 
     pub(crate) fn reset(&mut self) {

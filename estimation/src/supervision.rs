@@ -13,6 +13,7 @@ pub(crate) use columns::Columns;
 pub(crate) use directions::Directions;
 pub(crate) use tracked::Tracked;
 
+use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::scales::Whitening;
 
@@ -51,6 +52,15 @@ impl Judge {
             _ => return false,
         }
         true
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        match self {
+            // Everything is judged anew with every cycle.
+            Judge::Off | Judge::Columns(_) => {}
+            Judge::Directions(scheme) => scheme.carry(carry),
+            Judge::Tracked(scheme) => scheme.carry(carry),
+        }
     }
 
     /// Acceptable standard deviation \[torque-noise sigma\]; 1 where nothing is judged.

@@ -2,6 +2,7 @@
 //! Estimation, ch. V): the paper's RLS, and the comparison beside every other estimator.
 
 use crate::linear::{axpy, dot, dot_four};
+use crate::memory::Carry;
 use multiversion::multiversion;
 
 /// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
@@ -54,6 +55,12 @@ impl UdFilter {
         for i in 0..self.n {
             self.columns[i * self.n + i] = 1.0;
         }
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        carry.numbers(&mut self.columns);
+        carry.sizes(&mut self.d);
+        carry.numbers(&mut self.x);
     }
 
     /// Goes on with the covariance of the start, and the limit of wind-up, of `fresh`.

@@ -1,7 +1,7 @@
 //! Writes the seeds of the targets whose inputs are not text: `cargo run -p rivet-fuzz --example corpus`.
 
 use rivet_fuzz::STORED;
-use rivet_store::{Knowledge, Parameters, Store, Supervision};
+use rivet_store::{Knowledge, Memory, Parameters, Store, Supervision};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -59,13 +59,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     fs::write(folder("log-csv")?.join("sound.csv"), text)?;
     fs::write(folder("log-csv")?.join("current.csv"), "t,q1,q2,current1,current2\n0,1,2,3,4\n0.01,1,2,3,4\n")?;
+    // Places of a memory and what is put there.
+    let mut places = Vec::new();
+    for (place, number) in [(0_u32, 1.0_f64), (100, -1e300), (500, 1e9), (777, 0.0)] {
+        places.extend(place.to_le_bytes());
+        places.extend(number.to_le_bytes());
+    }
+    fs::write(folder("memory")?.join("few.bin"), places)?;
     let n = 8;
-    for (name, supervision) in
-        [("plain", None), ("supervised", Some(Supervision { state: vec![1; n], excitation: vec![0.5; n] }))]
+    let supervised = || Some(Supervision { state: vec![1; n], excitation: vec![0.5; n] });
+    let memory = Memory { fingerprint: 7, numbers: vec![0.25; 40] };
+    for (name, supervision, memory) in
+        [("plain", None, None), ("supervised", supervised(), None), ("whole", supervised(), Some(memory))]
     {
         let temporary = tempfile::tempdir()?;
         let parameters = Parameters { epoch: 3, seq: 300, values: vec![1.5; n], std: vec![0.1; n] };
-        let knowledge = Knowledge { model_hash: STORED.1, parameters, supervision };
+        let knowledge = Knowledge { model_hash: STORED.1, parameters, supervision, memory };
         Store::open(temporary.path(), STORED.0)?.save(&knowledge)?;
         for target in ["store", "store-resealed"] {
             fs::copy(temporary.path().join("arm.1.state"), folder(target)?.join(format!("{name}.state")))?;

@@ -519,7 +519,7 @@ RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, smallest_eigenvalue) == 17
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v4"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v5"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -609,49 +609,55 @@ typedef struct {
     /* Parameter sets that were late: more than `[realtime] stale_periods` behind the sample they were made from,
      * reckoned from the least such delay seen. They carry that sample's stamp, as all do. */
     uint64_t late_sets;
-} rivet_health_v4;
-RIVET_ASSERT(sizeof(rivet_health_v4) == 992);
-RIVET_ASSERT(offsetof(rivet_health_v4, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v4, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v4, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v4, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v4, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v4, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v4, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v4, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v4, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v4, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v4, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v4, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v4, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v4, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v4, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v4, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v4, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v4, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v4, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v4, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v4, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v4, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v4, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v4, worst_work_ns) == 576);
-RIVET_ASSERT(offsetof(rivet_health_v4, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v4, cycle_s) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v4, window_s) == 656);
-RIVET_ASSERT(offsetof(rivet_health_v4, hausman) == 664);
-RIVET_ASSERT(offsetof(rivet_health_v4, hausman_p_value) == 672);
-RIVET_ASSERT(offsetof(rivet_health_v4, instrument_ratio) == 680);
-RIVET_ASSERT(offsetof(rivet_health_v4, hausman_degrees) == 744);
-RIVET_ASSERT(offsetof(rivet_health_v4, input_fault) == 748);
-RIVET_ASSERT(offsetof(rivet_health_v4, input_joints) == 752);
-RIVET_ASSERT(offsetof(rivet_health_v4, last_input_fault) == 756);
-RIVET_ASSERT(offsetof(rivet_health_v4, load_level) == 760);
-RIVET_ASSERT(offsetof(rivet_health_v4, publishers) == 764);
-RIVET_ASSERT(offsetof(rivet_health_v4, input_faults) == 768);
-RIVET_ASSERT(offsetof(rivet_health_v4, recovery_s) == 960);
-RIVET_ASSERT(offsetof(rivet_health_v4, load_changes) == 968);
-RIVET_ASSERT(offsetof(rivet_health_v4, load_seq) == 976);
-RIVET_ASSERT(offsetof(rivet_health_v4, late_sets) == 984);
+    /* Sound joint states that were left aside under `RIVET_LOAD_LEVEL_HOLD`; they are not among `samples`. */
+    uint64_t samples_held;
+    /* Rows that were not learnt from because their torques are in doubt: signs, stuck sensors. */
+    uint64_t rows_doubted;
+} rivet_health_v5;
+RIVET_ASSERT(sizeof(rivet_health_v5) == 1008);
+RIVET_ASSERT(offsetof(rivet_health_v5, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v5, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v5, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v5, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v5, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v5, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v5, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v5, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v5, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v5, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v5, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v5, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v5, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v5, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v5, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v5, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v5, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v5, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v5, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v5, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v5, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v5, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v5, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v5, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v5, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v5, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v5, window_s) == 656);
+RIVET_ASSERT(offsetof(rivet_health_v5, hausman) == 664);
+RIVET_ASSERT(offsetof(rivet_health_v5, hausman_p_value) == 672);
+RIVET_ASSERT(offsetof(rivet_health_v5, instrument_ratio) == 680);
+RIVET_ASSERT(offsetof(rivet_health_v5, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v5, input_fault) == 748);
+RIVET_ASSERT(offsetof(rivet_health_v5, input_joints) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v5, last_input_fault) == 756);
+RIVET_ASSERT(offsetof(rivet_health_v5, load_level) == 760);
+RIVET_ASSERT(offsetof(rivet_health_v5, publishers) == 764);
+RIVET_ASSERT(offsetof(rivet_health_v5, input_faults) == 768);
+RIVET_ASSERT(offsetof(rivet_health_v5, recovery_s) == 960);
+RIVET_ASSERT(offsetof(rivet_health_v5, load_changes) == 968);
+RIVET_ASSERT(offsetof(rivet_health_v5, load_seq) == 976);
+RIVET_ASSERT(offsetof(rivet_health_v5, late_sets) == 984);
+RIVET_ASSERT(offsetof(rivet_health_v5, samples_held) == 992);
+RIVET_ASSERT(offsetof(rivet_health_v5, rows_doubted) == 1000);
 
 /* Where the daemon's real-time thread spends its time, with every health message, on service
  * `rivet/<robot>/timing`. Counts run since the daemon's start. */
@@ -671,7 +677,7 @@ typedef struct {
     uint64_t phase_max_ns[RIVET_PHASES];
     /* Time of each phase: 32 bins of the first phase, then of the next; bins as of Health. */
     uint32_t phase_histogram[RIVET_PHASES * RIVET_HISTOGRAM_BINS];
-    /* When each of the worst periods was due, CLOCK_MONOTONIC [ns], the worst first. */
+    /* When each of the worst periods of the last hour was due, CLOCK_MONOTONIC [ns], the worst first. */
     uint64_t worst_stamp_ns[RIVET_WORST_PERIODS];
     /* Time of each phase of it [ns], seven numbers a period; the wait is the lateness of the wake-up. */
     uint32_t worst_phase_ns[RIVET_WORST_PERIODS * RIVET_PHASES];

@@ -279,7 +279,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v4"
+    TYPE_NAME = "rivet.Health.v5"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -369,6 +369,10 @@ class Health(_Message):
         # Parameter sets that were late: more than `[realtime] stale_periods` behind the sample they were made from,
         # reckoned from the least such delay seen. They carry that sample's stamp, as all do.
         ("late_sets", ctypes.c_uint64),
+        # Sound joint states that were left aside under `LoadLevel.HOLD`; they are not among `samples`.
+        ("samples_held", ctypes.c_uint64),
+        # Rows that were not learnt from because their torques are in doubt: signs, stuck sensors.
+        ("rows_doubted", ctypes.c_uint64),
     ]
 
 
@@ -393,7 +397,7 @@ class Timing(_Message):
         ("phase_max_ns", ctypes.c_uint64 * PHASES),
         # Time of each phase: 32 bins of the first phase, then of the next; bins as of Health.
         ("phase_histogram", ctypes.c_uint32 * (PHASES * HISTOGRAM_BINS)),
-        # When each of the worst periods was due, CLOCK_MONOTONIC [ns], the worst first.
+        # When each of the worst periods of the last hour was due, CLOCK_MONOTONIC [ns], the worst first.
         ("worst_stamp_ns", ctypes.c_uint64 * WORST_PERIODS),
         # Time of each phase of it [ns], seven numbers a period; the wait is the lateness of the wake-up.
         ("worst_phase_ns", ctypes.c_uint32 * (WORST_PERIODS * PHASES)),
@@ -562,7 +566,7 @@ LAYOUT = {
         "torque_percent": 1776,
         "smallest_eigenvalue": 1784,
     }),
-    Health: (992, {
+    Health: (1008, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -604,6 +608,8 @@ LAYOUT = {
         "load_changes": 968,
         "load_seq": 976,
         "late_sets": 984,
+        "samples_held": 992,
+        "rows_doubted": 1000,
     }),
     Timing: (2264, {
         "stamp_ns": 0,

@@ -3,7 +3,8 @@
 /// Counts durations in 32 bins of doubling width: bin 0 holds 0 and 1 ns, bin b holds 2^b ..= 2^(b+1) - 1 ns,
 /// the last one everything from 2^31 ns (2.1 s) on. The bins of the health message.
 ///
-/// Nothing allocates; counters saturate.
+/// Nothing allocates. When a bin is full (after 49 days at 1 kHz) all are halved: shares and quantiles stay, and the total
+/// is no longer how often it was recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogHistogram {
     counts: [u32; Self::BINS],
@@ -33,11 +34,16 @@ impl LogHistogram {
     /// Counts a duration \[ns\].
     pub fn record(&mut self, ns: u64) {
         let bin = ((ns | 1).ilog2() as usize).min(Self::BINS - 1);
-        self.counts[bin] = self.counts[bin].saturating_add(1);
+        if self.counts[bin] == u32::MAX {
+            for count in &mut self.counts {
+                *count /= 2;
+            }
+        }
+        self.counts[bin] += 1;
         self.max = self.max.max(ns);
     }
 
-    /// Adds another histogram's counts.
+    /// Adds another histogram's counts; those of a bin that is full with that saturate.
     pub fn merge(&mut self, other: &Self) {
         for (mine, theirs) in self.counts.iter_mut().zip(&other.counts) {
             *mine = mine.saturating_add(*theirs);
@@ -128,8 +134,21 @@ mod tests {
     fn an_empty_histogram_and_a_full_bin_are_harmless() {
         assert_eq!(LogHistogram::new().quantile(0.5), 0);
         let mut full = LogHistogram::from_counts([u32::MAX; 32], 5);
-        full.record(1);
         full.merge(&full.clone());
         assert_eq!(full.counts()[0], u32::MAX);
+    }
+
+    /// A year at 1 kHz: what is usual now still shows, and what was long ago counts ever less.
+    #[test]
+    fn a_full_bin_halves_all_and_shares_stay() {
+        let mut counts = [0; 32];
+        (counts[10], counts[20]) = (u32::MAX, u32::MAX / 1000);
+        let mut histogram = LogHistogram::from_counts(counts, 2_000_000);
+        let before = histogram.quantile(0.9995);
+        histogram.record(1500);
+        assert_eq!(histogram.counts()[10], u32::MAX / 2 + 1);
+        assert_eq!(histogram.counts()[20], u32::MAX / 2000);
+        assert_eq!(histogram.quantile(0.9995), before);
+        assert_eq!(histogram.quantile(0.5), 2047);
     }
 }

@@ -1,10 +1,12 @@
-//! What a service owes its manager: when it is ready, that it is alive, and a log whose entries carry
-//! fields. Nothing here is for a real-time thread.
+//! What a service owes its manager and its operator: when it is ready, that it is alive, a log whose entries carry
+//! fields, and a record of its last second. Nothing here is for a real-time thread but [`Flight::push`] and [`Flight::ask`].
 //!
-//! Without a service manager every call does nothing, and the log is plain text on standard error.
+//! Without a service manager every call to it does nothing, and the log is plain text on standard error.
 
+mod flight;
 mod journal;
 mod manager;
 
+pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;

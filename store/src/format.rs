@@ -6,6 +6,7 @@
 //!   HEAD      generation u64, model hash u64, robot's name (the rest, UTF-8)
 //!   PARA      epoch u64, seq u64, count u64, values f64 x count, standard deviations f64 x count
 //!   SUPV      states u8 x count, excitation f64 x count; absent in files of earlier programs
+//!   MEMO      fingerprint u64, numbers f64 x the rest; absent where the estimator's own memory was not at hand
 //! checksum    CRC-32 of everything before, u32
 //! ```
 //!
@@ -29,6 +30,17 @@ pub struct Knowledge {
     pub parameters: Parameters,
     /// What the supervision had decided about each; `None` in files of programs that did not store it.
     pub supervision: Option<Supervision>,
+    /// All that the estimator had learnt, for one that is made alike.
+    pub memory: Option<Memory>,
+}
+
+/// The estimator's own numbers: sums of its window, covariance, noise, decisions. Only it knows what they mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Memory {
+    /// Says which estimator can read them.
+    pub fingerprint: u64,
+    /// The numbers.
+    pub numbers: Vec<f64>,
 }
 
 /// What the supervision had decided, one entry a parameter.
@@ -78,6 +90,10 @@ pub(crate) fn encode(entry: &Entry) -> Vec<u8> {
     if let Some(supervision) = &entry.knowledge.supervision {
         let excitation = supervision.excitation.iter().flat_map(|x| x.to_le_bytes());
         sections.push((b"SUPV", supervision.state.iter().copied().chain(excitation).collect()));
+    }
+    if let Some(memory) = &entry.knowledge.memory {
+        let numbers = memory.numbers.iter().flat_map(|x| x.to_le_bytes());
+        sections.push((b"MEMO", memory.fingerprint.to_le_bytes().into_iter().chain(numbers).collect()));
     }
     let length = HEADER + CHECKSUM + sections.iter().map(|(_, bytes)| 12 + bytes.len()).sum::<usize>();
     let mut file = Vec::with_capacity(length);
@@ -130,7 +146,7 @@ pub(crate) fn decode(file: &[u8]) -> Result<Entry, Problem> {
     if version > FORMAT_VERSION {
         return Err(Problem::Version { found: version, known: FORMAT_VERSION });
     }
-    let (mut head, mut parameters, mut supervision) = (None, None, None);
+    let (mut head, mut parameters, mut supervision, mut memory) = (None, None, None, None);
     let mut sections = Cursor(&content[HEADER..]);
     while !sections.0.is_empty() {
         let section = sections.bytes::<4>().zip(sections.u64());
@@ -142,19 +158,28 @@ pub(crate) fn decode(file: &[u8]) -> Result<Entry, Problem> {
             b"HEAD" => head = Some(decode_head(bytes).ok_or(Problem::Content("its head is not as it should be"))?),
             b"PARA" => parameters = Some(decode_parameters(bytes)?),
             b"SUPV" => supervision = Some(bytes),
+            b"MEMO" => memory = Some(decode_memory(bytes).ok_or(Problem::Content("its memory is cut short"))?),
             _ => {}
         }
     }
     let (generation, model_hash, robot) = head.ok_or(Problem::Content("it has no head"))?;
     let parameters = parameters.ok_or(Problem::Content("it has no parameters"))?;
     let supervision = supervision.map(|bytes| decode_supervision(bytes, parameters.values.len())).transpose()?;
-    Ok(Entry { generation, robot, knowledge: Knowledge { model_hash, parameters, supervision } })
+    Ok(Entry { generation, robot, knowledge: Knowledge { model_hash, parameters, supervision, memory } })
 }
 
 fn decode_head(bytes: &[u8]) -> Option<(u64, u64, String)> {
     let mut cursor = Cursor(bytes);
     let (generation, hash) = (cursor.u64()?, cursor.u64()?);
     Some((generation, hash, String::from_utf8(cursor.0.to_vec()).ok()?))
+}
+
+fn decode_memory(bytes: &[u8]) -> Option<Memory> {
+    let mut cursor = Cursor(bytes);
+    let fingerprint = cursor.u64()?;
+    let count = cursor.0.len() / 8;
+    let numbers = cursor.numbers(count)?;
+    cursor.0.is_empty().then_some(Memory { fingerprint, numbers })
 }
 
 fn decode_supervision(bytes: &[u8], count: usize) -> Result<Supervision, Problem> {

@@ -10,7 +10,7 @@
 //!
 //! let mut store = Store::open(&folder, "ur10e").expect("the folder can be made");
 //! let parameters = Parameters { epoch: 7, seq: 700, values: vec![1.0, 2.0], std: vec![0.1, 0.2] };
-//! store.save(&Knowledge { model_hash: 42, parameters, supervision: None }).expect("written");
+//! store.save(&Knowledge { model_hash: 42, parameters, supervision: None, memory: None }).expect("written");
 //! let found = store.load(42).knowledge.expect("it was just written");
 //! assert_eq!(found.parameters.values, [1.0, 2.0]);
 //! # std::fs::remove_dir_all(folder).expect("removed");
@@ -21,5 +21,5 @@ mod format;
 mod generations;
 
 pub use error::{Problem, StoreError};
-pub use format::{FORMAT_VERSION, Knowledge, Parameters, Supervision};
+pub use format::{FORMAT_VERSION, Knowledge, Memory, Parameters, Supervision};
 pub use generations::{Loaded, Store};

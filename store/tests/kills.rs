@@ -3,7 +3,7 @@
 //!
 //! The writer is this very test program, started anew with `RIVET_STORE_WRITER` set.
 
-use rivet_store::{Knowledge, Parameters, Store, Supervision};
+use rivet_store::{Knowledge, Memory, Parameters, Store, Supervision};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -21,8 +21,10 @@ fn knowledge(epoch: u64) -> Knowledge {
     let std = values.iter().map(|x| 0.5 * x + 1.0).collect();
     let supervision =
         Supervision { state: vec![(epoch % 3) as u8; n], excitation: vec![1.0 / (1.0 + epoch as f64); n] };
+    let numbers = (0..500).map(|k| (epoch * 7 + k) as f64).collect();
+    let memory = Memory { fingerprint: epoch, numbers };
     let parameters = Parameters { epoch, seq: 1000 * epoch, values, std };
-    Knowledge { model_hash: HASH, parameters, supervision: Some(supervision) }
+    Knowledge { model_hash: HASH, parameters, supervision: Some(supervision), memory: Some(memory) }
 }
 
 /// What is stored, which must be something that was written.

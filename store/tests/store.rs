@@ -1,7 +1,7 @@
 //! What is read is what was written, whatever happened to the files meanwhile.
 
 use proptest::prelude::*;
-use rivet_store::{Knowledge, Parameters, Problem, Store, Supervision};
+use rivet_store::{Knowledge, Memory, Parameters, Problem, Store, Supervision};
 use std::fs;
 use std::path::Path;
 
@@ -14,8 +14,9 @@ fn knowledge(epoch: u64) -> Knowledge {
         state: (0..58).map(|i| i % 3).collect(),
         excitation: (0..58).map(|i| f64::from(i) / 58.0).collect(),
     };
+    let memory = Memory { fingerprint: 7 * epoch, numbers: vec![f64::INFINITY, epoch as f64, -0.0] };
     let parameters = Parameters { epoch, seq: 100 * epoch, values, std };
-    Knowledge { model_hash: HASH, parameters, supervision: Some(supervision) }
+    Knowledge { model_hash: HASH, parameters, supervision: Some(supervision), memory: Some(memory) }
 }
 
 fn files(folder: &Path) -> Vec<String> {

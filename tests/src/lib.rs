@@ -2,6 +2,7 @@
 
 pub use rivet_studies::batch;
 pub mod closed;
+pub mod side;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

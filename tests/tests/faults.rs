@@ -84,6 +84,7 @@ fn send(states: &Publisher<JointState>, seqs: std::ops::RangeInclusive<u64>) {
 fn robot_that_publishes_until_it_is_killed() {
     let Ok(prefix) = std::env::var("RIVET_TEST_PREFIX") else { return };
     let root = PathBuf::from(std::env::var("RIVET_TEST_ROOT").expect("set together"));
+    rivet_realtime::die_with_parent().expect("the test lives");
     let bus = bus(&BusConfig { prefix, root }, "test-robot");
     let states = bus.joint_state_publisher().expect("a publisher");
     for seq in 1.. {

@@ -92,8 +92,20 @@ fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
             while !stop.load(Ordering::Relaxed) {
                 let output = succeed(&mut monitor(&config));
                 let text = String::from_utf8_lossy(&output.stdout).into_owned();
-                for line in ["daemon ", "faults ", "drops ", "wake ", "work ", "supervision ", "joints ", "parameters "]
-                {
+                for line in [
+                    "daemon ",
+                    "faults ",
+                    "input ",
+                    "load ",
+                    "phases ",
+                    "worst ",
+                    "drops ",
+                    "wake ",
+                    "work ",
+                    "supervision ",
+                    "joints ",
+                    "parameters ",
+                ] {
                     assert!(text.lines().any(|found| found.starts_with(line)), "{line}:\n{text}");
                 }
                 looks.fetch_add(1, Ordering::Relaxed);
@@ -120,5 +132,69 @@ fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
         // Bins double: the same to within the neighbouring ones, whatever else this machine does.
         // Bins double, and other programs share the processors: what must not happen is work of another order.
         assert!(median(health) <= 16 * median(&alone), "{what}: {} ns, alone {} ns", median(health), median(&alone));
+    }
+}
+
+/// Processes whose parent is `pid`, by the fourth word of their `stat`.
+fn children(pid: u32) -> Vec<u32> {
+    let stat = |entry: std::fs::DirEntry| {
+        let pid: u32 = entry.file_name().to_str()?.parse().ok()?;
+        let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
+        let words: Vec<String> = stat.rsplit_once(')')?.1.split_whitespace().map(str::to_owned).collect();
+        Some((pid, words))
+    };
+    let all = std::fs::read_dir("/proc").expect("processes").flatten().filter_map(stat);
+    all.filter(|(_, words)| words[1] == pid.to_string()).map(|(pid, _)| pid).collect()
+}
+
+/// State and processor time \[ticks\]; `None` once it is gone.
+fn state(pid: u32) -> Option<(String, u64)> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let words: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    Some((words[0].to_owned(), words[11].parse::<u64>().ok()? + words[12].parse::<u64>().ok()?))
+}
+
+/// The live view on a terminal whose other end is closed: it ends, and has not been busy before.
+#[test]
+fn a_monitor_whose_terminal_has_vanished_ends() {
+    let private = PrivateBus::new("vanished");
+    let config = private.config();
+    let line = format!(
+        "stty rows 30 cols 100; exec {} monitor {} --prefix {} --root {}",
+        rivet().get_program().to_string_lossy(),
+        robot("dd2").display(),
+        config.prefix,
+        config.root.display()
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    let screen = folder.path().join("screen");
+    let output = std::fs::File::create(&screen).expect("a file");
+    let mut command = Command::new("script");
+    command.args(["-qfc", &line, "/dev/null"]).env("TERM", "xterm").env("SHELL", "/bin/sh").stdout(output);
+    command.stdin(std::process::Stdio::piped());
+    let Ok(terminal) = command.spawn() else {
+        eprintln!("SKIPPED: no script(1) to give a terminal");
+        return;
+    };
+    let mut terminal = Process(terminal);
+    let begin = Instant::now();
+    let mut monitor = None;
+    while monitor.is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "the monitor shows nothing");
+        std::thread::sleep(Duration::from_millis(20));
+        let drawn = String::from_utf8_lossy(&std::fs::read(&screen).expect("the screen")).contains("rivet monitor");
+        monitor = children(terminal.0.id()).first().copied().filter(|_| drawn);
+    }
+    let monitor = monitor.expect("found");
+    let before = state(monitor).expect("it runs").1;
+    std::thread::sleep(Duration::from_secs(2));
+    let used = state(monitor).expect("it runs").1 - before;
+    assert!(used < 60, "{used} ticks of a hundredth of a second in two seconds");
+    terminal.0.kill().expect("killed");
+    terminal.0.wait().expect("gone");
+    let begin = Instant::now();
+    while state(monitor).is_some_and(|(state, _)| state != "Z") {
+        assert!(begin.elapsed() < Duration::from_secs(60), "it goes on without a terminal: {:?}", state(monitor));
+        std::thread::sleep(Duration::from_millis(20));
     }
 }

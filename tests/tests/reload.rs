@@ -1,41 +1,14 @@
 //! A robot file that changes while rivetd works: no sample is missed, no parameter steps, a bad file changes nothing.
 
-use rivet_ipc_schema::{Bus, ControlCommand, ControlStatus, JointState, Parameters, PrivateBus, RobotName};
-use rivet_tests::{rivet, robot};
+use rivet_daemon::Core;
+use rivet_ipc_schema::{
+    Bus, ControlCommand, ControlStatus, LoadLevel, Parameters, PrivateBus, RobotName, parameter_flags,
+};
+use rivet_tests::robot;
+use rivet_tests::side::{Arm, Process, daemon, eventually};
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command};
-use std::time::{Duration, Instant};
-
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn sample(seq: u64) -> JointState {
-    let t = seq as f64 * 0.001;
-    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
-    for j in 0..2 {
-        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
-        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
-    }
-    state
-}
-
-fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
+use std::time::Duration;
 
 /// The two-link arm's file with another line in place of one.
 fn write(folder: &Path, from: &str, to: &str) {
@@ -55,16 +28,15 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
     let states = bus.joint_state_publisher().expect("a publisher");
     let health = bus.health_subscriber().expect("a subscriber");
     let parameters = bus.parameters_subscriber().expect("a subscriber");
-    let mut command = rivet();
-    command.arg("daemon").arg(folder.path().join("robot.toml"));
-    command.args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix, "--root"]).arg(&config.root);
-    let process = Process(command.spawn().expect("the program starts"));
+    let (file, said) = (folder.path().join("robot.toml"), folder.path().join("said"));
+    let mut arm = Arm::new(&rivet_config::load(&file).expect("the arm is there"));
+    let process = Process::start(&mut daemon(&file, &config, &said));
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
 
     // Samples go on without a pause, at about ten times their rate, while a neighbour reloads three times.
     let (done, finished) = std::sync::mpsc::channel();
     let neighbour = {
-        let (folder, pid) = (folder.path().to_owned(), process.0.id());
+        let (folder, said, pid) = (folder.path().to_owned(), said.clone(), process.0.id());
         std::thread::spawn(move || {
             let bus = Bus::open(&config, &RobotName::new("dd2").expect("a name"), "test-operator").expect("the bus");
             let client = bus.control_client().expect("a client");
@@ -84,23 +56,27 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
             let other_model = ask();
             // By the signal as well: what was in force before is again.
             write(&folder, "", "");
-            let sent = Command::new("kill").args(["-HUP", &pid.to_string()]).status().expect("kill runs");
+            let sent = std::process::Command::new("kill").args(["-HUP", &pid.to_string()]).status().expect("kill runs");
             assert!(sent.success());
+            let by_signal = eventually("the signal is followed", || {
+                let said = fs::read_to_string(&said).expect("it says something");
+                said.lines().find(|line| line.contains("SIGHUP: ")).map(str::to_owned)
+            });
             std::thread::sleep(Duration::from_millis(300));
             done.send(()).expect("the test waits");
-            [other_window, other_filter, bad, other_model]
+            ([other_window, other_filter, bad, other_model], by_signal)
         })
     };
     let (mut seq, mut published) = (0, Vec::<Parameters>::new());
     while finished.try_recv().is_err() {
         seq += 1;
-        states.send(&sample(seq)).expect("sent");
+        states.send(&arm.at(seq)).expect("sent");
         std::thread::sleep(Duration::from_micros(100));
         while let Some(set) = parameters.receive().expect("received") {
             published.push(set);
         }
     }
-    let [other_window, other_filter, bad, other_model] = neighbour.join().expect("no panic");
+    let ([other_window, other_filter, bad, other_model], by_signal) = neighbour.join().expect("no panic");
     let last =
         eventually("the last sample is in", || health.receive().expect("received").filter(|health| health.seq == seq));
     while let Some(set) = parameters.receive().expect("received") {
@@ -118,4 +94,42 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
     assert!(bad.1.contains("robot.toml:25:12"), "the place is named: {}", bad.1);
     assert_eq!(other_model.0, ControlStatus::Refused);
     assert!(other_model.1.contains("restart"), "{}", other_model.1);
+    assert!(by_signal.contains("the filters settle anew"), "{by_signal}");
+
+    // The same samples through a core that is changed after the samples that were named: bit for bit what came over the bus. So
+    // each change took effect, when it was said to, and none of them moved a parameter by itself.
+    assert_eq!((last.load_level, last.load_changes), (u32::from(LoadLevel::Normal), 0), "the work fits");
+    let changed = |from: &str, to: &str| {
+        write(folder.path(), from, to);
+        Box::new(Core::new(&rivet_config::load(&file).expect("a sound file")).expect("sound settings"))
+    };
+    let after = |text: &str| -> u64 {
+        let number = text.split("after sample ").nth(1).and_then(|rest| rest.split(';').next()).expect("it is named");
+        number.parse().expect("a number")
+    };
+    let mut changes = [
+        (after(&other_window.1), changed("window_s = 5.0", "window_s = 3.0")),
+        (after(&other_filter.1), changed("model_filter_hz = 10.0 ", "model_filter_hz = 8.0 ")),
+        (after(&by_signal), changed("", "")),
+    ];
+    let mut core = changed("", "");
+    let (mut replayed, mut set) = (Vec::new(), Parameters::default());
+    for seq in 1..=last.seq {
+        if core.tick(&arm.at(seq), None).publish {
+            core.write_parameters(&mut set);
+            replayed.push(set);
+        }
+        for (_, fresh) in changes.iter_mut().filter(|(after, _)| *after == seq) {
+            core.write_parameters(&mut set);
+            let before = set;
+            core.reconfigure(fresh);
+            core.write_parameters(&mut set);
+            assert_eq!((set.values, set.std), (before.values, before.std), "no step after sample {seq}");
+        }
+    }
+    assert_eq!(replayed.len(), published.len());
+    for (mut live, off_line) in published.into_iter().zip(replayed) {
+        live.flags &= !parameter_flags::LATE;
+        assert_eq!(live, off_line, "sample {}", off_line.seq);
+    }
 }

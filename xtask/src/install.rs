@@ -6,12 +6,15 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Programs of the workspace that are installed.
-const PROGRAMS: [&str; 4] = ["rivet", "rivetd", "rivet-controller", "rivet-sim"];
-/// Packages that they are built from.
-const PACKAGES: [&str; 4] = ["rivet", "rivet-daemon", "rivet-controller", "rivet-simulation"];
-/// Where the units in the source say that the programs are.
-const UNIT_PREFIX: &str = "/usr/bin/";
+/// Programs of the workspace that are installed, the package and the profile that each is built from.
+const PROGRAMS: [(&str, &str, &str); 4] = [
+    ("rivet", "rivet", "release"),
+    ("rivetd", "rivet-daemon", "service"),
+    ("rivet-controller", "rivet-controller", "service"),
+    ("rivet-sim", "rivet-simulation", "release"),
+];
+/// Where the units in the source say that the programs and their documents are.
+const UNIT_PREFIXES: [&str; 2] = ["/usr/bin/", "/usr/share/"];
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -29,11 +32,12 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     ensure!(args.prefix.is_absolute(), "--prefix {}: it must be absolute", args.prefix.display());
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?;
-    let programs = match &args.from {
-        Some(folder) => folder.clone(),
-        None => build(source)?,
+    let target = if args.from.is_some() { PathBuf::new() } else { build(source)? };
+    let lies = |program: &str, profile: &str| match &args.from {
+        Some(folder) => folder.join(program),
+        None => target.join(profile).join(program),
     };
-    let installed = install(source, &programs, &args.destdir, &args.prefix)?;
+    let installed = install(source, lies, &args.destdir, &args.prefix)?;
     println!("{installed} files below {}", below(&args.destdir, &args.prefix).display());
     if args.destdir == Path::new("/") {
         println!("next, as root: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload");
@@ -42,17 +46,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Builds the programs; returns the folder they lie in.
+/// Builds the programs; returns the folder that has one for each profile.
 fn build(source: &Path) -> Result<PathBuf> {
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(source).args(["build", "--release", "--locked"]);
-    for package in PACKAGES {
-        cargo.args(["--package", package]);
+    for profile in ["release", "service"] {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.current_dir(source).args(["build", "--locked", "--profile", profile]);
+        for (_, package, _) in PROGRAMS.iter().filter(|(_, _, its)| *its == profile) {
+            cargo.args(["--package", package]);
+        }
+        ensure!(cargo.status().context("cargo cannot be started")?.success(), "the programs do not build");
     }
-    ensure!(cargo.status().context("cargo cannot be started")?.success(), "the programs do not build");
     // This program was built beside them.
     let this = std::env::current_exe().context("this program cannot find itself")?;
-    Ok(this.parent().context("a program lies in a folder")?.to_owned())
+    Ok(this.ancestors().nth(2).context("a program lies in its profile's folder")?.to_owned())
 }
 
 /// `path` as it is called before the root is put in front.
@@ -60,22 +66,24 @@ fn below(destdir: &Path, path: &Path) -> PathBuf {
     destdir.join(path.strip_prefix("/").unwrap_or(path))
 }
 
-fn install(source: &Path, programs: &Path, destdir: &Path, prefix: &Path) -> Result<usize> {
+/// `lies` says where a program of a profile is.
+fn install(source: &Path, lies: impl Fn(&str, &str) -> PathBuf, destdir: &Path, prefix: &Path) -> Result<usize> {
     let to = |inner: &str| below(destdir, &prefix.join(inner));
     let mut files = 0;
-    for program in PROGRAMS {
-        let path = programs.join(program);
+    for (program, _, profile) in PROGRAMS {
+        let path = lies(program, profile);
         let bytes = fs::read(&path).with_context(|| format!("{}: not built?", path.display()))?;
         files += put(&to("bin").join(program), &bytes, 0o755)?;
     }
-    let bin = format!("{}/", prefix.join("bin").display());
+    let here = ["bin", "share"].map(|inner| format!("{}/", prefix.join(inner).display()));
     for (folder, inner) in
         [("system", "lib/systemd/system"), ("sysusers.d", "lib/sysusers.d"), ("tmpfiles.d", "lib/tmpfiles.d")]
     {
         for path in listed(&source.join("systemd").join(folder))? {
             let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            let text = UNIT_PREFIXES.iter().zip(&here).fold(text, |text, (from, to)| text.replace(from, to));
             let name = path.file_name().context("a listed file has a name")?;
-            files += put(&to(inner).join(name), text.replace(UNIT_PREFIX, &bin).as_bytes(), 0o644)?;
+            files += put(&to(inner).join(name), text.as_bytes(), 0o644)?;
         }
     }
     for (file, inner) in [
@@ -129,18 +137,23 @@ mod tests {
     fn everything_is_put_where_the_units_say() {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
         let (programs, destdir) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
-        for program in PROGRAMS {
+        for (program, _, _) in PROGRAMS {
             fs::write(programs.path().join(program), program).expect("written");
         }
         // Twice: over itself it installs as well.
         for _ in 0..2 {
-            install(source, programs.path(), destdir.path(), Path::new("/opt/rivet")).expect("installed");
+            let lies = |program: &str, _: &str| programs.path().join(program);
+            install(source, lies, destdir.path(), Path::new("/opt/rivet")).expect("installed");
         }
         let unit = destdir.path().join("opt/rivet/lib/systemd/system/rivetd@.service");
         let unit = fs::read_to_string(unit).expect("the unit is there");
         let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=")).expect("it starts something");
         let program = command.split_whitespace().next().expect("a word");
         assert_eq!(program, "/opt/rivet/bin/rivetd");
+        let documents = unit.lines().find_map(|line| line.strip_prefix("Documentation=file://")).expect("it has some");
+        assert!(documents.starts_with("/opt/rivet/"), "{documents}");
+        assert!(below(destdir.path(), Path::new(documents)).is_file(), "{documents}");
+        assert!(!unit.contains("/usr/"), "{unit}");
         let mode = fs::metadata(below(destdir.path(), Path::new(program))).expect("it is there").permissions().mode();
         assert_eq!(mode & 0o777, 0o755);
         assert!(destdir.path().join("opt/rivet/lib/sysusers.d/rivet.conf").is_file());

@@ -10,13 +10,14 @@ mod text;
 use crate::control::OnBus;
 use crate::table::show;
 use anyhow::{Result, bail};
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rivet_ipc_schema::{Bus, RobotName};
 use rivet_realtime::Shutdown;
 use screen::View;
 use snapshot::{Ports, Snapshot};
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// Shows loop timing, drops, residuals, parameters, supervision, faults, and the controller beside it.
@@ -51,7 +52,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let shutdown = Shutdown::on_signals()?;
     let mut terminal = ratatui::init();
     let result = live(&mut terminal, &ports, &mut snapshot, &shutdown);
-    ratatui::restore();
+    // A terminal that is gone needs nothing restored, and cannot be told so either.
+    let _ = ratatui::try_restore();
     result.map(|()| ExitCode::SUCCESS)
 }
 
@@ -73,6 +75,22 @@ fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<Ex
     Ok(ExitCode::SUCCESS)
 }
 
+/// Keys as they are pressed. A thread of their own reads them: on a terminal that has vanished the library looks for more without
+/// end, which must keep nobody from ending the program.
+fn keys() -> Receiver<KeyEvent> {
+    let (pressed, keys) = mpsc::channel();
+    std::thread::spawn(move || {
+        while let Ok(event) = event::read() {
+            if let Event::Key(key) = event
+                && pressed.send(key).is_err()
+            {
+                return;
+            }
+        }
+    });
+    keys
+}
+
 fn live(
     terminal: &mut ratatui::DefaultTerminal,
     ports: &Ports,
@@ -80,16 +98,20 @@ fn live(
     shutdown: &Shutdown,
 ) -> Result<()> {
     let mut view = View::default();
-    // A terminal that is gone is no terminal any more, and says so at every look without waiting.
+    let keys = keys();
+    // A terminal that is gone is no terminal any more.
     while !shutdown.is_requested() && std::io::stdin().is_terminal() {
         snapshot.take(ports)?;
-        terminal.draw(|frame| screen::draw(frame, snapshot, &mut view))?;
-        if !event::poll(TURN)? {
-            continue;
+        if terminal.draw(|frame| screen::draw(frame, snapshot, &mut view)).is_err() {
+            // It went meanwhile.
+            return Ok(());
         }
-        if let Event::Key(key) = event::read()?
-            && key.kind == KeyEventKind::Press
-        {
+        let key = match keys.recv_timeout(TURN) {
+            Ok(key) => key,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+        };
+        if key.kind == KeyEventKind::Press {
             match key.code {
                 KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
                 KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Ok(()),

@@ -1,7 +1,8 @@
 //! The live view.
 
 use super::snapshot::{
-    Snapshot, controller_faults, drops, figure, input_faults, instruments, parameter_state, quantiles, refusals, source,
+    Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
+    quantiles, refusals, source, worst,
 };
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -34,13 +35,13 @@ pub(super) fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
     let joints = s.joints.len() as u16;
     let [head, top, middle, bottom, foot] = Layout::vertical([
         Constraint::Length(1),
-        Constraint::Length(9),
+        Constraint::Length(11),
         Constraint::Length(joints + 3),
         Constraint::Min(3),
         Constraint::Length(1),
     ])
     .areas(frame.area());
-    let [timing, words] = Layout::horizontal([Constraint::Percentage(45), Constraint::Percentage(55)]).areas(top);
+    let [timing, words] = Layout::horizontal([Constraint::Percentage(48), Constraint::Percentage(52)]).areas(top);
     let title = Line::from(vec![
         Span::styled(" rivet monitor ", STRONG),
         Span::raw(&s.robot),
@@ -62,7 +63,7 @@ fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         return frame.render_widget(Line::styled("not on the bus", QUIET), inner);
     };
     let h = report.message;
-    let rows = Layout::vertical([Constraint::Length(1); 7]).split(inner);
+    let rows = Layout::vertical([Constraint::Length(1); 9]).split(inner);
     let rate = if report.rate.is_finite() { format!("{:.0} samples/s", report.rate) } else { String::new() };
     frame.render_widget(Line::raw(format!("{} periods  {rate}", h.periods)), rows[0]);
     for (i, (name, counts, worst)) in
@@ -79,7 +80,11 @@ fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         frame.render_widget(Line::styled(" 256 ns .. 67 ms, log", QUIET), scale);
         frame.render_widget(Line::raw(quantiles(counts, *worst)), rows[2 + 2 * i]);
     }
-    frame.render_widget(labelled("drops ", &drops(&h)), rows[6]);
+    if let Some(timing) = &s.timing {
+        frame.render_widget(Line::raw(format!("p99 us {}", phases(timing))), rows[5]);
+        frame.render_widget(Line::raw(format!("worst {}", worst(timing))), rows[6]);
+    }
+    frame.render_widget(labelled("drops ", &drops(&h)), rows[7]);
 }
 
 /// A line whose rest is green when it says that there is nothing to report.
@@ -102,7 +107,12 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
         lines.push(plain("supervision ", format!("{} move, {} held; window {window}", h.active, h.held)));
         lines.push(plain("instruments ", instruments(h.instruments)));
-        lines.push(labelled("input       ", &input_faults(&h)));
+        let input = input_state(s, &h);
+        let style = if input == "none" || input.starts_with("sound") { GOOD } else { BAD };
+        lines.push(Line::from(vec![Span::styled("input       ", STRONG), Span::styled(input, style)]));
+        lines.push(labelled("samples     ", &input_faults(&h)));
+        let style = if h.load_level == 0 { GOOD } else { BAD };
+        lines.push(Line::from(vec![Span::styled("load        ", STRONG), Span::styled(load(&h), style)]));
     }
     lines.push(state("controller  ", s.state(), &["following", "holding"]));
     if let Some(report) = s.controller {
@@ -223,7 +233,9 @@ mod tests {
     use super::*;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use rivet_ipc_schema::{BusConfig, ControllerHealth, Health, Parameters};
+    use rivet_ipc_schema::{
+        BusConfig, ControllerHealth, HISTOGRAM_BINS, Health, PHASES, Parameters, Timing, WORST_PERIODS,
+    };
     use std::path::Path;
 
     fn snapshot() -> Snapshot {
@@ -252,6 +264,14 @@ mod tests {
         health.wake_histogram[14] = 1000;
         health.torque_rms[0] = 10.0;
         health.residual_rms[0] = 8.0;
+        (health.input_fault, health.input_joints, health.load_level) = (9, 2, 2);
+        (health.load_changes, health.load_seq, health.rows_doubted) = (2, 777, 5);
+        let mut timing = Timing { count: 2, ..Timing::default() };
+        timing.phase_histogram[3 * HISTOGRAM_BINS + 13] = 100;
+        timing.phase_max_ns[3] = 9_000;
+        timing.worst_phase_ns[0] = 1_300_000;
+        timing.worst_cause[1] = 2;
+        s.timing = Some(timing);
         s.take_health(&health);
         s.take_controller(&ControllerHealth { state: 2, source: 2, stamp_ns: s.now_ns, ..ControllerHealth::default() });
         s.parameters =
@@ -260,7 +280,19 @@ mod tests {
         view.scroll(1000);
         let text = screen(&s, 100, 30, &mut view);
         let last = s.names.last().expect("a parameter").clone();
-        for part in ["estimating", "3 periods missed", "7 invalid", "following", "live", "epoch 5", last.as_str()] {
+        for part in [
+            "ENCODER JUMP of shoulder_lift_joint",
+            "decimate since sample 777; 2 changes",
+            "model 9",
+            "1.3 ms, late wake up",
+            "estimating",
+            "3 periods missed",
+            "7 invalid",
+            "following",
+            "live",
+            "epoch 5",
+            last.as_str(),
+        ] {
             assert!(text.contains(part), "{part}:\n{text}");
         }
         s.now_ns += 60_000_000_000;
@@ -279,7 +311,17 @@ mod tests {
             ..Health::default()
         };
         s.take_health(&wild);
-        s.take_health(&Health { residual_rms: [f64::NAN; 8], torque_rms: [f64::INFINITY; 8], ..wild });
+        s.timing = Some(Timing {
+            count: u32::MAX,
+            phase_histogram: [u32::MAX; PHASES * HISTOGRAM_BINS],
+            phase_max_ns: [u64::MAX; PHASES],
+            worst_phase_ns: [u32::MAX; PHASES * WORST_PERIODS],
+            worst_cause: [99; WORST_PERIODS],
+            ..Timing::default()
+        });
+        let nowhere =
+            Health { input_fault: 55, input_joints: u32::MAX, last_input_fault: u32::MAX, load_level: 9, ..wild };
+        s.take_health(&Health { residual_rms: [f64::NAN; 8], torque_rms: [f64::INFINITY; 8], ..nowhere });
         s.take_controller(&ControllerHealth {
             state: 99,
             source: 99,

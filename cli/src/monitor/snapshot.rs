@@ -3,8 +3,9 @@
 use anyhow::Result;
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Health, InstrumentSource, ParameterRefusal,
-    ParameterSource, ParameterState, Parameters, SourceReason, Subscriber,
+    Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InputFault,
+    InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause,
+    SourceReason, Subscriber, Timing,
 };
 use rivet_realtime::{LogHistogram, now_ns};
 use std::fmt::Debug;
@@ -17,6 +18,7 @@ pub(super) struct Ports {
     health: Subscriber<Health>,
     controller: Subscriber<ControllerHealth>,
     parameters: Subscriber<Parameters>,
+    timing: Subscriber<Timing>,
 }
 
 impl Ports {
@@ -25,6 +27,7 @@ impl Ports {
             health: bus.health_subscriber()?,
             controller: bus.controller_health_subscriber()?,
             parameters: bus.parameters_subscriber()?,
+            timing: bus.timing_subscriber()?,
         })
     }
 }
@@ -47,6 +50,7 @@ pub(super) struct Snapshot {
     pub(super) health: Option<Report<Health>>,
     pub(super) controller: Option<Report<ControllerHealth>>,
     pub(super) parameters: Option<Parameters>,
+    pub(super) timing: Option<Timing>,
     /// `CLOCK_MONOTONIC` of the last look \[ns\].
     pub(super) now_ns: u64,
 }
@@ -63,6 +67,7 @@ impl Snapshot {
             health: None,
             controller: None,
             parameters: None,
+            timing: None,
             now_ns: now_ns(),
         }
     }
@@ -77,6 +82,9 @@ impl Snapshot {
         }
         if let Some(set) = ports.parameters.receive_newest()? {
             self.parameters = Some(set);
+        }
+        if let Some(timing) = ports.timing.receive_newest()? {
+            self.timing = Some(timing);
         }
         self.now_ns = now_ns();
         Ok(())
@@ -93,7 +101,7 @@ impl Snapshot {
     }
 
     pub(super) fn is_complete(&self) -> bool {
-        self.health.is_some() && self.controller.is_some() && self.parameters.is_some()
+        self.health.is_some() && self.controller.is_some() && self.parameters.is_some() && self.timing.is_some()
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -224,6 +232,77 @@ pub(super) fn figure(x: f64) -> String {
 pub(super) fn happened(counts: &[(&str, u64)]) -> String {
     let some: Vec<_> = counts.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!("{n} {what}")).collect();
     if some.is_empty() { "none".to_owned() } else { some.join(", ") }
+}
+
+/// What is wrong with the samples now, and was last; "none" while and as long as nothing was.
+pub(super) fn input_state(s: &Snapshot, h: &Health) -> String {
+    let name = |fault: u32| InputFault::try_from(fault).map_or_else(|_| format!("fault {fault}"), words);
+    let last = usize::try_from(h.last_input_fault).unwrap_or(usize::MAX);
+    let times = h.input_faults.get(last).copied().unwrap_or(0);
+    if h.input_fault != u32::from(InputFault::None) {
+        let of: Vec<&str> = s
+            .joints
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| h.input_joints >> j & 1 == 1)
+            .map(|(_, n)| n.as_str())
+            .collect();
+        let of = if of.is_empty() { String::new() } else { format!(" of {}", of.join(", ")) };
+        format!("{}{of}", name(h.input_fault).to_uppercase())
+    } else if h.last_input_fault != u32::from(InputFault::None) {
+        let over = if h.recovery_s.is_finite() { format!(", over in {:.2} s", h.recovery_s) } else { String::new() };
+        format!("sound; last {}, {times} times{over}", name(h.last_input_fault))
+    } else {
+        "none".to_owned()
+    }
+}
+
+/// What is left out for want of time.
+pub(super) fn load(h: &Health) -> String {
+    let level = LoadLevel::try_from(h.load_level).map_or_else(|_| format!("level {}", h.load_level), words);
+    let since = if h.load_changes == 0 { String::new() } else { format!(" since sample {}", h.load_seq) };
+    let more = happened(&[
+        ("changes", h.load_changes),
+        ("samples left aside", h.samples_held),
+        ("rows in doubt", h.rows_doubted),
+        ("late sets", h.late_sets),
+    ]);
+    if more == "none" { format!("{level}{since}") } else { format!("{level}{since}; {more}") }
+}
+
+/// Names of the phases after the wait, short.
+const WORK: [&str; PHASES - 1] = ["read", "diff", "model", "est", "sup", "pub"];
+
+/// The time that 99 of 100 periods spend in each phase of the work at most \[us\].
+pub(super) fn phases(timing: &Timing) -> String {
+    let bins = timing.phase_histogram.chunks_exact(HISTOGRAM_BINS).zip(timing.phase_max_ns).skip(1);
+    let each = WORK.iter().zip(bins).map(|(name, (bins, max))| {
+        let mut counts = [0; LogHistogram::BINS];
+        counts.copy_from_slice(bins);
+        format!("{name} {:.0}", LogHistogram::from_counts(counts, max).quantile(0.99) as f64 * 1e-3)
+    });
+    each.collect::<Vec<_>>().join(", ")
+}
+
+/// The worst period of the last hour, and what the worst ones were long by.
+pub(super) fn worst(timing: &Timing) -> String {
+    let count = (timing.count as usize).min(timing.worst_cause.len());
+    if count == 0 {
+        return "none".to_owned();
+    }
+    let cause = |code: u32| PeriodCause::try_from(code).map_or_else(|_| format!("cause {code}"), words);
+    let total: u64 = timing.worst_phase_ns[..PHASES].iter().map(|&ns| u64::from(ns)).sum();
+    let mut causes: Vec<(String, usize)> = Vec::new();
+    for code in &timing.worst_cause[..count] {
+        let name = cause(*code);
+        match causes.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, times)) => *times += 1,
+            None => causes.push((name, 1)),
+        }
+    }
+    causes.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+    let causes: Vec<_> = causes.iter().map(|(name, times)| format!("{times} {name}")).collect();
+    format!("{}, {}; of {count}: {}", duration(total), cause(timing.worst_cause[0]), causes.join(", "))
 }
 
 /// What went wrong on the daemon's input.

@@ -1,7 +1,8 @@
 //! One look as text, for scripts: a word at the beginning of each line says what it is about.
 
 use super::snapshot::{
-    Snapshot, controller_faults, drops, figure, input_faults, instruments, parameter_state, quantiles, refusals, source,
+    Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
+    quantiles, refusals, source, worst,
 };
 use rivet_ipc_schema::parameter_flags;
 use std::fmt::Write as _;
@@ -21,10 +22,16 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
             let mode = s.mode().unwrap_or_default();
             writeln!(out, "daemon       {mode}; {} samples, reported {} ago", h.samples, s.age(h.stamp_ns))?;
             writeln!(out, "faults       {}", input_faults(&h))?;
+            writeln!(out, "input        {}", input_state(s, &h))?;
+            writeln!(out, "load         {}", load(&h))?;
             writeln!(out, "drops        {}", drops(&h))?;
             writeln!(out, "periods      {}", h.periods)?;
             writeln!(out, "wake         {}", quantiles(&h.wake_histogram, h.worst_wake_ns))?;
             writeln!(out, "work         {}", quantiles(&h.work_histogram, h.worst_work_ns))?;
+            if let Some(timing) = &s.timing {
+                writeln!(out, "phases       p99 [us]: {}", phases(timing))?;
+                writeln!(out, "worst        {}", worst(timing))?;
+            }
             let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
             let source = instruments(h.instruments);
             writeln!(out, "supervision  {} move, {} held; window {window}; instruments {source}", h.active, h.held)?;

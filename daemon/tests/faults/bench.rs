@@ -126,7 +126,7 @@ pub(crate) struct Spoiler {
     before: Option<(JointState, Setpoint)>,
     kept: Option<(JointState, Setpoint)>,
     /// What sequence numbers and stamps are behind by.
-    seq_behind: u64,
+    pub(crate) seq_behind: u64,
     stamp_ahead: u64,
     active: bool,
     pub(crate) jump: f64,

@@ -4,29 +4,41 @@
 mod watch;
 
 use rivet_config::Trigger;
-use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop};
+use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, Snapshots};
 use rivet_ipc_schema::{
-    Bus, ControlCommand, HISTOGRAM_BINS, Health, JointState, LoadLevel, PHASES, Parameters, PrivateBus, Publisher,
-    RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
+    Bus, ControlCommand, HISTOGRAM_BINS, Health, JointState, LoadLevel, Notifier, PHASES, Parameters, PrivateBus,
+    Publisher, RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
 };
 use rivet_realtime::{Overrun, RealTimeSettings, ThreadUsage};
+use rivet_service::Flight;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use watch::{Seen, watch_this_thread, watched};
 
-/// Reads the thread's own counters, with a message or a period that was one of the worst.
-const GETRUSAGE: i32 = libc::SYS_getrusage as i32;
+/// What the work of a period may call: the thread's own counters, with a message or a period that was one of the worst.
+const WORK: &[i64] = &[libc::SYS_getrusage];
+
+/// What a wait may call: the timer's sleep; of the bus, waiting for a datagram and taking it.
+const TIMER_WAIT: &[i64] = &[libc::SYS_clock_nanosleep];
+const SAMPLE_WAIT: &[i64] = &[libc::SYS_pselect6, libc::SYS_recvfrom];
 
 /// The loop and the robot's side of the bus, on one thread: period after period.
 struct Bench {
     turning: RealTimeLoop,
     outbound: rtrb::Consumer<Outbound>,
+    wait: &'static [i64],
+    arrival: Notifier,
     _commands: rtrb::Producer<ControlCommand>,
     states: Publisher<JointState>,
     setpoints: Publisher<Setpoint>,
     seq: u64,
+    /// System calls of the work so far, all of them allowed ones.
+    calls: u32,
     parameters: Option<Parameters>,
+    /// All sets so far, and the load levels with the first sample under each.
+    sets: Vec<Parameters>,
+    levels: Vec<(u64, LoadLevel)>,
     health: Option<Health>,
     timing: Option<Timing>,
     _bus: Bus,
@@ -34,7 +46,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(label: &str, period: Duration) -> Bench {
+    fn new(label: &str, period: Duration, trigger: Trigger, health_every: u64) -> Bench {
         let private = PrivateBus::new(label);
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/staubli-tx40/robot.toml");
         let robot = rivet_config::load(file).expect("the robot file is sound");
@@ -42,27 +54,36 @@ impl Bench {
         let core = Core::new(&robot).expect("sound settings");
         let settings = LoopSettings {
             period,
-            trigger: Trigger::Timer,
+            trigger,
             overrun: Overrun::Skip,
             catch_up: 16,
-            health_every: 250,
+            health_every,
             stale_ns: 200_000_000,
             realtime: RealTimeSettings::default(),
         };
         let (producer, outbound) = rtrb::RingBuffer::new(64);
+        let snapshots = Snapshots::none();
         let (commands, requests) = rtrb::RingBuffer::new(16);
         let progress = Arc::new(Progress::default());
-        let channels = Channels { outbound: producer, commands: requests, reload: Incoming::none(), progress };
+        let folder = tempfile::tempdir().expect("a folder");
+        let flight = Some(Arc::new(Flight::new(folder.path(), "guards", &[("q", 6), ("tau", 6), ("rest", 100)])));
+        let channels =
+            Channels { outbound: producer, commands: requests, reload: Incoming::none(), snapshots, progress, flight };
         let turning = RealTimeLoop::open(core, &settings, private.config(), &name, channels);
         let bus = Bus::open(private.config(), &name, "test-robot").expect("the bus opens");
         Bench {
             turning: turning.expect("the loop opens"),
             outbound,
+            wait: if trigger == Trigger::Timer { TIMER_WAIT } else { SAMPLE_WAIT },
+            arrival: bus.joint_state_notifier().expect("a notifier"),
             _commands: commands,
             states: bus.joint_state_publisher().expect("a publisher"),
             setpoints: bus.setpoint_publisher().expect("a publisher"),
             seq: 0,
+            calls: 0,
             parameters: None,
+            sets: Vec::new(),
+            levels: Vec::new(),
             health: None,
             timing: None,
             _bus: bus,
@@ -70,39 +91,26 @@ impl Bench {
         }
     }
 
-    /// Publishes a sample, every so often a spoilt one, and takes what was handed over.
+    /// Publishes a sample, and takes what was handed over.
     fn feed(&mut self) {
         self.seq += 1;
-        let t = self.seq as f64 * 0.001;
-        let mut state =
-            JointState { seq: self.seq, stamp_ns: self.seq * 1_000_000, joints: 6, ..JointState::default() };
-        let mut setpoint = Setpoint { seq: self.seq, stamp_ns: state.stamp_ns, joints: 6, ..Setpoint::default() };
-        for j in 0..6 {
-            let w = 1.0 + j as f64;
-            state.q[j] = 0.3 * (w * t).sin();
-            state.tau[j] = 10.0 * (w * t + 0.3).cos();
-            (setpoint.q[j], setpoint.qd[j], setpoint.qdd[j]) =
-                (state.q[j], 0.3 * w * (w * t).cos(), -0.3 * w * w * (w * t).sin());
-        }
-        match self.seq % 4001 {
-            1 => state.q[0] = f64::NAN,
-            2 => state.tau[5] = f64::INFINITY,
-            3 => state.joints = u32::MAX,
-            4 => state.faults = 1,
-            5 => state.seq = 0,
-            6 => state.q = [1e300; 8],
-            7 => state.tau = [f64::MIN_POSITIVE / 2.0; 8],
-            8 => setpoint.qdd[2] = f64::NAN,
-            9 => state.q[3] += 1.0,
-            10 => state.stamp_ns = u64::MAX,
-            _ => {}
-        }
+        let (state, setpoint) = sample(self.seq);
         self.setpoints.send(&setpoint).expect("sent");
         self.states.send(&state).expect("sent");
+        self.arrival.notify().expect("notified");
         while let Ok(message) = self.outbound.pop() {
             match message {
-                Outbound::Parameters(set) => self.parameters = Some(set),
-                Outbound::Health(health) => self.health = Some(health),
+                Outbound::Parameters(set) => {
+                    self.parameters = Some(set);
+                    self.sets.push(set);
+                }
+                Outbound::Health(health) => {
+                    // Every change is told of: a level lasts for longer than it takes to say so.
+                    if health.load_changes > self.levels.len() as u64 {
+                        self.levels.push((health.load_seq, LoadLevel::try_from(health.load_level).expect("a level")));
+                    }
+                    self.health = Some(health);
+                }
                 Outbound::Timing(timing) => self.timing = Some(timing),
             }
         }
@@ -114,29 +122,74 @@ impl Bench {
         let mut faults = 0;
         for k in 0..periods {
             self.feed();
-            let wake = self.turning.wait();
+            let mut wake = None;
+            let waited = watched(self.wait, || wake = Some(self.turning.wait()));
             let before = ThreadUsage::now().faults;
-            let seen = watched(|| {
-                self.turning.work(wake);
+            let worked = watched(WORK, || {
+                self.turning.work(wake.expect("it has waited"));
                 creep(k);
             });
             faults += ThreadUsage::now().faults - before;
-            let allowed = seen.allocations == 0 && seen.call.is_none_or(|call| call == GETRUSAGE);
-            if !allowed && bad.is_none() {
-                bad = Some((k, seen));
+            for seen in [waited, worked] {
+                if (seen.allocations > 0 || seen.call.is_some()) && bad.is_none() {
+                    bad = Some((k, seen));
+                }
             }
+            self.calls += worked.calls;
         }
         (bad, faults)
     }
 }
 
+/// Sample `seq` and the setpoint of its period; every so often one is spoilt.
+fn sample(seq: u64) -> (JointState, Setpoint) {
+    let t = seq as f64 * 0.001;
+    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 6, ..JointState::default() };
+    let mut setpoint = Setpoint { seq, stamp_ns: state.stamp_ns, joints: 6, ..Setpoint::default() };
+    for j in 0..6 {
+        let w = 1.0 + j as f64;
+        state.q[j] = 0.3 * (w * t).sin();
+        state.tau[j] = 10.0 * (w * t + 0.3).cos();
+        (setpoint.q[j], setpoint.qd[j], setpoint.qdd[j]) =
+            (state.q[j], 0.3 * w * (w * t).cos(), -0.3 * w * w * (w * t).sin());
+    }
+    match seq % 4001 {
+        1 => state.q[0] = f64::NAN,
+        2 => state.tau[5] = f64::INFINITY,
+        3 => state.joints = u32::MAX,
+        4 => state.faults = 1,
+        5 => state.seq = 0,
+        6 => state.q = [1e300; 8],
+        7 => state.tau = [f64::MIN_POSITIVE / 2.0; 8],
+        8 => setpoint.qdd[2] = f64::NAN,
+        9 => state.q[3] += 1.0,
+        10 => state.stamp_ns = u64::MAX,
+        _ => {}
+    }
+    (state, setpoint)
+}
+
 #[test]
 fn a_hundred_thousand_periods_allocate_nothing_call_nothing_and_meet_no_page_fault() {
+    // Long enough for the work, or it would be left out; short enough for a test.
+    guarded("guards", Duration::from_micros(100), Trigger::Timer);
+}
+
+/// The same where samples begin the periods, as fast as they come.
+#[test]
+fn nor_do_they_when_samples_begin_them() {
+    guarded("guards-sample", Duration::from_millis(1), Trigger::Sample);
+}
+
+/// What the kernel reads while it watches is one for all threads.
+static WATCHED: Mutex<()> = Mutex::new(());
+
+fn guarded(label: &str, period: Duration, trigger: Trigger) {
+    let _one = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
     if !watch_this_thread() {
         return;
     }
-    // Long enough for the work, or it would be left out; short enough for a test.
-    let mut bench = Bench::new("guards", Duration::from_micros(100));
+    let mut bench = Bench::new(label, period, trigger, 250);
     // As the daemon does, after everything was made; else the ring of samples meets each of its pages once.
     let locked = RealTimeSettings { lock_memory: true, ..RealTimeSettings::default() };
     let granted = rivet_realtime::enter(&locked).expect("best effort");
@@ -154,8 +207,11 @@ fn a_hundred_thousand_periods_allocate_nothing_call_nothing_and_meet_no_page_fau
     let timing = bench.timing.as_ref().expect("reported");
     let counts = timing.phase_histogram.chunks(HISTOGRAM_BINS).map(|bins| bins.iter().map(|&n| u64::from(n)).sum());
     let counts: [u64; PHASES] = counts.collect::<Vec<u64>>().try_into().expect("seven phases");
-    assert!(counts.iter().all(|&count| count > 50_000), "every phase is timed: {counts:?}");
+    // Where a sample begins the period there is no lateness.
+    let phases = if trigger == Trigger::Timer { &counts[..] } else { &counts[1..] };
+    assert!(phases.iter().all(|&count| count > 50_000), "every phase is timed: {counts:?}");
     assert_eq!(timing.count as usize, WORST_PERIODS);
+    assert!(bench.calls >= 400, "the one allowed call is made with every message: {}", bench.calls);
 
     // What the guards see when something creeps in, in one period of a hundred.
     let (bad, _) = bench.run(100, |k| {
@@ -163,7 +219,11 @@ fn a_hundred_thousand_periods_allocate_nothing_call_nothing_and_meet_no_page_fau
             std::hint::black_box(Box::new(k));
         }
     });
-    assert_eq!(bad, Some((50, Seen { allocations: 2, call: None })), "a box: one allocation, one release");
+    assert_eq!(
+        bad.map(|(k, seen)| (k, (seen.allocations, seen.call))),
+        Some((50, (2, None))),
+        "a box: one allocation, one release"
+    );
     let (bad, _) = bench.run(100, |k| {
         if k == 51 {
             std::thread::sleep(Duration::from_nanos(1));
@@ -171,8 +231,10 @@ fn a_hundred_thousand_periods_allocate_nothing_call_nothing_and_meet_no_page_fau
     });
     let (period, seen) = bad.expect("a sleep is seen");
     assert!(period == 51 && seen.call == Some(libc::SYS_clock_nanosleep as i32), "{seen:?}");
+    // Behind an allowed call too.
     let (bad, _) = bench.run(100, |k| {
         if k == 52 {
+            ThreadUsage::now();
             rustix::thread::sched_yield();
         }
     });
@@ -219,7 +281,7 @@ impl Pages {
 /// Samples that lay about for a while before they were taken: what was made of them says so, and carries their stamp.
 #[test]
 fn a_set_that_is_late_says_so() {
-    let mut bench = Bench::new("late", Duration::from_micros(100));
+    let mut bench = Bench::new("late", Duration::from_micros(100), Trigger::Timer, 250);
     let run = |bench: &mut Bench, periods: u64| {
         for _ in 0..periods {
             bench.feed();
@@ -237,24 +299,47 @@ fn a_set_that_is_late_says_so() {
     assert_eq!(late.stamp_ns, late.seq * 1_000_000, "the sample's own");
 }
 
-/// Periods far too short for the work: the ladder goes up, and everything published says so.
+/// Periods far too short for the work: the ladder goes up, everything published says so, and whoever is told when does the
+/// same, bit for bit.
 #[test]
-fn work_that_does_not_fit_is_left_out_step_by_step_and_said() {
-    let mut bench = Bench::new("ladder", Duration::from_micros(1));
-    let mut levels = Vec::new();
-    for _ in 0..1500 {
+fn work_that_does_not_fit_is_left_out_step_by_step_and_a_replay_does_the_same() {
+    let mut bench = Bench::new("ladder", Duration::from_micros(1), Trigger::Timer, 10);
+    for _ in 0..4500 {
         bench.feed();
         bench.turning.period();
-        if let Some(health) = &bench.health
-            && levels.last() != Some(&health.load_level)
-        {
-            levels.push(health.load_level);
+    }
+    bench.feed();
+    let health = bench.health.expect("reported");
+    let levels: Vec<LoadLevel> = bench.levels.iter().map(|(_, level)| *level).collect();
+    assert_eq!(levels, [LoadLevel::PublishLess, LoadLevel::Decimate, LoadLevel::Hold], "one level after the other");
+    assert_eq!((health.load_level, health.load_changes), (u32::from(LoadLevel::Hold), 3));
+    assert!(health.samples < 300, "nothing is learnt any more: {}", health.samples);
+    assert!(health.samples_held > 4000, "and what is left aside is counted: {}", health.samples_held);
+    let level_at =
+        |seq: u64| bench.levels.iter().rev().find(|(from, _)| seq >= *from).map_or(LoadLevel::Normal, |l| l.1);
+
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/staubli-tx40/robot.toml");
+    let mut core = Core::new(&rivet_config::load(file).expect("the robot file is sound")).expect("sound settings");
+    let (mut replayed, mut set, mut last) = (Vec::new(), Parameters::default(), 0);
+    for seq in 1..bench.seq {
+        let (state, setpoint) = sample(seq);
+        for (_, level) in bench.levels.iter().filter(|(from, _)| *from == last + 1) {
+            core.set_load(*level);
+        }
+        last = last.max(state.seq);
+        if core.tick(&state, Some(&setpoint)).publish {
+            core.write_parameters(&mut set);
+            replayed.push(set);
         }
     }
-    let health = bench.health.expect("reported");
-    assert_eq!(health.load_level, u32::from(LoadLevel::Hold), "{levels:?}");
-    assert_eq!(health.load_changes, 3, "one level after the other");
-    let set = bench.parameters.expect("still published, if less often");
-    assert_eq!(set.flags >> parameter_flags::LOAD_SHIFT & 3, u32::from(LoadLevel::Hold));
-    assert!(health.samples < 300, "nothing is learnt any more: {}", health.samples);
+    assert!(bench.sets.len() >= 5, "{} sets, if fewer than before", bench.sets.len());
+    assert_eq!(bench.sets.len(), replayed.len());
+    for (live, again) in bench.sets.iter().zip(&replayed) {
+        let fresh = Parameters { flags: live.flags & !parameter_flags::LATE, ..*live };
+        assert_eq!(fresh, *again, "sample {}", again.seq);
+        // None is passed off as newer than it is.
+        let (state, _) = sample(live.seq);
+        assert_eq!(live.stamp_ns, state.stamp_ns, "the stamp of the sample it was made from");
+        assert_eq!(live.flags >> parameter_flags::LOAD_SHIFT & 3, u32::from(level_at(live.seq)), "sample {}", live.seq);
+    }
 }

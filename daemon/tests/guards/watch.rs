@@ -2,7 +2,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::{AtomicI32, AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 struct Counting;
 
@@ -36,42 +36,73 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Read by the kernel at every system call of the watched thread: 1 has it raise SIGSYS instead (Syscall User Dispatch).
+/// Read by the kernel at every system call of the watched thread: 1 has it raise SIGSYS instead (Syscall User Dispatch), unless
+/// the call comes from between `rivet_watch_begin` and `rivet_watch_end`: what the handler itself calls. So the watch need not
+/// be lifted for a call that is allowed, and what comes after one is seen too.
 static SELECTOR: AtomicU8 = AtomicU8::new(ALLOW);
 const ALLOW: u8 = 0;
 const BLOCK: u8 = 1;
 const PR_SET_SYSCALL_USER_DISPATCH: libc::c_int = 59;
 
-static CALLS: AtomicU64 = AtomicU64::new(0);
-static LAST_CALL: AtomicI32 = AtomicI32::new(-1);
+/// How often each system call was made, by number; those beyond count as the last.
+static CALLS: [AtomicU32; 512] = [const { AtomicU32::new(0) }; 512];
+
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code, reason = "the few instructions that may call the kernel while it is watched")]
+mod kernel {
+    core::arch::global_asm!(
+        ".globl rivet_watch_begin, rivet_watch_restore, rivet_watch_call, rivet_watch_end",
+        "rivet_watch_begin:",
+        "rivet_watch_restore:",
+        "mov eax, 15",
+        "syscall",
+        "ud2",
+        "rivet_watch_call:",
+        "mov rax, [rdi]",
+        "mov rsi, [rdi + 16]",
+        "mov rdx, [rdi + 24]",
+        "mov r10, [rdi + 32]",
+        "mov r8, [rdi + 40]",
+        "mov r9, [rdi + 48]",
+        "mov rdi, [rdi + 8]",
+        "syscall",
+        "ret",
+        "rivet_watch_end:",
+    );
+
+    unsafe extern "C" {
+        pub(super) static rivet_watch_begin: u8;
+        pub(super) static rivet_watch_end: u8;
+        /// Where the handler returns to: `rt_sigreturn`.
+        pub(super) fn rivet_watch_restore();
+        /// Makes the call of these registers: number, six arguments. Returns what the kernel does.
+        pub(super) fn rivet_watch_call(registers: *const [i64; 7]) -> i64;
+    }
+
+    /// The kernel's own `sigaction`: the C library would put its restorer in.
+    #[repr(C)]
+    pub(super) struct Action {
+        pub(super) handler: usize,
+        pub(super) flags: u64,
+        pub(super) restorer: usize,
+        pub(super) mask: u64,
+    }
+    pub(super) const SA_RESTORER: u64 = 0x0400_0000;
+}
 
 /// Notes the call and makes it after all.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code, reason = "a signal handler that looks at the registers of the interrupted code")]
 extern "C" fn intercepted(_: libc::c_int, _: *mut libc::siginfo_t, context: *mut libc::c_void) {
-    // First: this handler's own calls, its return among them.
-    SELECTOR.store(ALLOW, Ordering::SeqCst);
     // SAFETY: the kernel passes a valid `ucontext_t` to a handler that was installed with SA_SIGINFO.
     let context = unsafe { &mut *context.cast::<libc::ucontext_t>() };
     let registers = &mut context.uc_mcontext.gregs;
-    let of = |register: libc::c_int| registers[register as usize];
-    let number = of(libc::REG_RAX);
-    CALLS.fetch_add(1, Ordering::SeqCst);
-    LAST_CALL.store(number as i32, Ordering::SeqCst);
+    let order = [libc::REG_RAX, libc::REG_RDI, libc::REG_RSI, libc::REG_RDX, libc::REG_R10, libc::REG_R8, libc::REG_R9];
+    let call = order.map(|register| registers[register as usize]);
+    let number = usize::try_from(call[0]).unwrap_or(usize::MAX).min(CALLS.len() - 1);
+    CALLS[number].fetch_add(1, Ordering::SeqCst);
     // SAFETY: the call that the interrupted code was about to make, with its own arguments.
-    let result = unsafe {
-        libc::syscall(
-            number,
-            of(libc::REG_RDI),
-            of(libc::REG_RSI),
-            of(libc::REG_RDX),
-            of(libc::REG_R10),
-            of(libc::REG_R8),
-            of(libc::REG_R9),
-        )
-    };
-    let failed = -i64::from(std::io::Error::last_os_error().raw_os_error().unwrap_or(libc::EIO));
-    registers[libc::REG_RAX as usize] = if result == -1 { failed } else { result };
+    registers[libc::REG_RAX as usize] = unsafe { kernel::rivet_watch_call(&raw const call) };
 }
 
 /// Has the kernel watch the calling thread; false, said aloud, where it cannot.
@@ -79,16 +110,25 @@ extern "C" fn intercepted(_: libc::c_int, _: *mut libc::siginfo_t, context: *mut
 pub(crate) fn watch_this_thread() -> bool {
     #[cfg(target_arch = "x86_64")]
     {
-        // SAFETY: all-zero bytes are a valid `sigaction`.
-        let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-        action.sa_sigaction = intercepted as *const () as usize;
-        action.sa_flags = libc::SA_SIGINFO;
-        // SAFETY: `action` is whole and outlives the call; the handler is safe to run anywhere.
-        let handled = unsafe { libc::sigaction(libc::SIGSYS, &raw const action, std::ptr::null_mut()) } == 0;
+        let action = kernel::Action {
+            handler: intercepted as *const () as usize,
+            flags: libc::SA_SIGINFO as u64 | kernel::SA_RESTORER,
+            restorer: kernel::rivet_watch_restore as *const () as usize,
+            mask: 0,
+        };
+        // SAFETY: `action` is the kernel's layout, whole, and outlives the call; its restorer returns from the signal, and the
+        // handler is safe to run anywhere.
+        let handled = unsafe {
+            let no_old = std::ptr::null_mut::<kernel::Action>();
+            libc::syscall(libc::SYS_rt_sigaction, libc::SIGSYS, &raw const action, no_old, 8_usize)
+        } == 0;
         let on: libc::c_ulong = 1;
+        let begin = &raw const kernel::rivet_watch_begin as usize;
+        // The kernel looks at the address behind the instruction.
+        let length = &raw const kernel::rivet_watch_end as usize - begin;
         // SAFETY: the selector is a static byte: it lives as long as the thread.
-        let watched = handled
-            && unsafe { libc::prctl(PR_SET_SYSCALL_USER_DISPATCH, on, 0_usize, 0_usize, SELECTOR.as_ptr()) } == 0;
+        let watched =
+            handled && unsafe { libc::prctl(PR_SET_SYSCALL_USER_DISPATCH, on, begin, length, SELECTOR.as_ptr()) } == 0;
         if watched {
             return true;
         }
@@ -97,23 +137,34 @@ pub(crate) fn watch_this_thread() -> bool {
     false
 }
 
-/// What a stretch of code did.
+/// What a stretch of code did that it may not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Seen {
     pub(crate) allocations: u64,
-    /// The first system call, by number, if there was one; what comes after it in the same stretch is not seen.
+    /// A system call that is not allowed, by number, if there was one.
     pub(crate) call: Option<i32>,
+    /// How many were made in all, allowed ones too.
+    pub(crate) calls: u32,
 }
 
-/// Runs `work` under watch.
-pub(crate) fn watched(work: impl FnOnce()) -> Seen {
+/// Runs `work` under watch, in which the system calls with the numbers `allowed` may be made.
+pub(crate) fn watched(allowed: &[i64], work: impl FnOnce()) -> Seen {
     COUNT.set(0);
-    CALLS.store(0, Ordering::SeqCst);
+    for calls in &CALLS {
+        calls.store(0, Ordering::SeqCst);
+    }
     ARMED.set(true);
     SELECTOR.store(BLOCK, Ordering::SeqCst);
     work();
     SELECTOR.store(ALLOW, Ordering::SeqCst);
     ARMED.set(false);
-    let called = CALLS.load(Ordering::SeqCst) > 0;
-    Seen { allocations: COUNT.get(), call: called.then(|| LAST_CALL.load(Ordering::SeqCst)) }
+    let made = (0_i64..).zip(CALLS.iter().map(|calls| calls.load(Ordering::SeqCst)));
+    let (mut calls, mut call) = (0, None);
+    for (number, count) in made.filter(|(_, count)| *count > 0) {
+        calls += count;
+        if !allowed.contains(&number) && call.is_none() {
+            call = Some(number as i32);
+        }
+    }
+    Seen { allocations: COUNT.get(), call, calls }
 }

@@ -16,6 +16,7 @@
 
 use crate::kernels::Lanes;
 use crate::linear::{axpy, dot};
+use crate::memory::Carry;
 use crate::ud::UdFilter;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -67,6 +68,14 @@ impl Comparison {
             [&mut self.regressor[..], &mut self.instruments, &mut self.square, &mut self.noise, &mut self.torque]
         {
             sums.fill(0.0);
+        }
+    }
+
+    pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
+        for sums in
+            [&mut self.regressor[..], &mut self.instruments, &mut self.square, &mut self.noise, &mut self.torque]
+        {
+            carry.numbers(sums);
         }
     }
 

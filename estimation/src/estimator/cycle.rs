@@ -5,6 +5,7 @@
 
 use super::{Directions, Estimator, PRIOR_CAUTION};
 use crate::linear::{Lu, axpy, dot, items_per_step, packed};
+use crate::memory::Carry;
 use crate::report::{ParameterState, Verdict};
 use crate::scales::Whitening;
 use crate::supervision::{Judge, Known, Tracked};
@@ -121,6 +122,24 @@ impl Cycle {
     pub(super) fn recall(&mut self, i: usize, std: f64) {
         self.belief[i] = self.belief[i].min(std);
         self.width[i] = std;
+    }
+
+    /// A cycle that is under way begins anew on the other side.
+    pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
+        carry.numbers(&mut self.x);
+        carry.sizes(&mut self.belief);
+        carry.sizes(&mut self.width);
+        for active in &mut self.active {
+            carry.flag(active);
+        }
+        carry.place(&mut self.next, self.x.len());
+        carry.sizes(std::slice::from_mut(&mut self.variance));
+        self.judge.carry(carry);
+    }
+
+    /// Goes on from what was carried in: with a cycle of its own.
+    pub(super) fn resume(&mut self) {
+        (self.stage, self.fresh, self.solved) = (Stage::Idle, true, false);
     }
 
     /// New rows came in.

@@ -11,6 +11,8 @@
 //! sums are as good as independent, in every direction, and no model of the colour is needed. A window holds few blocks:
 //! what they say is averaged with what white residuals would give.
 
+use crate::memory::Carry;
+
 /// What is believed before any block counts as this many.
 const PRIOR_BLOCKS: f64 = 4.0;
 
@@ -58,6 +60,16 @@ impl LongRun {
             self.filled = 0;
             self.kept = 1.0;
         }
+    }
+
+    pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
+        carry.numbers(&mut self.score);
+        carry.numbers(&mut self.sum);
+        carry.place(&mut self.filled, self.length + 1);
+        carry.number(&mut self.kept);
+        carry.flag(&mut self.starting);
+        carry.sizes(std::slice::from_mut(&mut self.covered));
+        carry.sizes(std::slice::from_mut(&mut self.blocks));
     }
 
     pub(super) fn restart(&mut self) {

@@ -3,6 +3,7 @@
 use super::Known;
 use crate::eigen::SymmetricEigen;
 use crate::linear::items_per_step;
+use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::settings::EigenSettings;
 
@@ -49,6 +50,16 @@ impl Directions {
     /// Goes on with other thresholds.
     pub(crate) fn reconfigure(&mut self, fresh: &Directions) {
         self.settings = fresh.settings;
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        let n = self.belief.len();
+        carry.place(&mut self.moved_count, n + 1);
+        for share in &mut self.moved {
+            let mut value = f64::from(*share);
+            carry.number(&mut value);
+            *share = value as f32;
+        }
     }
 
     pub(crate) fn settings(&self) -> EigenSettings {

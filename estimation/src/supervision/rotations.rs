@@ -8,6 +8,7 @@
 
 use crate::kernels::{Lanes, Part, add_products, full_times, times};
 use crate::linear::axpy;
+use crate::memory::Carry;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -129,6 +130,14 @@ impl Rotations {
     #[cfg(test)]
     pub(crate) fn deviation(&self) -> f64 {
         self.deviation
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        for sums in [&mut self.v, &mut self.e, &mut self.a, &mut self.b] {
+            carry.numbers(sums);
+        }
+        carry.flag(&mut self.odd);
+        carry.place(&mut self.next, self.n);
     }
 
     /// An empty window; the basis stays.

@@ -15,6 +15,7 @@ mod judgement;
 use super::Known;
 use super::rotations::Rotations;
 use crate::kernels::{add_transposed_times, times};
+use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::scales::Whitening;
 use crate::settings::TrackedSettings;
@@ -134,6 +135,26 @@ impl Tracked {
     /// Goes on with other thresholds, and steps as far apart as those of `fresh`.
     pub(crate) fn reconfigure(&mut self, fresh: &Tracked) {
         (self.settings, self.rows) = (fresh.settings, fresh.rows);
+    }
+
+    pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
+        self.basis.carry(carry);
+        let many = u32::MAX;
+        for direction in &mut self.directions {
+            carry.flag(&mut direction.active);
+            carry.sizes(std::slice::from_mut(&mut direction.allowed));
+            carry.sizes(std::slice::from_mut(&mut direction.width));
+            carry.small(&mut direction.rest, many);
+            carry.small(&mut direction.moved, many);
+            carry.small(&mut direction.strikes, MOST_STRIKES + 1);
+        }
+        carry.place(&mut self.next, self.n);
+        carry.small(&mut self.pending, many);
+        carry.small(&mut self.since, many);
+        carry.small(&mut self.interval, LONGEST_WAIT + 1);
+        carry.small(&mut self.rounds, many);
+        // Both divide.
+        self.interval = self.interval.max(1);
     }
 
     pub(crate) fn settings(&self) -> TrackedSettings {

@@ -31,7 +31,7 @@ pub struct Timing {
     pub phase_max_ns: [u64; PHASES],
     /// Time of each phase: 32 bins of the first phase, then of the next; bins as of [`Health`](super::Health).
     pub phase_histogram: [u32; PHASES * HISTOGRAM_BINS],
-    /// When each of the worst periods was due, `CLOCK_MONOTONIC` \[ns\], the worst first.
+    /// When each of the worst periods of the last hour was due, `CLOCK_MONOTONIC` \[ns\], the worst first.
     pub worst_stamp_ns: [u64; WORST_PERIODS],
     /// Time of each phase of it \[ns\], seven numbers a period; the wait is the lateness of the wake-up.
     pub worst_phase_ns: [u32; WORST_PERIODS * PHASES],

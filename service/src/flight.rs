@@ -1,0 +1,184 @@
+//! The flight recorder: what was measured and made of it in the last second, written by the real-time thread, kept as a log by
+//! another one when something has gone wrong.
+
+use rivet_realtime::RecentRows;
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Samples that are kept.
+pub const RECORDED: usize = 1000;
+
+/// Room for so many times as much: the loop goes on while the last ones are copied.
+const ROOM: usize = 2;
+
+/// Flight records of one name that are kept, the newest with number 0.
+const FILES: usize = 4;
+
+/// A panic waits this long for the record at most.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Words of a row that are integers: stamp \[ns\], sequence number, fault bits.
+const INTEGERS: usize = 3;
+
+/// Why there is a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// A thread panicked.
+    Panic,
+    /// The real-time loop stands still.
+    Stuck,
+    /// Something was wrong with the samples, or they stopped.
+    Fault,
+    /// The service was stopped.
+    Stop,
+}
+
+impl Reason {
+    const ALL: [Reason; 4] = [Reason::Panic, Reason::Stuck, Reason::Fault, Reason::Stop];
+
+    /// As it stands in file names.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Reason::Panic => "panic",
+            Reason::Stuck => "stuck",
+            Reason::Fault => "fault",
+            Reason::Stop => "stop",
+        }
+    }
+
+    fn bit(self) -> u32 {
+        1 << self as u32
+    }
+}
+
+/// The last samples with what was made of them, and where they go.
+#[derive(Debug)]
+pub struct Flight {
+    rows: RecentRows,
+    header: String,
+    folder: PathBuf,
+    /// What the files are called before their number.
+    name: String,
+    asked: AtomicU32,
+    panic_written: AtomicBool,
+}
+
+impl Flight {
+    /// Records go to `folder` and are called `name`. `columns`: what a row has after time, sequence number and fault bits, each
+    /// with how many there are of it; one is called as it is, several are numbered from 1.
+    #[must_use]
+    pub fn new(folder: &Path, name: &str, columns: &[(&str, usize)]) -> Flight {
+        let mut header = String::from("t,seq,faults");
+        for &(column, count) in columns {
+            for j in 1..=count {
+                let number = if count == 1 { String::new() } else { j.to_string() };
+                let _ = write!(header, ",{column}{number}");
+            }
+        }
+        let width = columns.iter().map(|(_, count)| count).sum::<usize>();
+        Flight {
+            rows: RecentRows::new(ROOM * RECORDED, INTEGERS + width),
+            header,
+            folder: folder.to_owned(),
+            name: name.to_owned(),
+            asked: AtomicU32::new(0),
+            panic_written: AtomicBool::new(false),
+        }
+    }
+
+    /// Takes in a sample; the oldest goes. Real-time safe; one thread only.
+    pub fn push(&self, stamp_ns: u64, seq: u64, faults: u32, numbers: impl IntoIterator<Item = f64>) {
+        let numbers = numbers.into_iter().map(f64::to_bits);
+        self.rows.push([stamp_ns, seq, u64::from(faults)].into_iter().chain(numbers));
+    }
+
+    /// Asks for a record; who [serves](Flight::serve) writes it. Real-time safe.
+    pub fn ask(&self, reason: Reason) {
+        self.asked.fetch_or(reason.bit(), Ordering::Release);
+    }
+
+    /// Writes what has been asked for and says so in the log. Not for a real-time thread.
+    pub fn serve(&self) {
+        let asked = self.asked.swap(0, Ordering::Acquire);
+        for reason in Reason::ALL.into_iter().filter(|reason| asked & reason.bit() != 0) {
+            let name = reason.name();
+            match self.write(&format!("{}-{name}", self.name)) {
+                Ok(path) if reason == Reason::Stop => {
+                    log::info!(rivet_event = "flight-record"; "{name}: flight record {}", path.display());
+                }
+                Ok(path) => log::warn!(rivet_event = "flight-record"; "{name}: flight record {}", path.display()),
+                Err(why) => log::error!(rivet_event = "flight-record"; "{name}: no flight record: {why}"),
+            }
+            if reason == Reason::Panic {
+                self.panic_written.store(true, Ordering::Release);
+            }
+        }
+    }
+
+    /// Writes what is kept to a file `<name>.0.flight.csv` and returns its path; older records of that name move up, the oldest
+    /// goes. The file is a log as every other: `rivet identify`, `predict` and `replay` read it.
+    ///
+    /// # Errors
+    /// It cannot be written; earlier records are as they were, under the same or the next number.
+    pub fn write(&self, name: &str) -> io::Result<PathBuf> {
+        let path = |number: usize| self.folder.join(format!("{name}.{number}.flight.csv"));
+        fs::create_dir_all(&self.folder)?;
+        let temporary = self.folder.join(format!("{name}.flight.tmp{}", std::process::id()));
+        let mut file = File::create(&temporary)?;
+        file.write_all(self.text().as_bytes())?;
+        file.sync_all()?;
+        for number in (1..FILES).rev() {
+            match fs::rename(path(number - 1), path(number)) {
+                Err(why) if why.kind() != io::ErrorKind::NotFound => return Err(why),
+                _ => {}
+            }
+        }
+        fs::rename(&temporary, path(0))?;
+        Ok(path(0))
+    }
+
+    fn text(&self) -> String {
+        let rows = self.rows.copy(RECORDED);
+        let mut text = self.header.clone();
+        text.push('\n');
+        let first = rows.first().map_or(0, |row| row[0]);
+        for row in &rows {
+            let (integers, numbers) = row.split_at(INTEGERS);
+            let t = integers[0].saturating_sub(first) as f64 * 1e-9;
+            let _ = write!(text, "{t:.9},{},{}", integers[1], integers[2]);
+            for bits in numbers {
+                let _ = write!(text, ",{}", f64::from_bits(*bits));
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Waits for the record of a panic, but not for long.
+    fn last_words(&self) {
+        self.ask(Reason::Panic);
+        let begin = Instant::now();
+        while !self.panic_written.load(Ordering::Acquire) && begin.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// From now on a panic of any thread ends the process by SIGABRT, after it was told and `flight`, if there is one, was written
+/// by the thread that serves it. Nothing is unwound, however the program was built.
+pub fn abort_on_panic(flight: Option<Arc<Flight>>) {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |what| {
+        tell(what);
+        if let Some(flight) = &flight {
+            flight.last_words();
+        }
+        std::process::abort();
+    }));
+}
