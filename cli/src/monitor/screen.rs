@@ -8,7 +8,7 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span, Text};
-use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table};
+use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table, Wrap};
 
 /// What the person at the keyboard has chosen.
 #[derive(Default)]
@@ -81,10 +81,13 @@ fn draw_timing(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         frame.render_widget(Line::raw(quantiles(counts, *worst)), rows[2 + 2 * i]);
     }
     if let Some(timing) = &s.timing {
-        frame.render_widget(Line::raw(format!("p99 us {}", phases(timing))), rows[5]);
-        frame.render_widget(Line::raw(format!("worst {}", worst(timing))), rows[6]);
+        // Two rows: on a narrow screen one does not hold all phases.
+        let area = Rect { height: 2, ..rows[5] };
+        let text = format!("p99 us: {}", phases(timing));
+        frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), area);
+        frame.render_widget(Line::raw(format!("worst {}", worst(timing))), rows[7]);
     }
-    frame.render_widget(labelled("drops ", &drops(&h)), rows[7]);
+    frame.render_widget(labelled("drops ", &drops(&h)), rows[8]);
 }
 
 /// A line whose rest is green when it says that there is nothing to report.
@@ -284,6 +287,7 @@ mod tests {
             "ENCODER JUMP of shoulder_lift_joint",
             "decimate since sample 777; 2 changes",
             "model 9",
+            "pub 0",
             "1.3 ms, late wake up",
             "estimating",
             "3 periods missed",
