@@ -40,6 +40,8 @@ struct Service {
     flight: Option<Arc<Flight>>,
     name: RobotName,
     said: Option<(u32, u32, u32)>,
+    /// Of which services a second publisher has been named.
+    named: [bool; 3],
 }
 
 /// Starts the thread; returns once its port is open.
@@ -65,7 +67,7 @@ pub(crate) fn start(
             }
         };
         let _ = ready.send(Ok(()));
-        let mut service = Service { health, flight, name: name.clone(), said: None };
+        let mut service = Service { health, flight, name: name.clone(), said: None, named: [false; 3] };
         let mut manager = Manager::new();
         loop {
             let stopping = shutdown.is_requested();
@@ -115,6 +117,17 @@ impl Service {
     }
 
     fn say(&mut self, health: &ControllerHealth) {
+        let foreign = [
+            (health.foreign_joint_states, "joint states"),
+            (health.foreign_setpoints, "setpoints"),
+            (health.foreign_parameters, "parameters"),
+        ];
+        for ((count, what), named) in foreign.into_iter().zip(&mut self.named) {
+            if count > 0 && !*named {
+                *named = true;
+                log::warn!(rivet_event = "second-publisher"; "a second publisher of {what}: left out while the first one sends");
+            }
+        }
         let now = (health.source, health.source_reason, health.last_refusal);
         if self.said == Some(now) {
             return;

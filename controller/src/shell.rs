@@ -7,8 +7,8 @@ use crate::law::Desired;
 use crate::service_thread::{self, Outbound, Pulse};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, ParameterSource,
-    Parameters, RobotName, Setpoint, Subscriber,
+    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, OneSource,
+    ParameterSource, Parameters, RobotName, Setpoint,
 };
 use rivet_realtime::{RealTimeSettings, Scheduling, Shutdown, now_ns};
 use rivet_service::Flight;
@@ -61,20 +61,28 @@ const CATCH_UP: usize = 32;
 /// Messages that may wait for the service thread.
 const OUTBOUND: usize = 64;
 
+/// Silence of the robot controller or the planner that is heard after which another one may take its place while it is still
+/// listed; the planner's and the daemon's in the samples' time, as the core reckons.
+const SUCCESSION: Duration = Duration::from_secs(1);
+
 struct Ports {
-    states: Subscriber<JointState>,
+    states: OneSource<JointState>,
     arrival: Listener,
-    setpoints: Subscriber<Setpoint>,
-    parameters: Subscriber<Parameters>,
+    setpoints: OneSource<Setpoint>,
+    parameters: OneSource<Parameters>,
     command: BlackboardWriter<Command>,
 }
 
-fn open(bus: &Bus) -> Result<Ports, BusError> {
+fn open(bus: &Bus, robot: &Robot, lockstep: bool) -> Result<Ports, BusError> {
+    // In lockstep silence is a slow machine.
+    let robots = if lockstep { Duration::MAX } else { SUCCESSION };
+    // A daemon is silent when its sets are no longer live.
+    let timeout = Duration::from_secs_f64(robot.config.controller.parameter_timeout_s);
     Ok(Ports {
-        states: bus.joint_state_subscriber()?,
+        states: OneSource::new(bus.joint_state_subscriber()?, robots),
         arrival: bus.joint_state_listener()?,
-        setpoints: bus.setpoint_subscriber()?,
-        parameters: bus.parameters_subscriber()?,
+        setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
+        parameters: OneSource::new(bus.parameters_subscriber()?, timeout),
         command: bus.command_writer()?,
     })
 }
@@ -106,7 +114,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         recall(&mut core, &Store::reader(folder, name.as_str()), robot.hash);
     }
     let bus = Bus::open(&config, &name, "rivet-controller")?;
-    let ports = open(&bus)?;
+    let ports = open(&bus, &robot, options.lockstep)?;
     // The service thread comes first: what this thread starts later would inherit its scheduling.
     let (outbound, inbound) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
     let pulse = Arc::new(Pulse::default());
@@ -168,6 +176,8 @@ fn realtime(robot: &Robot, options: &Options) -> RealTimeSettings {
 struct Loop {
     core: Core,
     ports: Ports,
+    /// A parameter set that waits for a sample to be judged at.
+    set: Option<Parameters>,
     outbound: rtrb::Producer<Outbound>,
     flight: Option<Arc<Flight>>,
     joints: usize,
@@ -175,7 +185,7 @@ struct Loop {
     period: Duration,
     health_every: u64,
     since_health: u64,
-    said: (ParameterSource, u64),
+    said: (ParameterSource, u64, [bool; 3]),
     answered_ns: Option<u64>,
     lockstep: bool,
 }
@@ -191,9 +201,10 @@ impl Loop {
         lockstep: bool,
     ) -> Loop {
         Loop {
-            said: (core.source(), 0),
+            said: (core.source(), 0, [false; 3]),
             core,
             ports,
+            set: None,
             outbound,
             flight,
             joints: robot.dof(),
@@ -214,7 +225,17 @@ impl Loop {
             std::thread::sleep(Duration::from_millis(1));
         }
         let now = now_ns();
-        let answered = self.newest_sample().is_some_and(|sample| self.answer(&sample, now));
+        let sample = self.newest_sample(now);
+        let counts = self.core.counts();
+        let samples_ns = (counts.commands + counts.passed_over).saturating_mul(self.period.as_nanos() as u64);
+        // Heard in every period, or a publisher would seem silent that is not. A plan comes before its sample.
+        if let Ok(Some(setpoint)) = self.ports.setpoints.receive_newest(samples_ns) {
+            self.core.offer_setpoint(&setpoint);
+        }
+        if let Ok(Some(set)) = self.ports.parameters.receive_newest(samples_ns) {
+            self.set = Some(set);
+        }
+        let answered = sample.is_some_and(|sample| self.answer(&sample, now));
         if answered {
             self.pulse.commands.fetch_add(1, Ordering::Relaxed);
             if u128::from(now_ns().saturating_sub(now)) <= self.period.as_nanos() {
@@ -226,23 +247,25 @@ impl Loop {
             self.react(now);
         }
         // Said at once when something changes, else now and then.
-        let saying = (self.core.source(), self.core.counts().stops);
+        let foreign = [self.ports.states.foreign(), self.ports.setpoints.foreign(), self.ports.parameters.foreign()];
+        let saying = (self.core.source(), self.core.counts().stops, foreign.map(|count| count > 0));
         if self.since_health >= self.health_every || saying != self.said {
             self.since_health = 0;
             self.said = saying;
             let mut health = ControllerHealth::default();
             self.core.write_health(&mut health);
             health.stamp_ns = now;
+            [health.foreign_joint_states, health.foreign_setpoints, health.foreign_parameters] = foreign;
             self.hand_over(Outbound::Health(health));
         }
     }
 
     /// The newest sample at hand; those before it are only remembered.
-    fn newest_sample(&mut self) -> Option<JointState> {
+    fn newest_sample(&mut self, now: u64) -> Option<JointState> {
         let mut newest: Option<JointState> = None;
         for _ in 0..CATCH_UP {
             // A port that fails has no message: the stop reaction follows.
-            let Some(sample) = self.ports.states.receive().ok().flatten() else { break };
+            let Some(sample) = self.ports.states.receive(now).ok().flatten() else { break };
             if let Some(older) = newest.replace(sample) {
                 self.core.observe(&older);
             }
@@ -251,10 +274,7 @@ impl Loop {
     }
 
     fn answer(&mut self, sample: &JointState, now: u64) -> bool {
-        if let Ok(Some(setpoint)) = self.ports.setpoints.receive_newest() {
-            self.core.offer_setpoint(&setpoint);
-        }
-        if let Ok(Some(set)) = self.ports.parameters.receive_newest() {
+        if let Some(set) = self.set.take() {
             self.core.offer_parameters(&set, sample);
         }
         let Ok(mut command) = self.core.tick(sample) else { return false };

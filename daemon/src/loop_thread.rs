@@ -12,7 +12,7 @@ use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
     Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, InputFault, JointState, LinkState, Listener,
-    LoopPhase, Parameters, RobotName, Setpoint, Subscriber, Timing as TimingMessage, parameter_flags,
+    LoopPhase, OneSource, Parameters, RobotName, Setpoint, Timing as TimingMessage, parameter_flags,
 };
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
 use rivet_service::Flight;
@@ -45,23 +45,19 @@ const SAMPLE_PATIENCE: Duration = Duration::from_millis(20);
 /// Periods after which health is reported even if no sample came.
 const IDLE_HEALTH_PERIODS: u64 = 100;
 
-/// Silence of the publisher that is heard after which another one may take its place while it is still listed \[ns\].
-const SUCCESSION_NS: u64 = 1_000_000_000;
+/// Silence of the publisher that is heard after which another one may take its place while it is still listed.
+const SUCCESSION: Duration = Duration::from_secs(1);
 
 /// Periods without a sample after which a stream counts as quiet.
 const QUIET_PERIODS: u64 = 3;
 
 struct Input {
-    states: Subscriber<JointState>,
-    setpoints: Subscriber<Setpoint>,
-    links: Subscriber<LinkState>,
+    states: OneSource<JointState>,
+    setpoints: OneSource<Setpoint>,
+    links: OneSource<LinkState>,
     /// A setpoint, and second encoders, that came before their sample.
     pending: Option<Setpoint>,
     pending_link: Option<LinkState>,
-    /// The publisher whose samples are taken.
-    source: Option<u128>,
-    /// Samples of another one, not taken.
-    foreign: u64,
 }
 
 enum Pace {
@@ -80,29 +76,25 @@ pub struct Wake {
 
 impl Input {
     /// The oldest sample not yet taken, and the setpoint and second encoders of its period if they have come. They are
-    /// published before their sample, so they are there when the sample is. Bounded by their rings.
-    ///
-    /// One publisher is heard: another one's samples are left out as long as the first sends (`quiet` says whether it does
-    /// not).
-    fn next(&mut self, quiet: bool) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
-        for _ in 0..self.states.capacity() {
-            // A port that fails has no sample; the publisher's absence shows in the health message.
-            let (state, from) = self.states.receive_from().ok().flatten()?;
-            if self.source.is_some_and(|source| source != from) {
-                if !quiet && self.states.publishers() > 1 {
-                    self.foreign += 1;
-                    continue;
-                }
-                self.pending = None;
-                self.pending_link = None;
-            }
-            self.source = Some(from);
-            return Some(self.with_plan(state));
+    /// published before their sample, so they are there when the sample is. Bounded by their rings. Of each, one publisher is
+    /// heard.
+    fn next(&mut self, now_ns: u64) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
+        let before = self.states.source();
+        // A port that fails has no sample; the publisher's absence shows in the health message.
+        let state = self.states.receive(now_ns).ok().flatten()?;
+        if before.is_some() && before != self.states.source() {
+            self.pending = None;
+            self.pending_link = None;
         }
-        None
+        Some(self.with_plan(state, now_ns))
     }
 
-    fn with_plan(&mut self, state: JointState) -> (JointState, Option<Setpoint>, Option<LinkState>) {
+    /// Messages of second publishers so far.
+    fn foreign(&self) -> u64 {
+        self.states.foreign() + self.setpoints.foreign() + self.links.foreign()
+    }
+
+    fn with_plan(&mut self, state: JointState, now_ns: u64) -> (JointState, Option<Setpoint>, Option<LinkState>) {
         // Nothing is planned further ahead than a ring holds: such a number is of another run of the planner, or none, and
         // would stand in the way of all that follow.
         let near = |seq: u64, ring: usize| seq >= state.seq && seq - state.seq <= ring as u64;
@@ -113,7 +105,7 @@ impl Input {
             if self.pending.is_some_and(|setpoint| setpoint.seq >= state.seq) {
                 break;
             }
-            match self.setpoints.receive() {
+            match self.setpoints.receive(now_ns) {
                 Ok(Some(setpoint)) => self.pending = Some(setpoint),
                 _ => break,
             }
@@ -122,7 +114,7 @@ impl Input {
             if self.pending_link.is_some_and(|link| link.seq >= state.seq) {
                 break;
             }
-            match self.links.receive() {
+            match self.links.receive(now_ns) {
                 Ok(Some(link)) => self.pending_link = Some(link),
                 _ => break,
             }
@@ -235,13 +227,11 @@ impl RealTimeLoop {
     ) -> Result<RealTimeLoop, BusError> {
         let bus = Bus::open(config, name, "rivetd-loop")?;
         let input = Input {
-            states: bus.joint_state_subscriber()?,
-            setpoints: bus.setpoint_subscriber()?,
-            links: bus.link_state_subscriber()?,
+            states: OneSource::new(bus.joint_state_subscriber()?, SUCCESSION),
+            setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
+            links: OneSource::new(bus.link_state_subscriber()?, SUCCESSION),
             pending: None,
             pending_link: None,
-            source: None,
-            foreign: 0,
         };
         let pace = match settings.trigger {
             Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
@@ -331,10 +321,9 @@ impl RealTimeLoop {
 
     /// Takes in what is queued, at most `catch_up` samples; how many there were.
     fn take(&mut self, start: u64) -> usize {
-        let quiet = self.last_sample_ns.is_none_or(|last| start.saturating_sub(last) > SUCCESSION_NS);
         let mut taken = 0;
         while taken < self.settings.catch_up {
-            let Some((sample, setpoint, link)) = self.input.next(quiet && taken == 0) else { break };
+            let Some((sample, setpoint, link)) = self.input.next(start) else { break };
             self.timing.done(LoopPhase::Read);
             taken += 1;
             let timing = &mut self.timing;
@@ -361,8 +350,8 @@ impl RealTimeLoop {
     fn report(&mut self, start: u64) {
         self.since_health = 0;
         let publishers = self.input.states.publishers();
-        let foreign = self.input.foreign - self.foreign_reported;
-        self.foreign_reported = self.input.foreign;
+        let foreign = self.input.foreign() - self.foreign_reported;
+        self.foreign_reported += foreign;
         if foreign > 0 {
             self.core.note(InputFault::SecondPublisher, foreign);
         }

@@ -699,7 +699,7 @@ RIVET_ASSERT(offsetof(rivet_timing_v1, worst_cause) == 2136);
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.
  * Counters run since the controller's start and never go back. */
-#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v1"
+#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v2"
 typedef struct {
     /* seq of the last joint state answered. */
     uint64_t seq;
@@ -732,6 +732,12 @@ typedef struct {
     uint64_t epoch;
     /* seq of the last joint state that went into that set. */
     uint64_t parameters_seq;
+    /* Joint states of a second publisher, left out while the first one sends. */
+    uint64_t foreign_joint_states;
+    /* Setpoints of a second publisher, left out likewise. */
+    uint64_t foreign_setpoints;
+    /* Parameter sets of a second publisher, left out likewise. */
+    uint64_t foreign_parameters;
     /* How many sets were refused for which ParameterRefusal; the entry is its number. */
     uint64_t refusals[RIVET_REFUSALS];
     /* A ParameterSource: whose parameters make the torque. */
@@ -755,34 +761,37 @@ typedef struct {
     double nominal_prediction_rms[RIVET_MAX_JOINTS];
     /* Largest step of the command from one period to the next [N m, or N]. */
     double largest_step[RIVET_MAX_JOINTS];
-} rivet_controller_health_v1;
-RIVET_ASSERT(sizeof(rivet_controller_health_v1) == 528);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, commands) == 16);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, passed_over) == 24);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, stops) == 48);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, broken) == 56);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, saturated) == 64);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, rate_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, setpoints_limited) == 80);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, accepted) == 88);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, switches) == 96);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, epoch) == 104);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, parameters_seq) == 112);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, refusals) == 120);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, source) == 248);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, source_reason) == 252);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, last_refusal) == 256);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, state) == 260);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, joints) == 264);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, reserved) == 268);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, tracking_rms) == 272);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, prediction_rms) == 336);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, nominal_prediction_rms) == 400);
-RIVET_ASSERT(offsetof(rivet_controller_health_v1, largest_step) == 464);
+} rivet_controller_health_v2;
+RIVET_ASSERT(sizeof(rivet_controller_health_v2) == 552);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, commands) == 16);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, passed_over) == 24);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, stops) == 48);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, broken) == 56);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, saturated) == 64);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, rate_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, setpoints_limited) == 80);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, accepted) == 88);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, switches) == 96);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, epoch) == 104);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, parameters_seq) == 112);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_joint_states) == 120);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_setpoints) == 128);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_parameters) == 136);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, refusals) == 144);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, source) == 272);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, source_reason) == 276);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, last_refusal) == 280);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, state) == 284);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, joints) == 288);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, reserved) == 292);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, tracking_rms) == 296);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, prediction_rms) == 360);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, nominal_prediction_rms) == 424);
+RIVET_ASSERT(offsetof(rivet_controller_health_v2, largest_step) == 488);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

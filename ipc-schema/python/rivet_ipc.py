@@ -412,7 +412,7 @@ class ControllerHealth(_Message):
     health`. Counters run since the controller's start and never go back.
     """
 
-    TYPE_NAME = "rivet.ControllerHealth.v1"
+    TYPE_NAME = "rivet.ControllerHealth.v2"
     _fields_ = [
         # seq of the last joint state answered.
         ("seq", ctypes.c_uint64),
@@ -445,6 +445,12 @@ class ControllerHealth(_Message):
         ("epoch", ctypes.c_uint64),
         # seq of the last joint state that went into that set.
         ("parameters_seq", ctypes.c_uint64),
+        # Joint states of a second publisher, left out while the first one sends.
+        ("foreign_joint_states", ctypes.c_uint64),
+        # Setpoints of a second publisher, left out likewise.
+        ("foreign_setpoints", ctypes.c_uint64),
+        # Parameter sets of a second publisher, left out likewise.
+        ("foreign_parameters", ctypes.c_uint64),
         # How many sets were refused for which ParameterRefusal; the entry is its number.
         ("refusals", ctypes.c_uint64 * REFUSALS),
         # A ParameterSource: whose parameters make the torque.
@@ -623,7 +629,7 @@ LAYOUT = {
         "worst_phase_ns": 1240,
         "worst_cause": 2136,
     }),
-    ControllerHealth: (528, {
+    ControllerHealth: (552, {
         "seq": 0,
         "stamp_ns": 8,
         "commands": 16,
@@ -639,17 +645,20 @@ LAYOUT = {
         "switches": 96,
         "epoch": 104,
         "parameters_seq": 112,
-        "refusals": 120,
-        "source": 248,
-        "source_reason": 252,
-        "last_refusal": 256,
-        "state": 260,
-        "joints": 264,
-        "reserved": 268,
-        "tracking_rms": 272,
-        "prediction_rms": 336,
-        "nominal_prediction_rms": 400,
-        "largest_step": 464,
+        "foreign_joint_states": 120,
+        "foreign_setpoints": 128,
+        "foreign_parameters": 136,
+        "refusals": 144,
+        "source": 272,
+        "source_reason": 276,
+        "last_refusal": 280,
+        "state": 284,
+        "joints": 288,
+        "reserved": 292,
+        "tracking_rms": 296,
+        "prediction_rms": 360,
+        "nominal_prediction_rms": 424,
+        "largest_step": 488,
     }),
     ControlRequest: (8, {
         "command": 0,

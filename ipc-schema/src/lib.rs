@@ -31,6 +31,7 @@ mod event;
 mod layout;
 mod messages;
 mod name;
+mod one_source;
 mod pubsub;
 mod sample_clock;
 mod survey;
@@ -51,6 +52,7 @@ pub use messages::{
     SourceReason, Stamped, Timing, UnknownValue, WORST_PERIODS, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
+pub use one_source::OneSource;
 pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;
 pub use survey::{Survey, survey};

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use rivet_ipc_schema::{
     Answer, Bus, BusConfig, BusError, Command, CommandMode, ControlCommand, ControlStatus, Health, JointState,
-    Parameters, PrivateBus, RobotName, Setpoint, cleanup, purge,
+    OneSource, Parameters, PrivateBus, RobotName, Setpoint, cleanup, purge,
 };
 
 fn robot() -> RobotName {
@@ -325,4 +325,39 @@ fn the_longest_names_work() {
     }
     assert!(begin.elapsed() < Duration::from_secs(60));
     purge(&config).unwrap();
+}
+
+/// Of two publishers the first is heard, until it has been silent for the time of succession or is gone.
+#[test]
+fn one_source_keeps_to_its_publisher_until_that_is_silent_or_gone() {
+    const MS: u64 = 1_000_000;
+    let private = PrivateBus::new("source");
+    let (a, b, here) = (open(&private, "a"), open(&private, "b"), open(&private, "here"));
+    let mut states = OneSource::new(here.joint_state_subscriber().unwrap(), Duration::from_millis(100));
+    let (first, second) = (a.joint_state_publisher().unwrap(), b.joint_state_publisher().unwrap());
+    // Sequence numbers tell who sent it: the second's are above a hundred.
+    let mut turn = |now: u64, sent: &[(bool, u64)]| {
+        for (by_first, seq) in sent {
+            if *by_first { &first } else { &second }.send(&joint_state(*seq)).unwrap();
+        }
+        let heard: Vec<u64> =
+            core::iter::from_fn(|| states.receive(now * MS).unwrap()).map(|sample| sample.seq).collect();
+        (heard, states.foreign())
+    };
+    assert_eq!(turn(1000, &[(true, 1)]), (vec![1], 0));
+    let (heard, foreign) = turn(1001, &[(false, 101), (true, 2), (false, 102), (true, 3)]);
+    assert_eq!((heard, foreign), (vec![2, 3], 2));
+    assert_eq!(turn(1101, &[(false, 103)]), (vec![], 3), "a hundred milliseconds are not yet silence");
+    assert_eq!(turn(1102, &[(false, 104)]), (vec![104], 3), "the second has succeeded");
+    assert_eq!(turn(1103, &[(true, 4), (false, 105)]), (vec![105], 4), "the first is now the stranger");
+    // Nobody listened for long: that was no silence.
+    assert_eq!(turn(9000, &[(true, 5)]), (vec![], 5));
+    assert_eq!(turn(9001, &[(false, 106)]), (vec![106], 5));
+    drop(second);
+    first.send(&joint_state(6)).unwrap();
+    assert_eq!(
+        states.receive(9002 * MS).unwrap().map(|sample| sample.seq),
+        Some(6),
+        "the only one left is heard at once"
+    );
 }

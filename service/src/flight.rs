@@ -6,8 +6,8 @@ use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Samples that are kept.
@@ -17,7 +17,10 @@ pub const RECORDED: usize = 1000;
 const ROOM: usize = 2;
 
 /// Flight records of one name that are kept, the newest with number 0.
-const FILES: usize = 4;
+const FILES: usize = 8;
+
+/// A record that follows another one of its name within this time belongs to the same burst.
+const BURST: Duration = Duration::from_secs(60);
 
 /// A panic waits this long for the record at most.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -67,6 +70,16 @@ pub struct Flight {
     name: String,
     asked: AtomicU32,
     panic_written: AtomicBool,
+    bursts: Mutex<Vec<Burst>>,
+}
+
+/// Records of one name in quick succession: a link that chatters, say.
+#[derive(Debug)]
+struct Burst {
+    name: String,
+    last: Instant,
+    /// How many of them are kept: the first, and the newest.
+    kept: u8,
 }
 
 impl Flight {
@@ -89,6 +102,7 @@ impl Flight {
             name: name.to_owned(),
             asked: AtomicU32::new(0),
             panic_written: AtomicBool::new(false),
+            bursts: Mutex::new(Vec::new()),
         }
     }
 
@@ -122,18 +136,39 @@ impl Flight {
     }
 
     /// Writes what is kept to a file `<name>.0.flight.csv` and returns its path; older records of that name move up, the oldest
-    /// goes. The file is a log as every other: `rivet identify`, `predict` and `replay` read it.
+    /// goes. Of records that follow each other within a minute only the first and the newest are kept: the cause is in the
+    /// first, and a stop that chatters must not push out what was before it. The file is a log as every other: `rivet
+    /// identify`, `predict` and `replay` read it.
     ///
     /// # Errors
     /// It cannot be written; earlier records are as they were, under the same or the next number.
     pub fn write(&self, name: &str) -> io::Result<PathBuf> {
+        self.write_at(name, Instant::now())
+    }
+
+    /// Whether the record of now takes the place of the newest one.
+    fn replaces(&self, name: &str, now: Instant) -> bool {
+        let mut bursts = self.bursts.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(burst) = bursts.iter_mut().find(|burst| burst.name == name) else {
+            bursts.push(Burst { name: name.to_owned(), last: now, kept: 1 });
+            return false;
+        };
+        let goes_on = now.saturating_duration_since(burst.last) < BURST;
+        let replaces = goes_on && burst.kept == 2;
+        burst.last = now;
+        burst.kept = if goes_on { 2 } else { 1 };
+        replaces
+    }
+
+    fn write_at(&self, name: &str, now: Instant) -> io::Result<PathBuf> {
         let path = |number: usize| self.folder.join(format!("{name}.{number}.flight.csv"));
         fs::create_dir_all(&self.folder)?;
         let temporary = self.folder.join(format!("{name}.flight.tmp{}", std::process::id()));
         let mut file = File::create(&temporary)?;
         file.write_all(self.text().as_bytes())?;
         file.sync_all()?;
-        for number in (1..FILES).rev() {
+        let oldest = if self.replaces(name, now) { 0 } else { FILES - 1 };
+        for number in (1..=oldest).rev() {
             match fs::rename(path(number - 1), path(number)) {
                 Err(why) if why.kind() != io::ErrorKind::NotFound => return Err(why),
                 _ => {}
@@ -181,4 +216,43 @@ pub fn abort_on_panic(flight: Option<Arc<Flight>>) {
         }
         std::process::abort();
     }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stop that chatters for hours, with another one before it and one long after: what is left of each.
+    #[test]
+    fn the_first_and_the_newest_record_of_a_burst_stay_and_push_out_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
+        let begin = Instant::now();
+        let stop = |second: u64| {
+            flight.push(0, second, 0, [0.0; 2]);
+            flight.write_at("arm", begin + Duration::from_secs(second)).expect("written");
+        };
+        stop(1);
+        (1000..8000).step_by(50).for_each(stop);
+        stop(9000);
+        // The last sample of each record says when its stop was.
+        let last = |number: usize| {
+            let text = fs::read_to_string(folder.path().join(format!("arm.{number}.flight.csv"))).ok()?;
+            text.lines().last()?.split(',').nth(1)?.parse::<u64>().ok()
+        };
+        let kept: Vec<Option<u64>> = (0..5).map(last).collect();
+        assert_eq!(kept, [Some(9000), Some(7950), Some(1000), Some(1), None]);
+    }
+
+    #[test]
+    fn of_many_stops_far_apart_the_newest_stay_and_names_do_not_mix() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
+        let begin = Instant::now();
+        for stop in 1..=20 {
+            flight.write_at("arm", begin + Duration::from_secs(100 * stop)).expect("written");
+        }
+        flight.write_at("arm-fault", begin + Duration::from_secs(2001)).expect("written");
+        assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), FILES + 1);
+    }
 }

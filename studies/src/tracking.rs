@@ -10,7 +10,7 @@ use rivet_controller::gate::{Refusal, refusal_text};
 use rivet_daemon::Core as Daemon;
 use rivet_dynamics::{Arm, Joints, MAX_JOINTS, Model};
 use rivet_estimation::SettingsError;
-use rivet_ipc_schema::{ControllerHealth, JointState, Parameters, Setpoint, faults};
+use rivet_ipc_schema::{ControllerHealth, JointState, ParameterSource, Parameters, Setpoint, faults};
 use rivet_simulation::motion::{Fourier, FourierSettings, LARGEST_LOAD, MotionLimits, Trajectory, load_ratio};
 use rivet_simulation::process::nominal_joints;
 use rivet_simulation::{BUILD_UP_S, Disturbances, FrictionLaw, Payload, Plant, PlantSettings, Random, Sensors, Truth};
@@ -89,6 +89,16 @@ pub struct Tracking {
     pub refusals: Vec<(Refusal, u64)>,
     /// How often the daemon saw the arm change.
     pub changes: u64,
+    /// Motion until live parameters were first in use \[s\].
+    pub adopted_s: Option<f64>,
+}
+
+impl Tracking {
+    /// Whether live parameters track with at most a quarter of the error of nominal ones and 1.15 of that of true ones, in both
+    /// phases.
+    pub fn keeps_bounds(&self) -> bool {
+        self.phases.iter().map(Errors::ratios).all(|(nominal, truth)| nominal <= 0.25 && truth <= 1.15)
+    }
 }
 
 /// Runs the three controllers on `robot` with an unknown payload \[kg\] at its flange, which it lets go of in mid motion.
@@ -120,6 +130,7 @@ pub fn tracking(robot: &Robot, payload: f64, seed: u64) -> Result<Tracking, Sett
         sets: live.sets,
         refusals: live.refusals,
         changes: live.changes,
+        adopted_s: live.adopted_s,
     })
 }
 
@@ -140,6 +151,7 @@ struct Run {
     sets: (u64, u64),
     refusals: Vec<(Refusal, u64)>,
     changes: u64,
+    adopted_s: Option<f64>,
 }
 
 impl<'a> Study<'a> {
@@ -205,6 +217,7 @@ impl<'a> Study<'a> {
         let span = 1.0 / BASE_HZ;
         let end_s = begins.iter().copied().fold(0.0, f64::max) + span;
         let mut change = change;
+        let mut adopted_s = None;
         let (mut q, mut qd, mut qdd) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         for k in 0..build_up + (end_s / period_s).round() as u64 {
             let t_s = k.saturating_sub(build_up) as f64 * period_s;
@@ -229,6 +242,9 @@ impl<'a> Study<'a> {
             if live && daemon.tick(&sample, Some(&setpoint)).publish {
                 daemon.write_parameters(&mut set);
                 controller.offer_parameters(&set, &sample);
+                if adopted_s.is_none() && controller.source() == ParameterSource::Live {
+                    adopted_s = Some(t_s);
+                }
             }
             for (sum, begin) in sums.iter_mut().zip(begins) {
                 if (*begin..*begin + span).contains(&t_s) {
@@ -248,7 +264,13 @@ impl<'a> Study<'a> {
         let reasons = (0_u32..).zip(health.refusals).filter(|(_, count)| *count > 0);
         let refusals = reasons.filter_map(|(why, count)| Some((Refusal::try_from(why).ok()?, count)));
         let refusals = refusals.filter(|(why, _)| *why != Refusal::None).collect();
-        Ok(Run { errors: sums, sets: (counts.accepted, counts.refused), refusals, changes: daemon.changes() })
+        Ok(Run {
+            errors: sums,
+            sets: (counts.accepted, counts.refused),
+            refusals,
+            changes: daemon.changes(),
+            adopted_s,
+        })
     }
 }
 
@@ -288,6 +310,10 @@ impl fmt::Display for Tracking {
             self.changes,
             self.window_s
         )?;
+        match self.adopted_s {
+            Some(adopted) => writeln!(f, "  live parameters in use after {adopted:.1} s of motion")?,
+            None => writeln!(f, "  live parameters were never in use")?,
+        }
         for (why, count) in &self.refusals {
             writeln!(f, "  {count:>5} refused: {}", refusal_text(*why))?;
         }

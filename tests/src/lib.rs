@@ -3,6 +3,7 @@
 pub use rivet_studies::batch;
 pub mod closed;
 pub mod side;
+pub mod stage;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -337,5 +337,8 @@ pub(super) fn controller_faults(health: &ControllerHealth) -> String {
         ("commands at the torque limit", health.saturated),
         ("commands at the rate limit", health.rate_limited),
         ("setpoints brought back", health.setpoints_limited),
+        ("joint states of a second publisher", health.foreign_joint_states),
+        ("setpoints of a second publisher", health.foreign_setpoints),
+        ("parameters of a second publisher", health.foreign_parameters),
     ])
 }

@@ -1,4 +1,4 @@
-//! `rivet.ControllerHealth.v1`
+//! `rivet.ControllerHealth.v2`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -12,7 +12,7 @@ pub const REFUSALS: usize = 16;
 ///
 /// Counters run since the controller's start and never go back.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.ControllerHealth.v1")]
+#[type_name("rivet.ControllerHealth.v2")]
 #[repr(C)]
 pub struct ControllerHealth {
     /// `seq` of the last joint state answered.
@@ -45,6 +45,12 @@ pub struct ControllerHealth {
     pub epoch: u64,
     /// `seq` of the last joint state that went into that set.
     pub parameters_seq: u64,
+    /// Joint states of a second publisher, left out while the first one sends.
+    pub foreign_joint_states: u64,
+    /// Setpoints of a second publisher, left out likewise.
+    pub foreign_setpoints: u64,
+    /// Parameter sets of a second publisher, left out likewise.
+    pub foreign_parameters: u64,
     /// How many sets were refused for which [`ParameterRefusal`]; the entry is its number.
     pub refusals: [u64; REFUSALS],
     /// A [`ParameterSource`]: whose parameters make the torque.
@@ -157,18 +163,20 @@ wire_enum!(
     }
 );
 
-message!(ControllerHealth v 1, size 528 align 8, empty ControllerHealth {
+message!(ControllerHealth v 2, size 552 align 8, empty ControllerHealth {
     seq: 0, stamp_ns: 0, commands: 0, passed_over: 0, refused_stale: 0, refused_invalid: 0, stops: 0, broken: 0,
     saturated: 0, rate_limited: 0, setpoints_limited: 0, accepted: 0, switches: 0, epoch: 0, parameters_seq: 0,
+    foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0,
     refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0, joints: 0, reserved: 0,
     tracking_rms: [0.0; MAX_JOINTS], prediction_rms: [f64::NAN; MAX_JOINTS],
     nominal_prediction_rms: [f64::NAN; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS],
 }, {
     seq @ 0, stamp_ns @ 8, commands @ 16, passed_over @ 24, refused_stale @ 32, refused_invalid @ 40, stops @ 48,
     broken @ 56, saturated @ 64, rate_limited @ 72, setpoints_limited @ 80, accepted @ 88, switches @ 96, epoch @ 104,
-    parameters_seq @ 112, refusals @ 120, source @ 248, source_reason @ 252, last_refusal @ 256, state @ 260,
-    joints @ 264, reserved @ 268, tracking_rms @ 272, prediction_rms @ 336, nominal_prediction_rms @ 400,
-    largest_step @ 464,
+    parameters_seq @ 112, foreign_joint_states @ 120, foreign_setpoints @ 128, foreign_parameters @ 136,
+    refusals @ 144, source @ 272, source_reason @ 276, last_refusal @ 280, state @ 284,
+    joints @ 288, reserved @ 292, tracking_rms @ 296, prediction_rms @ 360, nominal_prediction_rms @ 424,
+    largest_step @ 488,
 });
 
 impl Stamped for ControllerHealth {
