@@ -32,7 +32,7 @@ pub(crate) enum Form {
     TransmissionError { joint: usize, order: f64 },
     /// Motor and link are joined by a spring, or loosely
     TwoMass { joint: usize, gear: Gear },
-    /// `q`
+    /// `q`, 1: a spring rests anywhere
     Spring { joint: usize },
     /// Spring of free length l0 between points at distances 1 and `arm` from the axis, `phase` between them at q = 0
     Counterbalance { joint: usize, arm: f64, phase: f64 },
@@ -156,6 +156,7 @@ impl Form {
             | Form::Ripple { .. }
             | Form::TransmissionError { .. }
             | Form::Eccentricity { .. }
+            | Form::Spring { .. }
             | Form::Counterbalance { .. }
             | Form::Gravity => 2,
             _ => 1,
@@ -242,7 +243,7 @@ impl Form {
             Form::TransmissionError { joint: j, order } => wave(p, j, order, false),
             Form::Eccentricity { joint: j } => wave(p, j, 1.0, true),
             Form::TwoMass { joint, gear } => vec![two_mass::column(p, joint, gear)],
-            Form::Spring { joint: j } => vec![on(j, &|k| q(j, k))],
+            Form::Spring { joint: j } => vec![on(j, &|k| q(j, k)), on(j, &|_| 1.0)],
             Form::Counterbalance { joint: j, arm, phase } => {
                 // Length l² = 1 + a² − 2a cos(q + φ); its derivative with respect to q times stretch: k (l − l0) a sin/l.
                 let length = |k: usize| (1.0 + arm * arm - 2.0 * arm * (q(j, k) + phase).cos()).max(1e-9).sqrt();

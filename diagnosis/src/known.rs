@@ -59,7 +59,10 @@ impl Form {
             Form::TwoMass { joint, gear } => {
                 effect(Kind::JointElasticity, joint, &[gear.stiffness, gear.damping, c[0]])
             }
-            Form::Spring { joint } => effect(Kind::JointSpring, joint, c),
+            Form::Spring { joint } => {
+                beside.push((13 * joints + joint, c[1]));
+                effect(Kind::JointSpring, joint, &c[..1])
+            }
             Form::Counterbalance { joint, arm, phase } => {
                 effect(Kind::Counterbalance, joint, &[c[0], c[1], arm, phase])
             }

@@ -89,6 +89,13 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
     forms
 }
 
+/// The form itself, then all forms of the same effect on the same joints.
+pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
+    let orders = vec![form.order().into_iter().collect(); physics.joints()];
+    let same = |other: &Form| other.effect() == form.effect() && other.joints() == form.joints() && other != form;
+    std::iter::once(form.clone()).chain(forms(physics, &orders).into_iter().filter(same)).collect()
+}
+
 /// What repeats with an order of the joint's angle.
 pub(crate) fn periodic(joint: usize, order: f64) -> [Form; 3] {
     [Form::Ripple { joint, order }, Form::TransmissionError { joint, order }, Form::PositionFriction { joint, order }]

@@ -6,6 +6,8 @@ use crate::design::Prepared;
 /// Correlation of torque with speed below which a joint would make energy: over a motion that comes back, what bodies
 /// and gravity take they give again, and friction only takes.
 const MAKES_ENERGY: f64 = -0.3;
+/// Unless torque and model correlate by more.
+const LIKE_THE_MODEL: f64 = 0.5;
 /// A torque this many times the model's (or one over it) is in another unit ...
 const OTHER_UNIT: f64 = 3.0;
 /// ... if it is the model's torque but for the factor.
@@ -101,7 +103,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
         let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
-        if dissipates < MAKES_ENERGY {
+        // A motion that does not come back may give more energy to gravity than friction takes; the model knows of that.
+        if dissipates < MAKES_ENERGY && cosine(tau, &modelled) < LIKE_THE_MODEL {
             say(LogFault::Sign(dissipates));
         } else if cosine(tau, &modelled) > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
             say(LogFault::Scale(scale));

@@ -31,7 +31,7 @@ impl Form {
                 }
                 size
             }
-            Form::Spring { .. } => named(&[("stiffness_Nm_rad", c[0])]),
+            Form::Spring { .. } => named(&[("stiffness_Nm_rad", c[0]), ("rest_angle_rad", -c[1] / c[0])]),
             Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
             Form::Coupling { .. } => {
                 named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1]), ("rotor_inertia_kgm2", c[2])])

@@ -1,14 +1,15 @@
 //! Motions that tell effects apart: a small library, and which of them separates a class best.
 //!
-//! Two effects that explain the same logs differ in what they say of other motion. With y what the chosen one adds along
-//! a motion, and D and Φ the columns of the model's values and of a rival,
+//! Two effects that explain the same logs differ in what they say of other motion. With y what the true one adds along
+//! a motion, and D and Φ(θ) the columns of the model's values and of another member of the class,
 //!
 //! ```text
-//! S = min over (x, c) of |y_logs − D x − Φ c|² + |y_motion − D x − Φ c|² + |x/p|²  −  the same of the logs alone
+//! S = min over (x, c, θ) of |y_logs − D x − Φ(θ) c|² + |y_motion − D x − Φ(θ) c|² + |x/p|²  −  the same of the logs alone
 //! ```
 //!
-//! in units of each joint's noise: twice the log evidence that the motion is expected to give against the rival when it
-//! may still bend all values of the model.
+//! in units of each joint's noise: twice the log evidence that the motion is expected to give against the other when that
+//! may still bend all values of the model and its own. Nobody knows which member is true, so each is in turn, the rival as
+//! large as it must be to look like what was chosen; the motion with the largest of the smallest S is taken.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rivet_dynamics::{Model, Workspace};
@@ -17,6 +18,8 @@ use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::library;
+use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::{Chain, Column};
 use crate::run::{Motion, Run};
@@ -205,20 +208,28 @@ fn rest(v: &mut Vec<f64>, seconds: f64, dt: f64) {
     v.extend(std::iter::repeat_n(0.0, (seconds / dt) as usize));
 }
 
-/// Setpoints of a plan of joint `joint` from the pose `home`, sampled every `dt`; slower by `slower`.
+/// How much of a plan the arm can do: shares of the joint's range and of its speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Extent {
+    reach: f64,
+    speed: f64,
+}
+
+/// Setpoints of a plan of joint `joint` from the pose `home`, sampled every `dt`.
 fn setpoints(
     plan: Plan,
     joint: usize,
     home: &[f64],
     bounds: &MotionBounds,
-    slower: f64,
+    extent: Extent,
     dt: f64,
 ) -> [Vec<Vec<f64>>; 3] {
     let (low, high) = bounds.position[joint];
-    let (low, high) = (low.max(home[joint] - FURTHEST), high.min(home[joint] + FURTHEST));
+    let reach = extent.reach * FURTHEST;
+    let (low, high) = (low.max(home[joint] - reach), high.min(home[joint] + reach));
     let mut v = Vec::new();
     rest(&mut v, 0.5, dt);
-    v.extend(plan.speeds((low, high), home[joint], slower * bounds.velocity[joint], dt));
+    v.extend(plan.speeds((low, high), home[joint], extent.speed * bounds.velocity[joint], dt));
     rest(&mut v, 0.5, dt);
     let still = |value: f64| vec![value; v.len()];
     let mut q: Vec<Vec<f64>> = home.iter().map(|h| still(*h)).collect();
@@ -255,8 +266,6 @@ pub(crate) fn best(
     bounds: &MotionBounds,
 ) -> Option<SeparatingMotion> {
     let exact = Nominal::exact(model, x);
-    let joints = class.form.joints();
-    let joint = joints.first().copied().unwrap_or(0);
     let first = runs.first()?;
     // Where the logs were: an arm that was there before can be there again.
     let home: Vec<f64> = (0..bounds.velocity.len())
@@ -266,47 +275,37 @@ pub(crate) fn best(
             middle.clamp(bounds.position[j].0, bounds.position[j].1)
         })
         .collect();
-    let logs: Vec<Sums> = class
-        .rivals
-        .iter()
-        .map(|rival| {
-            let mut sums = Sums::new(x.len(), rival, deviations);
-            for (i, run) in runs.iter().enumerate() {
-                let physics = Physics::new(&run.run, &run.motion, &exact, x, Some(i));
-                sums.add(class, rival, &physics, &run.standard, &run.chain, noise);
-            }
-            sums
-        })
-        .collect();
-    let without: Vec<f64> = logs.iter().map(Sums::left).collect::<Option<_>>()?;
-    let mut found: Option<(f64, Plan, f64)> = None;
-    for plan in Plan::ALL {
-        let Some(slower) = admissible(plan, joint, &home, bounds, model, x) else { continue };
-        let [q, ..] = setpoints(plan, joint, &home, bounds, slower, COARSE_S);
+    let physics: Vec<Physics<'_>> =
+        runs.iter().enumerate().map(|(i, run)| Physics::new(&run.run, &run.motion, &exact, x, Some(i))).collect();
+    let logs: Vec<Record> = runs.iter().map(|run| Record::new(&run.standard, &run.chain, noise)).collect();
+    let logs: Vec<(&Record, &Physics<'_>)> = logs.iter().zip(&physics).collect();
+    let duels = duels(class, &logs, deviations)?;
+    let mut found: Option<(f64, Plan, usize, Extent)> = None;
+    for (joint, plan) in movers(class, home.len()).into_iter().flat_map(|j| Plan::ALL.map(|plan| (j, plan))) {
+        let Some(extent) = admissible(plan, joint, &home, bounds, model, x) else { continue };
+        let [q, ..] = setpoints(plan, joint, &home, bounds, extent, COARSE_S);
         let tau = vec![vec![0.0; q[0].len()]; q.len()];
         let run = Run { name: String::new(), period_s: COARSE_S, q, tau, temperature: None };
         let motion = Motion::of(&run);
         let chain = Chain::new(COARSE_S);
-        let standard = standard_columns(model, &motion, &chain);
+        let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
         let physics = Physics::new(&run, &motion, &exact, x, Some(runs.len()));
         let mut least = f64::INFINITY;
-        for ((sums, rival), without) in logs.iter().zip(class.rivals).zip(&without) {
-            let mut sums = sums.clone();
-            sums.add(class, rival, &physics, &standard, &chain, noise);
-            least = least.min(sums.left()? - without);
+        for duel in &duels {
+            least = least.min(duel.with(&record, &physics)?);
         }
         if found.is_none_or(|(most, ..)| least > most) {
-            found = Some((least, plan, slower));
+            found = Some((least, plan, joint, extent));
         }
     }
-    let (separation, plan, slower) = found?;
-    let [q, qd, qdd] = setpoints(plan, joint, &home, bounds, slower, bounds.period_s);
+    let (separation, plan, joint, extent) = found?;
+    let [q, qd, qdd] = setpoints(plan, joint, &home, bounds, extent, bounds.period_s);
     let mut rivals: Vec<Effect> = class.rivals.iter().map(Form::effect).collect();
     rivals.dedup();
     let text = format!("{} of joint {}, the others still", plan.text(), joint + 1);
     Some(SeparatingMotion {
         effect: class.form.effect(),
-        joints,
+        joints: class.form.joints(),
         rivals,
         text,
         separation,
@@ -317,15 +316,29 @@ pub(crate) fn best(
     })
 }
 
-/// The largest share of the speed limit at which the plan needs no more torque than it may; none if it never does.
-fn admissible(plan: Plan, joint: usize, home: &[f64], bounds: &MotionBounds, model: &Model, x: &[f64]) -> Option<f64> {
+/// Joints to move: those that the class is about, or every one where it is about the whole arm.
+fn movers(class: &Class<'_>, joints: usize) -> Vec<usize> {
+    let mut movers: Vec<usize> = std::iter::once(class.form).chain(class.rivals).flat_map(Form::joints).collect();
+    movers.sort_unstable();
+    movers.dedup();
+    if movers.is_empty() { (0..joints).collect() } else { movers }
+}
+
+/// The furthest, then the fastest, that the plan can be done without more torque than the joints may use; none if it never can.
+fn admissible(
+    plan: Plan,
+    joint: usize,
+    home: &[f64],
+    bounds: &MotionBounds,
+    model: &Model,
+    x: &[f64],
+) -> Option<Extent> {
     let (n, width) = (home.len(), x.len());
     let mut ws = Workspace::new(&model.arm);
     let mut y = vec![0.0; n * width];
-    let mut slower = 1.0;
-    for _ in 0..8 {
-        let [q, qd, qdd] = setpoints(plan, joint, home, bounds, slower, COARSE_S);
-        let fits = (0..q[0].len()).step_by(5).all(|k| {
+    let mut fits = |extent: Extent| {
+        let [q, qd, qdd] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
+        (0..q[0].len()).step_by(5).all(|k| {
             let of = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
             let (q, qd, qdd) = (of(&q), of(&qd), of(&qdd));
             model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
@@ -333,16 +346,61 @@ fn admissible(plan: Plan, joint: usize, home: &[f64], bounds: &MotionBounds, mod
                 y.chunks_exact(width).map(|row| row.iter().zip(x).map(|(y, x)| y * x).sum()).collect();
             model.add_effects(&mut ws, &q, &qd, &qdd, &mut tau);
             tau.iter().zip(&bounds.torque).all(|(tau, most)| tau.abs() <= *most)
-        });
-        if fits {
-            return Some(slower);
-        }
-        slower *= 0.7;
-    }
-    None
+        })
+    };
+    let speeds = || (0..8).map(|k| 0.7_f64.powi(k));
+    // A spring may need more torque at the end of the range than there is.
+    let extents =
+        [1.0, 0.7, 0.5, 0.35, 0.25].into_iter().flat_map(|reach| speeds().map(move |speed| Extent { reach, speed }));
+    extents.into_iter().find(|extent| fits(*extent))
 }
 
-/// Sums of products of the model's columns and a rival's, and of what the chosen effect adds.
+/// The model's columns along one motion, in units of each joint's noise.
+struct Record<'a> {
+    chain: &'a Chain,
+    noise: &'a [f64],
+    /// Rows by columns, each joint.
+    model: Vec<DMatrix<f64>>,
+    gram: DMatrix<f64>,
+}
+
+impl<'a> Record<'a> {
+    fn new(standard: &[Column], chain: &'a Chain, noise: &'a [f64]) -> Record<'a> {
+        let model: Vec<DMatrix<f64>> = (0..noise.len()).map(|j| matrix(standard, j, noise)).collect();
+        let mut gram = DMatrix::zeros(standard.len(), standard.len());
+        model.iter().for_each(|d| gram.gemm_tr(1.0, d, d, 1.0));
+        Record { chain, noise, model, gram }
+    }
+
+    fn columns(&self, form: &Form, physics: &Physics<'_>) -> Vec<DMatrix<f64>> {
+        let columns: Vec<Column> =
+            form.columns(physics).into_iter().map(|full| crate::rows::column(self.chain, full)).collect();
+        (0..self.noise.len()).map(|j| matrix(&columns, j, self.noise)).collect()
+    }
+
+    /// What a form adds with coefficients `c`.
+    fn torque(&self, form: &Form, c: &[f64], physics: &Physics<'_>) -> Vec<DVector<f64>> {
+        let c = DVector::from_column_slice(c);
+        self.columns(form, physics)
+            .iter()
+            .map(|m| if m.ncols() == c.len() { m * &c } else { DVector::zeros(0) })
+            .collect()
+    }
+}
+
+/// One joint's rows by columns, in units of its noise.
+fn matrix(columns: &[Column], joint: usize, noise: &[f64]) -> DMatrix<f64> {
+    let rows = columns.iter().find_map(|c| c[joint].as_ref()).map_or(0, Vec::len);
+    let mut matrix = DMatrix::zeros(rows, columns.len());
+    for (c, column) in columns.iter().enumerate() {
+        if let Some(values) = &column[joint] {
+            matrix.column_mut(c).iter_mut().zip(values).for_each(|(to, v)| *to = v / noise[joint]);
+        }
+    }
+    matrix
+}
+
+/// Normal equations of the model's columns and a form's against a torque.
 #[derive(Clone)]
 struct Sums {
     gram: DMatrix<f64>,
@@ -351,11 +409,11 @@ struct Sums {
 }
 
 impl Sums {
-    fn new(width: usize, rival: &Form, deviations: &[f64]) -> Sums {
-        // Coefficients of the rival are free, but not without end.
-        let columns = rival.coefficients();
+    /// `deviations`: of the model's values; a form's coefficients are free, but not without end.
+    fn new(deviations: &[f64], form: &Form) -> Sums {
+        let (width, columns) = (deviations.len(), form.coefficients());
         let mut gram = DMatrix::zeros(width + columns, width + columns);
-        for (i, deviation) in deviations.iter().take(width).enumerate() {
+        for (i, deviation) in deviations.iter().enumerate() {
             gram[(i, i)] = 1.0 / deviation.max(1e-9).powi(2);
         }
         for c in width..width + columns {
@@ -364,48 +422,91 @@ impl Sums {
         Sums { gram, product: DVector::zeros(width + columns), square: 0.0 }
     }
 
-    fn add(
-        &mut self,
-        class: &Class<'_>,
-        rival: &Form,
-        physics: &Physics<'_>,
-        standard: &[Column],
-        chain: &Chain,
-        noise: &[f64],
-    ) {
-        let rows_of = |form: &Form| -> Vec<Column> {
-            form.columns(physics).into_iter().map(|full| crate::rows::column(chain, full)).collect()
-        };
-        let (own, other) = (rows_of(class.form), rows_of(rival));
-        let size = self.product.len();
-        for (j, noise) in noise.iter().enumerate() {
-            let Some(rows) = standard.iter().find_map(|c| c[j].as_ref()).map(Vec::len) else { continue };
-            let mut target = vec![0.0; rows];
-            for (column, c) in own.iter().zip(&class.coefficients) {
-                if let Some(values) = &column[j] {
-                    target.iter_mut().zip(values).for_each(|(t, v)| *t += c * v);
-                }
+    fn add(&mut self, record: &Record<'_>, own: &[DMatrix<f64>], torque: &[DVector<f64>]) {
+        let width = record.gram.nrows();
+        let columns = self.product.len() - width;
+        self.gram.view_mut((0, 0), (width, width)).zip_apply(&record.gram, |s, v| *s += v);
+        for ((d, c), y) in record.model.iter().zip(own).zip(torque) {
+            if c.nrows() > 0 && c.ncols() == columns {
+                let cross = d.tr_mul(c);
+                self.gram.view_mut((0, width), (width, columns)).zip_apply(&cross, |s, v| *s += v);
+                self.gram.view_mut((width, 0), (columns, width)).zip_apply(&cross.transpose(), |s, v| *s += v);
+                self.gram.view_mut((width, width), (columns, columns)).zip_apply(&c.tr_mul(c), |s, v| *s += v);
             }
-            if target.iter().all(|t| *t == 0.0) && other.iter().all(|c| c[j].is_none()) {
+            if y.is_empty() {
                 continue;
             }
-            let mut d = DMatrix::zeros(rows, size);
-            for (c, column) in standard.iter().chain(&other).enumerate() {
-                if let Some(values) = &column[j] {
-                    d.column_mut(c).copy_from_slice(values);
-                }
+            self.product.rows_mut(0, width).zip_apply(&d.tr_mul(y), |s, v| *s += v);
+            if c.nrows() > 0 && c.ncols() == columns {
+                self.product.rows_mut(width, columns).zip_apply(&c.tr_mul(y), |s, v| *s += v);
             }
-            let w = 1.0 / (noise * noise);
-            let target = DVector::from_vec(target);
-            self.gram.gemm_tr(w, &d, &d, 1.0);
-            self.product.gemv_tr(w, &d, &target, 1.0);
-            self.square += w * target.norm_squared();
+            self.square += y.norm_squared();
         }
     }
 
-    /// What is left of the chosen effect when values and rival do their best.
-    fn left(&self) -> Option<f64> {
-        let factor = Cholesky::new(self.gram.clone())?;
-        Some(self.square - self.product.dot(&factor.solve(&self.product)))
+    /// What is left of the torque when values and form do their best, and the form's coefficients.
+    fn solve(&self, columns: usize) -> Option<(f64, Vec<f64>)> {
+        let x = Cholesky::new(self.gram.clone())?.solve(&self.product);
+        let left = self.square - self.product.dot(&x);
+        Some((left, x.rows(x.len() - columns, columns).iter().copied().collect()))
+    }
+}
+
+/// One member of a class as the truth, and another, with any inner values, that imitates it.
+struct Duel {
+    truth: (Form, Vec<f64>),
+    /// Inner values of the imitator with its equations over the logs.
+    imitations: Vec<(Form, Sums)>,
+    /// What the best imitation leaves of the logs.
+    left: f64,
+}
+
+/// Every member of the class against every other; a rival is as large as it has to be to look like what was chosen.
+fn duels(class: &Class<'_>, logs: &[(&Record<'_>, &Physics<'_>)], deviations: &[f64]) -> Option<Vec<Duel>> {
+    let chosen = (class.form.clone(), class.coefficients.clone());
+    let first = logs.first()?.1;
+    let mut duels = Vec::new();
+    for rival in class.rivals {
+        let (duel, best) = duel(chosen.clone(), rival, first, logs, deviations)?;
+        let (back, _) = self::duel(best, class.form, first, logs, deviations)?;
+        duels.extend([duel, back]);
+    }
+    Some(duels)
+}
+
+/// The truth against all forms of a rival's effect, and the best of these on the logs.
+fn duel(
+    truth: (Form, Vec<f64>),
+    rival: &Form,
+    first: &Physics<'_>,
+    logs: &[(&Record<'_>, &Physics<'_>)],
+    deviations: &[f64],
+) -> Option<(Duel, (Form, Vec<f64>))> {
+    let torques: Vec<Vec<DVector<f64>>> =
+        logs.iter().map(|(record, physics)| record.torque(&truth.0, &truth.1, physics)).collect();
+    let forms = library::alike(rival, first);
+    let imitations = parallel::map(&forms, |form| {
+        let mut sums = Sums::new(deviations, form);
+        for ((record, physics), torque) in logs.iter().zip(&torques) {
+            sums.add(record, &record.columns(form, physics), torque);
+        }
+        (form.clone(), sums)
+    });
+    let solved = imitations.iter().filter_map(|(form, sums)| Some((sums.solve(form.coefficients())?, form)));
+    let ((left, c), form) = solved.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+    let best = (form.clone(), c);
+    Some((Duel { truth, imitations, left }, best))
+}
+
+impl Duel {
+    /// Twice the log evidence that a motion is expected to give against every imitation.
+    fn with(&self, record: &Record<'_>, physics: &Physics<'_>) -> Option<f64> {
+        let torque = record.torque(&self.truth.0, &self.truth.1, physics);
+        let left = parallel::map(&self.imitations, |(form, sums)| {
+            let mut sums = sums.clone();
+            sums.add(record, &record.columns(form, physics), &torque);
+            Some(sums.solve(form.coefficients())?.0)
+        });
+        Some(left.into_iter().flatten().reduce(f64::min)? - self.left)
     }
 }

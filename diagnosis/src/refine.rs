@@ -18,6 +18,10 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
         Form::Ripple { joint, order } => Form::Ripple { joint, order: order * a },
         Form::TransmissionError { joint, order } => Form::TransmissionError { joint, order: order * a },
         Form::Saturation { joint, limit } => Form::Saturation { joint, limit: limit * a },
+        // Lengths by factors, angles by steps: e to the first makes one radian.
+        Form::Counterbalance { joint, arm, phase } => {
+            Form::Counterbalance { joint, arm: arm * a, phase: phase + b.ln() }
+        }
         Form::TwoMass { joint, gear } => {
             let gear = Gear { stiffness: gear.stiffness * a, damping: gear.damping * b, gap: gear.gap * c };
             Form::TwoMass { joint, gear }
@@ -33,6 +37,7 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
         Form::Presliding { .. } => vec![(0, 1.6)],
         Form::Ripple { order, .. } | Form::TransmissionError { order, .. } => vec![(0, 1.0 + 0.2 / order)],
         Form::Saturation { .. } => vec![(0, 1.04)],
+        Form::Counterbalance { .. } => vec![(1, 1.3), (0, 1.3)],
         Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],
         Form::TwoMass { .. } => vec![(0, 1.13), (1, 1.6)],
         _ => Vec::new(),

@@ -204,13 +204,24 @@ impl<'a> Search<'a> {
 
     /// A candidate's standing over the background as it is [solved](Self::scales); none where it makes no sense.
     pub(crate) fn standing(&self, at: usize, candidate: &Candidate, solved: &[(f64, Solved)]) -> Option<Standing> {
+        let standing = self.standing_at(at, candidate, &self.weights, solved)?;
+        candidate.form.plausible(standing.added.c.as_slice()).then_some(standing)
+    }
+
+    /// The same at other weights, whether it makes sense or not.
+    pub(crate) fn standing_at(
+        &self,
+        at: usize,
+        candidate: &Candidate,
+        weights: &[f64],
+        solved: &[(f64, Solved)],
+    ) -> Option<Standing> {
         let base = solved.iter().map(|(_, s)| s.log_evidence).max_by(f64::total_cmp)?;
-        let sums = candidate_sums(&candidate.cells, &self.weights, |_| true)?;
+        let sums = candidate_sums(&candidate.cells, weights, |_| true)?;
         let added = solved
             .iter()
             .filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief))
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
-        candidate.form.plausible(added.c.as_slice()).then_some(())?;
         let searched = INNER_VALUE * candidate.form.inner_values() as f64;
         Some(Standing { at, gain: added.log_evidence - base - searched, added })
     }

@@ -2,6 +2,7 @@
 
 use crate::bursts;
 use crate::effect::Effect;
+use crate::evidence::{PRIOR_SCALES, joint_errors_with};
 use crate::form::Form;
 use crate::orders;
 use crate::physics::Physics;
@@ -28,6 +29,8 @@ const RIVAL_SHARE: f64 = 0.85;
 const RIVAL_GAP: f64 = 12.0;
 /// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
 const SATURATED: f64 = 0.8;
+/// Times that forms are held against each other, each time at the noise that the best has left.
+const CONTEST_ROUNDS: usize = 4;
 /// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
 const CLEARLY_MORE: f64 = 0.1;
 /// How far the coefficient of a form that is not refined may be from the 1 that it has by the physics.
@@ -150,6 +153,9 @@ pub(crate) fn best(
     let near: Vec<usize> = (0..accepted.len())
         .filter(|i| accepted[*i].1.gain >= RIVAL_SHARE * top && accepted[*i].1.gain >= top - RIVAL_GAP)
         .collect();
+    let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].0).collect();
+    let holds = contest(search, &contestants, say)?;
+    let near: Vec<usize> = near.into_iter().zip(holds).filter(|(_, holds)| *holds).map(|(i, _)| i).collect();
     let most = near.iter().map(|i| accepted[*i].2).fold(f64::NEG_INFINITY, f64::max);
     let simplest = near
         .iter()
@@ -183,6 +189,52 @@ pub(crate) fn best(
         mean,
     };
     Some(Some((candidate, adoption)))
+}
+
+/// Which of the forms that explain about as much hold against each other at the noise that the best of them leaves.
+///
+/// What a wrong form leaves is small beside a gap but large beside noise. That says something only where the best leaves
+/// nothing else, and of forms that are exact: what a simulated gear or bristle misses is not another effect.
+fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str)) -> Option<Vec<bool>> {
+    let exact: Vec<usize> = (0..forms.len()).filter(|i| !forms[*i].form.has_fixed_gain()).collect();
+    let mut holds = vec![true; forms.len()];
+    if exact.len() < 2 {
+        return Some(holds);
+    }
+    let background = &search.design.background;
+    let rows: Vec<f64> =
+        (0..search.noise.len()).map(|j| background.cells.iter().map(|block| block[j].rows).sum()).collect();
+    let mut weights = search.weights.clone();
+    let mut standings: Vec<Standing> = Vec::new();
+    let mut noise = search.noise.clone();
+    for _ in 0..CONTEST_ROUNDS {
+        let solved = background.solve_scales(&weights, &PRIOR_SCALES);
+        standings = exact
+            .iter()
+            .map(|i| search.standing_at(*i, forms[*i], &weights, &solved))
+            .collect::<Option<Vec<Standing>>>()?;
+        let best = standings.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        for (j, noise) in noise.iter_mut().enumerate() {
+            let cells = &forms[best.at].cells;
+            let left: f64 =
+                (0..background.blocks()).map(|b| joint_errors_with(background, cells, b, &best.added)[j]).sum();
+            *noise = (left / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
+            weights[j] = 1.0 / (noise.powi(2) * search.correlations[j]);
+        }
+    }
+    let best = standings.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    let joints = forms[best.at].form.joints();
+    if joints.is_empty() || joints.iter().any(|j| noise[*j] > AT_FLOOR * search.floor[*j]) {
+        return Some(holds);
+    }
+    for standing in &standings {
+        holds[standing.at] = standing.gain >= best.gain - RIVAL_GAP;
+        if !holds[standing.at] {
+            let behind = best.gain - standing.gain;
+            say(&format!("  {:?} leaves more than noise: {behind:.0} behind", forms[standing.at].form));
+        }
+    }
+    Some(holds)
 }
 
 /// Share of each joint's residual variance that a candidate removes on blocks it was not fitted to.

@@ -25,7 +25,10 @@ const STEP_ANGLE: f64 = 0.25;
 /// Most steps in a sample: stiffer gears are rigid at the rate of the log.
 const MOST_STEPS: f64 = 16.0;
 
-/// Full-rate column of the torque change that a gear causes.
+/// No gear twists further and is still one \[rad\].
+const LARGEST_TWIST: f64 = 0.5;
+
+/// Full-rate column of the torque change that a gear causes; nothing on all joints for one that no arm can have.
 pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Option<Vec<f64>>> {
     let (samples, period) = (physics.samples(), physics.period_s());
     let (mass, gradient) = (&physics.mass()[joint][joint], &physics.gradient()[joint][joint]);
@@ -50,6 +53,10 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
         let inertia = mass[k].max(1e-3 * mean);
         let accel_of =
             |delta: f64, speed: f64, load: f64| (spring(delta, speed) - load - gradient[k] * delta) / inertia;
+        // Softer than gravity the link falls over: there is no such arm.
+        if !(delta.abs() <= LARGEST_TWIST + half) {
+            return vec![None; physics.joints()];
+        }
         deltas[k] = delta;
         accels[k] = accel_of(delta, speed, rigid[k]);
         at_motor[k] = spring(delta, speed) - rigid[k];
