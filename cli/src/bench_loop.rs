@@ -183,7 +183,7 @@ fn turn(
             match message {
                 Outbound::Health(message) => health = message,
                 Outbound::Timing(message) => timing = message,
-                Outbound::Parameters(_) => {}
+                Outbound::Parameters(_) | Outbound::Drift(_) => {}
             }
         }
     }

@@ -7,7 +7,7 @@ use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Outcome;
 use rivet_ipc_schema::{
-    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Health, Parameters, RobotName, Timing,
+    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Drift, Health, Parameters, RobotName, Timing,
 };
 use rivet_realtime::Shutdown;
 use std::sync::mpsc::{Receiver, Sender};
@@ -26,6 +26,7 @@ struct Ports {
     parameters: rivet_ipc_schema::Publisher<Parameters>,
     latest: rivet_ipc_schema::BlackboardWriter<Parameters>,
     health: rivet_ipc_schema::Publisher<Health>,
+    drift: rivet_ipc_schema::Publisher<Drift>,
     timing: rivet_ipc_schema::Publisher<Timing>,
     control: rivet_ipc_schema::ControlServer,
 }
@@ -35,6 +36,7 @@ fn open(bus: &Bus) -> Result<Ports, BusError> {
         parameters: bus.parameters_publisher()?,
         latest: bus.latest_parameters_writer()?,
         health: bus.health_publisher()?,
+        drift: bus.drift_publisher()?,
         timing: bus.timing_publisher()?,
         control: bus.control_server()?,
     })
@@ -106,6 +108,9 @@ fn turn(
             Outbound::Health(health) => {
                 ports.health.send(&health)?;
             }
+            Outbound::Drift(drift) => {
+                ports.drift.send(&drift)?;
+            }
             Outbound::Timing(timing) => {
                 ports.timing.send(&timing)?;
             }
@@ -115,6 +120,7 @@ fn turn(
         ports.parameters.refresh()?;
         ports.health.refresh()?;
         ports.timing.refresh()?;
+        ports.drift.refresh()?;
     }
     let epoch = progress.read().epoch;
     if let Ok((status, text)) = requests.outcomes.try_recv() {

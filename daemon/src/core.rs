@@ -1,5 +1,6 @@
 //! Every decision of the daemon's loop, with no clock, bus or thread in it.
 
+use crate::drift::DriftWatch;
 use crate::input::{FaultRecord, Found, InputGuard};
 use crate::torque_watch::TorqueWatch;
 use rivet_config::Robot;
@@ -9,8 +10,8 @@ use rivet_estimation::{
     Reconfigured, Row, Sample, SettingsError, Skip, Step,
 };
 use rivet_ipc_schema::{
-    ControlCommand, DaemonMode, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, MAX_PARAMETERS,
-    ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
+    ControlCommand, DaemonMode, Drift, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel,
+    MAX_PARAMETERS, ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
 };
 use std::sync::Arc;
 
@@ -83,6 +84,7 @@ pub struct Core {
     clock: SampleClock,
     guard: InputGuard,
     watch: TorqueWatch,
+    drift: DriftWatch,
     record: FaultRecord,
     load: LoadLevel,
     load_seq: u64,
@@ -123,6 +125,7 @@ impl Core {
             clock: SampleClock::new(robot.config.sample_period_s),
             guard: InputGuard::new(robot),
             watch: TorqueWatch::new(robot.model.arm.dof(), robot.config.sample_period_s),
+            drift: DriftWatch::new(robot, settings.row_period_s()),
             record: FaultRecord::NONE,
             load: LoadLevel::Normal,
             load_seq: 0,
@@ -288,7 +291,8 @@ impl Core {
         let desired = setpoint.map(|s| Motion { q: &s.q[..n], qd: &s.qd[..n], qdd: &s.qdd[..n] });
         let second = link.filter(|l| l.seq == sample.seq && l.count() == n).map(|l| &l.q[..n]);
         let sample = Sample { q: &sample.q[..n], second, tau: &sample.tau[..n], setpoint: desired };
-        let mut onlooker = Onlooker { watch: &mut self.watch, guard: &self.guard, done };
+        let (watch, drift, seq) = (&mut self.watch, &mut self.drift, self.last_seq.unwrap_or(0));
+        let mut onlooker = Onlooker { watch, drift, seq, guard: &self.guard, done };
         let step = self.identifier.push_observed(sample, &mut onlooker);
         if let Step::Refused(_) = step {
             self.counts.invalid += 1;
@@ -403,6 +407,8 @@ impl Core {
         self.provisional_updates = fresh.provisional_updates;
         self.memory = fresh.memory;
         self.guard.adopt_limits(&fresh.guard);
+        // The robot file that was read anew is what is accepted from now on.
+        self.drift.clone_from(&fresh.drift);
         let kept = self.identifier.reconfigure(&mut fresh.identifier);
         if !kept.window {
             // It judges torques by what the window knew.
@@ -533,6 +539,14 @@ impl Core {
         self.dof
     }
 
+    /// Writes what the accepted model leaves and whether the arm has left it, but for the stamp.
+    pub fn write_drift(&self, out: &mut Drift) {
+        *out = Drift::default();
+        out.seq = self.last_seq();
+        out.model_hash = self.hash;
+        self.drift.write(out);
+    }
+
     /// What happened so far.
     pub fn counts(&self) -> Counts {
         self.counts
@@ -556,6 +570,8 @@ impl Core {
 
 struct Onlooker<'a, F> {
     watch: &'a mut TorqueWatch,
+    drift: &'a mut DriftWatch,
+    seq: u64,
     guard: &'a InputGuard,
     done: F,
 }
@@ -566,7 +582,11 @@ impl<F: FnMut(Phase)> Observer for Onlooker<'_, F> {
     }
 
     fn admits(&mut self, row: &Row) -> bool {
-        self.watch.admits(row, self.guard)
+        let admitted = self.watch.admits(row, self.guard);
+        if admitted {
+            self.drift.row(row, self.seq);
+        }
+        admitted
     }
 }
 

@@ -6,6 +6,7 @@
 mod bus_thread;
 mod consistent;
 mod core;
+mod drift;
 mod error;
 mod flight;
 mod input;

@@ -11,7 +11,7 @@ use crate::snapshot::Snapshots;
 use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Health, InputFault, JointState, LinkState, Listener,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, JointState, LinkState, Listener,
     LoopPhase, OneSource, Parameters, RobotName, Setpoint, Timing as TimingMessage, parameter_flags,
 };
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
@@ -204,6 +204,7 @@ pub struct RealTimeLoop {
     delay: Delay,
     parameters: Parameters,
     health: Health,
+    drift: Drift,
     message: TimingMessage,
     since_health: u64,
     idle: u64,
@@ -252,6 +253,7 @@ impl RealTimeLoop {
             delay: Delay::default(),
             parameters: Parameters::default(),
             health: Health::default(),
+            drift: Drift::default(),
             message: TimingMessage::default(),
             since_health: 0,
             idle: 0,
@@ -377,6 +379,9 @@ impl RealTimeLoop {
         if silent {
             health.mode = DaemonMode::Stale.into();
         }
+        self.core.write_drift(&mut self.drift);
+        self.drift.stamp_ns = start;
+        self.timing.dropped += u64::from(self.channels.outbound.push(Outbound::Drift(self.drift)).is_err());
         self.timing.write(&mut self.message);
         self.message.stamp_ns = start;
         self.timing.dropped += u64::from(self.channels.outbound.push(Outbound::Health(self.health)).is_err());

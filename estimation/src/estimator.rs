@@ -236,6 +236,11 @@ impl Estimator {
         self.updates = 0;
     }
 
+    /// The values that it began with.
+    pub(crate) fn nominal(&self) -> &[f64] {
+        &self.nominal
+    }
+
     /// Goes on from `values` (n, e.g. stored ones), as known as the nominal ones are; what the window had is forgotten.
     pub fn load(&mut self, values: &[f64]) {
         self.values.copy_from_slice(values);

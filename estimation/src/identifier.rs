@@ -532,11 +532,16 @@ impl Identifier {
         for (used, moving) in used.iter_mut().zip(moving) {
             *used = *moving >= MOVED;
         }
-        let mut row = Row { tau: [0.0; MAX_JOINTS], predicted: [0.0; MAX_JOINTS], moving: used };
+        let none = [0.0; MAX_JOINTS];
+        let mut row = Row { tau: none, predicted: none, accepted: none, speed: none, accel: none, moving: used };
         row.tau[..self.dof].copy_from_slice(tau);
+        row.speed[..self.dof].copy_from_slice(&self.aligned.qd);
+        row.accel[..self.dof].copy_from_slice(&self.aligned.qdd);
         let values = self.estimator.estimate().values;
-        for (predicted, d) in row.predicted.iter_mut().zip(self.d.chunks_exact(values.len())) {
-            *predicted = dot(d, values);
+        let nominal = self.estimator.nominal();
+        for (j, d) in self.d.chunks_exact(values.len()).enumerate().take(self.dof) {
+            row.predicted[j] = dot(d, values);
+            row.accepted[j] = dot(d, nominal);
         }
         if !observer.admits(&row) {
             return Step::Skipped(Skip::NotAdmitted);

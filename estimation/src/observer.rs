@@ -22,6 +22,12 @@ pub struct Row {
     pub tau: [f64; MAX_JOINTS],
     /// What the values of now make of the motion \[N·m\].
     pub predicted: [f64; MAX_JOINTS],
+    /// What the nominal values make of it \[N·m\]: those that the estimator began with.
+    pub accepted: [f64; MAX_JOINTS],
+    /// Speed and acceleration, newer than the row by what the model filter lags \[rad/s, rad/s²\].
+    pub speed: [f64; MAX_JOINTS],
+    /// See [`speed`](Self::speed).
+    pub accel: [f64; MAX_JOINTS],
     /// Whether the joint moved.
     pub moving: [bool; MAX_JOINTS],
 }

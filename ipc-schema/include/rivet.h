@@ -33,6 +33,8 @@
 #define RIVET_INPUT_FAULTS 24
 /* Phases of a period. */
 #define RIVET_PHASES 7
+/* Entries of DriftRegime. */
+#define RIVET_DRIFT_REGIMES 4
 /* Worst periods that are kept. */
 #define RIVET_WORST_PERIODS 32
 
@@ -198,6 +200,28 @@ enum {
     RIVET_PERIOD_CAUSE_MIGRATION = 4,
     /* The processor was taken from the thread. */
     RIVET_PERIOD_CAUSE_INVOLUNTARY_SWITCH = 5,
+};
+
+/* How a joint moves. */
+enum {
+    /* Near a reversal: at less than a tenth of its speed limit, and changing quickly. */
+    RIVET_DRIFT_REGIME_REVERSAL = 0,
+    /* At less than a tenth of its speed limit. */
+    RIVET_DRIFT_REGIME_SLOW = 1,
+    /* Faster, at about constant speed. */
+    RIVET_DRIFT_REGIME_CRUISE = 2,
+    /* Faster, and changing its speed by itself in a quarter of a second. */
+    RIVET_DRIFT_REGIME_ACCELERATING = 3,
+};
+
+/* Whether the arm is still the one that was accepted (Drift::verdict). */
+enum {
+    /* Too little motion since the model was accepted, or since then in other regimes only. */
+    RIVET_DRIFT_VERDICT_UNRESOLVED = 0,
+    /* The accepted model leaves about what it left at first. */
+    RIVET_DRIFT_VERDICT_WITHIN = 1,
+    /* It leaves clearly more. */
+    RIVET_DRIFT_VERDICT_LEFT = 2,
 };
 
 /* Whose parameters make the torque (ControllerHealth::source). */
@@ -695,6 +719,46 @@ RIVET_ASSERT(offsetof(rivet_timing_v1, phase_histogram) == 88);
 RIVET_ASSERT(offsetof(rivet_timing_v1, worst_stamp_ns) == 984);
 RIVET_ASSERT(offsetof(rivet_timing_v1, worst_phase_ns) == 1240);
 RIVET_ASSERT(offsetof(rivet_timing_v1, worst_cause) == 2136);
+
+/* What the accepted model leaves of each joint's torque, by how the joint moves, and whether the arm has left it; with
+ * every health message, on service `rivet/<robot>/drift`.
+ *
+ * The accepted model is the robot file's, as the daemon read it last. Arrays by regime have RIVET_MAX_JOINTS numbers of
+ * the first regime, then of the next; NaN where nothing is known yet. */
+#define RIVET_DRIFT_TYPE_NAME "rivet.Drift.v1"
+typedef struct {
+    /* seq of the last joint state taken in. */
+    uint64_t seq;
+    /* When this was written, CLOCK_MONOTONIC [ns]. */
+    uint64_t stamp_ns;
+    /* Hash of the model with its robot file, as in Parameters. */
+    uint64_t model_hash;
+    /* How many entries of the arrays are in use, 1..=8. */
+    uint32_t joints;
+    /* A DriftVerdict: left if any joint has, unresolved if none has left and any is unresolved. */
+    uint32_t verdict;
+    /* A DriftVerdict each. */
+    uint32_t joint_verdict[RIVET_MAX_JOINTS];
+    /* seq of the joint state with which each joint's verdict became what it is. */
+    uint64_t since_seq[RIVET_MAX_JOINTS];
+    /* RMS residual of now over that after acceptance, over the same regimes; NaN while unresolved. */
+    double ratio[RIVET_MAX_JOINTS];
+    /* RMS torque residual with the accepted model over the last seconds of motion in a regime [N m, or N]. */
+    double residual_rms[RIVET_DRIFT_REGIMES * RIVET_MAX_JOINTS];
+    /* The same over the first seconds in it after the model was accepted. */
+    double reference_rms[RIVET_DRIFT_REGIMES * RIVET_MAX_JOINTS];
+} rivet_drift_v1;
+RIVET_ASSERT(sizeof(rivet_drift_v1) == 704);
+RIVET_ASSERT(offsetof(rivet_drift_v1, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_drift_v1, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_drift_v1, model_hash) == 16);
+RIVET_ASSERT(offsetof(rivet_drift_v1, joints) == 24);
+RIVET_ASSERT(offsetof(rivet_drift_v1, verdict) == 28);
+RIVET_ASSERT(offsetof(rivet_drift_v1, joint_verdict) == 32);
+RIVET_ASSERT(offsetof(rivet_drift_v1, since_seq) == 64);
+RIVET_ASSERT(offsetof(rivet_drift_v1, ratio) == 128);
+RIVET_ASSERT(offsetof(rivet_drift_v1, residual_rms) == 192);
+RIVET_ASSERT(offsetof(rivet_drift_v1, reference_rms) == 448);
 
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.

@@ -35,6 +35,8 @@ REPLY_TEXT = 1000
 INPUT_FAULTS = 24
 #: Phases of a period.
 PHASES = 7
+#: Entries of DRIFT_REGIME.
+DRIFT_REGIMES = 4
 #: Worst periods that are kept.
 WORST_PERIODS = 32
 
@@ -75,6 +77,10 @@ LOAD_LEVEL = {"normal": 0, "publish_less": 1, "decimate": 2, "hold": 3}
 LOOP_PHASE = {"wait": 0, "read": 1, "differentiate": 2, "model": 3, "estimate": 4, "supervise": 5, "publish": 6}
 #: Why a period was long (Timing::worst_cause).
 PERIOD_CAUSE = {"late_wake_up": 0, "long_read": 1, "own_work": 2, "page_fault": 3, "migration": 4, "involuntary_switch": 5}
+#: How a joint moves.
+DRIFT_REGIME = {"reversal": 0, "slow": 1, "cruise": 2, "accelerating": 3}
+#: Whether the arm is still the one that was accepted (Drift::verdict).
+DRIFT_VERDICT = {"unresolved": 0, "within": 1, "left": 2}
 #: Whose parameters make the torque (ControllerHealth::source).
 PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
 #: Why the source is what it is (ControllerHealth::source_reason).
@@ -406,6 +412,39 @@ class Timing(_Message):
     ]
 
 
+class Drift(_Message):
+    """What the accepted model leaves of each joint's torque, by how the joint moves, and whether the arm has left it; with
+    every health message, on service `rivet/<robot>/drift`.
+
+    The accepted model is the robot file's, as the daemon read it last. Arrays by regime have MAX_JOINTS numbers of the
+    first regime, then of the next; NaN where nothing is known yet.
+    """
+
+    TYPE_NAME = "rivet.Drift.v1"
+    _fields_ = [
+        # seq of the last joint state taken in.
+        ("seq", ctypes.c_uint64),
+        # When this was written, CLOCK_MONOTONIC [ns].
+        ("stamp_ns", ctypes.c_uint64),
+        # Hash of the model with its robot file, as in Parameters.
+        ("model_hash", ctypes.c_uint64),
+        # How many entries of the arrays are in use, 1..=8.
+        ("joints", ctypes.c_uint32),
+        # A DriftVerdict: left if any joint has, unresolved if none has left and any is unresolved.
+        ("verdict", ctypes.c_uint32),
+        # A DriftVerdict each.
+        ("joint_verdict", ctypes.c_uint32 * MAX_JOINTS),
+        # seq of the joint state with which each joint's verdict became what it is.
+        ("since_seq", ctypes.c_uint64 * MAX_JOINTS),
+        # RMS residual of now over that after acceptance, over the same regimes; NaN while unresolved.
+        ("ratio", ctypes.c_double * MAX_JOINTS),
+        # RMS torque residual with the accepted model over the last seconds of motion in a regime [N m, or N].
+        ("residual_rms", ctypes.c_double * (DRIFT_REGIMES * MAX_JOINTS)),
+        # The same over the first seconds in it after the model was accepted.
+        ("reference_rms", ctypes.c_double * (DRIFT_REGIMES * MAX_JOINTS)),
+    ]
+
+
 class ControllerHealth(_Message):
     """How the controller is doing and which
     parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-
@@ -628,6 +667,18 @@ LAYOUT = {
         "worst_stamp_ns": 984,
         "worst_phase_ns": 1240,
         "worst_cause": 2136,
+    }),
+    Drift: (704, {
+        "seq": 0,
+        "stamp_ns": 8,
+        "model_hash": 16,
+        "joints": 24,
+        "verdict": 28,
+        "joint_verdict": 32,
+        "since_seq": 64,
+        "ratio": 128,
+        "residual_rms": 192,
+        "reference_rms": 448,
     }),
     ControllerHealth: (552, {
         "seq": 0,

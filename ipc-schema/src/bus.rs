@@ -15,8 +15,8 @@ use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
 use crate::messages::{
-    Command, ConsistentParameters, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint,
-    Stamped, Timing,
+    Command, ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters,
+    Setpoint, Stamped, Timing,
 };
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
@@ -281,6 +281,16 @@ impl Bus {
     /// Receives where the daemon's real-time thread spends its time, the latest at once; the ring holds 16.
     pub fn timing_subscriber(&self) -> Result<Subscriber<Timing>, BusError> {
         self.subscriber(Service::Timing)
+    }
+
+    /// Daemon: publishes whether the arm has left the accepted model.
+    pub fn drift_publisher(&self) -> Result<Publisher<Drift>, BusError> {
+        self.publisher(Service::Drift)
+    }
+
+    /// Receives whether the arm has left the accepted model, the latest at once; the ring holds 16.
+    pub fn drift_subscriber(&self) -> Result<Subscriber<Drift>, BusError> {
+        self.subscriber(Service::Drift)
     }
 
     /// Controller: publishes its health.

@@ -2,9 +2,9 @@
 
 use crate::messages::{
     Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest, ControlStatus,
-    ControllerHealth, ControllerState, DaemonMode, Health, InputFault, InstrumentSource, JointState, LinkState,
-    LoadLevel, LoopPhase, ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause, Setpoint,
-    SourceReason, Timing,
+    ControllerHealth, ControllerState, DaemonMode, Drift, DriftRegime, DriftVerdict, Health, InputFault,
+    InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase, ParameterRefusal, ParameterSource, ParameterState,
+    Parameters, PeriodCause, Setpoint, SourceReason, Timing,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -32,7 +32,7 @@ pub struct Enumeration {
 }
 
 /// All messages.
-pub const MESSAGES: [Layout; 11] = [
+pub const MESSAGES: [Layout; 12] = [
     JointState::LAYOUT,
     Setpoint::LAYOUT,
     LinkState::LAYOUT,
@@ -41,13 +41,14 @@ pub const MESSAGES: [Layout; 11] = [
     ConsistentParameters::LAYOUT,
     Health::LAYOUT,
     Timing::LAYOUT,
+    Drift::LAYOUT,
     ControllerHealth::LAYOUT,
     ControlRequest::LAYOUT,
     ControlReply::LAYOUT,
 ];
 
 /// All enumerations.
-pub const ENUMERATIONS: [Enumeration; 14] = [
+pub const ENUMERATIONS: [Enumeration; 16] = [
     CommandMode::TABLE,
     ParameterState::TABLE,
     InstrumentSource::TABLE,
@@ -56,6 +57,8 @@ pub const ENUMERATIONS: [Enumeration; 14] = [
     LoadLevel::TABLE,
     LoopPhase::TABLE,
     PeriodCause::TABLE,
+    DriftRegime::TABLE,
+    DriftVerdict::TABLE,
     ParameterSource::TABLE,
     SourceReason::TABLE,
     ParameterRefusal::TABLE,

@@ -46,10 +46,11 @@ pub use event::{Listener, Notifier};
 pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
 pub use messages::{
     BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
-    ControlStatus, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault,
-    InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase, MAX_JOINTS, MAX_PARAMETERS, Message, PHASES,
-    ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause, REFUSALS, REPLY_TEXT, Setpoint,
-    SourceReason, Stamped, Timing, UnknownValue, WORST_PERIODS, faults, parameter_flags,
+    ControlStatus, ControllerHealth, ControllerState, DRIFT_REGIMES, DaemonMode, Drift, DriftRegime, DriftVerdict,
+    HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase,
+    MAX_JOINTS, MAX_PARAMETERS, Message, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
+    PeriodCause, REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, Timing, UnknownValue, WORST_PERIODS, faults,
+    parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use one_source::OneSource;

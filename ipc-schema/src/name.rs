@@ -63,6 +63,8 @@ pub enum Service {
     Health,
     /// Publish-subscribe: daemon -> all.
     Timing,
+    /// Publish-subscribe: daemon -> all.
+    Drift,
     /// Publish-subscribe: controller -> all.
     ControllerHealth,
     /// Request-response: anyone -> daemon.
@@ -81,6 +83,7 @@ impl Service {
             Self::ParametersConsistent => "parameters-consistent",
             Self::Health => "health",
             Self::Timing => "timing",
+            Self::Drift => "drift",
             Self::ControllerHealth => "controller-health",
             Self::Control => "control",
         }

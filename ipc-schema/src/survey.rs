@@ -11,7 +11,7 @@ use crate::bus::BusConfig;
 use crate::cleanup::{SHARED_MEMORY, belongs};
 use crate::error::{BusError, VersionMismatch};
 use crate::messages::{
-    ConsistentParameters, ControllerHealth, Health, JointState, LinkState, Message, Parameters, Setpoint, Timing,
+    ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters, Setpoint, Timing,
 };
 use crate::name::{RobotName, Service};
 use crate::version;
@@ -71,6 +71,7 @@ pub fn survey(config: &BusConfig, robot: &RobotName) -> Result<Survey, BusError>
     look(Service::ParametersConsistent, &version::mismatch::<ConsistentParameters>, ConsistentParameters::TYPE_NAME);
     look(Service::Health, &version::mismatch::<Health>, Health::TYPE_NAME);
     look(Service::Timing, &version::mismatch::<Timing>, Timing::TYPE_NAME);
+    look(Service::Drift, &version::mismatch::<Drift>, Drift::TYPE_NAME);
     look(Service::ControllerHealth, &version::mismatch::<ControllerHealth>, ControllerHealth::TYPE_NAME);
     let me = fs::metadata("/proc/self").map(|own| own.uid()).unwrap_or_default();
     let files = fs::read_dir(Path::new(SHARED_MEMORY)).into_iter().flatten().flatten();

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_ipc_schema::{
-    ENUMERATIONS, HISTOGRAM_BINS, INPUT_FAULTS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, PHASES, REFUSALS, REPLY_TEXT,
-    WORST_PERIODS, faults, parameter_flags,
+    DRIFT_REGIMES, ENUMERATIONS, HISTOGRAM_BINS, INPUT_FAULTS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, PHASES, REFUSALS,
+    REPLY_TEXT, WORST_PERIODS, faults, parameter_flags,
 };
 
 fn path(relative: &str) -> PathBuf {
@@ -71,6 +71,7 @@ fn the_header_has_every_number() {
     has(&format!("#define RIVET_REPLY_TEXT {REPLY_TEXT}\n"));
     has(&format!("#define RIVET_INPUT_FAULTS {INPUT_FAULTS}\n"));
     has(&format!("#define RIVET_PHASES {PHASES}\n"));
+    has(&format!("#define RIVET_DRIFT_REGIMES {DRIFT_REGIMES}\n"));
     has(&format!("#define RIVET_WORST_PERIODS {WORST_PERIODS}\n"));
     has(&format!("#define RIVET_FLAG_LOAD_SHIFT {}\n", parameter_flags::LOAD_SHIFT));
     for (name, bit) in bits() {
@@ -130,6 +131,7 @@ fn the_python_mirror_has_every_number() {
     has(&format!("\nREPLY_TEXT = {REPLY_TEXT}\n"));
     has(&format!("\nINPUT_FAULTS = {INPUT_FAULTS}\n"));
     has(&format!("\nPHASES = {PHASES}\n"));
+    has(&format!("\nDRIFT_REGIMES = {DRIFT_REGIMES}\n"));
     has(&format!("\nWORST_PERIODS = {WORST_PERIODS}\n"));
     has(&format!("\nFLAG_LOAD_SHIFT = {}\n", parameter_flags::LOAD_SHIFT));
     for (name, bit) in bits() {

@@ -69,6 +69,11 @@ impl ClosedLoop {
         ClosedLoop { plant, trajectory, period_s: config.sample_period_s, seq: 0 }
     }
 
+    /// The arm goes on as that of another file: other bodies, drives and viscous friction; dry friction stays.
+    pub fn become_that_of(&mut self, robot: &Robot, disturbances: &Disturbances) {
+        self.plant.become_loaded(&Truth::new(&robot.model, &nominal_joints(robot), disturbances));
+    }
+
     /// True base parameters of a loop made from the same `robot` and `disturbances`.
     pub fn truth(robot: &Robot, disturbances: &Disturbances) -> Vec<f64> {
         let truth = Truth::new(&robot.model, &nominal_joints(robot), disturbances);

@@ -3,9 +3,9 @@
 use anyhow::Result;
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, HISTOGRAM_BINS, Health, InputFault,
-    InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters, PeriodCause,
-    SourceReason, Subscriber, Timing,
+    Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
+    InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
+    PeriodCause, SourceReason, Subscriber, Timing,
 };
 use rivet_realtime::{LogHistogram, now_ns};
 use std::fmt::Debug;
@@ -16,6 +16,7 @@ const GONE_NS: u64 = 2_000_000_000;
 /// What is listened to.
 pub(super) struct Ports {
     health: Subscriber<Health>,
+    drift: Subscriber<Drift>,
     controller: Subscriber<ControllerHealth>,
     parameters: Subscriber<Parameters>,
     timing: Subscriber<Timing>,
@@ -25,6 +26,7 @@ impl Ports {
     pub(super) fn open(bus: &Bus) -> Result<Ports> {
         Ok(Ports {
             health: bus.health_subscriber()?,
+            drift: bus.drift_subscriber()?,
             controller: bus.controller_health_subscriber()?,
             parameters: bus.parameters_subscriber()?,
             timing: bus.timing_subscriber()?,
@@ -48,6 +50,7 @@ pub(super) struct Snapshot {
     pub(super) nominal: Vec<f64>,
     pub(super) hash: u64,
     pub(super) health: Option<Report<Health>>,
+    pub(super) drift: Option<Drift>,
     pub(super) controller: Option<Report<ControllerHealth>>,
     pub(super) parameters: Option<Parameters>,
     pub(super) timing: Option<Timing>,
@@ -65,6 +68,7 @@ impl Snapshot {
             nominal: robot.nominal_base.clone(),
             hash: robot.hash,
             health: None,
+            drift: None,
             controller: None,
             parameters: None,
             timing: None,
@@ -76,6 +80,9 @@ impl Snapshot {
     pub(super) fn take(&mut self, ports: &Ports) -> Result<()> {
         if let Some(message) = ports.health.receive_newest()? {
             self.take_health(&message);
+        }
+        if let Some(message) = ports.drift.receive_newest()? {
+            self.drift = Some(message);
         }
         if let Some(message) = ports.controller.receive_newest()? {
             self.take_controller(&message);
@@ -120,6 +127,21 @@ impl Snapshot {
             format!("SILENT for {}, was {mode}", self.age(health.stamp_ns))
         } else {
             mode
+        })
+    }
+
+    /// Whether the arm is still the one that was accepted; `None` while nothing is heard of it.
+    pub(super) fn accepted(&self) -> Option<String> {
+        let drift = self.drift?;
+        let of = |wanted: DriftVerdict| -> Vec<String> {
+            let joints = self.joints.iter().zip(&drift.joint_verdict).zip(&drift.ratio);
+            let those = joints.filter(|((_, verdict), _)| **verdict == u32::from(wanted));
+            those.map(|((name, _), ratio)| format!("{name} ({} times the residual)", figure(*ratio))).collect()
+        };
+        Some(match DriftVerdict::try_from(drift.verdict) {
+            Ok(DriftVerdict::Left) => format!("left by {}", of(DriftVerdict::Left).join(", ")),
+            Ok(DriftVerdict::Within) => "holds".to_owned(),
+            _ => "unresolved: too little motion so far".to_owned(),
         })
     }
 

@@ -35,6 +35,9 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
             let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
             let source = instruments(h.instruments);
             writeln!(out, "supervision  {} move, {} held; window {window}; instruments {source}", h.active, h.held)?;
+            if let Some(accepted) = s.accepted() {
+                writeln!(out, "model        accepted: {accepted}")?;
+            }
             if h.hausman_p_value.is_finite() {
                 writeln!(out, "bias         of least squares: p = {:.3} of none", h.hausman_p_value)?;
             }

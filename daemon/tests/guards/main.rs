@@ -112,6 +112,7 @@ impl Bench {
                     self.health = Some(health);
                 }
                 Outbound::Timing(timing) => self.timing = Some(timing),
+                Outbound::Drift(_) => {}
             }
         }
     }

@@ -4,6 +4,7 @@ mod command;
 mod consistent_parameters;
 mod control;
 mod controller_health;
+mod drift;
 mod health;
 mod joint_state;
 mod link_state;
@@ -17,6 +18,7 @@ pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus, R
 pub use controller_health::{
     ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
 };
+pub use drift::{DRIFT_REGIMES, Drift, DriftRegime, DriftVerdict};
 pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel};
 pub use joint_state::{JointState, faults};
 pub use link_state::LinkState;
