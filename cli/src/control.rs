@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, RobotName};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -23,11 +23,16 @@ pub(crate) struct OnBus {
 impl OnBus {
     /// The bus that `robot` is on.
     pub(crate) fn config(&self, robot: &rivet_config::Robot) -> BusConfig {
-        let bus = &robot.config.bus;
-        BusConfig {
-            prefix: self.prefix.clone().unwrap_or_else(|| bus.prefix.clone()),
-            root: self.root.clone().unwrap_or_else(|| bus.root.clone()),
-        }
+        bus_of(robot, self.prefix.as_deref(), self.root.as_deref())
+    }
+}
+
+/// The bus that `robot` is on, unless told otherwise.
+pub(crate) fn bus_of(robot: &rivet_config::Robot, prefix: Option<&str>, root: Option<&Path>) -> BusConfig {
+    let bus = &robot.config.bus;
+    BusConfig {
+        prefix: prefix.map_or_else(|| bus.prefix.clone(), str::to_owned),
+        root: root.map_or_else(|| bus.root.clone(), Path::to_owned),
     }
 }
 

@@ -9,12 +9,18 @@ use rivet_report::words::{figure, percent};
 use rivet_report::{Document, Power, SelfCheck, formats, page};
 
 use crate::blind;
+use crate::control::bus_of;
+use crate::live;
 use crate::passport::{Source, passport};
 use crate::patched;
+use crate::progress::Progress;
 use crate::rollout::rollout;
 use crate::runs;
 use crate::self_check::self_check;
 use crate::table::{Table, paragraph, show};
+
+/// Share of the work that is left after each thing said.
+const STEP_LEAVES: f64 = 0.9;
 
 /// Arguments of `rivet diagnose`.
 #[derive(Debug, clap::Args)]
@@ -23,8 +29,20 @@ pub(crate) struct Args {
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
     /// What the arm did. With several logs the last stays sealed until it is predicted; a single one is cut.
-    #[arg(required = true, value_name = "LOG")]
+    #[arg(required_unless_present = "live", value_name = "LOG")]
     logs: Vec<PathBuf>,
+    /// Listens to the arm on the bus for so many seconds; this window stands behind the logs, if there are any.
+    #[arg(long, value_name = "SECONDS")]
+    live: Option<f64>,
+    /// Keeps the window of --live as a Parquet log.
+    #[arg(long, value_name = "FILE", requires = "live")]
+    keep: Option<PathBuf>,
+    /// Overrides `[bus] prefix` for --live.
+    #[arg(long, requires = "live")]
+    prefix: Option<String>,
+    /// Overrides `[bus] root` for --live.
+    #[arg(long, requires = "live")]
+    root: Option<PathBuf>,
     /// Write the verdict as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -47,16 +65,29 @@ pub(crate) struct Args {
 /// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    let folder = tempfile::tempdir().context("a folder for the window")?;
+    let mut logs = args.logs.clone();
+    if let Some(seconds) = args.live {
+        let path = args.keep.clone().unwrap_or_else(|| folder.path().join("live.parquet"));
+        live::record(&robot, &bus_of(&robot, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
+        logs.push(path);
+    }
     let mut sources = Vec::new();
-    for path in &args.logs {
+    for path in &logs {
         let log = runs::read_log(&robot, path)?;
         let pieces = runs::pieces(&log, log.median_step_s())?;
         sources.push(Source { path, log, pieces });
     }
+    let mut progress = Progress::new("diagnosing", 1000);
+    let mut left = 1.0;
     let mut say = |line: &str| {
         if args.verbose {
             eprintln!("{line}");
+            return;
         }
+        // How often effects are looked for is not known before: what is said takes its share of what is left.
+        left *= STEP_LEAVES;
+        progress.set((1000.0 * (1.0 - left)) as usize);
     };
     let all = runs_of(&sources)?;
     let last = all.last().cloned();
@@ -71,6 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         say("the simulator in closed loop");
         document.rollout = rollout(&robot, patch, last);
     }
+    progress.done();
     // The verdict is told whatever becomes of these two.
     let exported = match (&args.export, &patch) {
         (Some(folder), Some(patch)) => patched::export(&robot, patch, folder).map(|_| ()),

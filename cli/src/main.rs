@@ -15,6 +15,7 @@ mod exit;
 mod export;
 mod figures;
 mod identify;
+mod live;
 mod monitor;
 mod online;
 mod passport;

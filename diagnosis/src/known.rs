@@ -244,7 +244,7 @@ mod tests {
             (Form::Eccentricity { joint: 2 }, vec![1e-5, -2e-5]),
             (Form::TwoMass { joint: 1, gear: gear(0.0) }, vec![1.05]),
             (Form::TwoMass { joint: 1, gear: gear(2e-3) }, vec![0.95]),
-            (Form::Spring { joint: 2 }, vec![7.0]),
+            (Form::Spring { joint: 2 }, vec![7.0, 0.0]),
             (Form::Counterbalance { joint: 1, arm: 0.3, phase: 0.7 }, vec![20.0, -8.0]),
             (Form::Coupling { driving: 4, driven: 5 }, vec![0.6, 0.4, 0.02]),
             (Form::Delay { seconds: 0.003 }, vec![1.0]),

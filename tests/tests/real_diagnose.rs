@@ -128,3 +128,17 @@ fn a_torque_channel_that_makes_energy_is_a_fault_of_the_log() {
         assert!(named.is_empty() || named.iter().any(sound), "{cause}");
     }
 }
+
+/// The other pair of runs without and with a load, whose mass nobody states.
+#[test]
+fn the_second_payload_is_named_as_well() {
+    let Some(logs) = shared("data/real/ur10e_innopolis") else { return };
+    let (folder, file) = changed("ur10e", str::to_owned);
+    let unloaded = folder.path().join("unloaded");
+    let mut identify = rivet();
+    identify.arg("identify").arg(&file).arg(logs.join("20_01_31-unload.parquet")).arg("--export").arg(&unloaded);
+    succeed(&mut identify);
+    let found = diagnose(&unloaded.join("model.toml"), &[logs.join("20_01_31-load.parquet")]);
+    let payload = cause(&found, "payload");
+    assert!(payload["shrink"]["measured"].as_f64() > Some(0.5), "{payload}");
+}

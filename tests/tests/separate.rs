@@ -1,4 +1,4 @@
-//! The motion that `rivet diagnose --export` writes for a class tells its members apart, whichever the arm has.
+//! The motion that `rivet diagnose --export` writes for a class tells its members apart.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -161,10 +161,4 @@ fn separated(effect: KnownEffect) {
 #[test]
 fn the_motion_that_is_planned_shows_a_spring() {
     separated(KnownEffect::new(EffectKind::JointSpring, JOINT, &[100.0]));
-}
-
-#[test]
-fn the_motion_that_is_planned_shows_a_counterbalance() {
-    // Hinges at distances 1 and 0.5 from the axis, in line with it where the elbow is; free length a quarter.
-    separated(KnownEffect::new(EffectKind::Counterbalance, JOINT, &[400.0, -100.0, 0.5, -0.3]));
 }

@@ -1,0 +1,109 @@
+//! A window of what an arm says on the bus, as a log.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use rivet_config::Robot;
+use rivet_ipc_schema::{Bus, BusConfig, JointState, RobotName};
+use rivet_logs::write_columns;
+use rivet_realtime::Shutdown;
+
+use crate::progress::Progress;
+
+/// Time between two looks at the bus: the ring holds a thousand samples.
+const TURN: Duration = Duration::from_millis(5);
+/// Time without a sample after which nobody is taken to be there.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// Listens for `seconds` of samples and writes them to `path`, as logs of this robot are written. Samples with a fault bit
+/// and samples that never came are holes in time.
+pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Path) -> Result<()> {
+    if !(seconds.is_finite() && seconds > 0.0) {
+        bail!("--live {seconds}: seconds of motion, more than none");
+    }
+    let bus = Bus::open(config, &RobotName::new(&robot.config.name)?, "rivet-diagnose")?;
+    let states = bus.joint_state_subscriber()?;
+    let shutdown = Shutdown::on_signals()?;
+    let mut progress = Progress::new("listening", (1000.0 * seconds) as usize);
+    let mut heard = Heard::new(robot);
+    let mut last = Instant::now();
+    while heard.seconds() < seconds && !shutdown.is_requested() {
+        while let Some(state) = states.receive()? {
+            last = Instant::now();
+            heard.take(&state);
+        }
+        if last.elapsed() > SILENCE {
+            break;
+        }
+        progress.set((1000.0 * heard.seconds()) as usize);
+        std::thread::sleep(TURN);
+    }
+    progress.done();
+    if heard.t.len() < 2 {
+        bail!("no joint states of {} on this bus for {} s", robot.config.name, SILENCE.as_secs());
+    }
+    let short = seconds - heard.seconds();
+    if short > 0.1 * seconds {
+        eprintln!("rivet: the samples ended {short:.1} s before the {seconds} s that were asked for");
+    }
+    heard.write(path)
+}
+
+/// Samples as columns.
+struct Heard {
+    zero: Vec<f64>,
+    first_ns: Option<u64>,
+    t: Vec<f64>,
+    q: Vec<Vec<f64>>,
+    tau: Vec<Vec<f64>>,
+    temperature: Vec<Vec<f64>>,
+}
+
+impl Heard {
+    fn new(robot: &Robot) -> Heard {
+        let signals = || vec![Vec::new(); robot.dof()];
+        Heard {
+            zero: robot.config.log.joint_zero.clone(),
+            first_ns: None,
+            t: Vec::new(),
+            q: signals(),
+            tau: signals(),
+            temperature: signals(),
+        }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.t.last().copied().unwrap_or(0.0)
+    }
+
+    fn take(&mut self, state: &JointState) {
+        let n = self.q.len();
+        if state.faults != 0 || state.count() != n {
+            return;
+        }
+        let first = *self.first_ns.get_or_insert(state.stamp_ns);
+        let Some(since) = state.stamp_ns.checked_sub(first) else { return };
+        let t = since as f64 * 1e-9;
+        if self.t.last().is_some_and(|last| t <= *last) {
+            return;
+        }
+        self.t.push(t);
+        for j in 0..n {
+            self.q[j].push(state.q[j] - self.zero[j]);
+            self.tau[j].push(state.tau[j]);
+            self.temperature[j].push(state.temperature[j]);
+        }
+    }
+
+    fn write(&self, path: &Path) -> Result<()> {
+        let mut named: Vec<(String, &[f64])> = vec![("t".to_owned(), &self.t)];
+        let warm = self.temperature.iter().flatten().all(|t| t.is_finite());
+        let signals = [("q", &self.q, true), ("tau", &self.tau, true), ("temperature", &self.temperature, warm)];
+        for (kind, signals, _) in signals.into_iter().filter(|(.., there)| *there) {
+            named.extend(signals.iter().enumerate().map(|(j, s)| (format!("{kind}{}", j + 1), s.as_slice())));
+        }
+        write_columns(path, &named)?;
+        Ok(())
+    }
+}
