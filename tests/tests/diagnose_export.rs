@@ -92,7 +92,7 @@ fn apart(model: &Robot, log: &Path, other: impl Fn(&[f64], &[f64], &[f64], &mut 
 fn exported_files_say_the_same_but_for_what_is_declared() {
     for (set, case, kind) in [
         ("practice", "case-16", "joint_spring"),
-        ("practice-wrong-nominal", "case-03", "counterbalance"),
+        ("practice-wrong-nominal", "case-03", "joint_spring"),
         ("practice-wrong-nominal", "case-13", "viscous_nonlinearity"),
     ] {
         let Some((data, found)) = exported(set, case) else { return };
