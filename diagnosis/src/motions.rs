@@ -368,7 +368,9 @@ impl<'a> Record<'a> {
     fn new(standard: &[Column], chain: &'a Chain, noise: &'a [f64]) -> Record<'a> {
         let model: Vec<DMatrix<f64>> = (0..noise.len()).map(|j| matrix(standard, j, noise)).collect();
         let mut gram = DMatrix::zeros(standard.len(), standard.len());
-        model.iter().for_each(|d| gram.gemm_tr(1.0, d, d, 1.0));
+        for d in &model {
+            gram.gemm_tr(1.0, d, d, 1.0);
+        }
         Record { chain, noise, model, gram }
     }
 

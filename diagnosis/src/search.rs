@@ -204,13 +204,12 @@ impl<'a> Search<'a> {
 
     /// A candidate's standing over the background as it is [solved](Self::scales); none where it makes no sense.
     pub(crate) fn standing(&self, at: usize, candidate: &Candidate, solved: &[(f64, Solved)]) -> Option<Standing> {
-        let standing = self.standing_at(at, candidate, &self.weights, solved)?;
+        let standing = Self::standing_at(at, candidate, &self.weights, solved)?;
         candidate.form.plausible(standing.added.c.as_slice()).then_some(standing)
     }
 
     /// The same at other weights, whether it makes sense or not.
     pub(crate) fn standing_at(
-        &self,
         at: usize,
         candidate: &Candidate,
         weights: &[f64],

@@ -211,7 +211,7 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         let solved = background.solve_scales(&weights, &PRIOR_SCALES);
         standings = exact
             .iter()
-            .map(|i| search.standing_at(*i, forms[*i], &weights, &solved))
+            .map(|i| Search::standing_at(*i, forms[*i], &weights, &solved))
             .collect::<Option<Vec<Standing>>>()?;
         let best = standings.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         for (j, noise) in noise.iter_mut().enumerate() {

@@ -54,7 +54,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
         let accel_of =
             |delta: f64, speed: f64, load: f64| (spring(delta, speed) - load - gradient[k] * delta) / inertia;
         // Softer than gravity the link falls over: there is no such arm.
-        if !(delta.abs() <= LARGEST_TWIST + half) {
+        if delta.abs() > LARGEST_TWIST + half || delta.is_nan() {
             return vec![None; physics.joints()];
         }
         deltas[k] = delta;

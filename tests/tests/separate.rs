@@ -102,8 +102,8 @@ fn run(robot: &Robot, effect: KnownEffect, motion: &Recorded, seed: u64, path: &
             model.add_effects(&mut ws, plan.q, plan.qd, plan.qdd, command);
             for j in 0..n {
                 let inertia = mass[j * n + j] + joints.rotor_inertia[j];
-                let speed = (measured.q()[j] - last[j]) / period_s;
-                last[j] = measured.q()[j];
+                let before = std::mem::replace(&mut last[j], measured.q()[j]);
+                let speed = (measured.q()[j] - before) / period_s;
                 command[j] +=
                     inertia * (omega * omega * (plan.q[j] - measured.q()[j]) + 1.4 * omega * (plan.qd[j] - speed));
             }
