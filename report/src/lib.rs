@@ -19,5 +19,5 @@ pub use document::{
 pub use export::formats;
 pub use page::page;
 pub use rollout::{Rollout, RolloutPoint};
-pub use scores::{Outcome, Score};
+pub use scores::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 pub use verdict::Line;

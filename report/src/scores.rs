@@ -23,8 +23,81 @@ pub struct Outcome {
     pub said_instead: Vec<String>,
 }
 
-/// Scores of one set of cases.
+/// Cases of one sort: how wrong the nominal model is, and how many effects there are.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Group {
+    /// Whether every value of the nominal model is wrong.
+    pub wrong_nominal: bool,
+    /// Effects of a case.
+    pub effects: usize,
+    /// Cases.
+    pub cases: usize,
+    /// Effects that can be seen.
+    pub visible: usize,
+    /// Those named, or in a class that holds them.
+    pub named: usize,
+    /// Of those, on the right joint.
+    pub right_joint: usize,
+    /// Names that are none of the case's effects.
+    pub beside: usize,
+}
+
+impl Group {
+    /// Harmonic mean of the share of effects that are named and the share of names that are right.
+    pub fn f1(&self) -> f64 {
+        2.0 * self.named as f64 / (self.visible + self.named + self.beside).max(1) as f64
+    }
+}
+
+/// How often what lies between two figures was right.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Bin {
+    /// From here,
+    pub from: f64,
+    /// up to below here.
+    pub to: f64,
+    /// How many.
+    pub count: usize,
+    /// Of those, right.
+    pub right: usize,
+    /// Mean of the figure.
+    pub mean: f64,
+}
+
+impl Bin {
+    /// Empty bins between each two of `edges`.
+    pub fn between(edges: &[f64]) -> Vec<Bin> {
+        edges.windows(2).map(|w| Bin { from: w[0], to: w[1], ..Bin::default() }).collect()
+    }
+
+    /// Counts one.
+    pub fn add(bins: &mut [Bin], value: f64, right: bool) {
+        if let Some(bin) = bins.iter_mut().find(|bin| bin.from <= value && value < bin.to) {
+            bin.mean += (value - bin.mean) / (bin.count + 1) as f64;
+            bin.count += 1;
+            bin.right += usize::from(right);
+        }
+    }
+}
+
+/// A cause's shrink, predicted and then measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prediction {
+    /// Its name.
+    pub effect: String,
+    /// Before the sealed torque was looked at.
+    pub predicted: f64,
+    /// 90 % interval.
+    pub low: f64,
+    /// Its other end.
+    pub high: f64,
+    /// On the sealed torque.
+    pub measured: f64,
+}
+
+/// Scores of one set of cases.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Score {
     /// What the set is called.
     pub set: String,
@@ -32,8 +105,12 @@ pub struct Score {
     pub version: String,
     /// Cases in the set.
     pub cases: usize,
-    /// Effects that cannot be seen in the torque noise; they are in no count below.
+    /// Effects that cannot be seen in the torque noise: whether they are named counts neither way.
     pub invisible: usize,
+    /// Cases in which no effect can be seen.
+    pub invisible_cases: usize,
+    /// Names in those that are none of their effects.
+    pub invisible_beside: usize,
     /// By truth.
     pub outcomes: Vec<Outcome>,
     /// Effects named, or in a class that holds them, whose joint was right.
@@ -46,7 +123,20 @@ pub struct Score {
     pub close: usize,
     /// Those within their 90 % interval.
     pub covered: usize,
+    /// By nominal model and number of effects; what no library holds is in none of them.
+    pub groups: Vec<Group>,
+    /// Effects by their torque over the noise; right: named, or in a class that holds them.
+    pub strength: Vec<Bin>,
+    /// Causes by their confidence; right: one of the case's effects, or in a class with it.
+    pub confidence: Vec<Bin>,
+    /// Each cause's shrink.
+    pub shrinks: Vec<Prediction>,
 }
+
+/// Edges of [`Score::strength`].
+pub const STRENGTHS: [f64; 6] = [0.5, 1.0, 2.0, 5.0, 20.0, f64::MAX];
+/// Edges of [`Score::confidence`].
+pub const CONFIDENCES: [f64; 6] = [0.0, 0.5, 0.8, 0.9, 0.97, 1.01];
 
 impl Score {
     /// Effects that could be seen.

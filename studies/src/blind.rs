@@ -31,6 +31,8 @@ pub struct Case {
     pub effects: Vec<True>,
     /// Root mean square change of each joint's torque by the effects, over its noise.
     pub torque_change_over_noise: Vec<f64>,
+    /// The same of each effect alone, `[effect][joint]`.
+    pub change_of_each: Vec<Vec<f64>>,
     /// Standard deviation of the logarithm of nominal values, where all of them are wrong.
     pub nominal_error: Option<f64>,
 }
@@ -84,25 +86,38 @@ pub fn case(robot: &Robot, seed: u64) -> Option<Case> {
         if !with.iter().all(|run| run.followed) {
             continue;
         }
-        let without = if drawn.effects.is_empty() { with.clone() } else { run(&drawn.sound) };
-        let change = (0..robot.dof()).map(|j| {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for (a, b) in with.iter().zip(&without) {
-                for (a, b) in a.tau_clean[j].iter().zip(&b.tau_clean[j]) {
-                    sum += (a - b).powi(2);
-                    count += 1.0;
-                }
-            }
-            (sum / f64::max(count, 1.0)).sqrt() / noise.torque[j]
-        });
+        let noise_of = |a: &[Recording; 2], b: &[Recording; 2]| -> Vec<f64> {
+            (0..robot.dof()).map(|j| rms_apart(a, b, j) / noise.torque[j]).collect()
+        };
+        // What an effect adds is counted where it came in, after those drawn before it.
+        let mut stages: Vec<[Recording; 2]> = Vec::new();
+        if !drawn.effects.is_empty() {
+            stages.extend(drawn.before.iter().map(run));
+        }
+        stages.push(with.clone());
+        let change = noise_of(&with, &stages[0]);
+        let of_each = stages.windows(2).map(|pair| noise_of(&pair[1], &pair[0])).collect();
         return Some(Case {
-            torque_change_over_noise: change.collect(),
+            torque_change_over_noise: change,
+            change_of_each: of_each,
             runs: with,
             effects: drawn.effects,
             nominal_error: drawn.nominal_error,
         });
     }
     None
+}
+
+/// Root mean square of what sets the torque of joint `j` apart in two versions of the same runs \[N·m\].
+fn rms_apart(a: &[Recording; 2], b: &[Recording; 2], j: usize) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        for (a, b) in a.tau_clean[j].iter().zip(&b.tau_clean[j]) {
+            sum += (a - b).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
 }
 
 /// Sensors of a case.

@@ -195,7 +195,10 @@ fn answer(nominal: &Nominal, made: &Case) -> Value {
     let effects: Vec<Value> = made
         .effects
         .iter()
-        .map(|e| json!({ "effect": e.effect, "joints": e.joints, "magnitude": e.magnitude }))
+        .zip(&made.change_of_each)
+        .map(|(e, change)| {
+            json!({ "effect": e.effect, "joints": e.joints, "magnitude": e.magnitude, "torque_change_over_noise": change })
+        })
         .collect();
     let mut answer = json!({
         "arm": nominal.robot.config.name,

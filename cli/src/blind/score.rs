@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use rivet_report::{Outcome, Score};
+use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
 
 use crate::runs::write_whole;
@@ -47,6 +47,8 @@ struct Answer {
 struct True {
     effect: String,
     joints: Vec<usize>,
+    /// Of this effect alone; not every generator tells.
+    torque_change_over_noise: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -74,7 +76,24 @@ struct Cause {
     effect: String,
     joints: Vec<String>,
     shrink: Shrink,
+    #[serde(default)]
+    confidence: Option<f64>,
     indistinguishable_from: Vec<String>,
+}
+
+impl Cause {
+    /// Whether it is the effect, or in a class with it.
+    fn is(&self, truth: &True) -> bool {
+        self.effect == truth.effect || self.indistinguishable_from.contains(&truth.effect)
+    }
+}
+
+impl Answer {
+    /// Largest torque of an effect on any joint, over the noise.
+    fn strength(&self, truth: &True) -> f64 {
+        let change = truth.torque_change_over_noise.as_ref().unwrap_or(&self.torque_change_over_noise);
+        change.iter().fold(0.0_f64, |m, t| m.max(*t))
+    }
 }
 
 #[derive(Deserialize)]
@@ -103,6 +122,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         set: args.name.clone().or(folder).unwrap_or_default(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         cases: answers.len(),
+        strength: Bin::between(&STRENGTHS),
+        confidence: Bin::between(&CONFIDENCES),
         ..Score::default()
     });
     let mut table = Table::new(["case", "truth", "verdict", "named", ""]);
@@ -114,6 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         table.row([name.clone(), or_dash(&truth), found.verdict.clone(), or_dash(&named), mark]);
     }
     tally.0.outcomes.sort_by(|a, b| a.truth.cmp(&b.truth));
+    tally.0.groups.sort_by_key(|g| (g.wrong_nominal, g.effects));
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&tally.0)? + "\n";
         write_whole(path, &text).with_context(|| path.display().to_string())?;
@@ -143,55 +165,89 @@ struct Tally(Score);
 impl Tally {
     /// Adds a case; returns a word on it.
     fn add(&mut self, answer: &Answer, found: &Found) -> String {
-        for shrink in found.causes.iter().map(|c| &c.shrink) {
-            let (Some(predicted), Some(measured)) = (shrink.predicted, shrink.measured) else { continue };
-            self.0.predictions += 1;
-            self.0.close += usize::from((predicted - measured).abs() <= CLOSE);
-            let inside = shrink.low.is_some_and(|l| l <= measured) && shrink.high.is_some_and(|h| measured <= h);
-            self.0.covered += usize::from(inside);
-        }
+        self.shrinks(found);
         let names: Vec<&Cause> = found.causes.iter().filter(|c| counts(answer, c)).collect();
-        let outside = answer.effects.iter().any(|e| e.effect == "outside");
-        if answer.effects.is_empty() || outside {
-            self.outcome(if outside { "outside" } else { "nothing" }, names.is_empty(), false, found, &names);
-            return match (names.is_empty(), outside) {
-                (true, _) => String::new(),
-                (false, true) => "misnamed".to_owned(),
-                (false, false) => "false alarm".to_owned(),
-            };
-        }
-        if answer.torque_change_over_noise.iter().fold(0.0_f64, |m, t| m.max(*t)) <= VISIBLE {
-            self.0.invisible += answer.effects.len();
-            return "not visible".to_owned();
-        }
-        let mut words = Vec::new();
-        let place = |name: &String| found.gap.per_joint.iter().position(|j| j.joint == *name);
-        for truth in &answer.effects {
-            let named = names.iter().find(|c| c.effect == truth.effect);
-            let in_class = names.iter().find(|c| c.indistinguishable_from.contains(&truth.effect));
-            self.outcome(&truth.effect, named.is_some(), in_class.is_some(), found, &names);
-            let Some(cause) = named.or(in_class) else {
-                words.push("missed");
-                continue;
-            };
-            let joints: Vec<usize> = cause.joints.iter().filter_map(place).collect();
-            // An effect of the whole arm, or of the flange, needs no joint.
-            let whole = cause.joints.is_empty() || truth.joints.len() == found.gap.per_joint.len();
-            let right = whole || truth.joints.iter().all(|j| joints.contains(j));
-            self.0.right_joint += usize::from(right);
-            if !right {
-                words.push("wrong joint");
+        for cause in &names {
+            if let Some(sure) = cause.confidence {
+                Bin::add(&mut self.0.confidence, sure, answer.effects.iter().any(|t| cause.is(t)));
             }
         }
-        let known = |c: &&Cause| {
-            answer.effects.iter().any(|t| c.effect == t.effect || c.indistinguishable_from.contains(&t.effect))
-        };
-        let beside = names.iter().filter(|c| !known(c)).count();
+        if answer.effects.iter().any(|e| e.effect == "outside") {
+            self.outcome("outside", names.is_empty(), false, found, &names);
+            return if names.is_empty() { String::new() } else { "misnamed".to_owned() };
+        }
+        let beside = names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).count();
         self.0.beside += beside;
+        let group = self.group(answer);
+        group.cases += 1;
+        group.beside += beside;
+        if answer.effects.is_empty() {
+            self.outcome("nothing", names.is_empty(), false, found, &names);
+            return if names.is_empty() { String::new() } else { "false alarm".to_owned() };
+        }
+        let mut words = Vec::new();
+        let seen = |truth: &&True| answer.strength(truth) > VISIBLE;
+        if !answer.effects.iter().any(|truth| seen(&truth)) {
+            self.0.invisible_cases += 1;
+            self.0.invisible_beside += beside;
+            words.push("not visible");
+        }
+        self.0.invisible += answer.effects.iter().filter(|truth| !seen(truth)).count();
+        let place = |name: &String| found.gap.per_joint.iter().position(|j| j.joint == *name);
+        for truth in answer.effects.iter().filter(seen) {
+            let named = names.iter().find(|c| c.effect == truth.effect);
+            let in_class = names.iter().find(|c| c.is(truth));
+            // What another cause of the case is right about is not said instead of this one.
+            let instead: Vec<&Cause> =
+                names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).copied().collect();
+            self.outcome(&truth.effect, named.is_some(), in_class.is_some(), found, &instead);
+            let cause = named.or(in_class);
+            Bin::add(&mut self.0.strength, answer.strength(truth), cause.is_some());
+            let right = cause.is_some_and(|cause| {
+                let joints: Vec<usize> = cause.joints.iter().filter_map(place).collect();
+                // An effect of the whole arm, or of the flange, needs no joint.
+                let whole = cause.joints.is_empty() || truth.joints.len() == found.gap.per_joint.len();
+                whole || truth.joints.iter().all(|j| joints.contains(j))
+            });
+            self.0.right_joint += usize::from(right);
+            let group = self.group(answer);
+            group.visible += 1;
+            group.named += usize::from(cause.is_some());
+            group.right_joint += usize::from(right);
+            match (cause, right) {
+                (None, _) => words.push("missed"),
+                (Some(_), false) => words.push("wrong joint"),
+                (Some(_), true) => {}
+            }
+        }
         if beside > 0 {
             words.push("and more");
         }
         words.join(", ")
+    }
+
+    /// Shrinks, whatever the cause is.
+    fn shrinks(&mut self, found: &Found) {
+        for cause in &found.causes {
+            let Shrink { predicted: Some(predicted), low, high, measured: Some(measured) } = cause.shrink else { continue };
+            let (low, high) = (low.unwrap_or(predicted), high.unwrap_or(predicted));
+            self.0.predictions += 1;
+            self.0.close += usize::from((predicted - measured).abs() <= CLOSE);
+            self.0.covered += usize::from(low <= measured && measured <= high);
+            self.0.shrinks.push(Prediction { effect: cause.effect.clone(), predicted, low, high, measured });
+        }
+    }
+
+    /// Where cases like this one are counted.
+    fn group(&mut self, answer: &Answer) -> &mut Group {
+        let (wrong_nominal, effects) = (answer.nominal_error.is_some(), answer.effects.len());
+        let groups = &mut self.0.groups;
+        let place = groups.iter().position(|g| g.wrong_nominal == wrong_nominal && g.effects == effects);
+        let place = place.unwrap_or_else(|| {
+            groups.push(Group { wrong_nominal, effects, ..Group::default() });
+            groups.len() - 1
+        });
+        &mut groups[place]
     }
 
     /// Counts what was said of one truth.
@@ -225,11 +281,38 @@ impl Tally {
             format!("visible effects named, or in a class that holds them: {}", share(score.named(), score.visible())),
             format!("right joint, of those: {}", share(score.right_joint, score.named())),
             format!("names beside the truth: {}", score.beside),
+            format!("of these where no effect can be seen: {} in {} cases", score.invisible_beside, score.invisible_cases),
             format!("named on nothing wrong: {}", named_though("nothing")),
             format!("outside the library, misnamed: {}", named_though("outside")),
             format!("shrink predicted within 5 points: {}", share(score.close, score.predictions)),
             format!("shrink within its 90 % interval: {}", share(score.covered, score.predictions)),
         ];
-        lines.iter().map(|line| paragraph("  ", line)).collect()
+        let mut out: String = lines.iter().map(|line| paragraph("  ", line)).collect();
+        let mut table = Table::new(["nominal", "effects", "cases", "visible", "named", "right joint", "beside", "F1"]);
+        for g in &score.groups {
+            table.row([
+                if g.wrong_nominal { "wrong" } else { "exact" }.to_owned(),
+                g.effects.to_string(),
+                g.cases.to_string(),
+                g.visible.to_string(),
+                g.named.to_string(),
+                g.right_joint.to_string(),
+                g.beside.to_string(),
+                if g.effects == 0 { "-".to_owned() } else { format!("{:.2}", g.f1()) },
+            ]);
+        }
+        out += &table.text();
+        let mut table = Table::new(["torque over noise", "effects", "named"]);
+        for bin in score.strength.iter().filter(|bin| bin.count > 0) {
+            let to = if bin.to < 1e9 { bin.to.to_string() } else { "more".to_owned() };
+            table.row([format!("{} to {to}", bin.from), bin.count.to_string(), bin.right.to_string()]);
+        }
+        out += &table.text();
+        let mut table = Table::new(["confidence said", "causes", "right", "share"]);
+        for bin in score.confidence.iter().filter(|bin| bin.count > 0) {
+            let share = bin.right as f64 / bin.count as f64;
+            table.row([format!("{:.2}", bin.mean), bin.count.to_string(), bin.right.to_string(), format!("{share:.2}")]);
+        }
+        out + &table.text()
     }
 }

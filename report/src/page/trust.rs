@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::html::{Table, escape};
+use super::html::{Table, escape, figure};
+use super::plot::{Axis, Plot};
 use crate::scores::Score;
 use crate::words::{effect, list};
 
@@ -68,9 +69,10 @@ pub(super) fn trust(scores: &[Score]) -> String {
                 list(&instead),
             ]);
         }
+        let (sure, scatter) = (confidence(score), shrinks(score));
         let _ = writeln!(
             out,
-            "<details><summary>Confusion matrix: {} ({} cases, rivet {})</summary>{}<p class=\"soft\">Of nothing and outside, \
+            "<details><summary>Confusion matrix: {} ({} cases, rivet {})</summary>{}{sure}{scatter}<p class=\"soft\">Of nothing and outside, \
              \u{201c}its name\u{201d} counts cases rightly left without one. {} effects too weak to be seen are not counted.</p></details>",
             escape(&score.set),
             score.cases,
@@ -80,4 +82,32 @@ pub(super) fn trust(scores: &[Score]) -> String {
         );
     }
     out
+}
+
+/// Whether causes are right as often as they are said to be sure.
+fn confidence(score: &Score) -> String {
+    let caption = format!("{}: how sure, and how often right", score.set);
+    let mut table = Table::new(&caption, &["Said to be sure", "Names", "Right", "Share"]);
+    for bin in score.confidence.iter().filter(|bin| bin.count > 0) {
+        let share = bin.right as f64 / bin.count as f64;
+        table.row(&[format!("{:.2}", bin.mean), bin.count.to_string(), bin.right.to_string(), format!("{share:.2}")]);
+    }
+    if table.is_empty() { String::new() } else { table.html() }
+}
+
+/// Predicted beside measured shrink of every cause; what lies on the diagonal came as predicted.
+fn shrinks(score: &Score) -> String {
+    if score.shrinks.is_empty() {
+        return String::new();
+    }
+    // What made things worse by more than a half is drawn at the edge.
+    let within = |v: f64| v.clamp(-0.5, 1.0);
+    let mut plot = Plot::new(360.0, 300.0, Axis::fixed(-0.5, 1.02), Axis::fixed(-0.5, 1.02));
+    plot.line([(-0.5, -0.5), (1.0, 1.0)].into_iter(), "found");
+    for shrink in &score.shrinks {
+        plot.dot(within(shrink.predicted), within(shrink.measured));
+    }
+    let said = format!("{} of {} causes within five points of their prediction", score.close, score.predictions);
+    let caption = format!("{}: shrink of the gap by each cause, predicted and then measured.", score.set);
+    figure(&plot.svg("predicted", "measured", &said), &caption)
 }

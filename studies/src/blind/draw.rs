@@ -25,8 +25,8 @@ pub struct True {
 pub struct Drawn {
     /// The arm with its effects.
     pub physics: Physics,
-    /// The same without them.
-    pub sound: Physics,
+    /// The same without them, then with the first, with the first two: one fewer than there are effects, at least one.
+    pub before: Vec<Physics>,
     /// They.
     pub effects: Vec<True>,
     /// Standard deviation of the logarithm of the bodies' values, where all values are off.
@@ -130,8 +130,8 @@ impl<'a> Draw<'a> {
     /// 8 % three, and 12 % something that no library has.
     pub(super) fn case(&self, random: &mut Random) -> Drawn {
         let wrong = random.unit() < 0.5;
-        let sound = self.arm(wrong, random);
-        let mut physics = sound.clone();
+        let mut physics = self.arm(wrong, random);
+        let mut before = vec![physics.clone()];
         let mut effects = Vec::new();
         let lot = random.unit();
         if lot >= 0.88 {
@@ -143,11 +143,16 @@ impl<'a> Draw<'a> {
                 let effect = EFFECTS[random.bits() as usize % EFFECTS.len()];
                 let taken = effects.iter().any(|e: &True| e.effect == effect) || (wrong && VALUES.contains(&effect));
                 if let (false, Some(found)) = (taken, self.place(effect, &effects)) {
-                    effects.extend(self.apply(effect, &found, &mut physics, random));
+                    let so_far = physics.clone();
+                    let added = self.apply(effect, &found, &mut physics, random);
+                    if added.is_some() && !effects.is_empty() {
+                        before.push(so_far);
+                    }
+                    effects.extend(added);
                 }
             }
         }
-        Drawn { physics, sound, effects, nominal_error: wrong.then_some(WRONG[0]) }
+        Drawn { physics, before, effects, nominal_error: wrong.then_some(WRONG[0]) }
     }
 
     /// The robot file's arm; with `wrong`, what it would be if the file had been made from CAD and data sheets.
