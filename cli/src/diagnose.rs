@@ -142,15 +142,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 fn runs_of(sources: &[Source<'_>]) -> Result<Vec<Run>> {
     let mut all = Vec::new();
     for source in sources {
-        for piece in &source.pieces {
-            all.push(Run {
-                name: runs::short_name(source.path),
-                period_s: piece.report.period_s,
-                q: piece.grid.q.clone(),
-                tau: piece.grid.torque()?.clone(),
-                temperature: piece.grid.temperature.clone(),
-            });
-        }
+        all.extend(runs::runs(source.path, &source.pieces)?);
     }
     Ok(all)
 }

@@ -237,6 +237,16 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.
 pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
+    let (fit, near) = fit_and_projection(robot, logs)?;
+    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
+}
+
+/// Physically consistent standard parameters near the fit that counts, of logs that were read already.
+pub(crate) fn consistent(robot: &Robot, logs: &[Log]) -> Result<Vec<f64>> {
+    Ok(fit_and_projection(robot, logs)?.1.standard)
+}
+
+fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection)> {
     let mut rows = Vec::new();
     for log in logs {
         rows.extend(rows_of(robot, log)?.1);
@@ -246,7 +256,7 @@ pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
     let fit = fit(&equations, &robot.nominal_base, prior, method(robot))?;
     let reference = equations.reference();
     let near = project(&robot.model, &robot.base, &fit.values, &fit.covariance, &robot.nominal, &reference)?;
-    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
+    Ok((fit, near))
 }
 
 /// The values of the fit that counts, of rows.

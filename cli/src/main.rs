@@ -29,7 +29,6 @@ mod runs;
 mod self_check;
 mod stream;
 mod study;
-mod study_real;
 mod summary;
 mod table;
 

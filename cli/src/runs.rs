@@ -70,6 +70,20 @@ pub(crate) fn record(piece: &Piece) -> Result<Record> {
     Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
 }
 
+/// The pieces of a log as runs of a diagnosis.
+pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
+    let run = |piece: &Piece| {
+        Ok(Run {
+            name: short_name(path),
+            period_s: piece.report.period_s,
+            q: piece.grid.q.clone(),
+            tau: piece.grid.torque()?.clone(),
+            temperature: piece.grid.temperature.clone(),
+        })
+    };
+    pieces.iter().map(run).collect()
+}
+
 /// The piece as a run without torque.
 pub(crate) fn motion_of(piece: &Piece) -> Run {
     Run {

@@ -1,8 +1,9 @@
 //! `rivet study`: computes a table anew from seeds and prints it.
 
+mod real;
 mod supervision;
+mod withheld;
 
-use crate::study_real;
 use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_studies::tracking::{ARMS, Tracking, tracking};
@@ -17,7 +18,9 @@ pub(crate) enum Args {
     /// Supervision schemes side by side on a staged workload
     Supervision(supervision::Args),
     /// Measured arms: trained on one motion, judged on another, beside plain least squares
-    Real(study_real::Args),
+    Real(real::Args),
+    /// Measured arms from whose identified model one known part is taken away: does the diagnosis name it?
+    Withheld(withheld::Args),
 }
 
 /// Without a robot file the arms of the table, from `robots/`.
@@ -44,7 +47,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     match args {
         Args::Tracking(args) => run_tracking(args),
         Args::Supervision(args) => supervision::run(args),
-        Args::Real(args) => study_real::run(args),
+        Args::Real(args) => real::run(args),
+        Args::Withheld(args) => withheld::run(args),
     }
 }
 

@@ -8,3 +8,4 @@ pub mod figures;
 pub mod real;
 pub mod supervision;
 pub mod tracking;
+pub mod withheld;

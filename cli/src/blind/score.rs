@@ -229,7 +229,9 @@ impl Tally {
     /// Shrinks, whatever the cause is.
     fn shrinks(&mut self, found: &Found) {
         for cause in &found.causes {
-            let Shrink { predicted: Some(predicted), low, high, measured: Some(measured) } = cause.shrink else { continue };
+            let Shrink { predicted: Some(predicted), low, high, measured: Some(measured) } = cause.shrink else {
+                continue;
+            };
             let (low, high) = (low.unwrap_or(predicted), high.unwrap_or(predicted));
             self.0.predictions += 1;
             self.0.close += usize::from((predicted - measured).abs() <= CLOSE);
@@ -281,7 +283,10 @@ impl Tally {
             format!("visible effects named, or in a class that holds them: {}", share(score.named(), score.visible())),
             format!("right joint, of those: {}", share(score.right_joint, score.named())),
             format!("names beside the truth: {}", score.beside),
-            format!("of these where no effect can be seen: {} in {} cases", score.invisible_beside, score.invisible_cases),
+            format!(
+                "of these where no effect can be seen: {} in {} cases",
+                score.invisible_beside, score.invisible_cases
+            ),
             format!("named on nothing wrong: {}", named_though("nothing")),
             format!("outside the library, misnamed: {}", named_though("outside")),
             format!("shrink predicted within 5 points: {}", share(score.close, score.predictions)),
@@ -311,7 +316,12 @@ impl Tally {
         let mut table = Table::new(["confidence said", "causes", "right", "share"]);
         for bin in score.confidence.iter().filter(|bin| bin.count > 0) {
             let share = bin.right as f64 / bin.count as f64;
-            table.row([format!("{:.2}", bin.mean), bin.count.to_string(), bin.right.to_string(), format!("{share:.2}")]);
+            table.row([
+                format!("{:.2}", bin.mean),
+                bin.count.to_string(),
+                bin.right.to_string(),
+                format!("{share:.2}"),
+            ]);
         }
         out + &table.text()
     }
