@@ -333,7 +333,10 @@ impl Procedure<'_> {
         let mut withdrawn = Vec::new();
         let mut upheld = Vec::new();
         let explained = explained(search);
-        let noisy: Vec<bool> = search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect();
+        let noisy = noisy(search);
+        // A floor that hardly any joint of this arm reaches is not what a good model of it would leave.
+        let strict = 2 * noisy.iter().filter(|n| **n).count() <= noisy.len();
+        let above_floor: Vec<bool> = noisy.iter().map(|n| *n && strict).collect();
         for (k, step) in steps.iter().enumerate() {
             let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
             let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
@@ -363,7 +366,7 @@ impl Procedure<'_> {
                 indistinguishable_from: rivals,
             };
             let transfers = self.transfers(search, seen, measured, k) || !predictable;
-            let enough = step.adopted.iter().all(|a| stands(a, &explained, &noisy));
+            let enough = step.adopted.iter().all(|a| stands(a, &explained, &above_floor));
             let material = !step.adopted.is_empty() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
@@ -539,6 +542,11 @@ fn explained(search: &Search<'_>) -> Vec<f64> {
         if first <= floor { 1.0 } else { 1.0 - left.max(0.0) / first }
     };
     (0..search.floor.len()).map(of).collect()
+}
+
+/// Joints on which more than noise is left.
+fn noisy(search: &Search<'_>) -> Vec<bool> {
+    search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect()
 }
 
 /// Shrink of step `k` on the runs looked at.
