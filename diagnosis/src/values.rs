@@ -10,6 +10,9 @@ use crate::search::Search;
 const WORTH: f64 = 4.0;
 /// What is left to a group that is fixed, as a share of its usual error.
 const FIXED: f64 = 0.03;
+/// What a free group may be wrong by, at least, as a share of its usual error: where most values are right their common
+/// scale is small, and the one that is not would look impossible by it.
+const FREE: f64 = 1.0;
 
 /// Parameters that stand or fall together.
 #[derive(Clone, Debug)]
@@ -41,30 +44,31 @@ fn groups(search: &Search<'_>) -> Vec<Group> {
 pub(crate) fn wrong(search: &mut Search<'_>) -> Option<Vec<Group>> {
     let scale = search.best()?.0;
     let usual = search.design.background.std.clone();
-    let with = |fixed: &[Group]| -> DVector<f64> {
+    let scaled = search.design.background.scaled.clone();
+    let with = |free: &[Group], fixed: &[Group]| -> DVector<f64> {
         let mut std = usual.clone();
-        for group in fixed {
-            group.columns.iter().for_each(|c| std[*c] *= FIXED / scale);
+        for (groups, width) in [(free, FREE.max(scale)), (fixed, FIXED)] {
+            // The solver multiplies by the scale where it applies; the width here is whole.
+            let each = groups.iter().flat_map(|g| &g.columns);
+            each.for_each(|c| std[*c] *= if scaled[*c] { width / scale } else { width.min(1.0) });
         }
         std
     };
     let mut free = groups(search);
     let mut fixed: Vec<Group> = Vec::new();
-    if scale <= FIXED {
-        fixed = std::mem::take(&mut free);
-    }
-    let evidence = |search: &mut Search<'_>, fixed: &[Group]| {
-        search.design.background.std = with(fixed);
+    let evidence = |search: &mut Search<'_>, free: &[Group], fixed: &[Group]| {
+        search.design.background.std = with(free, fixed);
         let blocks = search.design.background.blocks();
         Some(search.design.background.solve(&search.weights, scale, 0..blocks)?.log_evidence)
     };
-    let mut now = evidence(search, &fixed)?;
+    let mut now = evidence(search, &free, &fixed)?;
     while !free.is_empty() {
         let mut best: Option<(f64, usize)> = None;
         for at in 0..free.len() {
-            fixed.push(free[at].clone());
-            let without = evidence(search, &fixed)?;
-            fixed.pop();
+            let group = free.remove(at);
+            fixed.push(group);
+            let without = evidence(search, &free, &fixed)?;
+            free.insert(at, fixed.pop()?);
             if best.is_none_or(|(e, _)| without > e) {
                 best = Some((without, at));
             }
@@ -76,7 +80,7 @@ pub(crate) fn wrong(search: &mut Search<'_>) -> Option<Vec<Group>> {
         now = now.max(without);
         fixed.push(free.remove(at));
     }
-    search.design.background.std = with(&fixed);
+    search.design.background.std = with(&free, &fixed);
     search.scale = scale;
     Some(free)
 }
