@@ -367,7 +367,9 @@ impl Procedure<'_> {
             };
             let transfers = self.transfers(search, seen, measured, k) || !predictable;
             let enough = step.adopted.iter().all(|a| stands(a, &explained, &above_floor));
-            let material = !step.adopted.is_empty() || predicted >= MATERIAL || measured_shrink >= MATERIAL;
+            // A value that may as well take nothing from motion it has not seen is not worth a name.
+            let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
+            let material = !step.adopted.is_empty() || sure;
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
             let believed = cause.joints.is_empty() || cause.joints.iter().any(|joint| !spoilt(joint));

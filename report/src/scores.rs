@@ -127,7 +127,7 @@ pub struct Score {
     pub groups: Vec<Group>,
     /// Effects by their torque over the noise; right: named, or in a class that holds them.
     pub strength: Vec<Bin>,
-    /// Causes by their confidence; right: one of the case's effects, or in a class with it.
+    /// Causes by their confidence; right: one of the case's effects by its own name.
     pub confidence: Vec<Bin>,
     /// Each cause's shrink.
     pub shrinks: Vec<Prediction>,

@@ -169,7 +169,7 @@ impl Tally {
         let names: Vec<&Cause> = found.causes.iter().filter(|c| counts(answer, c)).collect();
         for cause in &names {
             if let Some(sure) = cause.confidence {
-                Bin::add(&mut self.0.confidence, sure, answer.effects.iter().any(|t| cause.is(t)));
+                Bin::add(&mut self.0.confidence, sure, answer.effects.iter().any(|t| cause.effect == t.effect));
             }
         }
         if answer.effects.iter().any(|e| e.effect == "outside") {
