@@ -19,6 +19,15 @@ const BLOCK_S: f64 = 2.5;
 const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
+/// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
+/// its sample.
+const TIMING: f64 = 0.5;
+/// Friction may turn over this many times more or less softly than the model says, ...
+const SOFTER: f64 = 3.0;
+/// ... or as softly as this \[rad/s\] where the model says at once; ...
+const SOFT: f64 = 0.02;
+/// ... what it is between the two, 0 the model's own, has this standard deviation.
+const TURN: f64 = 0.5;
 
 /// One run, prepared.
 pub(crate) struct Prepared {
@@ -82,6 +91,29 @@ impl Prepared {
         }
     }
 
+    /// Columns beside the model's own that are nobody's fault: a small shift in time, and how softly friction turns over,
+    /// a number that no data sheet has. Their sizes are unknown by [`unknown`].
+    pub(crate) fn unnamed(&self, nominal: &Nominal, physics: &Physics) -> Vec<Column> {
+        let mut columns = self.columns(&Form::Lag, physics);
+        let structure = nominal.model.structure;
+        let n = self.run.joints();
+        let v0 = structure.sign_velocity;
+        let (narrow, wide) = if v0 > 0.0 { (v0 / SOFTER, v0 * SOFTER) } else { (0.0, SOFT) };
+        let turn = |level: f64, v: f64| level * (friction_sign(v, wide) - friction_sign(v, narrow));
+        let joints = |on: &[usize], level: f64| -> Column {
+            let speed = |k: usize| on.iter().map(|j| self.motion.qd[*j][k]).sum::<f64>();
+            let full: Vec<f64> = (0..self.motion.len()).map(|k| turn(level, speed(k))).collect();
+            let rows = self.chain.apply(&full);
+            (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
+        };
+        columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs())));
+        let shared = nominal.model.parameters.iter().position(|p| *p == rivet_dynamics::Parameter::CouplingCoulomb);
+        if let (Some(c), Some(at)) = (structure.coupling, shared) {
+            columns.push(joints(&[c.driving, c.driven], nominal.x[at].abs()));
+        }
+        columns
+    }
+
     /// Torque of one link's body as `x` has it.
     fn body(&self, link: usize, x: &[f64]) -> Column {
         (0..self.tau.len())
@@ -100,6 +132,12 @@ impl Prepared {
     fn made(&self, form: &Form, physics: &Physics<'_>) -> Vec<Column> {
         form.columns(physics).into_iter().map(|full| column(&self.chain, full)).collect()
     }
+}
+
+/// Standard deviations of the sizes of [`Prepared::unnamed`].
+pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
+    let turns = nominal.model.arm.dof() + usize::from(nominal.model.structure.coupling.is_some());
+    std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
 }
 
 /// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf

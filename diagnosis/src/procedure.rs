@@ -4,11 +4,10 @@ use nalgebra::DVector;
 use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
-use crate::design::Prepared;
+use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::exhibit::{self, Shown};
-use crate::form::Form;
 use crate::gap::Gap;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
@@ -43,8 +42,6 @@ const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
 pub(crate) const UNEXPLAINED: f64 = 4.0;
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
-/// Columns of the background beside the model's own.
-const TIMING_COLUMNS: usize = 1;
 /// A shrink below this is no cause worth naming.
 const MATERIAL: f64 = 0.01;
 
@@ -199,7 +196,7 @@ impl Procedure<'_> {
         let groups = wrong.clone();
         let x = search.solved(search.scale)?.x;
         let steps = Self::steps(&search, &adopted, wrong);
-        let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + TIMING_COLUMNS)
+        let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
             .collect();
         let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));
@@ -305,7 +302,7 @@ impl Procedure<'_> {
     /// A run with the columns that were added to the model's own, in the order of the design.
     fn columns<'b>(&'b self, run: &'b Prepared, adopted: &[Adopted], index: Option<usize>) -> RunColumns<'b> {
         let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index).beside(&run.known);
-        let mut extra: Vec<Column> = run.columns(&Form::Lag, &nominal);
+        let mut extra: Vec<Column> = run.unnamed(self.nominal, &nominal);
         for adopted in adopted {
             let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index).beside(&run.known);
             let mut columns = run.columns(&adopted.form, &physics);

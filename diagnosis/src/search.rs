@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use crate::background::Nominal;
-use crate::design::{Design, Prepared, correlation};
+use crate::design::{Design, Prepared, correlation, unknown};
 use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, candidate_sums, joint_errors_with};
 use crate::form::Form;
 use crate::library;
@@ -17,8 +17,6 @@ const FREE: f64 = 0.3;
 const FIXED: f64 = 0.15;
 /// Of a link's scale: a link several times as heavy as drawn is a payload.
 const LINK: f64 = 0.3;
-/// Of the time between torque and position, in samples: a command is held over the period after its sample.
-const TIMING: f64 = 0.5;
 
 /// Log evidence that an inner value costs: it was chosen among some twenty.
 const INNER_VALUE: f64 = 3.0;
@@ -75,11 +73,11 @@ impl<'a> Search<'a> {
             .iter()
             .map(|r| {
                 let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x, None).beside(&r.known);
-                r.columns(&Form::Lag, &physics)
+                r.unnamed(nominal, &physics)
             })
             .collect();
-        let timing = [TIMING * runs.first()?.run.period_s];
-        let design = Design::new(&runs, nominal, &torque, &extra, &timing);
+        let sizes = unknown(nominal, runs.first()?.run.period_s);
+        let design = Design::new(&runs, nominal, &torque, &extra, &sizes);
         let weights: Vec<f64> = torque.iter().map(|t| 1.0 / (0.01 * t * t)).collect();
         let floor = (0..n).map(|j| runs.iter().map(|r| r.floor[j]).fold(f64::INFINITY, f64::min)).collect();
         let mut search = Search {
