@@ -176,6 +176,8 @@ struct Step {
     columns: Vec<usize>,
     /// Empty for values that the background has.
     adopted: Vec<Adopted>,
+    /// Values of joints on which something without a name is left, which they may only imitate.
+    doubtful: bool,
 }
 
 impl Procedure<'_> {
@@ -195,7 +197,10 @@ impl Procedure<'_> {
         let wrong = values::wrong(&mut search)?;
         let groups = wrong.clone();
         let x = search.solved(search.scale)?.x;
-        let steps = Self::steps(&search, &adopted, wrong);
+        // On an arm whose other joints come down to their noise.
+        let (noisy, strict) = (noisy(&search), strict(&search));
+        let (doubtful, sound): (Vec<Group>, Vec<Group>) = wrong.into_iter().partition(|g| strict && noisy[g.joint]);
+        let steps = Self::steps(&search, &adopted, sound, doubtful);
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
             .collect();
@@ -275,17 +280,20 @@ impl Procedure<'_> {
     }
 
     /// What was adopted and which values are wrong, one step an effect; structure on several joints stays apart.
-    fn steps(search: &Search<'_>, adopted: &[Adopted], wrong: Vec<Group>) -> Vec<Step> {
+    fn steps(search: &Search<'_>, adopted: &[Adopted], sound: Vec<Group>, doubtful: Vec<Group>) -> Vec<Step> {
         let mut steps: Vec<Step> = Vec::new();
         let ends: Vec<usize> =
             adopted.iter().skip(1).map(|a| a.place).chain([search.design.background.len()]).collect();
-        let values = wrong.into_iter().map(|g| (g.effect, vec![g.joint], g.columns, None));
+        let of = |groups: Vec<Group>, doubt: bool| {
+            groups.into_iter().map(move |g| (g.effect, vec![g.joint], g.columns, None, doubt))
+        };
         let effects = adopted
             .iter()
             .zip(ends)
-            .map(|(a, end)| (a.form.effect(), a.form.joints(), (a.place..end).collect(), Some(a.clone())));
-        for (effect, joints, columns, one) in values.chain(effects) {
-            match steps.iter_mut().find(|s| s.effect == effect && effect.kind() == Kind::Value) {
+            .map(|(a, end)| (a.form.effect(), a.form.joints(), (a.place..end).collect(), Some(a.clone()), false));
+        for (effect, joints, columns, one, doubtful) in of(sound, false).chain(of(doubtful, true)).chain(effects) {
+            let same = |s: &&mut Step| s.effect == effect && s.doubtful == doubtful && effect.kind() == Kind::Value;
+            match steps.iter_mut().find(same) {
                 Some(step) => {
                     step.joints.extend(joints);
                     step.joints.sort_unstable();
@@ -293,7 +301,7 @@ impl Procedure<'_> {
                     step.columns.extend(columns);
                     step.adopted.extend(one);
                 }
-                None => steps.push(Step { effect, joints, columns, adopted: one.into_iter().collect() }),
+                None => steps.push(Step { effect, joints, columns, adopted: one.into_iter().collect(), doubtful }),
             }
         }
         steps
@@ -330,9 +338,7 @@ impl Procedure<'_> {
         let mut withdrawn = Vec::new();
         let mut upheld = Vec::new();
         let explained = explained(search);
-        let noisy = noisy(search);
-        // A floor that hardly any joint of this arm reaches is not what a good model of it would leave.
-        let strict = 2 * noisy.iter().filter(|n| **n).count() <= noisy.len();
+        let (noisy, strict) = (noisy(search), strict(search));
         let above_floor: Vec<bool> = noisy.iter().map(|n| *n && strict).collect();
         for (k, step) in steps.iter().enumerate() {
             let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
@@ -370,7 +376,7 @@ impl Procedure<'_> {
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
             let believed = cause.joints.is_empty() || cause.joints.iter().any(|joint| !spoilt(joint));
-            let stands = transfers && enough && material && believed;
+            let stands = transfers && enough && material && believed && !step.doubtful;
             upheld.push(stands);
             if stands {
                 causes.push(cause);
@@ -548,6 +554,11 @@ fn noisy(search: &Search<'_>) -> Vec<bool> {
     search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect()
 }
 
+/// Whether noise is what a good model of this arm leaves: a floor that hardly any joint reaches is no measure.
+fn strict(search: &Search<'_>) -> bool {
+    2 * noisy(search).iter().filter(|n| **n).count() <= search.noise.len()
+}
+
 /// Shrink of step `k` on the runs looked at.
 fn shrink_of(seen: &[Stages], k: usize) -> f64 {
     let gap = |stage: usize| seen.iter().map(|s| Gap::new(&s.tau, &s.models[stage]).all).sum::<f64>();
@@ -556,10 +567,10 @@ fn shrink_of(seen: &[Stages], k: usize) -> f64 {
 
 /// Whether the joints that the effect is reported on are explained.
 pub(crate) fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bool {
-    if adopted.form.effect().kind() == Kind::Value {
-        return true;
-    }
+    let value = adopted.form.effect().kind() == Kind::Value;
     let least = |j: usize| match (adopted.form.has_fixed_gain(), noisy[j]) {
+        // A wrong value explains what it explains, unless something without a name is left that it may only imitate.
+        (_, false) if value => f64::NEG_INFINITY,
         (true, _) => EXPLAINED_SIMULATED,
         (false, true) => EXPLAINED_ABOVE_NOISE,
         // What wrong values took over before is not seen in the residual.
