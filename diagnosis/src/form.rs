@@ -179,6 +179,11 @@ impl Form {
         }
     }
 
+    /// Whether its torque hangs on the angle alone: nothing of how friction turns over spoils it.
+    pub(crate) fn of_angle_alone(&self) -> bool {
+        matches!(self, Form::Spring { .. } | Form::Counterbalance { .. })
+    }
+
     /// Whether coefficients make sense for the effect.
     pub(crate) fn plausible(&self, c: &[f64]) -> bool {
         match self {

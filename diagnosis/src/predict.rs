@@ -9,7 +9,8 @@
 //! A motion that creeps more leaves more; how fast it goes is known from the motion alone.
 //!
 //! The interval is that of a block bootstrap of coefficients and v, widened for what bootstraps do not know: inner values
-//! and the form itself.
+//! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
+//! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square, mean_square_between};
@@ -22,6 +23,11 @@ const WIDENED: f64 = 0.03;
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
 const BINS: usize = 9;
 const SLOWEST: f64 = 3.5;
+/// Length of a block of residuals \[s\], and the least number of blocks of a run.
+const BLOCK_S: f64 = 2.5;
+const LEAST_BLOCKS: usize = 4;
+/// How far v may vary, as a factor.
+const VARIES: f64 = 5.0;
 /// Rows that the mean over all speeds counts as, at each speed.
 const FEW: f64 = 10.0;
 /// The interval's ends among sorted resamplings.
@@ -52,7 +58,9 @@ pub(crate) fn predict(
     for c in silent {
         heard[*c] = -means[*c];
     }
-    let v = left(seen, &heard, sealed, |run, x| run.stages(nominal, steps, x, means), steps.len());
+    let rest = Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &heard, means), steps.len());
+    let every: Vec<usize> = (0..rest.blocks.len()).collect();
+    let v = rest.on_sealed(&every);
     let full = sealed.stages(nominal, steps, x, means);
     let reference = &full.models[steps.len()];
     let square: Vec<f64> = mean_square(reference).iter().zip(&v).map(|(m, v)| m + v).collect();
@@ -73,17 +81,16 @@ pub(crate) fn predict(
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut samples: Vec<Vec<f64>> = Vec::new();
     let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-    let all: Vec<Vec<f64>> = (0..blocks).map(|b| search.design.background.joint_errors(b, x)).collect();
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, chosen.iter().copied())?.x;
-        // Residuals by the same blocks: their spread is that of v.
-        let errors: Vec<Vec<f64>> = chosen.iter().map(|b| search.design.background.joint_errors(*b, &again)).collect();
-        let ratio = |j: usize| {
-            let of = |errors: &[Vec<f64>]| errors.iter().map(|e| e[j]).sum::<f64>();
-            of(&errors) / of(&all).max(f64::MIN_POSITIVE)
+        let mut drawn = |count: usize| -> Vec<f64> {
+            let of: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
+            rest.on_sealed(&of)
         };
-        let v_again: Vec<f64> = v.iter().enumerate().map(|(j, v)| v * ratio(j).clamp(0.2, 5.0)).collect();
+        let (learnt, met) = (drawn(every.len()), drawn(rest.sealed_blocks));
+        let varied = v.iter().zip(learnt.iter().zip(&met));
+        let v_again: Vec<f64> = varied.map(|(v, (a, b))| (a + b - v).clamp(v / VARIES, v * VARIES)).collect();
         let stages = sealed.stages(nominal, steps, &again, means);
         let own = gaps(&stages, &v_again);
         samples.push(shrinks(&own));
@@ -117,38 +124,69 @@ pub(crate) fn predict(
     Some(Prediction { shrink, gaps, coefficients })
 }
 
-/// Mean square by joint that the full model will leave on the sealed run: what it leaves on the runs looked at, speed by
-/// speed.
-fn left<'a>(
-    seen: &'a [RunColumns<'a>],
-    x: &DVector<f64>,
-    sealed: &RunColumns<'_>,
-    stages: impl Fn(&'a RunColumns<'a>, &DVector<f64>) -> Stages,
-    last: usize,
-) -> Vec<f64> {
-    let joints = sealed.run.floor.len();
-    let mut bins = vec![[[0.0; 2]; BINS]; joints];
-    for run in seen {
-        let own = stages(run, x);
-        for j in 0..joints {
-            let speed = run.run.chain.sample(&run.run.motion.qd[j]);
-            for ((tau, model), v) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed) {
-                let bin = &mut bins[j][bin_of(v)];
-                bin[0] += (tau - model).powi(2);
-                bin[1] += 1.0;
+/// Squares and rows of a block's residual, `[joint][speed]`.
+type Bins = Vec<[[f64; 2]; BINS]>;
+
+/// What the full model leaves on the runs looked at, block by block and speed by speed.
+struct Leaves {
+    blocks: Vec<Bins>,
+    /// Blocks that the sealed run has.
+    sealed_blocks: usize,
+    /// Share of the sealed run's rows at each speed, by joint.
+    speeds: Vec<[f64; BINS]>,
+}
+
+impl Leaves {
+    fn new<'a>(
+        seen: &'a [RunColumns<'a>],
+        sealed: &RunColumns<'_>,
+        stages: impl Fn(&'a RunColumns<'a>) -> Stages,
+        last: usize,
+    ) -> Leaves {
+        let joints = sealed.run.floor.len();
+        let count = |run: &RunColumns<'_>| {
+            let whole = run.run.rows() as f64 * run.run.chain.row_period_s / BLOCK_S;
+            (whole as usize).max(LEAST_BLOCKS)
+        };
+        let mut blocks = Vec::new();
+        for run in seen {
+            let (own, count) = (stages(run), count(run));
+            let first = blocks.len();
+            blocks.resize(first + count, vec![[[0.0; 2]; BINS]; joints]);
+            for j in 0..joints {
+                let speed = run.run.chain.sample(&run.run.motion.qd[j]);
+                let rows = own.tau[j].len();
+                for (k, ((tau, model), v)) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed).enumerate() {
+                    let bin = &mut blocks[first + k * count / rows.max(1)][j][bin_of(v)];
+                    bin[0] += (tau - model).powi(2);
+                    bin[1] += 1.0;
+                }
             }
         }
+        let share = |j: usize| {
+            let speed = sealed.run.chain.sample(&sealed.run.motion.qd[j]);
+            let mut of = [0.0; BINS];
+            speed.iter().for_each(|v| of[bin_of(*v)] += 1.0 / speed.len() as f64);
+            of
+        };
+        Leaves { blocks, sealed_blocks: count(sealed), speeds: (0..joints).map(share).collect() }
     }
-    (0..joints)
-        .map(|j| {
-            let [square, rows] = bins[j].iter().fold([0.0; 2], |s, b| [s[0] + b[0], s[1] + b[1]]);
+
+    /// Mean square by joint on the sealed motion, if each speed leaves what it left in the blocks `of`.
+    fn on_sealed(&self, of: &[usize]) -> Vec<f64> {
+        let sum = |j: usize, bin: usize| {
+            of.iter().fold([0.0; 2], |s, b| [s[0] + self.blocks[*b][j][bin][0], s[1] + self.blocks[*b][j][bin][1]])
+        };
+        let joint = |(j, speeds): (usize, &[f64; BINS])| -> f64 {
+            let bins: Vec<[f64; 2]> = (0..BINS).map(|bin| sum(j, bin)).collect();
+            let [square, rows] = bins.iter().fold([0.0; 2], |s, b| [s[0] + b[0], s[1] + b[1]]);
             let usual = square / f64::max(rows, 1.0);
             // Few rows at a speed say little: the joint's mean counts as so many more.
-            let at = |bin: usize| (bins[j][bin][0] + FEW * usual) / (bins[j][bin][1] + FEW);
-            let speed = sealed.run.chain.sample(&sealed.run.motion.qd[j]);
-            speed.iter().map(|v| at(bin_of(*v))).sum::<f64>() / speed.len().max(1) as f64
-        })
-        .collect()
+            let at = |[square, rows]: &[f64; 2]| (square + FEW * usual) / (rows + FEW);
+            bins.iter().zip(speeds).map(|(bin, share)| share * at(bin)).sum()
+        };
+        self.speeds.iter().enumerate().map(joint).collect()
+    }
 }
 
 /// Which half decade a speed \[rad/s\] is in.

@@ -571,6 +571,8 @@ pub(crate) fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bo
     let least = |j: usize| match (adopted.form.has_fixed_gain(), noisy[j]) {
         // A wrong value explains what it explains, unless something without a name is left that it may only imitate.
         (_, false) if value => f64::NEG_INFINITY,
+        // Torque over the angle fits to the noise, or it is another law.
+        (_, true) if adopted.form.of_angle_alone() => f64::INFINITY,
         (true, _) => EXPLAINED_SIMULATED,
         (false, true) => EXPLAINED_ABOVE_NOISE,
         // What wrong values took over before is not seen in the residual.
