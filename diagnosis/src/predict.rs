@@ -2,9 +2,13 @@
 //!
 //! ```text
 //! rms_k² = v + E_k        v: what the full model will leave
-//!                         E_k: mean square by which model k differs from the full model, along the sealed motion
+//!                         E_k: mean of d²·(1 + 2ρ(|q̇|)); d: what sets model k and the full model apart, along the sealed
+//!                         motion
 //! v = mean of v(|q̇|)      v(|q̇|): mean square that it leaves at that speed on the runs looked at
+//! ρ(|q̇|) = Σ r·d / Σ d²   at that speed on the runs looked at; r: what the full model leaves
 //! ```
+//!
+//! A fit makes r and d orthogonal, but not near standstill, where rows have no weight: there neither model is right.
 //!
 //! A motion that creeps more leaves more; how fast it goes is known from the motion alone.
 //!
@@ -13,13 +17,13 @@
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
 use crate::search::Search;
-use crate::stages::{RunColumns, Stages, Steps, mean_square, mean_square_between};
+use crate::stages::{RunColumns, Stages, Steps, mean_square};
 use nalgebra::DVector;
 
 /// Resamplings of the blocks.
 const BOOTSTRAPS: usize = 40;
 /// Widening on either side.
-const WIDENED: f64 = 0.03;
+const WIDENED: f64 = 0.02;
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
 const BINS: usize = 9;
 const SLOWEST: f64 = 3.5;
@@ -68,8 +72,9 @@ pub(crate) fn predict(
         stages
             .models
             .iter()
-            .map(|model| {
-                let e = mean_square_between(model, reference);
+            .enumerate()
+            .map(|(k, model)| {
+                let e: Vec<f64> = (0..v.len()).map(|j| rest.apart(k, j, &model[j], &reference[j])).collect();
                 let mean: f64 = (0..v.len()).map(|j| (v[j] + e[j]) / square[j].max(f64::MIN_POSITIVE)).sum();
                 (mean / v.len() as f64).sqrt()
             })
@@ -134,6 +139,10 @@ struct Leaves {
     sealed_blocks: usize,
     /// Share of the sealed run's rows at each speed, by joint.
     speeds: Vec<[f64; BINS]>,
+    /// Speed of each row of the sealed run, `[joint][row]`.
+    rows: Vec<Vec<usize>>,
+    /// ρ by stage, joint and speed.
+    cross: Vec<Vec<[f64; BINS]>>,
 }
 
 impl Leaves {
@@ -149,6 +158,8 @@ impl Leaves {
             (whole as usize).max(LEAST_BLOCKS)
         };
         let mut blocks = Vec::new();
+        // Products of what is left with what sets stages apart, and squares of the latter.
+        let mut products = vec![vec![[[0.0; 2]; BINS]; joints]; last + 1];
         for run in seen {
             let (own, count) = (stages(run), count(run));
             let first = blocks.len();
@@ -157,19 +168,38 @@ impl Leaves {
                 let speed = run.run.chain.sample(&run.run.motion.qd[j]);
                 let rows = own.tau[j].len();
                 for (k, ((tau, model), v)) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed).enumerate() {
-                    let bin = &mut blocks[first + k * count / rows.max(1)][j][bin_of(v)];
+                    let at = bin_of(v);
+                    let bin = &mut blocks[first + k * count / rows.max(1)][j][at];
                     bin[0] += (tau - model).powi(2);
                     bin[1] += 1.0;
+                    for (products, stage) in products.iter_mut().zip(&own.models) {
+                        let apart = model - stage[j][k];
+                        products[j][at][0] += (tau - model) * apart;
+                        products[j][at][1] += apart * apart;
+                    }
                 }
             }
         }
-        let share = |j: usize| {
-            let speed = sealed.run.chain.sample(&sealed.run.motion.qd[j]);
+        let rows: Vec<Vec<usize>> = (0..joints)
+            .map(|j| sealed.run.chain.sample(&sealed.run.motion.qd[j]).iter().map(|v| bin_of(*v)).collect())
+            .collect();
+        let share = |rows: &Vec<usize>| {
             let mut of = [0.0; BINS];
-            speed.iter().for_each(|v| of[bin_of(*v)] += 1.0 / speed.len() as f64);
+            rows.iter().for_each(|bin| of[*bin] += 1.0 / rows.len() as f64);
             of
         };
-        Leaves { blocks, sealed_blocks: count(sealed), speeds: (0..joints).map(share).collect() }
+        // Below -1/2 a stage would be better than the full model.
+        let ratio = |[product, square]: [f64; 2]| (product / square.max(f64::MIN_POSITIVE)).clamp(-0.5, 0.5);
+        let cross =
+            products.into_iter().map(|joints| joints.into_iter().map(|bins| bins.map(ratio)).collect()).collect();
+        Leaves { blocks, sealed_blocks: count(sealed), speeds: rows.iter().map(share).collect(), rows, cross }
+    }
+
+    /// E of stage `k` on joint `j`, between its model and the full one along the sealed motion.
+    fn apart(&self, k: usize, j: usize, model: &[f64], full: &[f64]) -> f64 {
+        let rows = model.iter().zip(full).zip(&self.rows[j]);
+        let sum: f64 = rows.map(|((a, b), bin)| (a - b).powi(2) * (1.0 + 2.0 * self.cross[k][j][*bin])).sum();
+        sum / model.len().max(1) as f64
     }
 
     /// Mean square by joint on the sealed motion, if each speed leaves what it left in the blocks `of`.

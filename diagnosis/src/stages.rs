@@ -61,14 +61,6 @@ pub(crate) fn mean_square(signals: &[Vec<f64>]) -> Vec<f64> {
     signals.iter().map(|s| s.iter().map(|v| v * v).sum::<f64>() / s.len().max(1) as f64).collect()
 }
 
-/// Mean squares of differences by joint.
-pub(crate) fn mean_square_between(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
-    let of = |(a, b): (&Vec<f64>, &Vec<f64>)| {
-        a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len().max(1) as f64
-    };
-    a.iter().zip(b).map(of).collect()
-}
-
 /// Mean square of what a stage leaves of the torque by joint, rows weighed by how sure the direction of friction is.
 pub(crate) fn sure_mean_square(run: &Prepared, stages: &Stages, stage: usize, noise: &[f64]) -> Vec<f64> {
     (0..noise.len())
