@@ -185,7 +185,9 @@ impl Leaves {
             .collect();
         let share = |rows: &Vec<usize>| {
             let mut of = [0.0; BINS];
-            rows.iter().for_each(|bin| of[*bin] += 1.0 / rows.len() as f64);
+            for bin in rows {
+                of[*bin] += 1.0 / rows.len() as f64;
+            }
             of
         };
         // Below -1/2 a stage would be better than the full model.

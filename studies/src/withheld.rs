@@ -21,14 +21,19 @@ pub struct Known {
     pub standard: Vec<f64>,
 }
 
+/// A robot as its logs identify it.
+pub type Identify<'a> = dyn Fn(&Robot, &[Log]) -> Result<Known, String> + 'a;
+/// Stretches of a log on a uniform grid.
+pub type Runs<'a> = dyn Fn(&Robot, &Log) -> Result<Vec<Run>, String> + 'a;
+
 /// What `rivet identify --refine` and `rivet diagnose` do with files, handed in by the program that has them.
 pub struct Engine<'a> {
     /// Reads a log of a robot.
     pub read: &'a dyn Fn(&Robot, &Path) -> Result<Log, String>,
     /// Identifies a robot from logs.
-    pub identify: &'a dyn Fn(&Robot, &[Log]) -> Result<Known, String>,
+    pub identify: &'a Identify<'a>,
     /// Stretches of a log on a uniform grid.
-    pub runs: &'a dyn Fn(&Robot, &Log) -> Result<Vec<Run>, String>,
+    pub runs: &'a Runs<'a>,
     /// Told of every diagnosis: done, of how many.
     pub progress: &'a dyn Fn(usize, usize),
 }
@@ -270,7 +275,7 @@ fn one(set: &Set, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<Arm, 
     let known = (engine.identify)(&robot, &logs)?;
     let mut runs = Vec::new();
     for log in set.diagnosed {
-        runs.extend((engine.runs)(&robot, &read(&log)?)?);
+        runs.extend((engine.runs)(&robot, &read(log)?)?);
     }
     let said = |model: &Model, standard: &[f64], runs: Vec<Run>| {
         diagnose(model, standard, runs, &mut |_| ()).map_err(|e| e.to_string())
