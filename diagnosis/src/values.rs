@@ -30,6 +30,9 @@ fn groups(search: &Search<'_>) -> Vec<Group> {
             Parameter::RotorInertia(j) => (Effect::RotorInertia, j),
             Parameter::Viscous(j) => (Effect::ViscousFriction, j),
             Parameter::Coulomb(j) => (Effect::CoulombFriction, j),
+            // Effects in general, but values of a model that has them.
+            Parameter::LoadFriction(j) => (Effect::LoadDependentFriction, j),
+            Parameter::ViscousQuadratic(j) => (Effect::ViscousNonlinearity, j),
             _ => continue,
         };
         match groups.iter_mut().find(|g| g.effect == effect && g.joint == joint) {
