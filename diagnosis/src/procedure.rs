@@ -207,7 +207,7 @@ impl Procedure<'_> {
         let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));
         let seen: Vec<RunColumns<'_>> = seen.collect();
         let hidden = self.columns(self.sealed, &adopted, None);
-        let remainder = remainder(&search, &steps);
+        let remainder = remainder(&search, &steps, self.nominal.x.len());
         let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
         say("prediction of the sealed run");
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
@@ -504,9 +504,12 @@ impl Procedure<'_> {
     }
 }
 
-/// Columns that belong to no cause: offsets, timing, values that may stay as they are.
-fn remainder(search: &Search<'_>, steps: &[Step]) -> Vec<usize> {
-    (0..search.design.background.len()).filter(|c| !steps.iter().any(|s| s.columns.contains(c))).collect()
+/// Columns that belong to no cause: offsets, timing, values that may stay as they are. How softly friction turns over is in
+/// no model that is handed on, so it is not in what causes are said to leave. `own`: columns of the model itself.
+fn remainder(search: &Search<'_>, steps: &[Step], own: usize) -> Vec<usize> {
+    let turns = own + 1..own + unknown(search.nominal, 1.0).len();
+    let free = (0..search.design.background.len()).filter(|c| !turns.contains(c));
+    free.filter(|c| !steps.iter().any(|s| s.columns.contains(c))).collect()
 }
 
 /// Steps in the order in which each takes most of what is left, on the runs looked at.
