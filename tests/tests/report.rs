@@ -95,7 +95,7 @@ fn the_page_opens_without_a_word_and_shows_the_figures_of_the_json() {
 
 /// The scores that the page shows are those of whole sets, made by `rivet blind score --json`.
 #[test]
-fn the_scores_of_the_page_count_every_case_of_both_sets() {
+fn the_scores_of_the_page_count_every_case_of_every_set() {
     let text = std::fs::read_to_string(root().join("cli/src/blind/scores.json")).expect("scores");
     let scores: Value = serde_json::from_str(&text).expect("JSON");
     for (score, set) in scores.as_array().expect("sets").iter().zip(["practice", "practice-wrong-nominal"]) {
@@ -108,7 +108,13 @@ fn the_scores_of_the_page_count_every_case_of_both_sets() {
         // One effect a case in these sets.
         assert_eq!(Some(counted + score["invisible"].as_u64().expect("a count")), score["cases"].as_u64());
     }
-    assert_eq!(scores.as_array().map(Vec::len), Some(2));
+    // The third are drawn cases, two hundred at least, with several effects in some.
+    let [_, _, drawn] = scores.as_array().expect("sets").as_slice() else { panic!("three sets") };
+    assert!(drawn["cases"].as_u64() >= Some(200), "{}", drawn["cases"]);
+    let groups: u64 = drawn["groups"].as_array().expect("groups").iter().filter_map(|g| g["cases"].as_u64()).sum();
+    let outcomes = drawn["outcomes"].as_array().expect("outcomes");
+    let outside = outcomes.iter().find(|o| o["truth"] == "outside").and_then(|o| o["cases"].as_u64());
+    assert_eq!(Some(groups + outside.expect("some")), drawn["cases"].as_u64());
 }
 
 /// A diagnosis compared with itself has not changed; compared with that of another arm it is refused.
