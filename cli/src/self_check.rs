@@ -151,7 +151,10 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
     let work = |worker: usize| -> Result<Part> {
         let mut quiet = |_: &str| ();
         let done = probe(&robot.model, &robot.nominal, runs.clone(), &mut quiet, |probe| {
-            let recorded: Vec<Injector<'_>> = runs.iter().map(|run| Injector::new(recorded(robot, run))).collect();
+            let recorded: Vec<Injector<'_>> = runs
+                .iter()
+                .map(|run| Injector::new(Recorded::of(&robot.model, &robot.nominal, run.period_s, &run.q, &run.tau)))
+                .collect();
             let typical: Vec<Typical> = (0..joints).map(|j| Typical::of(robot, &runs, j)).collect();
             let mine = pairs.iter().enumerate().skip(worker).step_by(workers);
             let powers = mine.map(|(i, (kind, joint))| (i, power(robot, probe, &recorded, &typical, *kind, *joint)));
@@ -198,19 +201,6 @@ fn shortened(runs: Vec<Run>) -> Vec<Run> {
         }
     }
     out
-}
-
-fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
-    let (n, x) = (robot.dof(), &robot.nominal);
-    Recorded {
-        arm: &robot.model.arm,
-        rotor_inertia: &x[10 * n..11 * n],
-        viscous: &x[11 * n..12 * n],
-        coulomb: &x[12 * n..13 * n],
-        period_s: run.period_s,
-        q: &run.q,
-        tau: &run.tau,
-    }
 }
 
 impl Typical {

@@ -43,6 +43,7 @@ mod procedure;
 mod refine;
 mod regimes;
 mod report;
+mod residue;
 mod rows;
 mod run;
 mod search;

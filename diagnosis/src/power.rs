@@ -9,10 +9,11 @@ use rivet_dynamics::Model;
 use crate::background::{Nominal, Typical};
 use crate::bursts;
 use crate::design::Prepared;
-use crate::effect::{Effect, Kind};
+use crate::effect::Effect;
 use crate::orders;
 use crate::physics::Physics;
-use crate::procedure::{DiagnosisError, UNEXPLAINED, check, stands};
+use crate::procedure::{DiagnosisError, check};
+use crate::residue::Residue;
 use crate::run::Run;
 use crate::search::{Bursts, Candidate, Search};
 use crate::select::{Adopted, best, select};
@@ -148,23 +149,16 @@ impl<'a> Probe<'a> {
         }
         let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, false, &mut |_| ());
         self.candidates.truncate(kept);
-        let (candidate, adopted) = found??;
+        let (_, adopted) = found??;
         // As the report decides: what is left where the effect is said to act must be explained.
-        let floor = &self.search.floor;
-        let left: Vec<f64> = (0..floor.len())
+        let left: Vec<f64> = (0..self.search.noise.len())
             .map(|j| {
                 let share = adopted.shares.get(j).copied().unwrap_or(0.0).clamp(0.0, 1.0);
                 self.search.noise[j] * (1.0 - share).sqrt()
             })
             .collect();
-        let explained: Vec<f64> = (0..floor.len())
-            .map(|j| {
-                let (first, left, floor) = (self.search.noise[j].powi(2), left[j].powi(2), floor[j].powi(2));
-                if first <= floor { 1.0 } else { 1.0 - (left - floor).max(0.0) / (first - floor) }
-            })
-            .collect();
-        let noisy: Vec<bool> = left.iter().zip(floor).map(|(l, f)| *l > UNEXPLAINED * f).collect();
-        if candidate.form.effect().kind() == Kind::Structure && !stands(&adopted, &explained, &noisy) {
+        let residue = Residue { first: &self.search.noise, left: &left, floor: &self.search.floor };
+        if !residue.upholds(&adopted) {
             return None;
         }
         Some(Named { effect: adopted.form.effect(), or: adopted.rivals, joints: adopted.form.joints() })

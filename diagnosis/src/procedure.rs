@@ -17,6 +17,7 @@ use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
+use crate::residue::Residue;
 use crate::rows::Column;
 use crate::run::Run;
 use crate::search::Search;
@@ -32,16 +33,13 @@ const LEAST_SECONDS: f64 = 3.0;
 const LOOKED_AT: f64 = 0.6;
 /// A cause whose measured shrink is below this share of the predicted one does not transfer.
 const TRANSFERS: f64 = 0.3;
-/// Least share of a joint's excess over its floor that causes must explain for their names to stand.
-const EXPLAINED: f64 = 0.7;
-/// The same where the form is a simulated gear, delay or bristle, never exact.
-const EXPLAINED_SIMULATED: f64 = 0.5;
-/// The same where more than noise is left: an effect that is in the library leaves little else.
-const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
-/// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
-pub(crate) const UNEXPLAINED: f64 = 4.0;
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
+/// Confidence in a form that was adopted, at least.
+const LEAST_FORM: f64 = 0.9;
+/// In a value that was only refitted: in 23 drawn cases 11 were the effect itself, the others a part of another one (inertia
+/// that a coupled motor brings, say).
+const VALUE_ALONE: f64 = 0.5;
 /// A shrink below this is no cause worth naming.
 const MATERIAL: f64 = 0.01;
 
@@ -197,9 +195,8 @@ impl Procedure<'_> {
         let wrong = values::wrong(&mut search)?;
         let groups = wrong.clone();
         let x = search.solved(search.scale)?.x;
-        // On an arm whose other joints come down to their noise.
-        let (noisy, strict) = (noisy(&search), strict(&search));
-        let (doubtful, sound): (Vec<Group>, Vec<Group>) = wrong.into_iter().partition(|g| strict && noisy[g.joint]);
+        let residue = Residue::of(&search);
+        let (doubtful, sound): (Vec<Group>, Vec<Group>) = wrong.into_iter().partition(|g| residue.is_nameless(g.joint));
         let steps = Self::steps(&search, &adopted, sound, doubtful);
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
@@ -337,9 +334,7 @@ impl Procedure<'_> {
         let mut causes = Vec::new();
         let mut withdrawn = Vec::new();
         let mut upheld = Vec::new();
-        let explained = explained(search);
-        let (noisy, strict) = (noisy(search), strict(search));
-        let above_floor: Vec<bool> = noisy.iter().map(|n| *n && strict).collect();
+        let residue = Residue::of(search);
         for (k, step) in steps.iter().enumerate() {
             let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
             let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
@@ -369,7 +364,7 @@ impl Procedure<'_> {
                 indistinguishable_from: rivals,
             };
             let transfers = self.transfers(search, seen, measured, k) || !predictable;
-            let enough = step.adopted.iter().all(|a| stands(a, &explained, &above_floor));
+            let enough = step.adopted.iter().all(|a| residue.upholds(a));
             // A value that may as well take nothing from motion it has not seen is not worth a name.
             let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
             let material = !step.adopted.is_empty() || sure;
@@ -396,14 +391,14 @@ impl Procedure<'_> {
             .collect();
         let pooled_floor = pooled(&floors);
         let unexplained_share = share_left(before, after, pooled_floor);
-        let left_over = noisy.iter().any(|n| *n);
+        let left_over = residue.any_noisy();
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
         let verdict = match (structure, causes.is_empty()) {
             // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
             (0, true) if left_over => Verdict::Unexplained,
             (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
-            (0, _) if withdrawn_structure && !at_floor(search) => Verdict::Unexplained,
+            (0, _) if withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
             (0, true) => Verdict::NoGap,
             (0, false) => Verdict::Parameter,
             (1, _) => Verdict::Effect,
@@ -542,57 +537,18 @@ fn in_order(
     (ordered, order)
 }
 
-/// Share of each joint's excess over its floor that the causes took, on the runs looked at.
-fn explained(search: &Search<'_>) -> Vec<f64> {
-    let of = |j: usize| {
-        let floor = search.floor[j].powi(2);
-        let (first, left) = (search.first_noise[j].powi(2) - floor, search.noise[j].powi(2) - floor);
-        if first <= floor { 1.0 } else { 1.0 - left.max(0.0) / first }
-    };
-    (0..search.floor.len()).map(of).collect()
-}
-
-/// Joints on which more than noise is left.
-fn noisy(search: &Search<'_>) -> Vec<bool> {
-    search.noise.iter().zip(&search.floor).map(|(n, f)| *n > UNEXPLAINED * f).collect()
-}
-
-/// Whether noise is what a good model of this arm leaves: a floor that hardly any joint reaches is no measure.
-fn strict(search: &Search<'_>) -> bool {
-    2 * noisy(search).iter().filter(|n| **n).count() <= search.noise.len()
-}
-
 /// Shrink of step `k` on the runs looked at.
 fn shrink_of(seen: &[Stages], k: usize) -> f64 {
     let gap = |stage: usize| seen.iter().map(|s| Gap::new(&s.tau, &s.models[stage]).all).sum::<f64>();
     1.0 - gap(k + 1) / gap(k)
 }
 
-/// Whether the joints that the effect is reported on are explained.
-pub(crate) fn stands(adopted: &Adopted, explained: &[f64], noisy: &[bool]) -> bool {
-    let value = adopted.form.effect().kind() == Kind::Value;
-    let least = |j: usize| match (adopted.form.has_fixed_gain(), noisy[j]) {
-        // A wrong value explains what it explains, unless something without a name is left that it may only imitate.
-        (_, false) if value => f64::NEG_INFINITY,
-        // Torque over the angle fits to the noise, or it is another law.
-        (_, true) if adopted.form.of_angle_alone() => f64::INFINITY,
-        (true, _) => EXPLAINED_SIMULATED,
-        (false, true) => EXPLAINED_ABOVE_NOISE,
-        // What wrong values took over before is not seen in the residual.
-        (false, false) if adopted.form.hides() => 0.0,
-        (false, false) => EXPLAINED,
-    };
-    adopted.form.joints().iter().all(|j| explained[*j] >= least(*j))
-}
-
-fn at_floor(search: &Search<'_>) -> bool {
-    (0..search.floor.len()).all(|j| search.noise[j] <= 2.0 * search.floor[j])
-}
-
+/// How often such a name is that of the effect itself.
 fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let agreement = (shrink.predicted - shrink.measured).abs();
     let held = if agreement < 0.1 { 0.97 } else { 0.85 };
-    let strong = step.adopted.iter().map(|a| 1.0 - (-a.gain / 20.0).exp()).fold(0.9, f64::max);
+    let gains = step.adopted.iter().map(|a| a.gain);
+    let strong = gains.reduce(f64::max).map_or(VALUE_ALONE, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
     held * strong / (1.0 + rivals as f64)
 }
 

@@ -5,14 +5,29 @@ use crate::base::BaseSet;
 use crate::model::Model;
 use crate::parameters::Parameter;
 
-/// FNV-1a, 64 bits (Fowler, Noll & Vo): small, and fixed for good, unlike the standard library's hasher.
-struct Fnv(u64);
+/// FNV-1a, 64 bits (Fowler, Noll & Vo): small, and fixed for good, unlike the standard library's hasher. Says whether two
+/// things are alike; no protection against who wants them to seem so.
+#[derive(Clone, Copy, Debug)]
+pub struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Fnv {
+        Fnv(0xcbf2_9ce4_8422_2325)
+    }
+}
 
 impl Fnv {
-    fn word(&mut self, word: u64) {
+    /// Takes in a word, its lowest byte first.
+    pub fn word(&mut self, word: u64) {
         for byte in word.to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
+    }
+
+    /// What all words so far come to.
+    #[must_use]
+    pub fn value(self) -> u64 {
+        self.0
     }
 
     /// Numbers count in steps of 1e-9, so that the last bits of a sine do not make two equal arms differ.
@@ -27,7 +42,7 @@ impl Fnv {
 /// names and limits have no part in it. Equal in any two processes, whatever the machine or build.
 #[must_use]
 pub fn model_hash(model: &Model, base: &BaseSet) -> u64 {
-    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    let mut hash = Fnv::default();
     hash.word(model.arm.dof() as u64);
     hash.numbers(&model.arm.gravity);
     for joint in &model.arm.joints {

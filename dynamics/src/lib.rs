@@ -23,7 +23,7 @@ mod urdf;
 pub use arm::{Arm, Joint, JointKind, MAX_JOINTS, flange_pose};
 pub use base::{BaseError, BaseSet, RankGap};
 pub use effects::{EffectKind, KnownEffect, KnownEffects, own_torque};
-pub use hash::model_hash;
+pub use hash::{Fnv, model_hash};
 pub use mjcf::{Mjcf, MjcfDrive, MjcfError, MjcfTendon};
 pub use model::{Joints, Model, Structure, WristCoupling, friction_sign};
 pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, body_from_com, body_in_frame};

@@ -6,14 +6,14 @@ use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings, Hausman};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
 use crate::linear::dot;
-use crate::memory::{Carry, fingerprint};
+use crate::memory::Carry;
 use crate::observer::{Observer, Phase, Row};
 use crate::reference::Reference;
 use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Skip, Step};
 use crate::scales::Scales;
 use crate::settings::{Filtering, InputSignals, Settings, SettingsError, Window, per_joint};
 use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use rivet_dynamics::{BaseSet, Fnv, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// No arm's position \[rad\] or speed \[rad/s\] is larger.
@@ -331,8 +331,9 @@ impl Identifier {
     #[must_use]
     pub fn memory_fingerprint(&self) -> u64 {
         let settings = format!("{MEMORY_VERSION} {} {:?}", self.memory_len(), self.settings);
-        let words = settings.bytes().map(u64::from).chain(self.estimator.scale_words());
-        fingerprint(words)
+        let mut hash = Fnv::default();
+        settings.bytes().map(u64::from).chain(self.estimator.scale_words()).for_each(|word| hash.word(word));
+        hash.value()
     }
 
     /// Writes all that was learnt to `room`, of [`memory_len`](Self::memory_len) numbers: the sums of the window and what was

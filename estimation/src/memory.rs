@@ -124,12 +124,6 @@ impl<'a> Carry<'a> {
 /// More than any count reaches.
 pub(crate) const MANY: u64 = 1 << 53;
 
-/// Folds words into a number that says whether two things are alike (FNV-1a).
-pub(crate) fn fingerprint(words: impl IntoIterator<Item = u64>) -> u64 {
-    let bytes = words.into_iter().flat_map(u64::to_le_bytes);
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,7 +5,7 @@
 //! deceives is the same thing seen from the other side: the arm was elsewhere than the log says, and its torque is that of
 //! where it was.
 
-use rivet_dynamics::{Arm, Workspace, inverse_dynamics, mass_matrix};
+use rivet_dynamics::{Arm, Model, Parameter, Workspace, inverse_dynamics, mass_matrix};
 
 use crate::truth::Payload;
 
@@ -26,6 +26,26 @@ pub struct Recorded<'a> {
     pub q: &'a [Vec<f64>],
     /// Measured torque \[N·m\].
     pub tau: &'a [Vec<f64>],
+}
+
+impl<'a> Recorded<'a> {
+    /// A run of `model` with the standard vector `x`.
+    pub fn of(model: &'a Model, x: &'a [f64], period_s: f64, q: &'a [Vec<f64>], tau: &'a [Vec<f64>]) -> Recorded<'a> {
+        let n = model.arm.dof();
+        let drive = |first: Parameter| {
+            let at = model.parameters.iter().position(|p| *p == first).unwrap_or(x.len() - n);
+            &x[at..at + n]
+        };
+        Recorded {
+            arm: &model.arm,
+            rotor_inertia: drive(Parameter::RotorInertia(0)),
+            coulomb: drive(Parameter::Coulomb(0)),
+            viscous: drive(Parameter::Viscous(0)),
+            period_s,
+            q,
+            tau,
+        }
+    }
 }
 
 /// An effect with its size.

@@ -2,8 +2,10 @@
 
 pub use rivet_studies::batch;
 pub mod closed;
+pub mod process;
 pub mod side;
 pub mod stage;
+pub mod two_link;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,55 +1,18 @@
 //! The robot's side of the bus, and the daemon as a process beside it.
 
+use crate::process;
 use rivet_config::Robot;
 use rivet_dynamics::Workspace;
 use rivet_ipc_schema::{BusConfig, JointState};
 use std::fs::File;
 use std::path::Path;
-use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::process::Command;
 
-/// A child that does not outlive the test.
-#[derive(Debug)]
-pub struct Process(pub Child);
-
-impl Process {
-    /// Starts it.
-    pub fn start(command: &mut Command) -> Process {
-        Process(command.spawn().expect("the program starts"))
-    }
-
-    /// Sends a signal, by its name with a dash.
-    pub fn signal(&self, name: &str) {
-        let pid = self.0.id().to_string();
-        assert!(Command::new("kill").args([name, &pid]).status().expect("kill runs").success());
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// `rivet daemon` for the robot file, without real time, what it says in the file `said`.
+/// `rivet daemon` for the robot file, what it says in the file `said`.
 pub fn daemon(robot: &Path, config: &BusConfig, said: &Path) -> Command {
-    let mut command = crate::rivet();
-    command.arg("daemon").arg(robot).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix, "--root"]);
-    command.arg(&config.root).stderr(File::options().create(true).append(true).open(said).expect("a file"));
+    let mut command = process::daemon(robot, config);
+    command.stderr(File::options().create(true).append(true).open(said).expect("a file"));
     command
-}
-
-/// Waits for something without asking how long it takes; only a hang fails.
-pub fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
 }
 
 /// A sound arm on sums of sines, its torques those of other parameters than the robot file's: sample `seq` is always the same.

@@ -1,57 +1,16 @@
 //! Plant, daemon and controller of one arm as processes on a bus of their own, and what their log says.
 
+use crate::process::{Process, eventually};
 use crate::{rivet, robot};
 use rivet_ipc_schema::{Bus, BusConfig, ControllerHealth, ParameterSource, RobotName, Subscriber};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
 /// Three processes that wait for each other are enough for a small machine: one test after the other.
 pub fn turn() -> MutexGuard<'static, ()> {
     static TURN: Mutex<()> = Mutex::new(());
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A child that does not outlive the test.
-pub struct Process(pub Child);
-
-impl Process {
-    /// Starts it; what it prints is not wanted.
-    pub fn start(command: &mut Command) -> Process {
-        Process(command.stdout(Stdio::null()).spawn().expect("the program starts"))
-    }
-
-    /// Sends a signal: `-TERM`.
-    pub fn signal(&self, signal: &str) {
-        let pid = self.0.id().to_string();
-        assert!(Command::new("kill").args([signal, &pid]).status().expect("kill runs").success());
-    }
-
-    /// Sends a signal and waits for the end.
-    pub fn end(&mut self, signal: &str) {
-        self.signal(signal);
-        self.0.wait().expect("a child that ends");
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Waits for something without asking how long it takes; only a hang fails.
-pub fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(120), "never: {what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// A robot file in a folder of its own: an arm whose friction turns over smoothly (the jumps of Coulomb's law would hide every
@@ -94,7 +53,8 @@ impl<'a> Stage<'a> {
     fn process(&self, words: &[&str]) -> Process {
         let mut command = rivet();
         command.arg(words[0]).arg(&self.file).args(&words[1..]).args(["--die-with-parent", "--prefix"]);
-        Process::start(command.arg(&self.config.prefix).arg("--root").arg(&self.config.root))
+        // What it prints is not wanted.
+        Process::start(command.arg(&self.config.prefix).arg("--root").arg(&self.config.root).stdout(Stdio::null()))
     }
 
     fn state(&self) -> String {

@@ -1,54 +1,15 @@
 //! Who may talk to the daemon: its own user alone, and nobody else can hold it up. Needs root, to be two users.
 
-use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, JointState, PrivateBus, RobotName};
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, PrivateBus};
+use rivet_tests::process::eventually;
+use rivet_tests::two_link::{daemon, name, running, sample};
 use rivet_tests::{rivet, robot};
 use std::fs;
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
-fn sample(seq: u64) -> JointState {
-    let t = seq as f64 * 0.001;
-    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
-    for j in 0..2 {
-        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
-        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
-    }
-    state
-}
-
-fn name() -> RobotName {
-    RobotName::new("dd2").expect("a name")
-}
-
-fn daemon(config: &BusConfig) -> Command {
-    let mut command = rivet();
-    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
-    command.arg("--root").arg(&config.root);
-    command
-}
 
 /// Program and robot where another user can read them.
 struct Outside {
@@ -92,7 +53,7 @@ fn another_user_can_neither_publish_nor_read_nor_hold_up_the_daemon() {
     let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
     let states = bus.joint_state_publisher().expect("a publisher");
     let health = bus.health_subscriber().expect("a subscriber");
-    let _daemon = Process(daemon(config).spawn().expect("the program starts"));
+    let _daemon = running(config);
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     let outside = Outside::new();
 
@@ -157,7 +118,7 @@ fn a_second_daemon_is_refused_and_the_first_works_on() {
     let states = bus.joint_state_publisher().expect("a publisher");
     let health = bus.health_subscriber().expect("a subscriber");
     let client = bus.control_client().expect("a client");
-    let _first = Process(daemon(config).spawn().expect("the program starts"));
+    let _first = running(config);
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     // Answers come from one server: who asks is never answered by a second one.
     let ask = || client.ask(ControlCommand::Resume, Duration::from_secs(30)).expect("asked").expect("an answer");

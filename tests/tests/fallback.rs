@@ -1,7 +1,8 @@
 //! The fallback chain in motion, on three arms: `rivetd` is killed and started again beside `rivet-controller`. Real processes.
 
 use rivet_ipc_schema::{ControllerHealth, ParameterSource, PrivateBus, SourceReason};
-use rivet_tests::stage::{Process, Stage, quality, turn};
+use rivet_tests::process::Process;
+use rivet_tests::stage::{Stage, quality, turn};
 
 /// One run of about 20 s of motion; `disturb` acts on the daemon some seconds after live parameters came into use. Returns step,
 /// tracking error, and the health at the end.

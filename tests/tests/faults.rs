@@ -1,71 +1,17 @@
 //! What neighbours on the bus do to `rivetd`: die, come twice, never read, come in crowds, speak another version, fill the
 //! shared memory. Faults of the samples themselves are in `daemon/tests/faults`.
 
-use rivet_ipc_schema::{
-    Bus, BusConfig, DaemonMode, Health, InputFault, JointState, PrivateBus, Publisher, RobotName, Subscriber,
-};
+use rivet_ipc_schema::{BusConfig, DaemonMode, Health, InputFault, JointState, PrivateBus, Publisher, Subscriber};
+use rivet_tests::process::{Process, eventually};
+use rivet_tests::two_link::{bus, daemon, running, sample};
 use rivet_tests::{rivet, robot};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
-
-/// A child that does not outlive the test.
-struct Process(Child);
-
-impl Process {
-    fn start(command: &mut Command) -> Process {
-        Process(command.spawn().expect("the program starts"))
-    }
-
-    fn signal(&self, name: &str) {
-        let pid = self.0.id().to_string();
-        assert!(Command::new("kill").args([name, &pid]).status().expect("kill runs").success());
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn daemon(config: &BusConfig) -> Command {
-    let mut command = rivet();
-    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
-    command.arg("--root").arg(&config.root);
-    command
-}
-
-fn bus(config: &BusConfig, role: &str) -> Bus {
-    Bus::open(config, &RobotName::new("dd2").expect("a sound name"), role).expect("the bus opens")
-}
-
-/// Waits for something without asking how long it takes; only a hang fails.
-fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(60), "never: {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// The first report that is as wanted; what came meanwhile is shown when it never does.
 fn report(health: &Subscriber<Health>, what: &str, wanted: impl Fn(&Health) -> bool) -> Health {
     eventually(what, || health.receive().expect("received").filter(&wanted))
-}
-
-fn sample(seq: u64) -> JointState {
-    let t = seq as f64 * 0.001;
-    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
-    for j in 0..2 {
-        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
-        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
-    }
-    state
 }
 
 /// Sends as fast as the loop takes: more than the ring holds at once would be a loss that the robot made.
@@ -103,7 +49,7 @@ fn killable_robot(config: &BusConfig) -> Process {
 #[test]
 fn a_robot_that_is_killed_is_missed_by_name_and_followed_when_it_comes_back() {
     let private = PrivateBus::new("killed");
-    let _daemon = Process::start(&mut daemon(private.config()));
+    let _daemon = running(private.config());
     let side = bus(private.config(), "test-onlooker");
     let health = side.health_subscriber().expect("a subscriber");
     for turn in 1..=2_u64 {
@@ -130,7 +76,7 @@ fn a_second_publisher_is_named_and_none_of_its_samples_is_used() {
     let (first, second) = (bus(private.config(), "test-robot"), bus(private.config(), "test-stranger"));
     let states = first.joint_state_publisher().expect("a publisher");
     let health = first.health_subscriber().expect("a subscriber");
-    let _daemon = Process::start(&mut daemon(private.config()));
+    let _daemon = running(private.config());
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     send(&states, 1..=200);
     let before = report(&health, "the first is heard", |h| h.samples > 0);
@@ -168,7 +114,7 @@ fn a_crowd_that_never_reads_costs_no_sample() {
     let deaf: Vec<_> = (0..64)
         .map(|_| (crowd.parameters_subscriber().expect("room"), crowd.health_subscriber().expect("room")))
         .collect();
-    let _daemon = Process::start(&mut daemon(private.config()));
+    let _daemon = running(private.config());
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     send(&states, 1..=9000);
     let seen = report(&health, "all samples are taken", |h| h.samples == 9000);
@@ -221,7 +167,7 @@ fn a_daemon_that_is_stopped_for_a_while_goes_on() {
     let side = bus(private.config(), "test-robot");
     let states = side.joint_state_publisher().expect("a publisher");
     let health = side.health_subscriber().expect("a subscriber");
-    let process = Process::start(&mut daemon(private.config()));
+    let process = running(private.config());
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     send(&states, 1..=300);
     report(&health, "samples are taken", |h| h.samples == 300);

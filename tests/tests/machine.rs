@@ -1,7 +1,7 @@
 //! `rivet doctor` and `rivet bench-loop` on the machine at hand, whatever it is.
 
 use rivet_ipc_schema::{Bus, PrivateBus, RobotName};
-use rivet_tests::side::eventually;
+use rivet_tests::process::eventually;
 use rivet_tests::{rivet, robot, succeed};
 use std::process::{Command, Stdio};
 

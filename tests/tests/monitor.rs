@@ -1,38 +1,17 @@
 //! Whoever looks on, and whoever floods the control service: the loop's work is what it is without them.
 
-use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, Health, JointState, PrivateBus, RobotName};
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, Health, PrivateBus};
 use rivet_realtime::LogHistogram;
+use rivet_tests::process::{Process, eventually};
+use rivet_tests::two_link::{name, running, sample};
 use rivet_tests::{rivet, robot, succeed};
-use std::process::{Child, Command};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Samples at their own rate, four seconds of them.
 const SAMPLES: u64 = 4000;
-
-fn sample(seq: u64) -> JointState {
-    let t = seq as f64 * 0.001;
-    let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
-    for j in 0..2 {
-        state.q[j] = 0.5 * ((5.0 + j as f64) * t).sin();
-        state.tau[j] = 3.0 * ((5.0 + j as f64) * t).cos();
-    }
-    state
-}
-
-fn name() -> RobotName {
-    RobotName::new("dd2").expect("a name")
-}
 
 fn monitor(config: &BusConfig) -> Command {
     let mut command = rivet();
@@ -48,14 +27,8 @@ fn run(beside: impl FnOnce(BusConfig, Arc<AtomicBool>) + Send + 'static) -> Heal
     let bus = Bus::open(&config, &name(), "test-robot").expect("the bus");
     let states = bus.joint_state_publisher().expect("a publisher");
     let health = bus.health_subscriber().expect("a subscriber");
-    let mut command = rivet();
-    command.arg("daemon").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix", &config.prefix]);
-    let _daemon = Process(command.arg("--root").arg(&config.root).spawn().expect("the program starts"));
-    let begin = Instant::now();
-    while states.subscribers() == 0 {
-        assert!(begin.elapsed() < Duration::from_secs(60), "rivetd does not listen");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let _daemon = running(&config);
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     let stop = Arc::new(AtomicBool::new(false));
     let neighbour = std::thread::spawn({
         let (config, stop) = (config.clone(), Arc::clone(&stop));

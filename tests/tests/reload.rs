@@ -4,8 +4,9 @@ use rivet_daemon::Core;
 use rivet_ipc_schema::{
     Bus, ControlCommand, ControlStatus, LoadLevel, Parameters, PrivateBus, RobotName, parameter_flags,
 };
+use rivet_tests::process::{Process, eventually};
 use rivet_tests::robot;
-use rivet_tests::side::{Arm, Process, daemon, eventually};
+use rivet_tests::side::{Arm, daemon};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;

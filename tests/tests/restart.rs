@@ -4,8 +4,9 @@ use rivet_ipc_schema::{
     Bus, ControlClient, ControlCommand, ControlStatus, Parameters, PrivateBus, RobotName, parameter_flags,
 };
 use rivet_store::{Knowledge, Store};
+use rivet_tests::process::{Process, eventually};
 use rivet_tests::robot;
-use rivet_tests::side::{Arm, Process, daemon, eventually};
+use rivet_tests::side::{Arm, daemon};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -20,25 +20,13 @@ fn undisturbed() -> Option<(Robot, [Run; 2])> {
     Some((robot, runs))
 }
 
-fn recorded<'a>(robot: &'a Robot, run: &'a Run) -> Recorded<'a> {
-    let (n, x) = (robot.dof(), &robot.nominal);
-    Recorded {
-        arm: &robot.model.arm,
-        rotor_inertia: &x[10 * n..11 * n],
-        viscous: &x[11 * n..12 * n],
-        coulomb: &x[12 * n..13 * n],
-        period_s: run.period_s,
-        q: &run.q,
-        tau: &run.tau,
-    }
-}
-
 /// Strong effects are named on their joints, faint ones and none at all are not; what the probe names first, the whole
 /// procedure names as well.
 #[test]
 fn the_probe_finds_what_the_diagnosis_finds() {
     let Some((robot, runs)) = undisturbed() else { return };
-    let injectors = [0, 1].map(|i| Injector::new(recorded(&robot, &runs[i])));
+    let injectors = [0, 1]
+        .map(|i| Injector::new(Recorded::of(&robot.model, &robot.nominal, runs[i].period_s, &runs[i].q, &runs[i].tau)));
     let added = |effect: Injected| -> Vec<Vec<Vec<f64>>> { injectors.iter().map(|i| i.torque(effect)).collect() };
     let load = |ratio: f64| added(Injected::LoadFriction { joint: 1, ratio });
     let delay = added(Injected::Delay { seconds: 0.006 });

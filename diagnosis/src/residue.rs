@@ -1,0 +1,120 @@
+//! What is left of each joint's torque, and whether a name may stand on what was taken from it.
+
+use crate::effect::Kind;
+use crate::search::Search;
+use crate::select::Adopted;
+
+/// Least share of a joint's excess over its floor that causes must explain for their names to stand.
+const EXPLAINED: f64 = 0.7;
+/// The same where the form is a simulated gear, delay or bristle, never exact.
+const EXPLAINED_SIMULATED: f64 = 0.5;
+/// The same where more than noise is left: an effect that is in the library leaves little else.
+const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
+/// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
+const UNEXPLAINED: f64 = 4.0;
+/// Everywhere below this multiple nothing is left.
+const AT_FLOOR: f64 = 2.0;
+
+/// Root mean squares by joint, on the runs looked at \[N·m\].
+pub(crate) struct Residue<'a> {
+    /// Before any effect was adopted.
+    pub(crate) first: &'a [f64],
+    /// With all of them.
+    pub(crate) left: &'a [f64],
+    /// Noise of the torque signal.
+    pub(crate) floor: &'a [f64],
+}
+
+impl<'a> Residue<'a> {
+    pub(crate) fn of(search: &'a Search<'_>) -> Residue<'a> {
+        Residue { first: &search.first_noise, left: &search.noise, floor: &search.floor }
+    }
+
+    /// Whether more than noise is left on joint `j`.
+    pub(crate) fn is_noisy(&self, j: usize) -> bool {
+        self.left[j] > UNEXPLAINED * self.floor[j]
+    }
+
+    pub(crate) fn any_noisy(&self) -> bool {
+        (0..self.left.len()).any(|j| self.is_noisy(j))
+    }
+
+    /// Whether joint `j` keeps more than noise while the arm's others come down to theirs: something without a name is there.
+    /// Where hardly any joint reaches its floor, as on measured arms, the floor is no measure.
+    pub(crate) fn is_nameless(&self, j: usize) -> bool {
+        let noisy = (0..self.left.len()).filter(|j| self.is_noisy(*j)).count();
+        self.is_noisy(j) && 2 * noisy <= self.left.len()
+    }
+
+    /// Whether there is nothing left to explain.
+    pub(crate) fn at_floor(&self) -> bool {
+        self.left.iter().zip(self.floor).all(|(left, floor)| *left <= AT_FLOOR * floor)
+    }
+
+    /// Share of joint `j`'s excess over its floor that was taken.
+    fn explained(&self, j: usize) -> f64 {
+        let floor = self.floor[j].powi(2);
+        let (first, left) = (self.first[j].powi(2) - floor, self.left[j].powi(2) - floor);
+        if first <= floor { 1.0 } else { 1.0 - left.max(0.0) / first }
+    }
+
+    /// Whether the joints that the effect is reported on are explained.
+    pub(crate) fn upholds(&self, adopted: &Adopted) -> bool {
+        let form = &adopted.form;
+        let value = form.effect().kind() == Kind::Value;
+        let least = |j: usize| match (form.has_fixed_gain(), self.is_nameless(j)) {
+            // A wrong value explains what it explains, unless something is left that it may only imitate.
+            (_, false) if value => f64::NEG_INFINITY,
+            // Torque over the angle fits to the noise, or it is another law.
+            (_, true) if form.of_angle_alone() => f64::INFINITY,
+            (true, _) => EXPLAINED_SIMULATED,
+            (false, true) => EXPLAINED_ABOVE_NOISE,
+            // What wrong values took over before is not seen in the residual.
+            (false, false) if form.hides() => 0.0,
+            (false, false) => EXPLAINED,
+        };
+        form.joints().iter().all(|j| self.explained(*j) >= least(*j))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::form::Form;
+
+    fn adopted(form: Form) -> Adopted {
+        Adopted {
+            form,
+            gain: 100.0,
+            shares: Vec::new(),
+            share: 0.9,
+            rivals: Vec::new(),
+            rival_forms: Vec::new(),
+            place: 0,
+            values: Vec::new(),
+            acts_on: Vec::new(),
+            mean: Vec::new(),
+        }
+    }
+
+    /// Four joints; the third keeps ten times its noise of a hundred: 99 % of its excess is explained.
+    #[test]
+    fn what_leaves_more_than_noise_is_named_only_where_it_may_be_inexact() {
+        let (first, floor) = ([1.0, 1.0, 100.0, 1.0], [1.0; 4]);
+        let residue = Residue { first: &first, left: &[1.0, 1.0, 10.0, 1.0], floor: &floor };
+        assert!((0..4).map(|j| residue.is_nameless(j)).eq([false, false, true, false]));
+        assert!(residue.upholds(&adopted(Form::Load { joint: 2 })));
+        assert!(residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+        assert!(!residue.upholds(&adopted(Form::Counterbalance { joint: 2, arm: 0.5, phase: 0.0 })));
+        assert!(residue.upholds(&adopted(Form::Counterbalance { joint: 1, arm: 0.5, phase: 0.0 })));
+        // Three quarters are not enough here, and neither is a wrong value that took that much.
+        let residue = Residue { left: &[1.0, 1.0, 50.0, 1.0], ..residue };
+        assert!(!residue.upholds(&adopted(Form::Load { joint: 2 })));
+        assert!(!residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+        // On an arm that reaches its floor nowhere they are.
+        let residue = Residue { first: &[9.0, 9.0, 100.0, 9.0], left: &[9.0, 9.0, 50.0, 9.0], ..residue };
+        assert!(residue.any_noisy() && !(0..4).any(|j| residue.is_nameless(j)));
+        assert!(residue.upholds(&adopted(Form::Load { joint: 2 })));
+        assert!(residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+    }
+}
