@@ -159,3 +159,28 @@ impl Score {
         self.outcomes.iter().find(|o| o.truth == truth)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn f1_is_the_harmonic_mean_of_recall_and_precision() {
+        let group = Group { visible: 8, named: 6, beside: 4, ..Group::default() };
+        let (recall, precision) = (6.0 / 8.0, 6.0 / 10.0);
+        assert!((group.f1() - 2.0 * recall * precision / (recall + precision)).abs() < 1e-12);
+        assert_eq!(Group { visible: 5, named: 5, ..Group::default() }.f1(), 1.0);
+        assert_eq!(Group { visible: 5, beside: 3, ..Group::default() }.f1(), 0.0);
+        assert_eq!(Group::default().f1(), 0.0, "an empty group is no division by zero");
+    }
+
+    #[test]
+    fn a_figure_falls_into_the_bin_that_begins_with_it() {
+        let mut bins = Bin::between(&[0.0, 1.0, 2.0]);
+        for (value, right) in [(0.5, true), (1.0, true), (1.5, false), (2.0, true), (-0.1, true)] {
+            Bin::add(&mut bins, value, right);
+        }
+        let said: Vec<(usize, usize, f64)> = bins.iter().map(|bin| (bin.count, bin.right, bin.mean)).collect();
+        assert_eq!(said, [(1, 1, 0.5), (2, 1, 1.25)], "what is outside is in none");
+    }
+}

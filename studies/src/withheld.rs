@@ -396,3 +396,119 @@ pub fn to_json(arms: &[Arm]) -> Value {
     };
     json!({ "arms": arms.iter().map(arm).collect::<Vec<_>>() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_dynamics::Workspace;
+
+    /// The TX40 with a rotor, friction and a coupled wrist, and one run.
+    fn known() -> (Known, Vec<Run>) {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/staubli-tx40/robot.toml");
+        let robot = rivet_config::load(file).expect("a sound robot file");
+        let n = robot.dof();
+        let mut standard = robot.nominal.clone();
+        for (parameter, value) in robot.model.parameters.iter().zip(&mut standard) {
+            let drive = matches!(parameter, Parameter::RotorInertia(_) | Parameter::Viscous(_) | Parameter::Coulomb(_));
+            *value = if drive && *value == 0.0 { 0.3 } else { *value };
+        }
+        let rows = |scale: f64| (0..n).map(|j| vec![scale * (j + 1) as f64; 3]).collect();
+        let run = Run { name: "r".into(), period_s: 1e-3, q: rows(0.1), tau: rows(2.0), temperature: None };
+        (Known { model: (*robot.model).clone(), standard }, vec![run])
+    }
+
+    /// Torque at a state at which every joint is bent, turns and is accelerated.
+    fn torque(model: &Model, standard: &[f64]) -> Vec<f64> {
+        let n = model.arm.dof();
+        let state = |scale: f64| (0..n).map(|j| scale * (1.0 + 0.3 * j as f64)).collect::<Vec<f64>>();
+        let mut y = vec![0.0; n * standard.len()];
+        model.regressor(&mut Workspace::new(&model.arm), &state(0.4), &state(0.7), &state(-1.1), &mut y);
+        y.chunks(standard.len()).map(|row| row.iter().zip(standard).map(|(y, x)| y * x).sum()).collect()
+    }
+
+    /// What is taken away shows on the joints that are said to lack it, and what is not taken away stays.
+    #[test]
+    fn each_part_changes_what_it_says() {
+        let (known, runs) = known();
+        let whole = torque(&known.model, &known.standard);
+        let parts = Part::of(&known);
+        for part in &parts {
+            let (model, standard, changed) = part.withheld(&known, &runs);
+            let now = torque(&model, &standard);
+            let differ: Vec<usize> = (0..6).filter(|&j| (now[j] - whole[j]).abs() > 1e-9).collect();
+            match *part {
+                Part::Drive(_, j) => {
+                    // A rotor or a friction of the coupled motor acts on both its joints.
+                    assert!(differ.contains(&j) && differ.iter().all(|k| *k == j || *k >= 4), "{part:?}: {differ:?}");
+                }
+                Part::Coupling(a, b) => assert_eq!(differ, [a, b], "{part:?}"),
+                Part::Link(j) => {
+                    assert!(!differ.is_empty() && differ.iter().all(|k| *k <= j), "{part:?}: {differ:?}");
+                    let mass = j * LINK_PARAMETERS;
+                    assert!((standard[mass] - LINK_KEPT * known.standard[mass]).abs() < 1e-12);
+                }
+                Part::Load => {
+                    let mass = |x: &[f64]| x.chunks(LINK_PARAMETERS).take(6).skip(1).map(|b| b[0]).sum::<f64>();
+                    let kept = mass(&standard) / mass(&known.standard);
+                    assert!((kept - (1.0 - LOAD_SHARE)).abs() < 1e-9, "{kept}");
+                }
+                Part::Tilt => {
+                    let length = |g: [f64; 3]| g.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    assert!((length(model.arm.gravity) - length(known.model.arm.gravity)).abs() < 1e-9);
+                    assert!(!differ.is_empty());
+                }
+                Part::Gain(j) => {
+                    assert!((changed[0].tau[j][0] * GAIN - runs[0].tau[j][0]).abs() < 1e-12);
+                    assert!((0..6).all(|k| k == j || changed[0].tau[k] == runs[0].tau[k]), "{part:?}");
+                }
+                Part::Zero(j) => {
+                    assert!((changed[0].q[j][0] - runs[0].q[j][0] - ZERO_RAD).abs() < 1e-12);
+                    assert!((0..6).all(|k| k == j || changed[0].q[k] == runs[0].q[k]), "{part:?}");
+                }
+            }
+            if !matches!(part, Part::Gain(_) | Part::Zero(_)) {
+                assert_eq!(changed, runs, "{part:?} is no matter of the log");
+            }
+        }
+        for part in
+            [Part::Drive(Effect::RotorInertia, 0), Part::Coupling(4, 5), Part::Gain(0), Part::Link(5), Part::Tilt]
+        {
+            assert!(parts.contains(&part), "{part:?} is among {parts:?}");
+        }
+        assert!(
+            !parts.contains(&Part::Gain(6)) && !parts.contains(&Part::Link(0)),
+            "link 1 is seen by its rotor alone"
+        );
+    }
+
+    /// What was not there cannot be taken away, and what does not show need not be found.
+    #[test]
+    fn what_is_nothing_is_no_part_and_what_is_faint_or_old_does_not_count() {
+        let (mut known, _) = known();
+        let at = known.model.parameters.iter().position(|p| *p == Parameter::Viscous(2)).expect("a drive parameter");
+        known.standard[at] = 0.0;
+        assert!(!Part::of(&known).contains(&Part::Drive(Effect::ViscousFriction, 2)));
+        let outcome = |strength: f64, named_before: bool| Outcome {
+            arm: "a",
+            effect: Effect::Payload,
+            joints: Vec::new(),
+            strength,
+            named_before,
+            named: true,
+            right_joint: true,
+            shrink: Some((0.4, 0.5)),
+            beside: Vec::new(),
+            verdict: "gap",
+        };
+        assert!(outcome(0.6, false).counts() && !outcome(0.4, false).counts() && !outcome(0.6, true).counts());
+        let arm = Arm {
+            name: "a",
+            whole: Vec::new(),
+            gap: 0.1,
+            outcomes: vec![outcome(0.6, false), outcome(0.4, false), outcome(0.6, true)],
+        };
+        let text = markdown(&[arm]);
+        assert!(text.contains("Of 3 parts 1 can be seen") && text.contains("1 named, 1 of them on"), "{text}");
+        assert!(text.contains("| payload | 1 | 1 | 1 | 0 |") && text.contains("0.40, 0.50"), "{text}");
+    }
+}

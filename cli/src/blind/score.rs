@@ -326,3 +326,100 @@ impl Tally {
         out + &table.text()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    fn answer(effects: Value, wrong_nominal: bool) -> Answer {
+        let mut answer = json!({ "effects": effects, "torque_change_over_noise": [0.1, 3.0] });
+        if wrong_nominal {
+            answer["nominal_error"] = json!(0.1);
+        }
+        serde_json::from_value(answer).expect("an answer")
+    }
+
+    fn found(verdict: &str, causes: &[(&str, &[&str], &[&str])]) -> Found {
+        let cause = |(effect, joints, class): &(&str, &[&str], &[&str])| {
+            json!({
+                "effect": effect, "joints": joints, "indistinguishable_from": class, "confidence": 0.9,
+                "shrink": { "predicted": 0.5, "low": 0.4, "high": 0.6, "measured": 0.58 },
+            })
+        };
+        let causes: Vec<Value> = causes.iter().map(cause).collect();
+        let gap = json!({ "per_joint": [{ "joint": "a" }, { "joint": "b" }] });
+        serde_json::from_value(json!({ "verdict": verdict, "causes": causes, "gap": gap })).expect("a verdict")
+    }
+
+    fn tally(cases: &[(Answer, Found)]) -> (Tally, Vec<String>) {
+        let mut tally = Tally(Score {
+            strength: Bin::between(&STRENGTHS),
+            confidence: Bin::between(&CONFIDENCES),
+            ..Score::default()
+        });
+        let words = cases.iter().map(|(answer, found)| tally.add(answer, found)).collect();
+        (tally, words)
+    }
+
+    fn one(effect: &str, joints: &[usize]) -> Value {
+        json!([{ "effect": effect, "joints": joints }])
+    }
+
+    #[test]
+    fn a_name_a_class_a_wrong_joint_and_a_miss_are_told_apart() {
+        let (tally, words) = tally(&[
+            (answer(one("backlash", &[1]), false), found("gap", &[("backlash", &["b"], &[])])),
+            (answer(one("backlash", &[1]), false), found("gap", &[("elasticity", &["b"], &["backlash"])])),
+            (answer(one("backlash", &[1]), false), found("gap", &[("backlash", &["a"], &[])])),
+            (answer(one("backlash", &[1]), false), found("gap", &[("payload", &[], &[])])),
+            (answer(one("backlash", &[1]), false), found("unexplained", &[])),
+        ]);
+        assert_eq!(words, ["", "", "wrong joint", "missed, and more", "missed"]);
+        let Outcome { cases, right, in_class, wrong, unexplained, missed, said_instead, .. } = &tally.0.outcomes[0];
+        assert_eq!((*cases, *right, *in_class, *wrong, *unexplained, *missed), (5, 2, 1, 1, 1, 0));
+        assert_eq!(said_instead, &["payload"]);
+        let Group { visible, named, right_joint, beside, .. } = &tally.0.groups[0];
+        assert_eq!((*visible, *named, *right_joint, *beside), (5, 3, 2, 1));
+        // Right by its own name: two of four causes that said how sure they are.
+        let sure: Vec<_> = tally.0.confidence.iter().map(|bin| (bin.count, bin.right)).filter(|b| b.0 > 0).collect();
+        assert_eq!(sure, [(4, 2)]);
+        // 0.5 for 0.58: not within five points, within its interval.
+        assert_eq!((tally.0.predictions, tally.0.close, tally.0.covered), (4, 0, 4));
+    }
+
+    #[test]
+    fn a_name_where_nothing_is_wrong_or_nothing_fits_is_a_false_alarm() {
+        let (tally, words) = tally(&[
+            (answer(json!([]), false), found("no_gap", &[])),
+            (answer(json!([]), false), found("gap", &[("payload", &[], &[])])),
+            (answer(one("outside", &[0]), false), found("unexplained", &[])),
+            (answer(one("outside", &[0]), false), found("gap", &[("backlash", &["a"], &[])])),
+        ]);
+        assert_eq!(words, ["", "false alarm", "", "misnamed"]);
+        let right: Vec<_> = tally.0.outcomes.iter().map(|o| (o.truth.as_str(), o.cases, o.right)).collect();
+        assert_eq!(right, [("nothing", 2, 1), ("outside", 2, 1)]);
+    }
+
+    /// Where every value is wrong, saying so of a value is right and answers nothing: it counts neither way.
+    #[test]
+    fn values_count_only_where_the_nominal_model_is_exact() {
+        let said = || found("gap", &[("rotor_inertia", &["a"], &[])]);
+        let (tally, words) = tally(&[(answer(json!([]), true), said()), (answer(json!([]), false), said())]);
+        assert_eq!(words, ["", "false alarm"]);
+        let groups: Vec<_> = tally.0.groups.iter().map(|g| (g.wrong_nominal, g.beside)).collect();
+        assert_eq!(groups, [(true, 0), (false, 1)]);
+    }
+
+    #[test]
+    fn what_nobody_can_see_need_not_be_named() {
+        let faint = json!([{ "effect": "backlash", "joints": [0], "torque_change_over_noise": [0.2, 0.1] }]);
+        let (tally, words) = tally(&[
+            (answer(faint.clone(), false), found("no_gap", &[])),
+            (answer(faint, false), found("gap", &[("payload", &[], &[])])),
+        ]);
+        assert_eq!(words, ["not visible", "not visible, and more"]);
+        assert_eq!((tally.0.invisible, tally.0.invisible_cases, tally.0.invisible_beside), (2, 2, 1));
+        assert_eq!(tally.0.visible(), 0);
+    }
+}
