@@ -180,9 +180,9 @@ impl Energy {
     }
 
     /// Torque residuals of the torque rows `d` with `values`, for the report alone.
-    pub(crate) fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool], values: &[f64]) {
-        self.watch.count(used);
-        for (j, row) in d.chunks_exact(values.len()).enumerate().filter(|(j, _)| used[*j]) {
+    pub(crate) fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64], values: &[f64]) {
+        self.watch.count(share);
+        for (j, row) in d.chunks_exact(values.len()).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             self.watch.add(j, [tau[j] - dot(row, values), tau[j] - dot(row, &self.nominal), tau[j]]);
         }
     }

@@ -42,6 +42,8 @@ const PRIOR_TORQUE_SHARE: f64 = 0.05;
 const PRIOR_CAUTION: f64 = 0.05;
 /// Coloured residuals count for at most this many times fewer rows than white ones.
 const MOST_COLOUR: f64 = 4.0;
+/// Rows that count for less say nothing of noise: what sticks is in them.
+const CLEAR: f64 = 0.5;
 /// Beyond this condition number of the covariance a window of constant trace forgets nothing: it is then one badly known
 /// direction that fills the trace.
 const WORST_CONDITION: f64 = 1e10;
@@ -369,7 +371,7 @@ impl Estimator {
     ///
     /// * `d`: regressor, p x n row-major; `tau`: p torques \[N·m\]
     /// * `z`: instruments, p x n, and which they are; `None` when there are none. Not read by least squares.
-    /// * `used`: which of the p rows count
+    /// * `share`: how much each of the p rows counts, 0 (not at all) to 1 (wholly)
     ///
     /// Returns how many rows were used. Values change later, by [`work`](Self::work) or [`settle`](Self::settle).
     ///
@@ -380,11 +382,11 @@ impl Estimator {
         d: &[f64],
         z: Option<(&[f64], Instrument)>,
         tau: &[f64],
-        used: &[bool],
+        share: &[f64],
     ) -> Result<usize, Skip> {
         let n = self.n;
-        let count = used.iter().filter(|used| **used).count();
-        self.residuals.count(used);
+        let count = share.iter().filter(|share| **share > 0.0).count();
+        self.residuals.count(share);
         if count == 0 {
             return Err(Skip::Standstill);
         }
@@ -394,7 +396,7 @@ impl Estimator {
         if !usable {
             return Err(Skip::NotFinite);
         }
-        let changed = self.watch(d, tau, used);
+        let changed = self.watch(d, tau, share);
         if self.frozen {
             return Err(Skip::Frozen);
         }
@@ -408,7 +410,7 @@ impl Estimator {
             scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.d[j * n..(j + 1) * n]);
         }
         self.ud.forget(self.lambda);
-        for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+        for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             self.ud.update(row, rows.tau[j]);
         }
         for ((out, x), c) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.column) {
@@ -419,8 +421,8 @@ impl Estimator {
         for j in 0..tau.len() {
             scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.z[j * n..(j + 1) * n]);
         }
-        self.compare(d, z, used);
-        self.accumulate(used);
+        self.compare(d, z, share);
+        self.accumulate(share);
         let lambda = self.lambda;
         self.count[0] = lambda * self.count[0] + 1.0;
         self.count[1] = lambda * lambda * self.count[1] + 1.0;
@@ -430,10 +432,10 @@ impl Estimator {
     }
 
     /// What the regressor has that the instruments have not, beside both.
-    fn compare(&mut self, d: &[f64], z: &[f64], used: &[bool]) {
+    fn compare(&mut self, d: &[f64], z: &[f64], share: &[f64]) {
         let (n, rows) = (self.n, &self.rows);
         self.comparison.forget(self.lambda);
-        for j in (0..used.len()).filter(|&j| used[j]) {
+        for j in (0..share.len()).filter(|&j| share[j] > 0.0) {
             let own = j * n..(j + 1) * n;
             // Equal rows give zero exactly: both products are formed alike.
             let off = rows.weight[j] * (dot(&d[own.clone()], &self.values) - dot(&z[own.clone()], &self.values));
@@ -473,26 +475,28 @@ impl Estimator {
 
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
     /// Returns whether the arm has changed.
-    fn watch(&mut self, d: &[f64], tau: &[f64], used: &[bool]) -> bool {
+    fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64]) -> bool {
         let n = self.n;
         self.rows.weight.fill(0.0);
         let values = &self.values;
         let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
-        let moving = || d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]);
-        let changed = self.change.as_mut().is_some_and(|change| change.add(moving().map(residual)));
-        for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+        let clear = || d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] >= CLEAR);
+        let changed = self.change.as_mut().is_some_and(|change| change.add(clear().map(residual)));
+        for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             let residual = tau[j] - dot(row, &self.values);
             let nominal = tau[j] - dot(row, &self.nominal);
-            self.residuals.add(j, [residual, nominal, tau[j]]);
             // Noise is what the better of the two predictors leaves: values that are wrong (held, or a payload ago) must
             // not pass for noise, or the threshold would rise and hold them for ever.
             let beside = tau[j] - dot(row, &self.rls_values);
             let noise = if beside.abs() < residual.abs() { beside } else { residual };
             // By the noise as it was before this row: no row excuses itself.
-            self.rows.weight[j] = self.noise.weight(j, noise);
+            self.rows.weight[j] = self.noise.weight(j, noise) * share[j].sqrt();
             self.rows.residual[j] = noise * self.rows.weight[j];
-            if !self.frozen {
-                self.noise.add(j, noise);
+            if share[j] >= CLEAR {
+                self.residuals.add(j, [residual, nominal, tau[j]]);
+                if !self.frozen {
+                    self.noise.add(j, noise, residual);
+                }
             }
         }
         self.noise.balance();
@@ -507,14 +511,14 @@ impl Estimator {
     }
 
     /// `M ← λM + Σ z·dᵀ`, the lower triangle of `S ← λS + Σ z·zᵀ`, `y ← λy + Σ z·τ`.
-    fn accumulate(&mut self, used: &[bool]) {
+    fn accumulate(&mut self, share: &[f64]) {
         let n = self.n;
         let lambda = self.lambda;
         let rows = &mut self.rows;
         for v in &mut self.excited {
             *v *= lambda;
         }
-        for (j, z) in rows.z.chunks_exact(n).enumerate().filter(|(j, _)| used[*j]) {
+        for (j, z) in rows.z.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             debug_assert!(j < rows.tau.len());
             for (sum, z) in self.excited.iter_mut().zip(z) {
                 *sum += z * z;

@@ -27,10 +27,14 @@ const DEFAULT_SPEED: f64 = 10.0;
 /// Rows reach the estimator once the filters have run for this many periods of the cut-off: until then the first
 /// sample's noise weighs too much. (The equation holds from the first sample on.)
 pub(crate) const SETTLING: f64 = 1.0;
-/// A row counts if this share of what the filter has let through came from a moving joint: the torque of a joint that
-/// sticks has no friction's direction, and stays in the filter for a while. Half let enough of it in to bias the wrist of an
-/// arm whose controller knows no friction.
-pub(crate) const MOVED: f64 = 0.95;
+/// The torque of a joint that sticks has no friction's direction, and stays in the filter for a while: a row counts by this
+/// power of the share of what the filter has let through that came from a moving joint. The first power let enough of it in to
+/// bias the wrist of an arm whose controller knows no friction. No sharp border either: over a stretch of rows the noise of
+/// acceleration sums up to that of the speeds at its ends, and a border behind a filter that rings chooses those by just that
+/// noise, against which instruments do not help.
+const STEEP: i32 = 8;
+/// Less is nothing.
+const LEAST_SHARE: f64 = 0.01;
 /// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
 const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
@@ -528,10 +532,10 @@ impl Identifier {
     fn learn<O: Observer>(&mut self, observer: &mut O) -> Step {
         self.measured.rows(&mut self.d);
         let (tau, moving) = self.measured.extra().split_at(self.dof);
-        // The filter's own view of what came from a moving joint.
-        let mut used = [false; MAX_JOINTS];
-        for (used, moving) in used.iter_mut().zip(moving) {
-            *used = *moving >= MOVED;
+        let (mut share, mut used) = ([0.0; MAX_JOINTS], [false; MAX_JOINTS]);
+        for ((share, used), moving) in share.iter_mut().zip(&mut used).zip(moving) {
+            *share = counts(*moving);
+            *used = *share > 0.0;
         }
         let none = [0.0; MAX_JOINTS];
         let mut row = Row { tau: none, predicted: none, accepted: none, speed: none, accel: none, moving: used };
@@ -549,15 +553,14 @@ impl Identifier {
         }
         self.reference.learn(&used[..self.dof], &self.aligned);
         if let Some(energy) = &mut self.energy {
-            let used = &used[..self.dof];
-            energy.watch(&self.d, tau, used, self.estimator.estimate().values);
+            energy.watch(&self.d, tau, &share[..self.dof], self.estimator.estimate().values);
             let (row, work, planned) = energy.take(self.settled);
             let instruments = match planned {
                 Some(row) => Some((row, self.chosen)),
                 None => self.past.oldest().map(|row| (row, Instrument::Delayed)),
             };
             let moving = used.iter().any(|used| *used);
-            let result = self.estimator.update(row, instruments, &[work], &[moving]);
+            let result = self.estimator.update(row, instruments, &[work], &[f64::from(u8::from(moving))]);
             self.past.store(row);
             return result.map_or_else(Step::Skipped, |rows| Step::Updated { rows });
         }
@@ -567,13 +570,19 @@ impl Identifier {
         } else {
             self.past.oldest().map(|rows| (rows, Instrument::Delayed))
         };
-        let result = self.estimator.update(&self.d, instruments, tau, &used[..self.dof]);
+        let result = self.estimator.update(&self.d, instruments, tau, &share[..self.dof]);
         self.past.store(&self.d);
         match result {
             Ok(rows) => Step::Updated { rows },
             Err(why) => Step::Skipped(why),
         }
     }
+}
+
+/// How much a row counts of which the filter let through `moving` from a moving joint.
+fn counts(moving: f64) -> f64 {
+    let share = moving.clamp(0.0, 1.0).powi(STEEP);
+    if share < LEAST_SHARE { 0.0 } else { share }
 }
 
 /// Whether the filters of one go on with the other: the closed loop's model, once identified, moves the setpoint by no more

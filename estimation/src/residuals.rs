@@ -47,9 +47,9 @@ impl Residuals {
         self.left_out.fill(0);
     }
 
-    pub(crate) fn count(&mut self, used: &[bool]) {
-        for ((yes, no), used) in self.used.iter_mut().zip(&mut self.left_out).zip(used) {
-            if *used {
+    pub(crate) fn count(&mut self, share: &[f64]) {
+        for ((yes, no), share) in self.used.iter_mut().zip(&mut self.left_out).zip(share) {
+            if *share > 0.0 {
                 *yes += 1;
             } else {
                 *no += 1;

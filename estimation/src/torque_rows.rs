@@ -4,12 +4,15 @@
 use crate::dead_zone::slides;
 use crate::differentiate::Aligned;
 use crate::filter::Butterworth;
-use crate::identifier::{LARGEST_EFFORT, LARGEST_MOTION, MOVED, SETTLING};
+use crate::identifier::{LARGEST_EFFORT, LARGEST_MOTION, SETTLING};
 use crate::report::Motion;
 use crate::settings::{Settings, SettingsError};
 use crate::signals::{Regressors, RowFilter, Side};
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
+
+/// A row counts if this share of what the filter has let through came from a moving joint.
+const MOVED: f64 = 0.95;
 
 /// Differentiates, filters and decimates one stream of positions and torques.
 #[derive(Clone, Debug)]

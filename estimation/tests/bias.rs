@@ -51,7 +51,7 @@ fn white(forgetting: f64, off: f64, noise: f64, seed: u64) -> Option<Hausman> {
         let tau: Vec<f64> = (0..p)
             .map(|j| (0..n).map(|i| exact[j * n + i] * truth[i]).sum::<f64>() + sigma[j] * random.normal())
             .collect();
-        estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[true; 3]).expect("sound rows");
+        estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[1.0; 3]).expect("sound rows");
         estimator.work();
     }
     estimator.hausman()

@@ -39,7 +39,7 @@ fn least_squares_is_biased_and_instruments_are_not() {
             let clean = random.normal();
             let noisy = clean + r * random.normal();
             let tau = 2.0 * clean + 0.1 * random.normal();
-            riv.update(&[noisy], Some((&[clean], Instrument::Setpoint)), &[tau], &[true]).expect("sound rows");
+            riv.update(&[noisy], Some((&[clean], Instrument::Setpoint)), &[tau], &[1.0]).expect("sound rows");
         }
         riv.settle();
         let e = riv.estimate();
@@ -70,14 +70,14 @@ fn recursive_is_batch() {
         for _ in 0..updates {
             let z: Vec<f64> = (0..p * n).map(|_| random.normal()).collect();
             let d: Vec<f64> = z.iter().map(|z| z + 0.2 * random.normal()).collect();
-            let used: Vec<bool> = (0..p).map(|_| random.unit() < 0.8).collect();
+            let share: Vec<f64> = (0..p).map(|_| (1.25 * random.unit() - 0.25).max(0.0)).collect();
             let tau: Vec<f64> = (0..p)
                 .map(|j| (0..n).map(|i| z[j * n + i] * truth[i]).sum::<f64>() + sigma[j] * random.normal())
                 .collect();
-            let _ = riv.update(&d, Some((&z, Instrument::Setpoint)), &tau, &used);
+            let _ = riv.update(&d, Some((&z, Instrument::Setpoint)), &tau, &share);
             riv.work();
-            for j in (0..p).filter(|j| used[*j]) {
-                let w = 1.0 / (sigma[j] * sigma[j]);
+            for j in 0..p {
+                let w = share[j] / (sigma[j] * sigma[j]);
                 let (zj, dj) = (&z[j * n..(j + 1) * n], &d[j * n..(j + 1) * n]);
                 let (zj, dj) = (DVector::from_column_slice(zj), DVector::from_column_slice(dj));
                 m += w * &zj * dj.transpose();

@@ -51,7 +51,7 @@ fn in_sigmas(sigma: f64, n: usize) -> Scales {
 }
 
 fn feed(estimator: &mut Estimator, row: &[f64], tau: f64) {
-    estimator.update(row, Some((row, Instrument::Setpoint)), &[tau], &[true]).expect("sound rows");
+    estimator.update(row, Some((row, Instrument::Setpoint)), &[tau], &[1.0]).expect("sound rows");
     // More steps than a cycle of so small a system has.
     for _ in 0..12 {
         estimator.work();

@@ -47,7 +47,7 @@ fn feed(
     for _ in 0..count {
         let row = rms.map(|rms| rms * random.normal());
         let tau: f64 = row.iter().zip(truth).map(|(d, x)| d * x).sum::<f64>() + random.normal();
-        estimator.update(&row, Some((&row, Instrument::Regressor)), &[tau], &[true]).expect("a usable row");
+        estimator.update(&row, Some((&row, Instrument::Regressor)), &[tau], &[1.0]).expect("a usable row");
         estimator.work();
         each(estimator.estimate().window_rows, &row);
     }

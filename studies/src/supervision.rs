@@ -84,9 +84,9 @@ impl Entry {
     fn take(&mut self, workload: &Workload, rows: &Rows) {
         match &mut self.scheme {
             Scheme::Estimator { estimator, steps } => {
-                let used = vec![true; rows.tau.len()];
+                let whole = vec![1.0; rows.tau.len()];
                 // Rows of a seeded workload are sound.
-                let taken = estimator.update(&rows.d, Some((&rows.z, Instrument::Setpoint)), &rows.tau, &used);
+                let taken = estimator.update(&rows.d, Some((&rows.z, Instrument::Setpoint)), &rows.tau, &whole);
                 debug_assert!(taken.is_ok());
                 for _ in 0..*steps {
                     estimator.work();

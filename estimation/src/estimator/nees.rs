@@ -70,7 +70,7 @@ fn errors_are_as_large_as_stated() {
                         predicted += 1.0;
                     }
                 }
-                estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[true; 2]).expect("sound rows");
+                estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[1.0; 2]).expect("sound rows");
                 estimator.work();
             }
             estimator.settle();
