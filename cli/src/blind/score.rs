@@ -332,7 +332,7 @@ mod tests {
     use super::*;
     use serde_json::{Value, json};
 
-    fn answer(effects: Value, wrong_nominal: bool) -> Answer {
+    fn answer(effects: &Value, wrong_nominal: bool) -> Answer {
         let mut answer = json!({ "effects": effects, "torque_change_over_noise": [0.1, 3.0] });
         if wrong_nominal {
             answer["nominal_error"] = json!(0.1);
@@ -369,11 +369,11 @@ mod tests {
     #[test]
     fn a_name_a_class_a_wrong_joint_and_a_miss_are_told_apart() {
         let (tally, words) = tally(&[
-            (answer(one("backlash", &[1]), false), found("gap", &[("backlash", &["b"], &[])])),
-            (answer(one("backlash", &[1]), false), found("gap", &[("elasticity", &["b"], &["backlash"])])),
-            (answer(one("backlash", &[1]), false), found("gap", &[("backlash", &["a"], &[])])),
-            (answer(one("backlash", &[1]), false), found("gap", &[("payload", &[], &[])])),
-            (answer(one("backlash", &[1]), false), found("unexplained", &[])),
+            (answer(&one("backlash", &[1]), false), found("gap", &[("backlash", &["b"], &[])])),
+            (answer(&one("backlash", &[1]), false), found("gap", &[("elasticity", &["b"], &["backlash"])])),
+            (answer(&one("backlash", &[1]), false), found("gap", &[("backlash", &["a"], &[])])),
+            (answer(&one("backlash", &[1]), false), found("gap", &[("payload", &[], &[])])),
+            (answer(&one("backlash", &[1]), false), found("unexplained", &[])),
         ]);
         assert_eq!(words, ["", "", "wrong joint", "missed, and more", "missed"]);
         let Outcome { cases, right, in_class, wrong, unexplained, missed, said_instead, .. } = &tally.0.outcomes[0];
@@ -391,10 +391,10 @@ mod tests {
     #[test]
     fn a_name_where_nothing_is_wrong_or_nothing_fits_is_a_false_alarm() {
         let (tally, words) = tally(&[
-            (answer(json!([]), false), found("no_gap", &[])),
-            (answer(json!([]), false), found("gap", &[("payload", &[], &[])])),
-            (answer(one("outside", &[0]), false), found("unexplained", &[])),
-            (answer(one("outside", &[0]), false), found("gap", &[("backlash", &["a"], &[])])),
+            (answer(&json!([]), false), found("no_gap", &[])),
+            (answer(&json!([]), false), found("gap", &[("payload", &[], &[])])),
+            (answer(&one("outside", &[0]), false), found("unexplained", &[])),
+            (answer(&one("outside", &[0]), false), found("gap", &[("backlash", &["a"], &[])])),
         ]);
         assert_eq!(words, ["", "false alarm", "", "misnamed"]);
         let right: Vec<_> = tally.0.outcomes.iter().map(|o| (o.truth.as_str(), o.cases, o.right)).collect();
@@ -405,7 +405,7 @@ mod tests {
     #[test]
     fn values_count_only_where_the_nominal_model_is_exact() {
         let said = || found("gap", &[("rotor_inertia", &["a"], &[])]);
-        let (tally, words) = tally(&[(answer(json!([]), true), said()), (answer(json!([]), false), said())]);
+        let (tally, words) = tally(&[(answer(&json!([]), true), said()), (answer(&json!([]), false), said())]);
         assert_eq!(words, ["", "false alarm"]);
         let groups: Vec<_> = tally.0.groups.iter().map(|g| (g.wrong_nominal, g.beside)).collect();
         assert_eq!(groups, [(true, 0), (false, 1)]);
@@ -415,8 +415,8 @@ mod tests {
     fn what_nobody_can_see_need_not_be_named() {
         let faint = json!([{ "effect": "backlash", "joints": [0], "torque_change_over_noise": [0.2, 0.1] }]);
         let (tally, words) = tally(&[
-            (answer(faint.clone(), false), found("no_gap", &[])),
-            (answer(faint, false), found("gap", &[("payload", &[], &[])])),
+            (answer(&faint, false), found("no_gap", &[])),
+            (answer(&faint, false), found("gap", &[("payload", &[], &[])])),
         ]);
         assert_eq!(words, ["not visible", "not visible, and more"]);
         assert_eq!((tally.0.invisible, tally.0.invisible_cases, tally.0.invisible_beside), (2, 2, 1));
