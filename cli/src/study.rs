@@ -1,5 +1,6 @@
 //! `rivet study`: computes a table anew from seeds and prints it.
 
+mod measured;
 mod real;
 mod supervision;
 mod withheld;
@@ -18,9 +19,9 @@ pub(crate) enum Args {
     /// Supervision schemes side by side on a staged workload
     Supervision(supervision::Args),
     /// Measured arms: trained on one motion, judged on another, beside plain least squares
-    Real(real::Args),
+    Real(measured::Args),
     /// Measured arms from whose identified model one known part is taken away: does the diagnosis name it?
-    Withheld(withheld::Args),
+    Withheld(measured::Args),
 }
 
 /// Without a robot file the arms of the table, from `robots/`.

@@ -164,18 +164,32 @@ impl Flight {
         let path = |number: usize| self.folder.join(format!("{name}.{number}.flight.csv"));
         fs::create_dir_all(&self.folder)?;
         let temporary = self.folder.join(format!("{name}.flight.tmp{}", std::process::id()));
-        let mut file = File::create(&temporary)?;
+        let written = self.write_over(&temporary, path, || self.replaces(name, now));
+        if written.is_err() {
+            // Best effort: what is half written is no record.
+            let _ = fs::remove_file(&temporary);
+        }
+        written.map(|()| path(0))
+    }
+
+    /// Writes `temporary` and makes it number 0; unless it replaces that one, those before it move on by one.
+    fn write_over(
+        &self,
+        temporary: &Path,
+        path: impl Fn(usize) -> PathBuf,
+        replaces: impl FnOnce() -> bool,
+    ) -> io::Result<()> {
+        let mut file = File::create(temporary)?;
         file.write_all(self.text().as_bytes())?;
         file.sync_all()?;
-        let oldest = if self.replaces(name, now) { 0 } else { FILES - 1 };
+        let oldest = if replaces() { 0 } else { FILES - 1 };
         for number in (1..=oldest).rev() {
             match fs::rename(path(number - 1), path(number)) {
                 Err(why) if why.kind() != io::ErrorKind::NotFound => return Err(why),
                 _ => {}
             }
         }
-        fs::rename(&temporary, path(0))?;
-        Ok(path(0))
+        fs::rename(temporary, path(0))
     }
 
     fn text(&self) -> String {

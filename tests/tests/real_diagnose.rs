@@ -68,6 +68,32 @@ fn friction_that_the_file_lacks_is_named_on_all_joints_of_a_ur10e() {
     }
 }
 
+/// A TX40 as its own log identifies it, but for the rotor inertia of joint 2, which the file gives as 0: one value among right
+/// ones is wrong, and it is named alone.
+#[test]
+fn one_value_that_a_file_gives_as_nothing_is_named_on_its_joint() {
+    let Some(log) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut identify = rivet();
+    identify.arg("identify").arg(robot("staubli-tx40")).arg(&log).arg("--refine").arg("--export").arg(folder.path());
+    succeed(&mut identify);
+    let file = folder.path().join("model.toml");
+    let text = std::fs::read_to_string(&file).expect("an identified model");
+    // What was identified as a whole no longer goes with the changed value.
+    let text = text.split("[identified]").next().expect("the part before");
+    let line = text.lines().find(|line| line.starts_with("rotor_inertia")).expect("rotor inertias");
+    let (head, rest) = line.split_once('[').expect("a list");
+    let (values, tail) = rest.split_once(']').expect("its end");
+    let mut values: Vec<&str> = values.split(',').collect();
+    values[1] = " 0.0";
+    std::fs::write(&file, text.replace(line, &format!("{head}[{}]{tail}", values.join(",")))).expect("written");
+    let found = diagnose(&file, &[log]);
+    assert_eq!(joints(cause(&found, "rotor_inertia")), ["joint_2"], "{found:#}");
+    assert_eq!(found["causes"].as_array().map(Vec::len), Some(1), "and nothing else: {found:#}");
+    let (before, after) = gaps(&found)[1];
+    assert!(after < 0.6 * before, "joint 2: {before} -> {after} %");
+}
+
 /// A TX40 whose file says nothing of the motor that turns with both wrist joints.
 #[test]
 fn the_coupled_wrist_of_a_tx40_is_found() {

@@ -1,34 +1,17 @@
 //! `rivet study withheld`: a known part of a measured arm's model is taken away; the diagnosis is asked what is missing.
 
 use std::cell::RefCell;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use rivet_config::Robot;
 use rivet_logs::Log;
 use rivet_studies::withheld::{self, Known};
 
+use super::measured::{Args, Findings};
 use crate::progress::Progress;
-use crate::table::show;
 use crate::{identify, refine, runs};
-
-/// Arguments of `rivet study withheld`.
-#[derive(Debug, clap::Args)]
-pub(crate) struct Args {
-    /// Folder with one folder a data set.
-    #[arg(long, value_name = "DIR", default_value = "../shared/data/real")]
-    data: PathBuf,
-    /// The checkout, whose robots/ and tests/robots/ are used.
-    #[arg(long, value_name = "DIR", default_value = ".")]
-    root: PathBuf,
-    /// Also write the figures as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Also write the table as Markdown.
-    #[arg(long, value_name = "FILE")]
-    markdown: Option<PathBuf>,
-}
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -48,23 +31,6 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let engine = withheld::Engine { read: &read, identify: &identify, runs: &runs, progress: &progress };
     let (arms, skipped, failed) = withheld::run(&args.root, &args.data, &engine);
     line.borrow_mut().done();
-    if arms.is_empty() && failed.is_empty() {
-        bail!("{}: none of the data sets is there", args.data.display());
-    }
-    let table = withheld::markdown(&arms);
-    show(&table)?;
-    for name in skipped {
-        show(&format!("skipped, no data: {name}\n"))?;
-    }
-    if let Some(path) = &args.markdown {
-        runs::write_whole(path, &table).with_context(|| path.display().to_string())?;
-    }
-    if let Some(path) = &args.json {
-        let text = format!("{:#}\n", withheld::to_json(&arms));
-        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
-    }
-    if !failed.is_empty() {
-        bail!("{}", failed.join("\n"));
-    }
-    Ok(ExitCode::SUCCESS)
+    let table = (!arms.is_empty()).then(|| withheld::markdown(&arms));
+    args.tell(&Findings { table, json: withheld::to_json(&arms), skipped, failed })
 }

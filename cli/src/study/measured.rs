@@ -1,0 +1,63 @@
+//! What the studies on measured arms have in common: where the data are, and where their table goes.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+use crate::runs::write_whole;
+use crate::table::show;
+
+/// Arguments of `rivet study real` and `rivet study withheld`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Folder with one folder a data set.
+    #[arg(long, value_name = "DIR", default_value = "../shared/data/real")]
+    pub(crate) data: PathBuf,
+    /// The checkout, whose robots/ and tests/robots/ are used.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub(crate) root: PathBuf,
+    /// Also write the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Also write the table as Markdown.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+}
+
+/// What came of a study.
+pub(crate) struct Findings {
+    /// Markdown; none when no set was there or all failed.
+    pub(crate) table: Option<String>,
+    /// The same, whole.
+    pub(crate) json: Value,
+    /// Sets whose data are not there.
+    pub(crate) skipped: Vec<&'static str>,
+    /// Sets that failed, with the reason.
+    pub(crate) failed: Vec<String>,
+}
+
+impl Args {
+    /// Shows the findings and writes the files that were asked for.
+    pub(crate) fn tell(&self, findings: &Findings) -> Result<ExitCode> {
+        if findings.table.is_none() && findings.failed.is_empty() {
+            bail!("{}: none of the data sets is there", self.data.display());
+        }
+        let table = findings.table.as_deref().unwrap_or_default();
+        show(table)?;
+        for name in &findings.skipped {
+            show(&format!("skipped, no data: {name}\n"))?;
+        }
+        if let Some(path) = &self.markdown {
+            write_whole(path, table).with_context(|| path.display().to_string())?;
+        }
+        if let Some(path) = &self.json {
+            write_whole(path, &format!("{:#}\n", findings.json)).with_context(|| path.display().to_string())?;
+        }
+        if !findings.failed.is_empty() {
+            bail!("{}", findings.failed.join("\n"));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
