@@ -89,6 +89,8 @@ pub struct Core {
     last_seq: Option<u64>,
     observed_seq: Option<u64>,
     stale_run: u64,
+    /// Number of the last old sample.
+    stale_seq: u64,
     stale_periods: u64,
     seen: LastSeen,
     joints: u32,
@@ -106,7 +108,7 @@ pub struct Core {
 /// period.
 const BLEND_S: f64 = 0.05;
 
-/// Consecutive old samples after which the robot controller counts as restarted.
+/// Consecutive old samples, each newer than the one before, after which the robot controller counts as restarted.
 const RESTART_RUN: u64 = 100;
 
 /// A plan further than this from the arm is not joined \[rad\]: the way there is the planner's to plan.
@@ -182,6 +184,7 @@ impl Core {
             last_seq: None,
             observed_seq: None,
             stale_run: 0,
+            stale_seq: 0,
             stale_periods: settings.stale_periods as u64,
             seen: LastSeen::default(),
             joints: dof as u32,
@@ -334,7 +337,10 @@ impl Core {
         let n = self.dof;
         if self.last_seq.is_some_and(|last| sample.seq <= last) {
             self.counts.stale += 1;
-            self.stale_run += 1;
+            // Numbers of a new run go forward; a sample that comes again and again is none.
+            let forward = self.stale_run == 0 || sample.seq > self.stale_seq;
+            self.stale_run = if forward { self.stale_run + 1 } else { 0 };
+            self.stale_seq = sample.seq;
             if self.stale_run < RESTART_RUN {
                 return Err(Skipped::Stale);
             }

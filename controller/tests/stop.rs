@@ -37,6 +37,37 @@ fn the_reaction_begins_in_the_configured_period_and_steps_no_faster_than_the_rat
     }
 }
 
+/// A robot controller that hangs and sends its last sample again and again: nothing new is known of the arm, however often it
+/// comes. (Numbers that go forward again are a new run.)
+#[test]
+fn a_sample_that_is_repeated_is_no_sample() {
+    for (reaction, stale_periods) in [("ramp", 5), ("hold", 5), ("damp", 300)] {
+        let words = format!(
+            "[controller]\nstop_reaction = \"{reaction}\"\nstop_time_s = 0.1\nstale_periods = {stale_periods}\n"
+        );
+        let robot = robot_with("manutec-r3", &[("[controller]\n", &words)]);
+        let mut core = core(&robot);
+        let mut moving = Moving::new(&robot, &robot.nominal_base);
+        moving.run(&mut core, 2000, |_, _| ());
+        moving.seq = 1999;
+        let (frozen, plan) = moving.next();
+        let mut stopped = Vec::new();
+        for k in 1..=1000 {
+            core.offer_setpoint(&plan);
+            assert!(core.tick(&frozen).is_err(), "{reaction}: repetition {k} is answered");
+            stopped.extend(core.missing(k));
+        }
+        assert_eq!(stopped.len() as u64, 1001 - stale_periods, "{reaction}: from the configured period on");
+        assert_eq!((core.counts().stops, stopping(&core)), (1, true), "{reaction}");
+        if reaction == "ramp" {
+            assert_eq!(stopped.last().expect("commands").tau, [0.0; 8]);
+        }
+        moving.seq = 0;
+        let answered = (0..300).filter(|_| core.tick(&moving.next().0).is_ok()).count();
+        assert!(answered >= 200, "a new run is taken up: {answered}");
+    }
+}
+
 #[test]
 fn before_the_first_sample_and_in_short_gaps_nothing_happens() {
     let robot = robot();

@@ -10,7 +10,7 @@
 use crate::filter::{Bank, Butterworth};
 use crate::linear::dot;
 use crate::report::{Estimate, Motion};
-use crate::residuals::Residuals;
+use crate::residuals::{CLEAR, Residuals};
 use crate::signals::Past;
 use rivet_dynamics::{BaseSet, Model, Workspace};
 
@@ -182,7 +182,7 @@ impl Energy {
     /// Torque residuals of the torque rows `d` with `values`, for the report alone.
     pub(crate) fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64], values: &[f64]) {
         self.watch.count(share);
-        for (j, row) in d.chunks_exact(values.len()).enumerate().filter(|(j, _)| share[*j] > 0.0) {
+        for (j, row) in d.chunks_exact(values.len()).enumerate().filter(|(j, _)| share[*j] >= CLEAR) {
             self.watch.add(j, [tau[j] - dot(row, values), tau[j] - dot(row, &self.nominal), tau[j]]);
         }
     }

@@ -23,7 +23,7 @@ use crate::linear::{axpy, dot, packed};
 use crate::memory::{Carry, MANY};
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
-use crate::residuals::Residuals;
+use crate::residuals::{CLEAR, Residuals};
 use crate::scales::{LaneScratch, Scales, Whitening};
 use crate::settings::{EstimatorKind, Prior, Supervision};
 use crate::supervision::{self, Columns, Judge, Tracked};
@@ -42,8 +42,6 @@ const PRIOR_TORQUE_SHARE: f64 = 0.05;
 const PRIOR_CAUTION: f64 = 0.05;
 /// Coloured residuals count for at most this many times fewer rows than white ones.
 const MOST_COLOUR: f64 = 4.0;
-/// Rows that count for less say nothing of noise: what sticks is in them.
-const CLEAR: f64 = 0.5;
 /// Beyond this condition number of the covariance a window of constant trace forgets nothing: it is then one badly known
 /// direction that fills the trace.
 const WORST_CONDITION: f64 = 1e10;
@@ -373,7 +371,8 @@ impl Estimator {
     /// * `z`: instruments, p x n, and which they are; `None` when there are none. Not read by least squares.
     /// * `share`: how much each of the p rows counts, 0 (not at all) to 1 (wholly)
     ///
-    /// Returns how many rows were used. Values change later, by [`work`](Self::work) or [`settle`](Self::settle).
+    /// Returns how many rows counted for a half and more; without one nothing is learnt, and nothing forgotten. Values change
+    /// later, by [`work`](Self::work) or [`settle`](Self::settle).
     ///
     /// # Errors
     /// Why nothing was learnt; the information is then as it was before.
@@ -385,7 +384,7 @@ impl Estimator {
         share: &[f64],
     ) -> Result<usize, Skip> {
         let n = self.n;
-        let count = share.iter().filter(|share| **share > 0.0).count();
+        let count = share.iter().filter(|share| **share >= CLEAR).count();
         self.residuals.count(share);
         if count == 0 {
             return Err(Skip::Standstill);
@@ -495,7 +494,7 @@ impl Estimator {
             if share[j] >= CLEAR {
                 self.residuals.add(j, [residual, nominal, tau[j]]);
                 if !self.frozen {
-                    self.noise.add(j, noise, residual);
+                    self.noise.add(j, noise);
                 }
             }
         }

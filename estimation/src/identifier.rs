@@ -10,6 +10,7 @@ use crate::memory::Carry;
 use crate::observer::{Observer, Phase, Row};
 use crate::reference::Reference;
 use crate::report::{Estimate, Instrument, Motion, Refusal, Sample, Setpoint, Skip, Step};
+use crate::residuals::CLEAR;
 use crate::scales::Scales;
 use crate::settings::{Filtering, InputSignals, Settings, SettingsError, Window, per_joint};
 use crate::signals::{InputFilter, Past, Regressors, RowFilter, Side};
@@ -29,10 +30,10 @@ const DEFAULT_SPEED: f64 = 10.0;
 pub(crate) const SETTLING: f64 = 1.0;
 /// The torque of a joint that sticks has no friction's direction, and stays in the filter for a while: a row counts by this
 /// power of the share of what the filter has let through that came from a moving joint. The first power let enough of it in to
-/// bias the wrist of an arm whose controller knows no friction. No sharp border either: over a stretch of rows the noise of
-/// acceleration sums up to that of the speeds at its ends, and a border behind a filter that rings chooses those by just that
-/// noise, against which instruments do not help.
-const STEEP: i32 = 8;
+/// bias the wrist of an arm whose controller knows no friction, the second took the KUKA's third joint away from its batch fit.
+/// No sharp border either: over a stretch of rows the noise of acceleration sums up to that of the speeds at its ends, and a
+/// border behind a filter that rings chooses those by just that noise, against which instruments do not help.
+const STEEP: i32 = 4;
 /// Less is nothing.
 const LEAST_SHARE: f64 = 0.01;
 /// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
@@ -535,7 +536,7 @@ impl Identifier {
         let (mut share, mut used) = ([0.0; MAX_JOINTS], [false; MAX_JOINTS]);
         for ((share, used), moving) in share.iter_mut().zip(&mut used).zip(moving) {
             *share = counts(*moving);
-            *used = *share > 0.0;
+            *used = *share >= CLEAR;
         }
         let none = [0.0; MAX_JOINTS];
         let mut row = Row { tau: none, predicted: none, accepted: none, speed: none, accel: none, moving: used };

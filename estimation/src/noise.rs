@@ -43,9 +43,6 @@ pub(crate) struct Noise {
     memory: f64,
     outlier: f64,
     rows: Vec<Variance>,
-    /// The same for residuals with instruments alone. Where the regressor is noisy they are larger than those of least squares,
-    /// which follows that noise.
-    own: Vec<Variance>,
     /// Standard deviation of each row \[N·m\].
     pub(crate) sigma: Vec<f64>,
     /// Variance of rows divided by their `unit`.
@@ -66,7 +63,6 @@ impl Noise {
             memory: memory.max(GUESS_ROWS),
             outlier,
             rows: sigma.iter().map(|s| Variance::new(s * s)).collect(),
-            own: sigma.iter().map(|s| Variance::new(s * s)).collect(),
             sigma: sigma.to_vec(),
             level: Variance::new(1.0),
             before: vec![0.0; sigma.len()],
@@ -86,7 +82,7 @@ impl Noise {
     }
 
     pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
-        for variance in self.rows.iter_mut().chain(&mut self.own).chain([&mut self.level]) {
+        for variance in self.rows.iter_mut().chain([&mut self.level]) {
             carry.sizes(std::slice::from_mut(&mut variance.value));
             carry.sizes(std::slice::from_mut(&mut variance.rows));
         }
@@ -99,10 +95,8 @@ impl Noise {
     }
 
     pub(crate) fn reset(&mut self) {
-        for rows in [&mut self.rows, &mut self.own] {
-            for (variance, guess) in rows.iter_mut().zip(&self.guess) {
-                *variance = Variance::new(guess * guess);
-            }
+        for (variance, guess) in self.rows.iter_mut().zip(&self.guess) {
+            *variance = Variance::new(guess * guess);
         }
         self.sigma.copy_from_slice(&self.guess);
         self.unit.copy_from_slice(&self.guess);
@@ -111,11 +105,8 @@ impl Noise {
         self.product.fill(0.0);
     }
 
-    /// Takes in what counts as noise of row `j`, and its residual with instruments \[N·m\].
-    pub(crate) fn add(&mut self, j: usize, residual: f64, own: f64) {
-        let least = (LEAST_SHARE * self.guess[j]).powi(2);
-        self.own[j].add(own * own, self.memory);
-        self.own[j].value = self.own[j].value.max(least);
+    /// Takes in the residual of row `j` \[N·m\].
+    pub(crate) fn add(&mut self, j: usize, residual: f64) {
         let now = (residual / self.sigma[j]).clamp(-LARGEST, LARGEST);
         self.product[j] += (now * self.before[j] - self.product[j]) / self.memory;
         self.before[j] = now;
@@ -124,6 +115,7 @@ impl Noise {
             self.level.add((residual / self.sigma[j]).powi(2), self.memory);
             return;
         }
+        let least = (LEAST_SHARE * self.guess[j]).powi(2);
         self.rows[j].add(residual * residual, self.memory);
         self.rows[j].value = self.rows[j].value.max(least);
         self.sigma[j] = self.rows[j].value.sqrt();
@@ -143,12 +135,11 @@ impl Noise {
         }
     }
 
-    /// What row `j` is multiplied by \[1/(N·m)\], given what counts as its noise. A row whose noise is `k > outlier` sigmas, and
-    /// more than instruments usually leave, counts as if its sigma were k/outlier times as large. Sigmas alone would not do:
-    /// where the regressor is noisy, least squares follows that noise, leaves little, and errs with the motion.
+    /// What row `j` is multiplied by, given its residual \[1/(N·m)\]. A row that is `k > outlier` sigmas off counts as if
+    /// its sigma were k/outlier times as large.
     pub(crate) fn weight(&self, j: usize, residual: f64) -> f64 {
         let sigma = if self.fixed { self.sigma[j] * self.level.value.max(1.0).sqrt() } else { self.sigma[j] };
-        let allowed = (self.outlier * sigma).max(self.own[j].value.sqrt());
+        let allowed = self.outlier * sigma;
         let size = residual.abs();
         (if size > allowed { allowed / size } else { 1.0 }) / self.unit[j]
     }
@@ -162,33 +153,5 @@ impl Noise {
     /// Variance of a row times its weight: the σₑ² of the paper's eq. 22.
     pub(crate) fn equation_variance(&self) -> f64 {
         self.level.value.max(LEAST_LEVEL)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Least squares leaves a tenth of what instruments leave: what is usual for these is no outlier. A collision is.
-    #[test]
-    fn what_instruments_usually_leave_keeps_its_weight() {
-        let mut noise = Noise::new(&[1.0], false, 100.0, 5.0);
-        for k in 0..1000 {
-            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-            noise.add(0, 0.1 * sign, sign);
-            noise.balance();
-        }
-        let whole = noise.weight(0, 0.1);
-        assert!((noise.sigma[0] - 0.1).abs() < 1e-3, "noise is what the better predictor leaves: {}", noise.sigma[0]);
-        assert_eq!(noise.weight(0, 0.9), whole, "nine sigmas, and usual with instruments");
-        assert!((noise.weight(0, 100.0) / whole - 0.01).abs() < 1e-4, "a hundred times the usual weighs a hundredth");
-        // Where both leave alike, five sigmas are the border.
-        for k in 0..1000 {
-            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-            noise.add(0, 0.1 * sign, 0.1 * sign);
-            noise.balance();
-        }
-        assert_eq!(noise.weight(0, 0.45), noise.weight(0, 0.1));
-        assert!(noise.weight(0, 0.9) < 0.6 * noise.weight(0, 0.1));
     }
 }

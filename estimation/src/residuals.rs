@@ -2,6 +2,9 @@
 
 use crate::memory::{Carry, MANY};
 
+/// Rows that count for a smaller share say nothing of residuals and noise: what sticks is in them.
+pub(crate) const CLEAR: f64 = 0.5;
+
 #[derive(Clone, Debug)]
 pub(crate) struct Residuals {
     /// Rows that count.
@@ -49,7 +52,7 @@ impl Residuals {
 
     pub(crate) fn count(&mut self, share: &[f64]) {
         for ((yes, no), share) in self.used.iter_mut().zip(&mut self.left_out).zip(share) {
-            if *share > 0.0 {
+            if *share >= CLEAR {
                 *yes += 1;
             } else {
                 *no += 1;

@@ -141,8 +141,8 @@ const STAGE: f64 = 1.5 * WINDOW;
 /// Test motions as they are used off line, one joint after the other, while running (the paper, 3.2): the set is completed
 /// step by step, and what earlier stages have found stays found. A direction may move once its torque is known to half the
 /// noise, and the noise is about 1 % of the torque: rms over noises 0.5 %, and no single one off by more than three times that.
-/// (The eigenvectors leave 0.07 % over 40 noises. The tracked scheme, whose directions lag, has 0.3-0.8 % rms there: six of the
-/// 40 are beyond 1 % after some stage, one of them 5 %, and all are back at 0.06 % at the end. These six noises guard against
+/// (The eigenvectors leave 0.07 % over 40 noises. The tracked scheme, whose directions lag, has up to 0.8 % rms there: of 40 a
+/// handful is beyond 1 % after some stage, one was at 5 %, and all are back at 0.06 % at the end. These six noises guard against
 /// more, and do not show that there is none.)
 #[test]
 fn staged_moves_complete_the_set() {
