@@ -76,6 +76,10 @@ fn recursive_is_batch() {
                 .collect();
             let _ = riv.update(&d, Some((&z, Instrument::Setpoint)), &tau, &share);
             riv.work();
+            if share.iter().all(|share| *share < 0.5) {
+                // Nothing learnt, nothing forgotten.
+                continue;
+            }
             for j in 0..p {
                 let w = share[j] / (sigma[j] * sigma[j]);
                 let (zj, dj) = (&z[j * n..(j + 1) * n], &d[j * n..(j + 1) * n]);
