@@ -317,7 +317,7 @@ pub const KEYS: &[Key] = &[
     key("signal", "friction_velocity", Number, "rad/s", Within(0.0, 1.0), Fallback::Number(0.004),
         "v0 of the friction sign tanh(qd/v0); 0 is a hard sign."),
     key("signal", "dead_zone", PerJointOrOne, "rad/s", Within(0.0, 1.0), Fallback::Number(0.01),
-        "A joint's equation is left out while the joint is slower than this: its friction is then not known. 0 uses all."),
+        "A joint's equation is left out while the joint is slower than this: its friction is then not known. As long as the model filter still holds some of that, the equation counts for less. 0 uses all."),
     key("signal", "torque_noise", PerJointOrOne, "N m", Above(0.0, 1e5), Absent,
         "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
          estimated while running."),
@@ -399,7 +399,7 @@ pub const KEYS: &[Key] = &[
         "Periods without a new sample after which the daemon reports the input as stale."),
 
     key("controller", "law", Shape::Choice(&["computed-torque", "feed-forward-pd"]), "", Bounds::None, Fallback::Text("computed-torque"),
-        "`computed-torque`: feedback through the inertia matrix of the acting parameters. `feed-forward-pd`: torque of the planned motion, and constant PD gains (bandwidth times the nominal inertia at the home pose); for arms whose drives close a position or velocity loop of their own."),
+        "`computed-torque`: feedback through the inertia matrix of the acting parameters. `feed-forward-pd`: torque of the planned motion, and constant PD gains (bandwidth times the nominal inertia in the middle of the joint ranges); for arms whose drives close a position or velocity loop of their own."),
     key("controller", "bandwidth_hz", PerJointOrOne, "Hz", Within(0.01, 200.0), Derived("5 Hz, at most 0.02 of the sample rate"),
         "Bandwidth of the closed position loop: gains are w^2 and 2*damping*w with w = 2*pi*bandwidth. At most a tenth of the sample rate."),
     key("controller", "damping", Number, "-", Within(0.1, 5.0), Fallback::Number(1.0),

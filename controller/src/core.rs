@@ -12,8 +12,8 @@ use rivet_config::Robot;
 use rivet_dynamics::{EffectKind, MAX_JOINTS};
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
-    Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, ParameterSource, Parameters,
-    REFUSALS, SampleClock, Setpoint, faults,
+    Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, OldNumbers, ParameterSource,
+    Parameters, REFUSALS, SampleClock, Setpoint, faults,
 };
 use std::sync::Arc;
 
@@ -88,9 +88,7 @@ pub struct Core {
     adopt_from_seq: u64,
     last_seq: Option<u64>,
     observed_seq: Option<u64>,
-    stale_run: u64,
-    /// Number of the last old sample.
-    stale_seq: u64,
+    old: OldNumbers,
     stale_periods: u64,
     seen: LastSeen,
     joints: u32,
@@ -107,9 +105,6 @@ pub struct Core {
 /// Time constant with which acting parameters follow those of the source \[s\]: short beside the motion, long beside a
 /// period.
 const BLEND_S: f64 = 0.05;
-
-/// Consecutive old samples, each newer than the one before, after which the robot controller counts as restarted.
-const RESTART_RUN: u64 = 100;
 
 /// A plan further than this from the arm is not joined \[rad\]: the way there is the planner's to plan.
 const REJOIN: f64 = 0.2;
@@ -183,8 +178,7 @@ impl Core {
             adopt_from_seq,
             last_seq: None,
             observed_seq: None,
-            stale_run: 0,
-            stale_seq: 0,
+            old: OldNumbers::default(),
             stale_periods: settings.stale_periods as u64,
             seen: LastSeen::default(),
             joints: dof as u32,
@@ -337,21 +331,16 @@ impl Core {
         let n = self.dof;
         if self.last_seq.is_some_and(|last| sample.seq <= last) {
             self.counts.stale += 1;
-            // Numbers of a new run go forward; a sample that comes again and again is none.
-            let forward = self.stale_run == 0 || sample.seq > self.stale_seq;
-            self.stale_run = if forward { self.stale_run + 1 } else { 0 };
-            self.stale_seq = sample.seq;
-            if self.stale_run < RESTART_RUN {
+            if !self.old.take(sample.seq) {
                 return Err(Skipped::Stale);
             }
-            // So long a run of old numbers is a robot controller that was started anew.
             self.last_seq = None;
             self.newest = Newest::default();
             self.plan = None;
             self.recent.restart();
             self.begin_anew();
         }
-        self.stale_run = 0;
+        self.old.end();
         if !self.clock.take(sample.seq, sample.stamp_ns) {
             self.counts.wrong_period += 1;
             return Err(Skipped::WrongPeriod);

@@ -11,7 +11,7 @@ use rivet_estimation::{
 };
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Drift, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel,
-    MAX_PARAMETERS, ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
+    MAX_PARAMETERS, OldNumbers, ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
 };
 use std::sync::Arc;
 
@@ -68,9 +68,6 @@ pub struct Counts {
     pub doubted: u64,
 }
 
-/// Consecutive "old" samples, each one newer than the one before, after which the robot controller counts as restarted.
-const RESTART_RUN: u64 = 100;
-
 /// Seconds of motion before which the estimate is called provisional: a controller should not act on it yet.
 const PROVISIONAL_S: f64 = 2.0;
 
@@ -100,8 +97,7 @@ pub struct Core {
     last_seq: Option<u64>,
     last_stamp_ns: u64,
     interrupted: bool,
-    stale_run: u64,
-    stale_seq: u64,
+    old: OldNumbers,
     setpoints_seen: bool,
     /// Numbers of the estimator's memory, and what they mean.
     memory: (usize, u64),
@@ -141,8 +137,7 @@ impl Core {
             last_seq: None,
             last_stamp_ns: 0,
             interrupted: false,
-            stale_run: 0,
-            stale_seq: 0,
+            old: OldNumbers::default(),
             setpoints_seen: false,
             provisional_updates: (PROVISIONAL_S / settings.row_period_s()).ceil() as u64,
             counts: Counts::default(),
@@ -201,7 +196,7 @@ impl Core {
         if let Some(last) = self.last_seq {
             if sample.seq <= last {
                 self.counts.stale += 1;
-                if !self.controller_restarted(sample.seq) {
+                if !self.old.take(sample.seq) {
                     let again = if sample.seq == last { InputFault::Duplicate } else { InputFault::Reordered };
                     self.record.count(again, 1);
                     return Err(Refused::Stale);
@@ -226,8 +221,7 @@ impl Core {
             }
         }
         // Old samples one after the other, then new ones: numbers that happen to go on hide a hole in time.
-        self.interrupted |= self.stale_run > 1;
-        self.stale_run = 0;
+        self.interrupted |= self.old.end() > 1;
         self.last_seq = Some(sample.seq);
         self.last_stamp_ns = sample.stamp_ns;
         // Velocities and filters reckoned with a wrong period are wrong without looking so.
@@ -356,14 +350,6 @@ impl Core {
     /// From the last faulty sample to the first after which the signals had settled, of the last fault that is over \[s\].
     pub fn recovery_s(&self) -> Option<f64> {
         self.record.recovery.map(|samples| samples as f64 * self.period_s)
-    }
-
-    /// A controller that starts anew counts from the beginning: a long run of "old" but rising numbers.
-    fn controller_restarted(&mut self, seq: u64) -> bool {
-        let rising = self.stale_run > 0 && seq > self.stale_seq;
-        self.stale_run = if rising { self.stale_run + 1 } else { 1 };
-        self.stale_seq = seq;
-        self.stale_run >= RESTART_RUN
     }
 
     /// Goes on from stored base parameters; false, and nothing changed, if they do not fit the model.

@@ -31,6 +31,7 @@ mod event;
 mod layout;
 mod messages;
 mod name;
+mod old_numbers;
 mod one_source;
 mod pubsub;
 mod sample_clock;
@@ -53,6 +54,7 @@ pub use messages::{
     parameter_flags,
 };
 pub use name::{RobotName, Service};
+pub use old_numbers::OldNumbers;
 pub use one_source::OneSource;
 pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;

@@ -269,4 +269,16 @@ mod tests {
         flight.write_at("arm-fault", begin + Duration::from_secs(2001)).expect("written");
         assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), FILES + 1);
     }
+
+    /// A folder stands where the oldest record would go: the error says so, and what was written for it is gone.
+    #[test]
+    fn a_record_that_cannot_take_its_place_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
+        let path = |number: usize| folder.path().join(format!("arm.{number}.flight.csv"));
+        fs::create_dir_all(path(FILES - 1).join("in the way")).expect("a folder");
+        fs::write(path(FILES - 2), "old").expect("written");
+        assert!(flight.write_at("arm", Instant::now()).is_err());
+        assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 2, "the folder and the old record");
+    }
 }
