@@ -11,6 +11,7 @@ use rivet_ipc_schema::{
 };
 use rivet_realtime::{Latencies, Overrun, PeriodTimer, RealTimeSettings, Scheduling, Shutdown, now_ns};
 use std::fmt::Write as _;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::Arc;
@@ -55,39 +56,50 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         required: false,
     };
     for load in &args.load {
-        let _stress = Stress::start(*load, processors, args.seconds)?;
+        let stress = Stress::start(*load, processors, args.seconds)?;
         let measured = measure(&robot, &settings, Duration::from_secs(args.seconds))?;
-        show(&report(&robot, *load, &settings, &measured))?;
+        show(&report(&robot, &stress.what, &settings, &measured))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Children that keep the processors busy; they end with this.
-struct Stress(Vec<Child>);
+struct Stress {
+    children: Vec<Child>,
+    /// What runs beside the measurement, in words.
+    what: String,
+}
 
 impl Stress {
     fn start(load: Load, processors: usize, seconds: u64) -> Result<Stress> {
         if load == Load::Idle {
-            return Ok(Stress(Vec::new()));
+            // What others do is theirs, and said.
+            let average = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+            let average =
+                average.split_whitespace().next().map_or_else(String::new, |one| format!(" (load average {one})"));
+            return Ok(Stress { children: Vec::new(), what: format!("nothing started beside it{average}") });
         }
         let quiet = |command: &mut Command| command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
-        let count = processors.to_string();
         let timeout = format!("{}s", seconds + 30);
-        let mut known = Command::new("stress-ng");
-        known.args(["--cpu", &count, "--vm", "1", "--vm-bytes", "64M", "--io", "1", "--timeout", &timeout]);
-        if let Ok(child) = quiet(&mut known) {
-            return Ok(Stress(vec![child]));
+        let load = format!("--cpu {processors} --vm 1 --vm-bytes 64M --io 1");
+        match quiet(Command::new("stress-ng").args(load.split(' ')).args(["--timeout", &timeout])) {
+            Ok(child) => return Ok(Stress { children: vec![child], what: format!("stress-ng {load}") }),
+            Err(why) if why.kind() == ErrorKind::NotFound => {}
+            Err(why) => return Err(why).context("stress-ng cannot be started"),
         }
         // `timeout`, so that none is left over even if this process is killed.
         let busy = || quiet(Command::new("timeout").args([&timeout, "sh", "-c", "while :; do :; done"]));
-        let children: std::io::Result<Vec<_>> = (0..2 * processors).map(|_| busy()).collect();
-        Ok(Stress(children.context("busy processes cannot be started")?))
+        let count = 2 * processors;
+        let children: std::io::Result<Vec<_>> = (0..count).map(|_| busy()).collect();
+        let children = children.context("busy processes cannot be started")?;
+        let what = format!("{count} busy processes (stress-ng is not on this machine: apt install stress-ng)");
+        Ok(Stress { children, what })
     }
 }
 
 impl Drop for Stress {
     fn drop(&mut self) {
-        for child in &mut self.0 {
+        for child in &mut self.children {
             // SIGTERM: stress-ng and timeout then end their own children.
             let pid = rustix::process::Pid::from_child(child);
             let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
@@ -226,16 +238,40 @@ fn feed(robot: &Robot, config: &BusConfig, name: &RobotName, period: Duration, s
     Ok(())
 }
 
-fn report(robot: &Robot, load: Load, settings: &RealTimeSettings, measured: &Measured) -> String {
+/// Counts in bins that double, from the first that has one to the last.
+fn distributions(text: &mut String, rows: &[(&str, &Latencies)]) {
+    let edges: Vec<u64> = (0..15).map(|k| 1000 << k).collect();
+    let bins = |latencies: &Latencies| -> Vec<u64> {
+        let reached: Vec<u64> = edges.iter().map(|&edge| latencies.at_least(edge)).collect();
+        let mut bins = vec![latencies.total() - reached[0]];
+        bins.extend(reached.windows(2).map(|pair| pair[0] - pair[1]));
+        bins.push(reached[reached.len() - 1]);
+        bins
+    };
+    let all: Vec<Vec<u64>> = rows.iter().map(|(_, latencies)| bins(latencies)).collect();
+    let used = |k: &usize| all.iter().any(|bins| bins[*k] > 0);
+    let (Some(first), Some(last)) = ((0..=edges.len()).find(used), (0..=edges.len()).rev().find(used)) else { return };
+    let _ = write!(text, "  {:<34}", "periods with less than [us]");
+    for k in first..=last {
+        let edge = edges.get(k).map_or_else(|| "more".to_owned(), |edge| (edge / 1000).to_string());
+        let _ = write!(text, " {edge:>6}");
+    }
+    text.push('\n');
+    for ((label, _), bins) in rows.iter().zip(&all) {
+        let _ = write!(text, "  {label:<34}");
+        for count in &bins[first..=last] {
+            let _ = write!(text, " {count:>6}");
+        }
+        text.push('\n');
+    }
+}
+
+fn report(robot: &Robot, what: &str, settings: &RealTimeSettings, measured: &Measured) -> String {
     let mut text = String::new();
     let period_ns = (robot.config.sample_period_s * 1e9) as u64;
-    let what = match load {
-        Load::Idle => "idle",
-        Load::Stress => "under load",
-    };
     let scheduling = settings.scheduling.map_or_else(String::new, |s| s.to_string());
     let cpu = settings.cpu.unwrap_or(0);
-    let _ = writeln!(text, "{}, {what}: {scheduling}, processor {cpu}, {} us", robot.config.name, period_ns / 1000);
+    let _ = writeln!(text, "{}: {scheduling}, processor {cpu}, {} us; {what}", robot.config.name, period_ns / 1000);
     for refused in &measured.refused {
         let _ = writeln!(text, "  without real time: {refused}");
     }
@@ -244,12 +280,13 @@ fn report(robot: &Robot, load: Load, settings: &RealTimeSettings, measured: &Mea
         "  {:<34} {:>8} {:>8} {:>8} {:>8} {:>9} {:>8}",
         "us", "periods", "50 %", "99 %", "99.9 %", "worst", "missed"
     );
-    for (label, latencies) in [
+    let rows = [
         ("wake-up, as cyclictest measures", &measured.plain),
         ("wake-up of the loop", &measured.woken),
         ("own work of a period", &measured.work),
         ("due to done", &measured.done),
-    ] {
+    ];
+    for (label, latencies) in rows {
         let q = |p| latencies.quantile_us(p);
         let _ = writeln!(
             text,
@@ -262,6 +299,13 @@ fn report(robot: &Robot, load: Load, settings: &RealTimeSettings, measured: &Mea
             latencies.at_least(period_ns)
         );
     }
+    distributions(&mut text, &rows);
+    let added = [0.5, 0.99, 0.999].map(|p| format!("{:.0}", measured.work.quantile_us(p)));
+    let _ = writeln!(
+        text,
+        "  added by rivet, its own work of a period: {} us at 50, 99 and 99.9 %; the rest is this machine's wake-up",
+        added.join(", ")
+    );
     let health = &measured.health;
     let level = LoadLevel::try_from(health.load_level).map_or_else(|e| e.to_string(), |level| format!("{level:?}"));
     let _ = writeln!(

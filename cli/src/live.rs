@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use rivet_config::Robot;
-use rivet_ipc_schema::{Bus, BusConfig, JointState, RobotName};
+use rivet_ipc_schema::{Bus, BusConfig, JointState, OneSource, RobotName};
 use rivet_logs::write_columns;
-use rivet_realtime::Shutdown;
+use rivet_realtime::{Shutdown, now_ns};
 
 use crate::progress::Progress;
 
@@ -16,22 +16,24 @@ const TURN: Duration = Duration::from_millis(5);
 /// Time without a sample after which nobody is taken to be there.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Listens for `seconds` of samples and writes them to `path`, as logs of this robot are written. Samples with a fault bit
-/// and samples that never came are holes in time.
+/// Listens for `seconds` of samples and writes them to `path`, as logs of this robot are written. Samples that cannot be used
+/// (a fault bit, a number that is none, a stamp that jumps) and samples that never came are holes in time; a second robot
+/// controller is not listened to.
 pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Path) -> Result<()> {
     if !(seconds.is_finite() && seconds > 0.0) {
         bail!("--live {seconds}: seconds of motion, more than none");
     }
     let bus = Bus::open(config, &RobotName::new(&robot.config.name)?, "rivet-diagnose")?;
-    let states = bus.joint_state_subscriber()?;
+    let mut states = OneSource::new(bus.joint_state_subscriber()?, SILENCE / 2);
     let shutdown = Shutdown::on_signals()?;
     let mut progress = Progress::new("listening", (1000.0 * seconds) as usize);
     let mut heard = Heard::new(robot);
     let mut last = Instant::now();
     while heard.seconds() < seconds && !shutdown.is_requested() {
-        while let Some(state) = states.receive()? {
-            last = Instant::now();
-            heard.take(&state);
+        while let Some(state) = states.receive(now_ns())? {
+            if heard.take(&state) {
+                last = Instant::now();
+            }
         }
         if last.elapsed() > SILENCE {
             break;
@@ -40,8 +42,14 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
         std::thread::sleep(TURN);
     }
     progress.done();
+    if states.foreign() > 0 {
+        eprintln!("rivet: {} samples of another publisher of joint states were left out", states.foreign());
+    }
+    if heard.unusable > 0 {
+        eprintln!("rivet: {} samples could not be used (fault bits, no numbers, or stamps that jump)", heard.unusable);
+    }
     if heard.t.len() < 2 {
-        bail!("no joint states of {} on this bus for {} s", robot.config.name, SILENCE.as_secs());
+        bail!("no joint states of {} on this bus for {} s that could be used", robot.config.name, SILENCE.as_secs());
     }
     let short = seconds - heard.seconds();
     if short > 0.1 * seconds {
@@ -58,6 +66,8 @@ struct Heard {
     q: Vec<Vec<f64>>,
     tau: Vec<Vec<f64>>,
     temperature: Vec<Vec<f64>>,
+    /// Samples that were left out.
+    unusable: u64,
 }
 
 impl Heard {
@@ -70,6 +80,7 @@ impl Heard {
             q: signals(),
             tau: signals(),
             temperature: signals(),
+            unusable: 0,
         }
     }
 
@@ -77,16 +88,26 @@ impl Heard {
         self.t.last().copied().unwrap_or(0.0)
     }
 
-    fn take(&mut self, state: &JointState) {
+    /// Whether the sample could be used.
+    fn take(&mut self, state: &JointState) -> bool {
+        let taken = self.try_take(state).is_some();
+        self.unusable += u64::from(!taken);
+        taken
+    }
+
+    fn try_take(&mut self, state: &JointState) -> Option<()> {
         let n = self.q.len();
         if state.faults != 0 || state.count() != n {
-            return;
+            return None;
+        }
+        if !state.q[..n].iter().chain(&state.tau[..n]).all(|x| x.is_finite()) {
+            return None;
         }
         let first = *self.first_ns.get_or_insert(state.stamp_ns);
-        let Some(since) = state.stamp_ns.checked_sub(first) else { return };
-        let t = since as f64 * 1e-9;
-        if self.t.last().is_some_and(|last| t <= *last) {
-            return;
+        let t = state.stamp_ns.checked_sub(first)? as f64 * 1e-9;
+        // Who is silent for longer is not waited for, so such a stamp is none of this stream.
+        if self.t.last().is_some_and(|last| t <= *last || t > *last + 2.0 * SILENCE.as_secs_f64()) {
+            return None;
         }
         self.t.push(t);
         for j in 0..n {
@@ -94,6 +115,7 @@ impl Heard {
             self.tau[j].push(state.tau[j]);
             self.temperature[j].push(state.temperature[j]);
         }
+        Some(())
     }
 
     fn write(&self, path: &Path) -> Result<()> {

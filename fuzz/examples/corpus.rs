@@ -1,6 +1,7 @@
 //! Writes the seeds of the targets whose inputs are not text: `cargo run -p rivet-fuzz --example corpus`.
 
 use rivet_fuzz::STORED;
+use rivet_ipc_schema::{ControllerHealth, Drift, Health, Parameters as Set, Timing};
 use rivet_store::{Knowledge, Memory, Parameters, Store, Supervision};
 use std::fmt::Write as _;
 use std::fs;
@@ -47,8 +48,25 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let head = [command, command % 4, text.len() as u32].map(u32::to_le_bytes).concat();
         fs::write(control.join(format!("command-{command}")), [&head, text].concat())?;
     }
+    // One report of each kind, on a screen of 100 by 40: small whole numbers, and numbers of about one.
+    let reports = folder("reports")?;
+    let sizes =
+        [size_of::<Health>(), size_of::<ControllerHealth>(), size_of::<Drift>(), size_of::<Timing>(), size_of::<Set>()];
+    let (mut small, mut ones) = (vec![100, 40, 3], vec![100, 40, 3]);
+    for (kind, size) in (0_u8..).zip(sizes.into_iter().chain([size_of::<Set>()])) {
+        small.push(kind);
+        small.extend((0..size).map(|k| u8::from(k % 4 == 0) * (k / 4 % 5) as u8));
+        ones.push(kind);
+        ones.extend(1.0_f64.to_le_bytes().into_iter().cycle().take(size));
+    }
+    fs::write(reports.join("small"), small)?;
+    fs::write(reports.join("ones"), ones)?;
     // Text: their seeds are the robots and the bad files of the configuration's tests; here what those lack.
     fs::write(folder("config")?.join("empty.toml"), "")?;
+    // Everything that a robot file may have beside: what was identified, and every effect.
+    let arm = rivet_config::load(corpus.join("../../robots/dd2/robot.toml"))?;
+    let path = folder("config")?.join("identified.toml");
+    rivet_config::write_identified(&arm, &arm.nominal_base, &vec![0.1; arm.nominal_base.len()], &path)?;
     fs::write(folder("urdf")?.join("empty.urdf"), "<robot name=\"a\"/>")?;
     let t: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
     let columns: Vec<(&str, &[f64])> = ["t", "q1", "q2", "tau1", "tau2"].map(|name| (name, &t[..])).to_vec();

@@ -15,6 +15,11 @@ impl<'a> Bytes<'a> {
         self.0.is_empty()
     }
 
+    /// How many are left.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     fn take<const N: usize>(&mut self) -> [u8; N] {
         let mut out = [0; N];
         let n = N.min(self.0.len());

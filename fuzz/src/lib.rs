@@ -7,11 +7,12 @@
 
 mod bytes;
 mod mutate;
+mod shown;
 mod targets;
 
 pub use bytes::Bytes;
 pub use mutate::Mutator;
-pub use targets::{STORED, TARGETS, Target};
+pub use targets::{Run, STORED, TARGETS, Target};
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -11,7 +11,7 @@ use rivet_store::Store;
 use std::path::{Path, PathBuf};
 
 /// Takes an input, panics where something is broken, and returns the signature of what happened.
-pub(crate) type Run = Box<dyn FnMut(&[u8]) -> u64>;
+pub type Run = Box<dyn FnMut(&[u8]) -> u64>;
 
 /// Something that reads bytes of strangers.
 #[derive(Clone, Copy, Debug)]
@@ -41,10 +41,11 @@ const XML: &[&str] = &[
     "1e999",
     "<mimic joint=\"\"/>",
 ];
+const JSON: &[&str] = &["null", "-1", "1e308", "1e-320", "[]", "{}", "\"\"", "true", "\\ud800", ",", "<script>"];
 const CSV: &[&str] = &["nan", ",", ",,", "\n", "1e400", "t,q1,tau1\n", "-0", "\"", "inf"];
 
 /// Everything.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 12] = [
     Target { name: "samples", also: &[], suffix: "", words: &[], make: samples },
     Target { name: "parameters", also: &[], suffix: "", words: &[], make: parameters },
     Target { name: "control", also: &[], suffix: "", words: &[], make: control },
@@ -61,9 +62,11 @@ pub const TARGETS: [Target; 10] = [
         make: store_resealed,
     },
     Target { name: "memory", also: &[], suffix: "", words: &[], make: memory },
+    Target { name: "reports", also: &[], suffix: "", words: &[], make: crate::shown::reports },
+    Target { name: "document", also: &[], suffix: "json", words: JSON, make: crate::shown::document },
 ];
 
-fn robot(arm: &str) -> Robot {
+pub(crate) fn robot(arm: &str) -> Robot {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(arm).join("robot.toml");
     rivet_config::load(file).expect("the arm is there")
 }
@@ -137,7 +140,12 @@ fn samples() -> Run {
             let state = joint_state(&mut bytes);
             let plan = (with & 1 != 0).then(|| setpoint(&mut bytes));
             let link = (with & 2 != 0).then(|| link_state(&mut bytes));
-            // One sample of bytes is a stretch of samples that go on from it.
+            // One sample of bytes is a stretch of samples that go on from it; one that stands for none is a request.
+            if with >> 2 == 0
+                && let Ok(command) = ControlCommand::try_from(state.joints)
+            {
+                core.control(command);
+            }
             for k in 0..u64::from(with >> 2) {
                 let mut state = state;
                 state.seq = state.seq.wrapping_add(k);
@@ -255,11 +263,22 @@ fn log(name: &'static str) -> Run {
     Box::new(move |input| {
         let _ = &folder;
         std::fs::write(&path, input).expect("written");
-        match rivet_logs::read(&path, &ReadOptions::new(2)) {
-            Ok(log) => match log.resample(0.01) {
-                Ok((uniform, _)) => 1 + u64::from(uniform.len() > 10),
-                Err(why) => signature(&why.to_string()),
-            },
+        let options = ReadOptions { joints: 2, drive_gain: Some(&[2.0, -3.0]), joint_zero: Some(&[0.1, 0.2]) };
+        match rivet_logs::read(&path, &options) {
+            Ok(log) => {
+                assert!(
+                    log.torque().is_err() || log.torque().is_ok_and(|tau| tau.iter().flatten().all(|x| x.is_finite()))
+                );
+                let pieces = log.split_at_gaps(2.5 * log.median_step_s());
+                let resampled = pieces.iter().map(|piece| match piece.resample(0.01) {
+                    Ok((uniform, _)) => {
+                        assert!(uniform.q.iter().flatten().all(|x| x.is_finite()), "a position that is no number");
+                        1 + u64::from(uniform.len() > 10)
+                    }
+                    Err(why) => signature(&why.to_string()),
+                });
+                resampled.take(3).fold(u64::from(log.torque().is_ok()), |hash, next| hash.wrapping_mul(31) ^ next)
+            }
             Err(why) => signature(&why.to_string()),
         }
     })

@@ -29,7 +29,8 @@ fn samples() -> Vec<JointState> {
     samples
 }
 
-/// Played faster than it was: time is that of the stamps. The verdict is the payload, and the window can be kept.
+/// Played faster than it was: time is that of the stamps. The verdict is the payload, and the window can be kept. Samples that
+/// nothing can be made of, and those of a second robot controller, are left out by name.
 #[test]
 fn a_running_arm_is_diagnosed() {
     let samples = samples();
@@ -45,21 +46,40 @@ fn a_running_arm_is_diagnosed() {
         .arg(robot(ARM))
         .args(["--live", "20", "--prefix", &config.prefix, "--root"])
         .arg(&config.root);
-    command.arg("--json").arg(&json).arg("--keep").arg(&kept).stdout(Stdio::null());
-    let mut child = command.spawn().expect("the program starts");
+    command.arg("--json").arg(&json).arg("--keep").arg(&kept).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().expect("the program starts");
     let begin = Instant::now();
     while states.subscribers() == 0 {
         assert!(begin.elapsed() < Duration::from_secs(60), "nobody listens");
         std::thread::sleep(Duration::from_millis(1));
     }
-    for few in samples.chunks(20) {
+    let stranger = bus.joint_state_publisher().expect("a publisher");
+    for (k, few) in samples.chunks(20).enumerate() {
         for sample in few {
             states.send(sample).expect("sent");
+        }
+        let last = few[few.len() - 1];
+        let [mut none, mut ahead, mut foreign] = [last; 3];
+        none.q[1] = f64::NAN;
+        none.stamp_ns += 1_000;
+        ahead.stamp_ns += 1_000_000_000_000;
+        foreign.tau = [300.0; 8];
+        foreign.stamp_ns += 2_000;
+        if k == 100 {
+            states.send(&none).expect("sent");
+            states.send(&ahead).expect("sent");
+        }
+        if k >= 100 {
+            stranger.send(&foreign).expect("sent");
         }
         // A fifth of real time: the ring holds a second.
         std::thread::sleep(Duration::from_millis(4));
     }
-    assert_eq!(child.wait().expect("it ends").code(), Some(1), "a cause is named");
+    let output = child.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "a cause is named; {said}");
+    assert!(said.contains("2 samples could not be used"), "{said}");
+    assert!(said.contains("of another publisher of joint states were left out"), "{said}");
     let found: Value = serde_json::from_str(&std::fs::read_to_string(&json).expect("a file")).expect("JSON");
     let causes = found["causes"].as_array().expect("causes");
     let payload = causes.iter().find(|c| c["effect"] == "payload").unwrap_or_else(|| panic!("{found:#}"));

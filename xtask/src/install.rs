@@ -108,7 +108,7 @@ fn install(source: &Path, lies: impl Fn(&str, &str) -> PathBuf, destdir: &Path, 
 }
 
 /// What lies in a folder, in the order of names.
-fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
+pub(crate) fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
     let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
     paths.sort();

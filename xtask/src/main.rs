@@ -1,5 +1,6 @@
 //! `cargo xtask`: what is done with the built workspace.
 
+mod fuzz;
 mod install;
 
 use clap::{Parser, Subcommand};
@@ -15,10 +16,13 @@ struct Arguments {
 enum Command {
     /// Builds the programs and puts them, their units and what goes with them where the system looks for them
     Install(install::Args),
+    /// Searches for bytes that break something, steered by coverage (libFuzzer)
+    Fuzz(fuzz::Args),
 }
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().command {
         Command::Install(args) => install::run(&args),
+        Command::Fuzz(args) => fuzz::run(&args),
     }
 }

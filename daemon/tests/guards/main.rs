@@ -182,6 +182,39 @@ fn nor_do_they_when_samples_begin_them() {
     guarded("guards-sample", Duration::from_millis(1), Trigger::Sample);
 }
 
+/// Nor does the core when it takes over other filters and another window between two samples.
+#[test]
+fn nor_does_a_reload() {
+    let _one = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
+    // Without it allocations are still counted.
+    watch_this_thread();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/staubli-tx40/robot.toml");
+    let robot = rivet_config::load(file).expect("the robot file is sound");
+    let mut core = Core::new(&robot).expect("sound settings");
+    let mut changed = robot.clone();
+    changed.config.signal.model_filter_hz *= 0.8;
+    changed.config.estimator.window_s = Some(3.0);
+    let mut fresh = Core::new(&changed).expect("sound settings");
+    let (mut parameters, mut health, mut published) = (Parameters::default(), Health::default(), 0);
+    let seen = watched(&[], || {
+        for seq in 1..=100_000_u64 {
+            let (state, setpoint) = sample(seq);
+            if seq % 10_000 == 0 {
+                core.reconfigure(&mut fresh);
+            }
+            // Now and then the robot has no plan.
+            if core.tick(&state, (seq % 7 != 0).then_some(&setpoint)).publish {
+                core.write_parameters(&mut parameters);
+                core.write_health(&mut health);
+                published += 1;
+            }
+        }
+    });
+    assert_eq!((seen.allocations, seen.call), (0, None), "{seen:?}");
+    assert!(published > 100, "{published} publications");
+    assert!(parameters.values.iter().all(|x| x.is_finite()));
+}
+
 /// What the kernel reads while it watches is one for all threads.
 static WATCHED: Mutex<()> = Mutex::new(());
 

@@ -14,7 +14,8 @@ use std::fmt::Debug;
 const GONE_NS: u64 = 2_000_000_000;
 
 /// What is listened to.
-pub(super) struct Ports {
+#[derive(Debug)]
+pub struct Ports {
     health: Subscriber<Health>,
     drift: Subscriber<Drift>,
     controller: Subscriber<ControllerHealth>,
@@ -23,7 +24,11 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    pub(super) fn open(bus: &Bus) -> Result<Ports> {
+    /// Subscribes to what daemon and controller report.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn open(bus: &Bus) -> Result<Ports> {
         Ok(Ports {
             health: bus.health_subscriber()?,
             drift: bus.drift_subscriber()?,
@@ -35,31 +40,40 @@ impl Ports {
 }
 
 /// A report, and the rate of something between it and the one before.
-#[derive(Clone, Copy)]
-pub(super) struct Report<T> {
-    pub(super) message: T,
+#[derive(Clone, Copy, Debug)]
+pub struct Report<T> {
+    /// The report.
+    pub message: T,
     /// Samples (daemon) or commands (controller) a second; NaN before the second report.
-    pub(super) rate: f64,
+    pub rate: f64,
 }
 
-pub(super) struct Snapshot {
-    pub(super) robot: String,
-    pub(super) bus: String,
-    pub(super) joints: Vec<String>,
-    pub(super) names: Vec<String>,
-    pub(super) nominal: Vec<f64>,
-    pub(super) hash: u64,
-    pub(super) health: Option<Report<Health>>,
-    pub(super) drift: Option<Drift>,
-    pub(super) controller: Option<Report<ControllerHealth>>,
-    pub(super) parameters: Option<Parameters>,
-    pub(super) timing: Option<Timing>,
+/// What is known of a robot at one moment.
+#[derive(Debug)]
+pub struct Snapshot {
+    pub(crate) robot: String,
+    pub(crate) bus: String,
+    pub(crate) joints: Vec<String>,
+    pub(crate) names: Vec<String>,
+    pub(crate) nominal: Vec<f64>,
+    pub(crate) hash: u64,
+    /// The daemon's last report.
+    pub health: Option<Report<Health>>,
+    /// Whether the arm is still the one that was accepted.
+    pub drift: Option<Drift>,
+    /// The controller's last report.
+    pub controller: Option<Report<ControllerHealth>>,
+    /// The last parameter set.
+    pub parameters: Option<Parameters>,
+    /// Where the daemon's periods go.
+    pub timing: Option<Timing>,
     /// `CLOCK_MONOTONIC` of the last look \[ns\].
-    pub(super) now_ns: u64,
+    pub(crate) now_ns: u64,
 }
 
 impl Snapshot {
-    pub(super) fn new(robot: &Robot, bus: &BusConfig) -> Snapshot {
+    /// Nothing is known yet of `robot` on `bus`.
+    pub fn new(robot: &Robot, bus: &BusConfig) -> Snapshot {
         Snapshot {
             robot: robot.config.name.clone(),
             bus: format!("{} in {}", bus.prefix, bus.root.display()),
@@ -77,7 +91,10 @@ impl Snapshot {
     }
 
     /// Takes in what has come.
-    pub(super) fn take(&mut self, ports: &Ports) -> Result<()> {
+    ///
+    /// # Errors
+    /// A port's.
+    pub fn take(&mut self, ports: &Ports) -> Result<()> {
         if let Some(message) = ports.health.receive_newest()? {
             self.take_health(&message);
         }
@@ -97,21 +114,25 @@ impl Snapshot {
         Ok(())
     }
 
-    pub(super) fn take_health(&mut self, message: &Health) {
+    /// Takes in a report of the daemon.
+    pub fn take_health(&mut self, message: &Health) {
         let before = self.health.map(|report| (report.message.samples, report.message.stamp_ns));
         self.health = Some(Report { message: *message, rate: rate(before, (message.samples, message.stamp_ns)) });
     }
 
-    pub(super) fn take_controller(&mut self, message: &ControllerHealth) {
+    /// Takes in a report of the controller.
+    pub fn take_controller(&mut self, message: &ControllerHealth) {
         let before = self.controller.map(|report| (report.message.commands, report.message.stamp_ns));
         self.controller = Some(Report { message: *message, rate: rate(before, (message.commands, message.stamp_ns)) });
     }
 
-    pub(super) fn is_complete(&self) -> bool {
+    /// Whether everything that is shown has come.
+    pub fn is_complete(&self) -> bool {
         self.health.is_some() && self.controller.is_some() && self.parameters.is_some() && self.timing.is_some()
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    /// Whether neither daemon nor controller was heard.
+    pub fn is_empty(&self) -> bool {
         self.health.is_none() && self.controller.is_none()
     }
 
@@ -120,7 +141,7 @@ impl Snapshot {
     }
 
     /// What the daemon is doing; `None` while it is not heard of.
-    pub(super) fn mode(&self) -> Option<String> {
+    pub(crate) fn mode(&self) -> Option<String> {
         let health = self.health?.message;
         let mode = DaemonMode::try_from(health.mode).map_or_else(|_| format!("mode {}", health.mode), words);
         Some(if self.gone(health.stamp_ns) {
@@ -131,7 +152,7 @@ impl Snapshot {
     }
 
     /// Whether the arm is still the one that was accepted; `None` while nothing is heard of it.
-    pub(super) fn accepted(&self) -> Option<String> {
+    pub(crate) fn accepted(&self) -> Option<String> {
         let drift = self.drift?;
         let of = |wanted: DriftVerdict| -> Vec<String> {
             let joints = self.joints.iter().zip(&drift.joint_verdict).zip(&drift.ratio);
@@ -146,7 +167,7 @@ impl Snapshot {
     }
 
     /// What the controller is doing; `None` while it is not heard of.
-    pub(super) fn state(&self) -> Option<String> {
+    pub(crate) fn state(&self) -> Option<String> {
         let health = self.controller?.message;
         let state = ControllerState::try_from(health.state).map_or_else(|_| format!("state {}", health.state), words);
         let gone = self.gone(health.stamp_ns);
@@ -154,17 +175,17 @@ impl Snapshot {
     }
 
     /// Time since a stamp.
-    pub(super) fn age(&self, stamp_ns: u64) -> String {
+    pub(crate) fn age(&self, stamp_ns: u64) -> String {
         duration(self.now_ns.saturating_sub(stamp_ns))
     }
 
     /// Whether the parameters are of the model that this program reads out of the robot file.
-    pub(super) fn same_model(&self) -> bool {
+    pub(crate) fn same_model(&self) -> bool {
         self.parameters.is_none_or(|set| set.model_hash == self.hash && set.len() == self.names.len())
     }
 
     /// Name of parameter `i` of the set.
-    pub(super) fn name(&self, i: usize) -> String {
+    pub(crate) fn name(&self, i: usize) -> String {
         let known = self.same_model().then(|| self.names.get(i).cloned()).flatten();
         known.unwrap_or_else(|| format!("parameter {}", i + 1))
     }
@@ -178,7 +199,7 @@ fn rate(before: Option<(u64, u64)>, now: (u64, u64)) -> f64 {
 }
 
 /// `WorseThanNominal` as "worse than nominal".
-pub(super) fn words(variant: impl Debug) -> String {
+pub(crate) fn words(variant: impl Debug) -> String {
     let mut out = String::new();
     for letter in format!("{variant:?}").chars() {
         if letter.is_ascii_uppercase() && !out.is_empty() {
@@ -190,7 +211,7 @@ pub(super) fn words(variant: impl Debug) -> String {
 }
 
 /// A duration in ns with a unit that suits it.
-pub(super) fn duration(ns: u64) -> String {
+pub(crate) fn duration(ns: u64) -> String {
     match ns {
         0..1_000 => format!("{ns} ns"),
         1_000..1_000_000 => format!("{:.0} us", ns as f64 * 1e-3),
@@ -200,17 +221,17 @@ pub(super) fn duration(ns: u64) -> String {
 }
 
 /// Median, p99, p99.9 and the worst of a histogram.
-pub(super) fn quantiles(counts: &[u32; LogHistogram::BINS], worst_ns: u64) -> String {
+pub(crate) fn quantiles(counts: &[u32; LogHistogram::BINS], worst_ns: u64) -> String {
     let histogram = LogHistogram::from_counts(*counts, worst_ns);
     let at = |p| duration(histogram.quantile(p));
     format!("p50 {}, p99 {}, p99.9 {}, worst {}", at(0.5), at(0.99), at(0.999), duration(worst_ns))
 }
 
-pub(super) fn instruments(source: u32) -> String {
+pub(crate) fn instruments(source: u32) -> String {
     InstrumentSource::try_from(source).map_or_else(|_| "unknown".to_owned(), words)
 }
 
-pub(super) fn parameter_state(state: u8) -> &'static str {
+pub(crate) fn parameter_state(state: u8) -> &'static str {
     match ParameterState::try_from(state) {
         Ok(ParameterState::Active) => "active",
         Ok(ParameterState::Held) => "held",
@@ -220,14 +241,14 @@ pub(super) fn parameter_state(state: u8) -> &'static str {
 }
 
 /// Whose parameters the controller uses, and why.
-pub(super) fn source(health: &ControllerHealth) -> String {
+pub(crate) fn source(health: &ControllerHealth) -> String {
     let source = ParameterSource::try_from(health.source).map_or_else(|_| "unknown".to_owned(), words);
     let reason = SourceReason::try_from(health.source_reason).map_or_else(|_| "unknown".to_owned(), words);
     format!("{source} ({reason})")
 }
 
 /// Refusals that have happened, the most frequent first.
-pub(super) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
+pub(crate) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
     let named = |(i, &count): (usize, &u64)| {
         let kind = u32::try_from(i).ok().and_then(|i| ParameterRefusal::try_from(i).ok());
         (kind.map_or_else(|| format!("reason {i}"), words), count)
@@ -240,7 +261,7 @@ pub(super) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
 }
 
 /// A number in at most ten characters; a dash where there is none.
-pub(super) fn figure(x: f64) -> String {
+pub(crate) fn figure(x: f64) -> String {
     match x.abs() {
         _ if !x.is_finite() => "-".to_owned(),
         0.0 => "0".to_owned(),
@@ -251,13 +272,13 @@ pub(super) fn figure(x: f64) -> String {
 }
 
 /// Counts that are not zero, as "3 stale, 1 lost"; "none" where all are.
-pub(super) fn happened(counts: &[(&str, u64)]) -> String {
+pub(crate) fn happened(counts: &[(&str, u64)]) -> String {
     let some: Vec<_> = counts.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!("{n} {what}")).collect();
     if some.is_empty() { "none".to_owned() } else { some.join(", ") }
 }
 
 /// What is wrong with the samples now, and was last; "none" while and as long as nothing was.
-pub(super) fn input_state(s: &Snapshot, h: &Health) -> String {
+pub(crate) fn input_state(s: &Snapshot, h: &Health) -> String {
     let name = |fault: u32| InputFault::try_from(fault).map_or_else(|_| format!("fault {fault}"), words);
     let last = usize::try_from(h.last_input_fault).unwrap_or(usize::MAX);
     let times = h.input_faults.get(last).copied().unwrap_or(0);
@@ -280,7 +301,7 @@ pub(super) fn input_state(s: &Snapshot, h: &Health) -> String {
 }
 
 /// What is left out for want of time.
-pub(super) fn load(h: &Health) -> String {
+pub(crate) fn load(h: &Health) -> String {
     let level = LoadLevel::try_from(h.load_level).map_or_else(|_| format!("level {}", h.load_level), words);
     let since = if h.load_changes == 0 { String::new() } else { format!(" since sample {}", h.load_seq) };
     let more = happened(&[
@@ -296,7 +317,7 @@ pub(super) fn load(h: &Health) -> String {
 const WORK: [&str; PHASES - 1] = ["read", "diff", "model", "est", "sup", "pub"];
 
 /// The time that 99 of 100 periods spend in each phase of the work at most \[us\].
-pub(super) fn phases(timing: &Timing) -> String {
+pub(crate) fn phases(timing: &Timing) -> String {
     let bins = timing.phase_histogram.chunks_exact(HISTOGRAM_BINS).zip(timing.phase_max_ns).skip(1);
     let each = WORK.iter().zip(bins).map(|(name, (bins, max))| {
         let mut counts = [0; LogHistogram::BINS];
@@ -307,7 +328,7 @@ pub(super) fn phases(timing: &Timing) -> String {
 }
 
 /// The worst period of the last hour, and what the worst ones were long by.
-pub(super) fn worst(timing: &Timing) -> String {
+pub(crate) fn worst(timing: &Timing) -> String {
     let count = (timing.count as usize).min(timing.worst_cause.len());
     if count == 0 {
         return "none".to_owned();
@@ -328,7 +349,7 @@ pub(super) fn worst(timing: &Timing) -> String {
 }
 
 /// What went wrong on the daemon's input.
-pub(super) fn input_faults(health: &Health) -> String {
+pub(crate) fn input_faults(health: &Health) -> String {
     happened(&[
         ("lost", health.lost),
         ("stale", health.refused_stale),
@@ -340,7 +361,7 @@ pub(super) fn input_faults(health: &Health) -> String {
 }
 
 /// What went wrong in the daemon itself.
-pub(super) fn drops(health: &Health) -> String {
+pub(crate) fn drops(health: &Health) -> String {
     happened(&[
         ("periods missed", health.overruns),
         ("times at the catch-up limit", health.catch_up_limited),
@@ -349,7 +370,7 @@ pub(super) fn drops(health: &Health) -> String {
 }
 
 /// What went wrong in the controller.
-pub(super) fn controller_faults(health: &ControllerHealth) -> String {
+pub(crate) fn controller_faults(health: &ControllerHealth) -> String {
     happened(&[
         ("stops", health.stops),
         ("broken torques", health.broken),

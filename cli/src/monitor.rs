@@ -3,18 +3,13 @@
 //! It subscribes to health and parameters, which the daemon's bus thread and the controller's service thread send; the
 //! real-time loops do not know that it is there.
 
-mod screen;
-mod snapshot;
-mod text;
-
 use crate::control::OnBus;
 use crate::table::show;
 use anyhow::{Result, bail};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rivet_ipc_schema::{Bus, RobotName};
+use rivet_monitor::{Ports, Snapshot, View, as_text, draw};
 use rivet_realtime::Shutdown;
-use screen::View;
-use snapshot::{Ports, Snapshot};
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -71,7 +66,7 @@ fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<Ex
     if snapshot.is_empty() {
         bail!("neither rivetd nor rivet-controller is on this bus");
     }
-    show(&text::of(snapshot))?;
+    show(&as_text(snapshot))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -102,7 +97,7 @@ fn live(
     // A terminal that is gone is no terminal any more.
     while !shutdown.is_requested() && std::io::stdin().is_terminal() {
         snapshot.take(ports)?;
-        if terminal.draw(|frame| screen::draw(frame, snapshot, &mut view)).is_err() {
+        if terminal.draw(|frame| draw(frame, snapshot, &mut view)).is_err() {
             // It went meanwhile.
             return Ok(());
         }

@@ -1,13 +1,14 @@
 //! One look as text, for scripts: a word at the beginning of each line says what it is about.
 
-use super::snapshot::{
+use crate::snapshot::{
     Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
     quantiles, refusals, source, worst,
 };
 use rivet_ipc_schema::parameter_flags;
 use std::fmt::Write as _;
 
-pub(super) fn of(s: &Snapshot) -> String {
+/// One look as text.
+pub fn as_text(s: &Snapshot) -> String {
     let mut out = String::new();
     // Writing to a string does not fail.
     let _ = write(&mut out, s);

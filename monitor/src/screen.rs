@@ -1,6 +1,6 @@
 //! The live view.
 
-use super::snapshot::{
+use crate::snapshot::{
     Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
     quantiles, refusals, source, worst,
 };
@@ -11,14 +11,15 @@ use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::{Block, Cell, Paragraph, Row, Sparkline, Table, Wrap};
 
 /// What the person at the keyboard has chosen.
-#[derive(Default)]
-pub(super) struct View {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct View {
     /// First parameter shown.
     first: usize,
 }
 
 impl View {
-    pub(super) fn scroll(&mut self, by: isize) {
+    /// Goes down by so many parameters.
+    pub fn scroll(&mut self, by: isize) {
         self.first = self.first.saturating_add_signed(by);
     }
 }
@@ -31,7 +32,8 @@ const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
 /// Bins of the histograms that are shown: 256 ns to 67 ms, which is where loops of 0.1 to 10 ms live.
 const SHOWN: std::ops::Range<usize> = 8..27;
 
-pub(super) fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
+/// Draws what is known.
+pub fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
     let joints = s.joints.len() as u16;
     let [head, top, middle, bottom, foot] = Layout::vertical([
         Constraint::Length(1),
@@ -337,6 +339,6 @@ mod tests {
         for (width, height) in [(1, 1), (10, 3), (40, 12), (80, 24), (300, 100)] {
             screen(&s, width, height, &mut View::default());
         }
-        assert!(super::super::text::of(&s).contains("mode 77"));
+        assert!(crate::as_text(&s).contains("mode 77"));
     }
 }
