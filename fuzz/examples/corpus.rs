@@ -67,6 +67,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arm = rivet_config::load(corpus.join("../../robots/dd2/robot.toml"))?;
     let path = folder("config")?.join("identified.toml");
     rivet_config::write_identified(&arm, &arm.nominal_base, &vec![0.1; arm.nominal_base.len()], &path)?;
+    // The target reads it as if it lay beside the arm's own file.
+    let text = fs::read_to_string(&path)?.replace("../../../robots/dd2/", "");
+    fs::write(&path, text)?;
     fs::write(folder("urdf")?.join("empty.urdf"), "<robot name=\"a\"/>")?;
     let t: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
     let columns: Vec<(&str, &[f64])> = ["t", "q1", "q2", "tau1", "tau2"].map(|name| (name, &t[..])).to_vec();

@@ -1,4 +1,4 @@
-//! `cargo xtask`: what is done with the built workspace.
+//! `cargo xtask`: what is done with the workspace as a whole.
 
 mod fuzz;
 mod install;
@@ -6,7 +6,7 @@ mod install;
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
-#[command(version, about = "What is done with the built workspace")]
+#[command(version, about = "What is done with the workspace as a whole")]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
