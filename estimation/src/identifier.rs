@@ -49,9 +49,8 @@ const RESIDUAL_MEMORY: f64 = 10.0;
 const BLOCK: (f64, f64) = (0.1, 2.5);
 const LEAST_BLOCK: f64 = 10.0;
 
-/// Of what [`Identifier::remember_all`] writes. The fingerprint has the length and the settings besides; this is raised where
-/// the numbers come to mean something else and neither of these changes (2: rows weigh by their share of motion).
-const MEMORY_VERSION: u32 = 2;
+/// Of what [`Identifier::remember_all`] writes.
+const MEMORY_VERSION: u32 = 1;
 
 /// What [`Identifier::reconfigure`] kept beside the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
