@@ -19,12 +19,29 @@ const CHANGE: f64 = 9.0;
 /// Rows of a joint before its baseline is believed, as a share of the window.
 const SETTLE_SHARE: f64 = 0.25;
 
+/// Time that values have to fit an arm that carries something else before its residuals are looked at again \[s\].
+const LEARN_S: f64 = 5.0;
+
+/// What [`Change::add`] saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Changed {
+    /// Nothing.
+    No,
+    /// The arm is another one.
+    Yes,
+    /// It still is, after the time that was given to learn its load.
+    Still,
+}
+
 /// Compares recent residuals with those of the window, joint by joint.
 #[derive(Clone, Debug)]
 pub(crate) struct Change {
     short: f64,
     memory: f64,
     settle: f64,
+    learn: f64,
+    /// Instants until residuals are looked at again; 0 when they are.
+    given: f64,
     baseline: Vec<f64>,
     rows: Vec<f64>,
     recent: f64,
@@ -38,6 +55,8 @@ impl Change {
             short: (SHORT_S / row_s).max(5.0),
             memory: (0.5 * window).max(20.0),
             settle: (SETTLE_SHARE * window).max(20.0),
+            learn: (LEARN_S / row_s).ceil(),
+            given: 0.0,
             baseline: vec![0.0; joints],
             rows: vec![0.0; joints],
             recent: 1.0,
@@ -47,13 +66,15 @@ impl Change {
 
     /// Goes on with the memories of `fresh`.
     pub(crate) fn reconfigure(&mut self, fresh: &Change) {
-        (self.short, self.memory, self.settle) = (fresh.short, fresh.memory, fresh.settle);
+        (self.short, self.memory, self.settle, self.learn) = (fresh.short, fresh.memory, fresh.settle, fresh.learn);
+        self.given = self.given.min(self.learn);
     }
 
     pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
         carry.sizes(&mut self.baseline);
         carry.sizes(&mut self.rows);
         carry.number(&mut self.recent);
+        carry.sizes(std::slice::from_mut(&mut self.given));
         carry.whole(&mut self.seen, MANY);
     }
 
@@ -62,10 +83,12 @@ impl Change {
         self.baseline.fill(0.0);
         self.rows.fill(0.0);
         self.recent = 1.0;
+        self.given = 0.0;
     }
 
-    /// Takes in the residual of every joint whose row counts, as `(joint, residual)`; true when the arm has changed.
-    pub(crate) fn add(&mut self, residuals: impl Iterator<Item = (usize, f64)>) -> bool {
+    /// Takes in the residual of every joint whose row counts, as `(joint, residual)`. What residuals were like stays known
+    /// after a change, for the time that values have to come back to it.
+    pub(crate) fn add(&mut self, residuals: impl Iterator<Item = (usize, f64)>) -> Changed {
         let (mut sum, mut count) = (0.0, 0.0);
         for (j, residual) in residuals {
             let square = residual * residual;
@@ -73,21 +96,33 @@ impl Change {
                 sum += (square / self.baseline[j]).min(ROW_CAP);
                 count += 1.0;
             }
+            if self.given > 0.0 {
+                continue;
+            }
             self.rows[j] += 1.0;
             let known = self.rows[j] > 0.5 * self.settle;
             let square = if known { square.min(BASELINE_CAP * self.baseline[j]) } else { square };
             self.baseline[j] += (square - self.baseline[j]) / self.rows[j].min(self.memory);
         }
         if count == 0.0 {
-            return false;
+            return Changed::No;
         }
         self.recent += (sum / count - self.recent) / self.short;
-        let changed = self.recent > CHANGE;
-        if changed {
-            self.seen += 1;
-            self.restart();
+        if self.given > 1.0 {
+            self.given -= 1.0;
+            return Changed::No;
         }
-        changed
+        let still = self.given > 0.0;
+        self.given = 0.0;
+        if self.recent <= CHANGE {
+            return Changed::No;
+        }
+        self.seen += 1;
+        if still {
+            return Changed::Still;
+        }
+        self.given = self.learn;
+        Changed::Yes
     }
 
     /// How many changes were seen.
@@ -98,7 +133,7 @@ impl Change {
 
 #[cfg(test)]
 mod tests {
-    use super::Change;
+    use super::{Change, Changed};
 
     /// Reproducible noise, roughly normal.
     fn noise(state: &mut u64) -> f64 {
@@ -109,8 +144,18 @@ mod tests {
         (0..12).map(|_| uniform()).sum()
     }
 
-    fn run(change: &mut Change, rows: usize, scale: impl Fn(usize) -> f64, state: &mut u64) -> Option<usize> {
-        (0..rows).find(|&k| change.add((0..6).map(|j| (j, scale(k) * noise(state))).collect::<Vec<_>>().into_iter()))
+    /// The first of `rows` instants at which `change` saw something, and what.
+    fn run(
+        change: &mut Change,
+        rows: usize,
+        scale: impl Fn(usize) -> f64,
+        state: &mut u64,
+    ) -> Option<(usize, Changed)> {
+        let mut add = |k: usize| {
+            let residuals = [0, 1, 2, 3, 4, 5].map(|j| (j, scale(k) * noise(state)));
+            (k, change.add(residuals.into_iter()))
+        };
+        (0..rows).map(&mut add).find(|(_, changed)| *changed != Changed::No)
     }
 
     #[test]
@@ -120,9 +165,20 @@ mod tests {
         assert_eq!(run(&mut change, 3000, |_| 0.3, &mut state), None, "steady");
         assert_eq!(run(&mut change, 500, |k| if k % 100 < 5 { 30.0 } else { 0.3 }, &mut state), None, "peaks of 50 ms");
         assert_eq!(run(&mut change, 500, |k| if k % 200 < 100 { 0.6 } else { 0.3 }, &mut state), None, "twice as busy");
-        let found = run(&mut change, 500, |_| 3.0, &mut state).expect("ten times the residual");
+        let (found, changed) = run(&mut change, 500, |_| 3.0, &mut state).expect("ten times the residual");
         assert!(found < 50, "after {found} rows");
-        assert_eq!(change.seen(), 1);
-        assert_eq!(run(&mut change, 2000, |_| 3.0, &mut state), None, "the new level is the baseline from then on");
+        assert_eq!((change.seen(), changed), (1, Changed::Yes));
+
+        // Values that fit again within the time given: nothing more was wrong, and what is usual is still known.
+        let mut learnt = change.clone();
+        assert_eq!(run(&mut learnt, 2000, |k| if k < 300 { 3.0 } else { 0.3 }, &mut state), None, "a load is learnt");
+        let again = run(&mut learnt, 500, |_| 3.0, &mut state);
+        assert!(matches!(again, Some((0..50, Changed::Yes))), "{again:?}");
+
+        // Values that still do not fit: once the window has begun anew, the new level is the usual one.
+        assert_eq!(run(&mut change, 600, |_| 3.0, &mut state), Some((499, Changed::Still)));
+        change.restart();
+        assert_eq!(run(&mut change, 2000, |_| 3.0, &mut state), None);
+        assert_eq!(change.seen(), 2);
     }
 }

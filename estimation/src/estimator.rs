@@ -14,10 +14,11 @@ mod cycle;
 mod long_run;
 #[cfg(test)]
 mod nees;
+mod payload;
 
 pub use comparison::Hausman;
 
-use crate::change::Change;
+use crate::change::{Change, Changed};
 use crate::kernels::{Part, add_products};
 use crate::linear::{axpy, dot, packed};
 use crate::memory::{Carry, MANY};
@@ -31,6 +32,7 @@ use crate::ud::UdFilter;
 use comparison::Comparison;
 use cycle::Cycle;
 use long_run::LongRun;
+use payload::Payload;
 
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
 /// zero is not known exactly.
@@ -132,6 +134,8 @@ pub struct Estimator {
     verdict: Verdict,
     /// `None` when nothing is forgotten: the arm is then taken to be one and the same.
     change: Option<Change>,
+    /// What a load changes, where it is known and the sums are at hand.
+    payload: Option<Payload>,
     /// λ of the last update.
     lambda: f64,
     updates: u64,
@@ -217,11 +221,17 @@ impl Estimator {
                 .change_row_s
                 .filter(|_| settings.forgetting < 1.0)
                 .map(|row_s| Change::new(p, row_s, 1.0 / (1.0 - settings.forgetting))),
+            payload: None,
             lambda: settings.forgetting,
             updates: 0,
             frozen: false,
             instrument: Instrument::None,
         };
+        if estimator.change.is_some() && !tracked && !settings.kind.least_squares() {
+            let scaled = |column: &Vec<f64>| column.iter().zip(&scales.column).map(|(x, c)| x * c).collect();
+            let columns: Vec<Vec<f64>> = scales.payload.iter().map(scaled).collect();
+            estimator.payload = Some(Payload::new(&columns, estimator.whitening.as_ref()));
+        }
         estimator.reset();
         estimator
     }
@@ -284,6 +294,9 @@ impl Estimator {
         self.residuals.carry(carry);
         if let Some(change) = &mut self.change {
             change.carry(carry);
+        }
+        if let Some(payload) = &mut self.payload {
+            payload.carry(carry);
         }
         carry.number(&mut self.lambda);
         carry.whole(&mut self.updates, MANY);
@@ -399,8 +412,15 @@ impl Estimator {
         if self.frozen {
             return Err(Skip::Frozen);
         }
-        if changed {
-            self.begin_window();
+        if changed != Changed::No {
+            // What is heaviest on an arm and changes at once is what it carries; if that was not it, the residuals stay.
+            if changed == Changed::Still || !self.forget_load() {
+                self.begin_window();
+            }
+            return Err(Skip::Changed);
+        }
+        if self.unloading() {
+            return Err(Skip::Changed);
         }
         self.lambda = self.forgetting();
         let rows = &mut self.rows;
@@ -474,13 +494,13 @@ impl Estimator {
 
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
     /// Returns whether the arm has changed.
-    fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64]) -> bool {
+    fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64]) -> Changed {
         let n = self.n;
         self.rows.weight.fill(0.0);
         let values = &self.values;
         let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
         let clear = || d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] >= CLEAR);
-        let changed = self.change.as_mut().is_some_and(|change| change.add(clear().map(residual)));
+        let changed = self.change.as_mut().map_or(Changed::No, |change| change.add(clear().map(residual)));
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             let residual = tau[j] - dot(row, &self.values);
             let nominal = tau[j] - dot(row, &self.nominal);
@@ -504,6 +524,9 @@ impl Estimator {
 
     /// Goes on from the values of now with nothing in the window.
     fn begin_window(&mut self) {
+        if let Some(change) = &mut self.change {
+            change.restart();
+        }
         let values = std::mem::take(&mut self.values);
         self.reload(&values);
         self.values = values;

@@ -50,7 +50,7 @@ const BLOCK: (f64, f64) = (0.1, 2.5);
 const LEAST_BLOCK: f64 = 10.0;
 
 /// Of what [`Identifier::remember_all`] writes.
-const MEMORY_VERSION: u32 = 1;
+const MEMORY_VERSION: u32 = 2;
 
 /// What [`Identifier::reconfigure`] kept beside the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -563,7 +563,7 @@ impl Identifier {
             let moving = used.iter().any(|used| *used);
             let result = self.estimator.update(row, instruments, &[work], &[f64::from(u8::from(moving))]);
             self.past.store(row);
-            return result.map_or_else(Step::Skipped, |rows| Step::Updated { rows });
+            return self.learnt(result);
         }
         let instruments = if self.desired.age() >= self.settled {
             self.desired.rows(&mut self.z);
@@ -573,10 +573,14 @@ impl Identifier {
         };
         let result = self.estimator.update(&self.d, instruments, tau, &share[..self.dof]);
         self.past.store(&self.d);
-        match result {
-            Ok(rows) => Step::Updated { rows },
-            Err(why) => Step::Skipped(why),
-        }
+        self.learnt(result)
+    }
+
+    /// Rows in which the filters mix two arms would weigh on weak directions for as long as the window remembers: after a
+    /// change only the new arm's samples are to be filtered.
+    fn learnt(&mut self, result: Result<usize, Skip>) -> Step {
+        self.interrupted |= result == Err(Skip::Changed);
+        result.map_or_else(Step::Skipped, |rows| Step::Updated { rows })
     }
 }
 

@@ -73,6 +73,8 @@ pub enum Skip {
     NotFinite,
     /// The observer did not admit them.
     NotAdmitted,
+    /// The arm has become another one: its window begins anew, and so do the filters, which still hold the one before.
+    Changed,
 }
 
 /// What one sample did.

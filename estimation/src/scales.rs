@@ -6,7 +6,7 @@
 
 use crate::kernels::{Lanes, lower_times};
 use crate::linear::{axpy, dot, packed};
-use rivet_dynamics::{BaseSet, JointKind, Model, Workspace};
+use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Workspace};
 
 /// States of the reference workload.
 const STATES: usize = 300;
@@ -32,6 +32,9 @@ pub struct Scales {
     pub torque: f64,
     /// Mean information of one workload state in scaled columns, n x n row-major: unit diagonal.
     pub workload: Vec<f64>,
+    /// What each of the ten numbers of a load at the last link adds to the parameters; empty for equations that are not an
+    /// arm's.
+    pub payload: Vec<Vec<f64>>,
 }
 
 impl Scales {
@@ -42,7 +45,7 @@ impl Scales {
         for i in 0..columns {
             workload[i * columns + i] = 1.0;
         }
-        Scales { column: vec![1.0; columns], torque_noise: vec![1.0; rows], torque: 1.0, workload }
+        Scales { column: vec![1.0; columns], torque_noise: vec![1.0; rows], torque: 1.0, workload, payload: Vec::new() }
     }
 
     /// Scales of `model` in `base` parameters, from seeded states. `torque_noise`: where it is known.
@@ -88,7 +91,14 @@ impl Scales {
                 workload[i * n + j] /= column[i] * column[j];
             }
         }
-        Scales { column, torque_noise: noise, torque, workload }
+        let load = |k: usize| {
+            let mut standard = vec![0.0; full];
+            standard[k] = 1.0;
+            base.from_standard(&standard)
+        };
+        let last = LINK_PARAMETERS * (dof - 1);
+        let payload = (last..last + LINK_PARAMETERS).map(load).collect();
+        Scales { column, torque_noise: noise, torque, workload, payload }
     }
 
     /// The same columns for energy rows, of which there is one: torque noise at the workload's speeds for `span` \[s\]

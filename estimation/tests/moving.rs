@@ -100,6 +100,58 @@ fn a_grasped_load_is_learnt_in_two_windows() {
     }
 }
 
+/// Updates until the torque error is below `enough`, on data without noise: the arm carries something from 40 s on.
+fn updates_until(enough: f64, bench: &mut Bench, supervision: Supervision, others: f64) -> (u64, u64) {
+    let bare = bench.truth.clone();
+    let mut truth = bench.with_load(9.0, [0.02, 0.0, 0.1]);
+    // A load alone, or with other friction as well.
+    for i in friction(bench) {
+        truth[i] *= others;
+    }
+    let mut identifier = identifier(bench, supervision);
+    let mut random = Random(34);
+    let mut wave = Wave::new(bench.dof(), 1.0);
+    let mut since = None;
+    for k in 0..(80.0 / PERIOD) as u32 {
+        let t = f64::from(k) * PERIOD;
+        let motion = wave.at(t);
+        let loaded = t >= 40.0;
+        let mut tau = bench.torque(motion, if loaded { &truth } else { &bare });
+        for (tau, sigma) in tau.iter_mut().zip(NOISE) {
+            *tau += 0.1 * sigma * random.normal();
+        }
+        identifier.push_motion(motion, &tau, Some(motion));
+        let estimate = identifier.estimate();
+        if loaded {
+            let since = *since.get_or_insert(estimate.updates);
+            bench.truth.clone_from(&truth);
+            let error = bench.torque_error(estimate.values);
+            bench.truth.clone_from(&bare);
+            if error < enough && estimate.changes > 0 {
+                return (estimate.updates - since, estimate.changes);
+            }
+        }
+    }
+    panic!("{supervision:?}: never below {enough}");
+}
+
+/// What is known of the rest of the arm is not learnt anew with a load; where it was more than that, it is.
+#[test]
+fn a_load_alone_is_learnt_sooner_than_a_whole_arm() {
+    let Some(mut bench) = Bench::new(ARM) else { return };
+    let [eigen, tracked] = schemes();
+    let (load, changes) = updates_until(0.005, &mut bench, eigen, 1.0);
+    assert_eq!(changes, 1);
+    // The tracked scheme keeps its sums in directions of its own: it begins anew.
+    let (whole, _) = updates_until(0.005, &mut bench, tracked, 1.0);
+    // Friction that doubles at the same time is no load, which shows when the time to learn one is over.
+    let (more, changes) = updates_until(0.005, &mut bench, eigen, 2.0);
+    println!("updates: {load} for a load, {whole} for the arm anew, {more} for load and friction");
+    assert_eq!(changes, 2);
+    assert!(2 * load < whole, "{load} against {whole}");
+    assert!(load < more, "{load} against {more}");
+}
+
 /// Motion of joint `only`, or of all, for `seconds`, from rest to rest.
 fn moved(wave: &mut Wave, only: Option<usize>, t: f64, seconds: f64) -> [Vec<f64>; 3] {
     let (w, phase) = (std::f64::consts::PI / seconds, std::f64::consts::PI * t / seconds);

@@ -124,6 +124,28 @@ impl Cycle {
         self.width[i] = std;
     }
 
+    /// Nothing is known of scaled parameter `i` but its prior.
+    pub(super) fn forget(&mut self, i: usize, prior: f64) {
+        self.belief[i] = PRIOR_CAUTION * prior;
+        self.width[i] = prior;
+    }
+
+    /// The cycle that is under way is dropped, and what moved before has no advantage any more.
+    pub(super) fn begin_anew(&mut self) {
+        (self.stage, self.solved) = (Stage::Idle, false);
+        self.active.fill(false);
+        match &mut self.judge {
+            Judge::Directions(scheme) => scheme.forget_history(),
+            Judge::Tracked(scheme) => scheme.restart(),
+            Judge::Off | Judge::Columns(_) => {}
+        }
+    }
+
+    /// \[torque-noise sigma\]
+    pub(super) fn tolerance(&self) -> f64 {
+        self.judge.tolerance()
+    }
+
     /// A cycle that is under way begins anew on the other side.
     pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
         carry.numbers(&mut self.x);
@@ -149,10 +171,8 @@ impl Cycle {
 
     /// Begins anew at the scaled parameters `x`.
     pub(super) fn restart(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
-        self.stage = Stage::Idle;
+        self.begin_anew();
         self.fresh = false;
-        self.solved = false;
-        self.active.fill(false);
         self.next = 0;
         match whitening {
             Some(whitening) => whitening.coordinates(x, &mut self.x),
@@ -162,11 +182,6 @@ impl Cycle {
             *belief = PRIOR_CAUTION * prior;
         }
         self.width.copy_from_slice(prior);
-        match &mut self.judge {
-            Judge::Directions(scheme) => scheme.forget_history(),
-            Judge::Tracked(scheme) => scheme.restart(),
-            Judge::Off | Judge::Columns(_) => {}
-        }
     }
 
     /// The scheme that keeps its own sums.
@@ -381,6 +396,10 @@ impl Estimator {
     ///
     /// A cycle (judge, solve, a part of the standard deviations) takes 6 to 20 steps with 60 parameters.
     pub fn work(&mut self) {
+        if self.unloading() {
+            self.unload();
+            return;
+        }
         if self.plain_rls() {
             self.follow_ud();
             return;
@@ -447,6 +466,9 @@ impl Estimator {
 
     /// Runs a whole cycle on all rows so far, and refreshes every standard deviation. For use off the real-time path.
     pub fn settle(&mut self) {
+        while self.unloading() {
+            self.unload();
+        }
         if self.plain_rls() {
             for _ in 0..self.n {
                 self.follow_ud();
