@@ -1,6 +1,7 @@
 //! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -59,9 +60,29 @@ impl Robot {
 pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
     let path = path.as_ref();
     let whole = |why: &str, hint: &str| ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]);
-    let bytes = fs::read(path).map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
+    let bytes =
+        read_file(path).map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
     let text = String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))?;
     parse(path, &text)
+}
+
+/// Robot files and URDFs of more bytes are a mistake.
+const LARGEST: u64 = 16 << 20;
+
+/// A file, whole. Of a pipe or a device a reader might wait for ever, which a service must not.
+fn read_file(path: &Path) -> io::Result<Vec<u8>> {
+    let what = fs::metadata(path)?;
+    let unfit = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    if what.is_dir() {
+        return unfit("it is a folder".to_owned());
+    }
+    if !what.is_file() {
+        return unfit("it is a pipe or a device, not a file".to_owned());
+    }
+    if what.len() > LARGEST {
+        return unfit(format!("it has {} bytes, more than {LARGEST}", what.len()));
+    }
+    fs::read(path)
 }
 
 /// As [`load`], with the text of the file given; `path` names it and anchors relative paths.
@@ -207,7 +228,10 @@ fn read_arm(
     written: &str,
     gravity: [f64; 3],
 ) -> Option<Arm> {
-    let text = match fs::read_to_string(urdf) {
+    let utf8 = |bytes| {
+        String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
+    };
+    let text = match read_file(urdf).and_then(utf8) {
         Ok(text) => text,
         Err(why) => {
             let hint = format!("the path is relative to this file; looked for {}", urdf.display());
@@ -285,4 +309,23 @@ fn syntax_error(path: &Path, text: &str, error: &toml::de::Error) -> ConfigError
         _ => "the file is TOML: `key = value` lines below `[section]` lines",
     };
     ConfigError::at(path, text, &span, key, value, error.message(), hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// None of these is waited for, or read into memory for ever.
+    #[test]
+    fn what_is_no_file_is_refused_at_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let large = folder.path().join("large.toml");
+        fs::File::create(&large).and_then(|file| file.set_len(LARGEST + 1)).expect("made, without taking the room");
+        for (path, why) in
+            [(Path::new("/dev/zero"), "a pipe or a device"), (folder.path(), "a folder"), (&large, "bytes")]
+        {
+            let said = load(path).expect_err("no robot file").to_string();
+            assert!(said.contains(why), "{said}");
+        }
+    }
 }

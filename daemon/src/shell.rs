@@ -68,6 +68,9 @@ const SHARED_MEMORY: u64 = 32 << 20;
 /// A loop that stands still for this long is recorded, before the service manager's watchdog ends the process.
 const STUCK: Duration = Duration::from_millis(700);
 
+/// How long the end waits for a reload that is under way.
+const RELOAD_ENDS: Duration = Duration::from_millis(200);
+
 /// Control requests that may wait for the loop.
 const INBOUND: usize = 16;
 
@@ -208,7 +211,12 @@ fn run_threads(
     shutdown.request();
     // The store is last: it writes what the others left.
     // A panic would have ended the process.
-    threads.into_iter().chain([reloading]).chain(keeping).for_each(|thread| drop(thread.join()));
+    threads.into_iter().chain(keeping).for_each(|thread| drop(thread.join()));
+    // It has nothing that is to be kept, and a file system that hangs may hold it for ever.
+    let patience = Instant::now() + RELOAD_ENDS;
+    while !reloading.is_finished() && Instant::now() < patience {
+        std::thread::sleep(Duration::from_millis(5));
+    }
     started?;
     let end = progress.read();
     log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);

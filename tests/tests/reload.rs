@@ -53,6 +53,12 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
             let other_filter = ask();
             write(&folder, "window_s = 5.0", "window_s = -5.0");
             let bad = ask();
+            // Nobody writes into it: whoever opens it to read waits.
+            let file = folder.join("robot.toml");
+            fs::remove_file(&file).expect("removed");
+            assert!(std::process::Command::new("mkfifo").arg(&file).status().expect("mkfifo runs").success());
+            let pipe = ask();
+            fs::remove_file(&file).expect("removed");
             write(&folder, "gravity = [0.0, 0.0, -9.81]", "gravity = [0.0, 0.0, -1.62]");
             let other_model = ask();
             // By the signal as well: what was in force before is again.
@@ -65,7 +71,7 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
             });
             std::thread::sleep(Duration::from_millis(300));
             done.send(()).expect("the test waits");
-            ([other_window, other_filter, bad, other_model], by_signal)
+            ([other_window, other_filter, bad, pipe, other_model], by_signal)
         })
     };
     let (mut seq, mut published) = (0, Vec::<Parameters>::new());
@@ -77,7 +83,7 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
             published.push(set);
         }
     }
-    let ([other_window, other_filter, bad, other_model], by_signal) = neighbour.join().expect("no panic");
+    let ([other_window, other_filter, bad, pipe, other_model], by_signal) = neighbour.join().expect("no panic");
     let last =
         eventually("the last sample is in", || health.receive().expect("received").filter(|health| health.seq == seq));
     while let Some(set) = parameters.receive().expect("received") {
@@ -93,6 +99,8 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
     assert!(other_filter.1.contains("the filters settle anew"), "{}", other_filter.1);
     assert_eq!(bad.0, ControlStatus::Refused);
     assert!(bad.1.contains("robot.toml:25:12"), "the place is named: {}", bad.1);
+    assert_eq!(pipe.0, ControlStatus::Refused);
+    assert!(pipe.1.contains("robot.toml") && pipe.1.contains("a pipe or a device"), "{}", pipe.1);
     assert_eq!(other_model.0, ControlStatus::Refused);
     assert!(other_model.1.contains("restart"), "{}", other_model.1);
     assert!(by_signal.contains("the filters settle anew"), "{by_signal}");

@@ -24,20 +24,13 @@ pub(crate) struct Args {
     /// Puts everything below this folder instead of the root: a package's, or a container's.
     #[arg(long, value_name = "DIR", default_value = "/")]
     destdir: PathBuf,
-    /// Takes the programs from this folder instead of building them.
-    #[arg(long, value_name = "DIR")]
-    from: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     ensure!(args.prefix.is_absolute(), "--prefix {}: it must be absolute", args.prefix.display());
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?;
-    let target = if args.from.is_some() { PathBuf::new() } else { build(source)? };
-    let lies = |program: &str, profile: &str| match &args.from {
-        Some(folder) => folder.join(program),
-        None => target.join(profile).join(program),
-    };
-    let installed = install(source, lies, &args.destdir, &args.prefix)?;
+    let target = build(source)?;
+    let installed = install(source, &target, &args.destdir, &args.prefix)?;
     println!("{installed} files below {}", below(&args.destdir, &args.prefix).display());
     if args.destdir == Path::new("/") {
         println!("next, as root: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload");
@@ -66,12 +59,12 @@ fn below(destdir: &Path, path: &Path) -> PathBuf {
     destdir.join(path.strip_prefix("/").unwrap_or(path))
 }
 
-/// `lies` says where a program of a profile is.
-fn install(source: &Path, lies: impl Fn(&str, &str) -> PathBuf, destdir: &Path, prefix: &Path) -> Result<usize> {
+/// `target` has a folder of programs for each profile.
+fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Result<usize> {
     let to = |inner: &str| below(destdir, &prefix.join(inner));
     let mut files = 0;
     for (program, _, profile) in PROGRAMS {
-        let path = lies(program, profile);
+        let path = target.join(profile).join(program);
         let bytes = fs::read(&path).with_context(|| format!("{}: not built?", path.display()))?;
         files += put(&to("bin").join(program), &bytes, 0o755)?;
     }
@@ -137,14 +130,17 @@ mod tests {
     fn everything_is_put_where_the_units_say() {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
         let (programs, destdir) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
-        for (program, _, _) in PROGRAMS {
-            fs::write(programs.path().join(program), program).expect("written");
+        for (program, _, profile) in PROGRAMS {
+            fs::create_dir_all(programs.path().join(profile)).expect("made");
+            fs::write(programs.path().join(profile).join(program), profile).expect("written");
         }
         // Twice: over itself it installs as well.
         for _ in 0..2 {
-            let lies = |program: &str, _: &str| programs.path().join(program);
-            install(source, lies, destdir.path(), Path::new("/opt/rivet")).expect("installed");
+            install(source, programs.path(), destdir.path(), Path::new("/opt/rivet")).expect("installed");
         }
+        // What runs for months is what unwinds nothing.
+        let daemon = fs::read_to_string(destdir.path().join("opt/rivet/bin/rivetd")).expect("installed");
+        assert_eq!(daemon, "service");
         let unit = destdir.path().join("opt/rivet/lib/systemd/system/rivetd@.service");
         let unit = fs::read_to_string(unit).expect("the unit is there");
         let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=")).expect("it starts something");
