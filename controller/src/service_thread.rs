@@ -5,7 +5,7 @@ use crate::gate::refusal_text;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason,
 };
-use rivet_realtime::Shutdown;
+use rivet_realtime::{Hangup, Shutdown};
 use rivet_service::{Flight, Manager};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
@@ -51,6 +51,7 @@ pub(crate) fn start(
     mut inbound: rtrb::Consumer<Outbound>,
     flight: Option<Arc<Flight>>,
     pulse: &Arc<Pulse>,
+    hangup: Option<Hangup>,
     shutdown: &Shutdown,
 ) -> Result<JoinHandle<()>, StartError> {
     let (config, name, shutdown, pulse) = (config.clone(), name.clone(), shutdown.clone(), Arc::clone(pulse));
@@ -79,6 +80,9 @@ pub(crate) fn start(
             }
             // Late subscribers get the latest health; a failure here is a subscriber's, and will show again.
             let _ = service.health.refresh();
+            if hangup.as_ref().is_some_and(Hangup::take) {
+                log::warn!("SIGHUP: nothing was changed: the robot file is read at the start");
+            }
             if stopping {
                 manager.stopping();
                 return;

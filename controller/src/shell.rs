@@ -10,9 +10,10 @@ use rivet_ipc_schema::{
     BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, OneSource,
     ParameterSource, Parameters, RobotName, Setpoint,
 };
-use rivet_realtime::{RealTimeSettings, Scheduling, Shutdown, now_ns};
+use rivet_realtime::{Hangup, RealTimeSettings, Scheduling, Shutdown, now_ns};
 use rivet_service::Flight;
 use rivet_store::Store;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -100,7 +101,12 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     for line in robot.model.effects_left_out() {
         log::warn!("{line}");
     }
-    let shutdown = Shutdown::on_signals().map_err(StartError::Signals)?;
+    // A terminal that is closed ends what was started in it. A service goes on: an arm is not let down by who wants it to read
+    // its file anew.
+    let attended = std::io::stdin().is_terminal();
+    let signals = if attended { Shutdown::on_signals() } else { Shutdown::on_termination() };
+    let shutdown = signals.map_err(StartError::Signals)?;
+    let hangup = if attended { None } else { Some(Hangup::listen().map_err(StartError::Signals)?) };
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
     }
@@ -121,7 +127,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let columns = ["q", "tau", "q_des", "qd_des", "qdd_des", "command"].map(|column| (column, robot.dof()));
     let flight = options.state.as_deref().map(|folder| Arc::new(Flight::new(folder, name.as_str(), &columns)));
     rivet_service::abort_on_panic(flight.clone());
-    let service = service_thread::start(&config, &name, inbound, flight.clone(), &pulse, &shutdown)?;
+    let service = service_thread::start(&config, &name, inbound, flight.clone(), &pulse, hangup, &shutdown)?;
     let granted = rivet_realtime::enter(&realtime(&robot, options));
     let ended = granted.map_err(StartError::from).map(|granted| {
         for refused in &granted.refused {

@@ -172,7 +172,10 @@ impl Keeper {
                         let _ = answers.send(outcome);
                     }
                     match saved {
-                        Ok(()) => complained = false,
+                        Ok(()) if std::mem::take(&mut complained) => {
+                            log::info!(rivet_event = "state-stored"; "parameters are stored again");
+                        }
+                        Ok(()) => {}
                         Err(why) if !complained => {
                             complained = true;
                             log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");

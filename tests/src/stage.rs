@@ -54,7 +54,14 @@ impl<'a> Stage<'a> {
         let mut command = rivet();
         command.arg(words[0]).arg(&self.file).args(&words[1..]).args(["--die-with-parent", "--prefix"]);
         // What it prints is not wanted.
-        Process::start(command.arg(&self.config.prefix).arg("--root").arg(&self.config.root).stdout(Stdio::null()))
+        Process::start(
+            command
+                .arg(&self.config.prefix)
+                .arg("--root")
+                .arg(&self.config.root)
+                .stdin(Stdio::null())
+                .stdout(Stdio::null()),
+        )
     }
 
     fn state(&self) -> String {

@@ -7,6 +7,7 @@ use rivet_ipc_schema::{
 use rivet_tests::process::{Process, eventually};
 use rivet_tests::robot;
 use rivet_tests::side::{Arm, daemon};
+use rivet_tests::stage::{Stage, turn};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -141,4 +142,19 @@ fn a_reload_under_load_loses_no_sample_and_a_bad_file_changes_nothing() {
         live.flags &= !parameter_flags::LATE;
         assert_eq!(live, off_line, "sample {}", off_line.seq);
     }
+}
+
+/// Who takes SIGHUP for a wish to read the file anew must not let down the arm: the controller goes on, and says that it did not.
+#[test]
+fn a_hangup_does_not_end_the_controller() {
+    let _turn = turn();
+    let private = PrivateBus::new("hangup");
+    let folder = tempfile::tempdir().expect("a folder");
+    let stage = Stage::new(private.config(), folder.path(), "manutec-r3", "");
+    let mut controller = stage.controller(&["--lockstep"]);
+    let _plant = stage.plant(&["--lockstep", "2000", "--unpaced"]);
+    let before = stage.wait("commands", |health| health.commands > 100);
+    controller.signal("-HUP");
+    stage.wait("more of them", |health| health.commands > before.commands + 2000);
+    assert!(controller.end("-TERM").success());
 }
