@@ -175,12 +175,11 @@ impl Keeper {
                         Ok(()) if std::mem::take(&mut complained) => {
                             log::info!(rivet_event = "state-stored"; "parameters are stored again");
                         }
-                        Ok(()) => {}
                         Err(why) if !complained => {
                             complained = true;
                             log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");
                         }
-                        Err(_) => {}
+                        Ok(()) | Err(_) => {}
                     }
                 }
             }
