@@ -1,8 +1,11 @@
 //! `rivet-controller` at its start, without samples, and with strangers on the bus: real processes.
 
-use rivet_ipc_schema::{Bus, ControllerState, ParameterSource, PrivateBus, RobotName, SourceReason};
+use rivet_ipc_schema::{
+    BlackboardReader, Bus, ControllerState, JointState, ParameterSource, PrivateBus, RobotName, SourceReason,
+};
 use rivet_tests::process::eventually;
 use rivet_tests::stage::{Stage, columns, turn};
+use std::time::Duration;
 
 /// A controller that starts without a daemon starts on what an earlier daemon stored.
 #[test]
@@ -86,6 +89,45 @@ fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {
     plant.signal("-CONT");
     let on = stage.wait("samples again", |health| health.seq > stopped.seq + 500);
     assert_ne!(ControllerState::try_from(on.state), Ok(ControllerState::Stopping));
+}
+
+/// How long after the last answer the stop reaction comes, in periods: the configured number and no more than one beyond it, by the
+/// controller's own stamps. The quickest of some silences, since any one of them may meet a busy machine.
+#[test]
+fn the_stop_reaction_comes_within_a_period_of_its_time() {
+    const STALE: f64 = 25.0;
+    let _turn = turn();
+    let private = PrivateBus::new("in-time");
+    let folder = tempfile::tempdir().expect("a folder");
+    let arm = "kuka-kr300-r2500";
+    let stage = Stage::new(private.config(), folder.path(), arm, &format!("stale_periods = {STALE}"));
+    let robot = rivet_config::load(&stage.file).expect("sound");
+    let period = Duration::from_secs_f64(robot.config.sample_period_s);
+    let states = stage.bus.joint_state_publisher().expect("a port");
+    let arrival = stage.bus.joint_state_notifier().expect("a port");
+    let _controller = stage.controller(&[]);
+    let commands =
+        eventually("a controller", || stage.bus.command_reader().ok().filter(BlackboardReader::is_connected));
+    let mut state = JointState { joints: robot.dof() as u32, ..JointState::default() };
+    let mut late = Vec::new();
+    for _ in 0..8 {
+        for _ in 0..100 {
+            state.seq += 1;
+            state.stamp_ns = state.seq * period.as_nanos() as u64;
+            states.send(&state).expect("sent");
+            arrival.notify().expect("told");
+            std::thread::sleep(period);
+        }
+        // The stop reaction answers the last sample anew.
+        let of_last = || commands.latest().filter(|command| command.seq == state.seq).map(|command| command.stamp_ns);
+        let answered = eventually("the last answer", of_last);
+        let stopped = eventually("the stop reaction", || of_last().filter(|stamp| *stamp > answered));
+        late.push((stopped - answered) as f64 / period.as_nanos() as f64);
+    }
+    println!("periods from the last answer to the stop reaction: {late:.2?}");
+    let quickest = late.iter().copied().fold(f64::INFINITY, f64::min);
+    // A wake-up takes time as well: half a period.
+    assert!((STALE - 0.5..STALE + 1.5).contains(&quickest), "{late:?}");
 }
 
 /// A second robot controller, a second planner and a second daemon on the bus of an arm in motion: each is named, and nothing

@@ -1,10 +1,12 @@
 //! What the controller gains from live parameters, on three arms: the table of `rivet study tracking`.
 
+use rivet_config::Law;
 use rivet_studies::tracking::{ARMS, tracking};
 use rivet_tests::robot;
 
-fn check(arm: &str, seed: u64) {
-    let robot = rivet_config::load(robot(arm)).expect("sound");
+fn check(arm: &str, seed: u64, law: Law) {
+    let mut robot = rivet_config::load(robot(arm)).expect("sound");
+    robot.config.controller.law = law;
     let payload = ARMS.iter().find(|(name, _)| *name == arm).expect("an arm of the table").1;
     let table = tracking(&robot, payload, seed).expect("sound settings");
     println!("{table}");
@@ -18,16 +20,22 @@ fn check(arm: &str, seed: u64) {
 
 #[test]
 fn manutec_r3() {
-    check("manutec-r3", 1);
+    check("manutec-r3", 1, Law::ComputedTorque);
 }
 
 #[test]
 fn staubli_tx40() {
-    check("staubli-tx40", 1);
+    check("staubli-tx40", 1, Law::ComputedTorque);
 }
 
 #[test]
 fn ur10e() {
-    // A seed whose motion would need more torque than the drives have, were it planned without the payload.
-    check("ur10e", 3);
+    // Six has the direction that is hardest to learn anew when the payload is let go of.
+    check("ur10e", 6, Law::ComputedTorque);
+}
+
+/// With the law for drives that close a loop of their own: what the plan needs, and constant gains.
+#[test]
+fn manutec_r3_with_feed_forward() {
+    check("manutec-r3", 1, Law::FeedForwardPd);
 }
