@@ -1,8 +1,8 @@
 //! The targets under libFuzzer, steered by what the compiler's counters have seen: `cargo xtask fuzz`.
 //!
-//! Everything else on the command line is libFuzzer's own; the first folder is given the seeds of the target and keeps what is
-//! found. The environment says which target (`RIVET_FUZZ`) and for how long (`RIVET_FUZZ_SECONDS`, of the processor: a
-//! search at the lowest priority may stand still for minutes).
+//! The command line is libFuzzer's own. The environment says which target (`RIVET_FUZZ`), the folder that is given its seeds
+//! (`RIVET_FUZZ_SEEDS`; some lie elsewhere in the workspace), and for how long (`RIVET_FUZZ_SECONDS`, of the processor: a search
+//! at the lowest priority may stand still for minutes).
 
 #![no_main]
 
@@ -56,13 +56,11 @@ impl Search {
     }
 }
 
-/// Puts seeds that lie elsewhere in the workspace where libFuzzer looks for them.
+/// Puts seeds where libFuzzer will look for them.
 fn begin() {
     // A panic that is caught further down is an answer, as it is in the programs; one that is not ends this one all the same.
     let _ = std::panic::take_hook();
-    let Some(folder) = std::env::args().skip(1).find(|argument| std::path::Path::new(argument).is_dir()) else {
-        return;
-    };
+    let Ok(folder) = std::env::var("RIVET_FUZZ_SEEDS") else { return };
     for seed in seeds(target()).expect("the corpus is there") {
         let name = format!("{folder}/seed-{:08x}-{}", crc32fast::hash(&seed), seed.len());
         std::fs::write(&name, seed).unwrap_or_else(|why| panic!("{name}: {why}"));

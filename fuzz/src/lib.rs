@@ -36,19 +36,23 @@ pub struct Found {
 /// A folder that is named and cannot be read.
 pub fn seeds(target: &Target) -> std::io::Result<Vec<Vec<u8>>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut files: Vec<PathBuf> = Vec::new();
-    let own = root.join("corpus").join(target.name);
-    for folder in std::iter::once(own).chain(target.also.iter().map(|folder| root.join("..").join(folder))) {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(root.join("corpus").join(target.name))? {
+        files.push(entry?.path());
+    }
+    for folder in target.also.iter().map(|folder| root.join("..").join(folder)) {
+        let mut there: Vec<PathBuf> = Vec::new();
         for entry in std::fs::read_dir(folder)? {
             let path = entry?.path();
             if path.is_dir() {
-                files.extend(std::fs::read_dir(path)?.flatten().map(|entry| entry.path()));
+                there.extend(std::fs::read_dir(path)?.flatten().map(|entry| entry.path()));
             } else {
-                files.push(path);
+                there.push(path);
             }
         }
+        there.retain(|path| path.extension().is_some_and(|found| found == target.suffix));
+        files.extend(there);
     }
-    files.retain(|path| target.suffix.is_empty() || path.extension().is_some_and(|found| found == target.suffix));
     files.sort();
     files.iter().map(std::fs::read).collect()
 }

@@ -20,7 +20,7 @@ pub struct Target {
     pub name: &'static str,
     /// Folders of the workspace whose files are seeds as well.
     pub also: &'static [&'static str],
-    /// Only files with this suffix are seeds; all, if empty.
+    /// Only files of those folders with this suffix are.
     pub suffix: &'static str,
     /// Words that are put in.
     pub words: &'static [&'static str],

@@ -43,30 +43,64 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let program = build(source, &target)?;
     let mut broken = Vec::new();
     for name in names {
-        let found = target.join("corpus").join(&name);
-        fs::create_dir_all(&found).with_context(|| found.display().to_string())?;
-        let search = |more: &[&Path]| {
-            let mut command = Command::new(&program);
-            command.env("RIVET_FUZZ", &name).args(more).current_dir(&target);
-            command.args(["-max_len=65536", "-timeout=60", &format!("-rss_limit_mb={}", args.memory)]);
-            command
-        };
-        let own = committed.join(&name);
-        let mut command = search(&[&found, &own]);
-        command.env("RIVET_FUZZ_SECONDS", args.seconds.to_string());
-        command.args(["-print_final_stats=1", "-use_value_profile=1", &format!("-artifact_prefix=broken-{name}-")]);
-        let status = command.status().context("the search cannot be started")?;
+        let fuzz = Fuzz { program: &program, name: &name, target: &target, memory: args.memory };
+        let found = emptied_or_made(&target.join("corpus").join(&name), false)?;
+        let mut search = fuzz.command(&found);
+        search.arg(&found).env("RIVET_FUZZ_SECONDS", args.seconds.to_string());
+        search.args(["-print_final_stats=1", "-use_value_profile=1", &format!("-artifact_prefix=broken-{name}-")]);
+        let status = search.status().context("the search cannot be started")?;
         if !status.success() {
             broken.push(format!("{name} ({status}, {}/broken-{name}-*)", target.display()));
         } else if args.keep {
-            // What is committed comes first: nothing of it is replaced by something else with the same coverage.
-            let status =
-                search(&[Path::new("-merge=1"), &own, &found]).status().context("merging cannot be started")?;
-            ensure!(status.success(), "{name}: what was found cannot be merged: {status}");
+            fuzz.keep(&found, &committed.join(&name))?;
         }
     }
     ensure!(broken.is_empty(), "something broke: {}", broken.join(", "));
     Ok(())
+}
+
+/// A target's program and where it works.
+struct Fuzz<'a> {
+    program: &'a Path,
+    name: &'a str,
+    target: &'a Path,
+    memory: u32,
+}
+
+impl Fuzz<'_> {
+    /// The program, with the seeds of the target put into `seeded`.
+    fn command(&self, seeded: &Path) -> Command {
+        let mut command = Command::new(self.program);
+        command.env("RIVET_FUZZ", self.name).env("RIVET_FUZZ_SEEDS", seeded).current_dir(self.target);
+        command.args(["-max_len=65536", "-timeout=60", &format!("-rss_limit_mb={}", self.memory)]);
+        command
+    }
+
+    /// Copies of `found` into `own` what takes a branch that the seeds do not.
+    fn keep(&self, found: &Path, own: &Path) -> Result<()> {
+        let merged = emptied_or_made(&self.target.join("merged").join(self.name), true)?;
+        // Branches alone count: how often one is taken makes thousands of inputs.
+        let mut merge = self.command(&merged);
+        merge.args(["-merge=1", "-use_counters=0"]).args([&merged, found]);
+        let status = merge.status().context("merging cannot be started")?;
+        ensure!(status.success(), "{}: what was found cannot be merged: {status}", self.name);
+        for path in crate::install::listed(&merged)? {
+            let name = path.file_name().context("a listed file has a name")?;
+            if !name.to_string_lossy().starts_with("seed-") {
+                fs::copy(&path, own.join(name)).with_context(|| path.display().to_string())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A folder that is there, without what it held before if `emptied`.
+fn emptied_or_made(folder: &Path, emptied: bool) -> Result<PathBuf> {
+    if emptied && folder.is_dir() {
+        fs::remove_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    Ok(folder.to_owned())
 }
 
 /// Where this workspace is built: this program was.
