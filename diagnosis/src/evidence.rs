@@ -189,6 +189,12 @@ impl Solved {
         (all.nrows() >= columns).then(|| all.view((0, 0), (columns, columns)).into_owned())
     }
 
+    /// Weighted sum of squares that the background leaves of a candidate's torque with coefficients `c`.
+    pub(crate) fn own(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
+        let v = self.factor.l_dirty().solve_lower_triangular(&sums.cd.transpose())?;
+        Some(c.dot(&(&sums.cc * c)) - (v * c).norm_squared())
+    }
+
     /// Adds a candidate's columns.
     pub(crate) fn add(
         &self,

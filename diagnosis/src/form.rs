@@ -12,6 +12,8 @@ use crate::two_mass::{self, Gear};
 pub(crate) enum Form {
     /// `|s|`, `|q̇|`
     Asymmetry { joint: usize },
+    /// `s` while it is above 0, or below: friction of one direction
+    OneSided { joint: usize, forwards: bool },
     /// `s·exp(−(q̇/v)²)`
     Stribeck { joint: usize, velocity: f64 },
     /// `q̇|q̇|`, `q̇³`
@@ -71,7 +73,7 @@ impl Form {
     /// The effect it belongs to.
     pub(crate) fn effect(&self) -> Effect {
         match self {
-            Form::Asymmetry { .. } => Effect::FrictionAsymmetry,
+            Form::Asymmetry { .. } | Form::OneSided { .. } => Effect::FrictionAsymmetry,
             Form::Stribeck { .. } => Effect::StribeckFriction,
             Form::ViscousNonlinearity { .. } => Effect::ViscousNonlinearity,
             Form::Load { .. } => Effect::LoadDependentFriction,
@@ -108,6 +110,7 @@ impl Form {
             Form::Delay { .. } | Form::Lag | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
             Form::LinkScale { link } => vec![link],
             Form::Asymmetry { joint }
+            | Form::OneSided { joint, .. }
             | Form::Stribeck { joint, .. }
             | Form::ViscousNonlinearity { joint }
             | Form::Load { joint }
@@ -214,6 +217,8 @@ impl Form {
         };
         match self.clone() {
             Form::Asymmetry { joint: j } => vec![on(j, &|k| s(j, k).abs()), on(j, &|k| v(j, k).abs())],
+            Form::OneSided { joint: j, forwards: true } => vec![on(j, &|k| s(j, k).max(0.0))],
+            Form::OneSided { joint: j, forwards: false } => vec![on(j, &|k| s(j, k).min(0.0))],
             Form::Stribeck { joint: j, velocity } => {
                 vec![on(j, &|k| s(j, k) * (-(v(j, k) / velocity).powi(2)).exp())]
             }

@@ -36,6 +36,12 @@ impl Form {
         let effect = |kind: Kind, joint: usize, values: &[f64]| Carried::Effect(KnownEffect::new(kind, joint, values));
         let carried = match *self {
             Form::Asymmetry { joint } => effect(Kind::FrictionAsymmetry, joint, c),
+            Form::OneSided { joint, forwards } => {
+                // Half of it is friction of both directions, half pushes one way.
+                beside.push((coulomb(joint), 0.5 * c[0]));
+                let push = if forwards { 0.5 } else { -0.5 } * c[0];
+                effect(Kind::FrictionAsymmetry, joint, &[push, 0.0])
+            }
             Form::Stribeck { joint, velocity } => effect(Kind::StribeckFriction, joint, &[c[0], velocity]),
             Form::ViscousNonlinearity { joint } => effect(Kind::ViscousNonlinearity, joint, c),
             Form::Load { joint } => effect(Kind::LoadDependentFriction, joint, c),
@@ -232,6 +238,8 @@ mod tests {
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
         let cases: Vec<(Form, Vec<f64>)> = vec![
             (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
+            (Form::OneSided { joint: 3, forwards: true }, vec![1.4]),
+            (Form::OneSided { joint: 0, forwards: false }, vec![-0.6]),
             (Form::Stribeck { joint: 2, velocity: 0.05 }, vec![2.0]),
             (Form::ViscousNonlinearity { joint: 0 }, vec![-0.7, 0.3]),
             (Form::Load { joint: 1 }, vec![0.12]),
@@ -253,11 +261,15 @@ mod tests {
         ];
         let mut seen = Vec::new();
         for (form, c) in cases {
-            let (Carried::Effect(effect), _) = form.carried(&c, &x, n, Some(&start)) else {
+            let (Carried::Effect(effect), beside) = form.carried(&c, &x, n, Some(&start)) else {
                 panic!("{form:?} has a section of its own")
             };
             seen.push(effect.kind);
-            let handed_on = torque(&nominal, &[effect], &run, &motion);
+            let mut handed_on = torque(&nominal, &[effect], &run, &motion);
+            for (at, change) in beside {
+                let j = at - 12 * n;
+                handed_on[j].iter_mut().zip(&physics.sign[j]).for_each(|(to, s)| *to += change * s);
+            }
             let mut adopted = vec![vec![0.0; run.len()]; n];
             for (column, factor) in form.columns(&physics).into_iter().zip(&c) {
                 for (to, signal) in adopted.iter_mut().zip(column) {

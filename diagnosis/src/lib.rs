@@ -27,6 +27,7 @@ mod exhibit;
 mod form;
 mod formats;
 mod gap;
+mod instead;
 mod known;
 mod leftover;
 mod library;

@@ -39,6 +39,8 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
     for joint in 0..n {
         forms.extend([
             Form::Asymmetry { joint },
+            Form::OneSided { joint, forwards: true },
+            Form::OneSided { joint, forwards: false },
             Form::ViscousNonlinearity { joint },
             Form::Load { joint },
             Form::Gain { joint },

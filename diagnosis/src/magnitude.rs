@@ -9,6 +9,8 @@ impl Form {
         let wave = |c: &[f64]| c[0].hypot(c[1]);
         match self {
             Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
+            Form::OneSided { forwards: true, .. } => named(&[("forwards_Nm", c[0])]),
+            Form::OneSided { forwards: false, .. } => named(&[("backwards_Nm", c[0])]),
             Form::Stribeck { velocity, .. } => named(&[("excess_Nm", c[0]), ("velocity_rad_s", *velocity)]),
             Form::ViscousNonlinearity { .. } => named(&[("quadratic_Nms2_rad2", c[0]), ("cubic_Nms3_rad3", c[1])]),
             Form::Load { .. } => named(&[("ratio", c[0])]),
@@ -73,6 +75,7 @@ impl Form {
                 Form::Lag
                     | Form::Delay { .. }
                     | Form::Asymmetry { .. }
+                    | Form::OneSided { .. }
                     | Form::Spring { .. }
                     | Form::Counterbalance { .. }
             )

@@ -15,8 +15,8 @@ use crate::physics::Physics;
 use crate::procedure::{DiagnosisError, check};
 use crate::residue::Residue;
 use crate::run::Run;
-use crate::search::{Bursts, Candidate, Search};
-use crate::select::{Adopted, best, select};
+use crate::search::{Candidate, Search};
+use crate::select::{Adopted, Selected, best};
 
 /// An effect that was named, with what cannot be told from it and its joints (none: the whole arm).
 #[derive(Clone, Debug, PartialEq)]
@@ -65,11 +65,12 @@ pub fn probe<T>(
 impl<'a> Probe<'a> {
     fn new(runs: &'a [Prepared], nominal: &'a Nominal, say: &mut dyn FnMut(&str)) -> Option<Probe<'a>> {
         let mut search = Search::new(runs.iter().collect(), nominal)?;
-        let adopted = select(&mut search, say)?;
-        let physics = search.physics()?;
-        let orders = orders::find(&physics);
-        let bursts: Bursts = bursts::find(&search)?;
-        let candidates = search.candidates(&physics, &orders, &bursts);
+        let mut selected = Selected::new(&search)?;
+        selected.select(&mut search, say)?;
+        let Selected { adopted, physics, mut candidates } = selected;
+        if candidates.is_empty() {
+            candidates = search.candidates(&physics, &orders::find(&physics), &bursts::find(&search)?);
+        }
         let scale = search.scale;
         Some(Probe { search, physics, candidates, adopted, scale })
     }

@@ -9,6 +9,7 @@ use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::exhibit::{self, Shown};
 use crate::gap::Gap;
+use crate::instead;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
@@ -21,7 +22,7 @@ use crate::residue::Residue;
 use crate::rows::Column;
 use crate::run::Run;
 use crate::search::Search;
-use crate::select::{Adopted, select};
+use crate::select::{Adopted, Selected};
 use crate::separate;
 use crate::stages::{RunColumns, Stages, Steps, sure_mean_square};
 use crate::values::{self, Group};
@@ -182,7 +183,18 @@ impl Procedure<'_> {
     fn run(&self, patch: Option<&MotionBounds>, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
         let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
-        let adopted = select(&mut search, say)?;
+        let mut selected = Selected::new(&search)?;
+        selected.select(&mut search, say)?;
+        let mut unsure = details::unsure(&search)?;
+        let mut wrong = values::wrong(&mut search)?;
+        while let Some((candidate, adoption)) = instead::of(&mut search, &wrong, &selected, say)? {
+            wrong.undo(&mut search);
+            selected.adopt(&mut search, &candidate, adoption, say)?;
+            selected.select(&mut search, say)?;
+            unsure = details::unsure(&search)?;
+            wrong = values::wrong(&mut search)?;
+        }
+        let Selected { adopted, .. } = selected;
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
         let first: Vec<String> =
             search.first_noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
@@ -191,8 +203,7 @@ impl Procedure<'_> {
             over.join(" "),
             first.join(" ")
         ));
-        let unsure = details::unsure(&search)?;
-        let wrong = values::wrong(&mut search)?;
+        let wrong = wrong.groups;
         let groups = wrong.clone();
         let x = search.solved(search.scale)?.x;
         let residue = Residue::of(&search);

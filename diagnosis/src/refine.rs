@@ -1,5 +1,6 @@
 //! Inner values of a form: from the grid to where the evidence is largest.
 
+use crate::evidence::Solved;
 use crate::form::Form;
 use crate::physics::Physics;
 use crate::search::{Candidate, Search, Standing};
@@ -47,10 +48,19 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
 impl Search<'_> {
     /// The form with the inner values that the evidence prefers, found by coordinate search from those given.
     pub(crate) fn refine(&self, start: &Form, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
-        let solved = self.scales();
+        self.refine_over(start, physics, &self.scales())
+    }
+
+    /// The same over a background that is solved already.
+    pub(crate) fn refine_over(
+        &self,
+        start: &Form,
+        physics: &[Physics<'_>],
+        solved: &[(f64, Solved)],
+    ) -> Option<(Candidate, Standing)> {
         let judge = |form: Form| -> Option<(Candidate, Standing)> {
             let candidate = self.candidate(form, physics)?;
-            let standing = self.standing(0, &candidate, &solved)?;
+            let standing = self.standing(0, &candidate, solved)?;
             Some((candidate, standing))
         };
         let mut best = judge(start.clone())?;

@@ -34,6 +34,13 @@ pub(crate) struct Candidate {
     pub(crate) belief: Belief,
 }
 
+impl Candidate {
+    /// Log evidence that its inner values cost.
+    pub(crate) fn price(&self) -> f64 {
+        INNER_VALUE * self.form.inner_values() as f64
+    }
+}
+
 /// Bursts of each run: from and to \[s\].
 pub(crate) type Bursts = Vec<Vec<(f64, f64)>>;
 
@@ -219,8 +226,7 @@ impl<'a> Search<'a> {
             .iter()
             .filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief))
             .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
-        let searched = INNER_VALUE * candidate.form.inner_values() as f64;
-        Some(Standing { at, gain: added.log_evidence - base - searched, added })
+        Some(Standing { at, gain: added.log_evidence - base - candidate.price(), added })
     }
 
     /// Held-out gain of a candidate by block, in units of independent rows: the weighted sum of squares that the

@@ -9,7 +9,7 @@ use crate::physics::Physics;
 use crate::search::{Candidate, Search, Standing};
 
 /// Least gain of log evidence that names an effect, and that names a further one.
-const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
+pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
 /// Least share of a joint's residual variance, held out, that makes a structural effect material.
 const MATERIAL: f64 = 0.1;
 /// Least share of the variance a joint began with, for a further effect.
@@ -26,7 +26,7 @@ const SHORT_LIST: usize = 6;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
 const RIVAL_SHARE: f64 = 0.85;
 /// ... unless the best is ahead of it by this much log evidence.
-const RIVAL_GAP: f64 = 12.0;
+pub(crate) const RIVAL_GAP: f64 = 12.0;
 /// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
 const SATURATED: f64 = 0.8;
 /// Times that forms are held against each other, each time at the noise that the best has left.
@@ -36,7 +36,7 @@ const CLEARLY_MORE: f64 = 0.1;
 /// How far the coefficient of a form that is not refined may be from the 1 that it has by the physics.
 const OFF_GRID: f64 = 0.4;
 /// Most effects in one diagnosis.
-const MOST: usize = 4;
+pub(crate) const MOST: usize = 4;
 
 /// An effect that was adopted.
 #[derive(Clone, Debug)]
@@ -61,30 +61,56 @@ pub(crate) struct Adopted {
     pub(crate) mean: Vec<f64>,
 }
 
-/// Adopts effects one after another until none is worth it. `say` is told what happens.
-pub(crate) fn select(search: &mut Search<'_>, say: &mut dyn FnMut(&str)) -> Option<Vec<Adopted>> {
-    let mut adopted: Vec<Adopted> = Vec::new();
-    let mut physics = search.physics()?;
-    while adopted.len() < MOST {
-        let orders = orders::find(&physics);
-        let candidates = search.candidates(&physics, &orders, &bursts::find(search)?);
-        say(&format!("round {}: {} candidates", adopted.len() + 1, candidates.len()));
-        let Some(next) = best(search, &candidates, &physics, &adopted, true, say)? else { break };
-        let (candidate, adoption) = next;
-        let mean = adoption.mean.clone();
+/// What was adopted, and what was not.
+pub(crate) struct Selected<'a> {
+    pub(crate) adopted: Vec<Adopted>,
+    /// Signals of the runs with the values that are known now: rigid torque, gain and friction columns follow them.
+    pub(crate) physics: Vec<Physics<'a>>,
+    /// Candidates of the last round, none of them worth it; empty where as many as may be were adopted.
+    pub(crate) candidates: Vec<Candidate>,
+}
+
+impl<'a> Selected<'a> {
+    /// Nothing so far.
+    pub(crate) fn new(search: &Search<'a>) -> Option<Selected<'a>> {
+        Some(Selected { adopted: Vec::new(), physics: search.physics()?, candidates: Vec::new() })
+    }
+
+    /// Adopts effects one after another until none is worth it. `say` is told what happens.
+    pub(crate) fn select(&mut self, search: &mut Search<'a>, say: &mut dyn FnMut(&str)) -> Option<()> {
+        while self.adopted.len() < MOST {
+            let orders = orders::find(&self.physics);
+            self.candidates.clear();
+            self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?);
+            say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
+            let found = best(search, &self.candidates, &self.physics, &self.adopted, true, say)?;
+            let Some((candidate, adoption)) = found else { return Some(()) };
+            self.adopt(search, &candidate, adoption, say)?;
+        }
+        self.candidates.clear();
+        Some(())
+    }
+
+    /// Adds an effect to the model.
+    pub(crate) fn adopt(
+        &mut self,
+        search: &mut Search<'a>,
+        candidate: &Candidate,
+        adoption: Adopted,
+        say: &mut dyn FnMut(&str),
+    ) -> Option<()> {
         let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
-        search.design.adopt(&candidate.columns, &mean, &std);
+        search.design.adopt(&candidate.columns, &adoption.mean, &std);
         search.weigh()?;
         search.reweigh()?;
         say(&format!(
             "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
             adoption.form, adoption.gain, adoption.share
         ));
-        adopted.push(adoption);
-        // Rigid torque, gain and friction columns follow the values that are known now.
-        physics = search.physics()?;
+        self.adopted.push(adoption);
+        self.physics = search.physics()?;
+        Some(())
     }
-    Some(adopted)
 }
 
 type Found = Option<(Candidate, Adopted)>;
@@ -171,24 +197,33 @@ pub(crate) fn best(
     rivals.dedup();
     let rival_forms = near.iter().map(|i| accepted[*i].0.form.clone()).filter(|form| form.effect() != chosen).collect();
     let (candidate, standing, share, shares) = accepted.swap_remove(simplest);
-    let place = search.design.background.len();
-    let mean = candidate.belief.mean.iter().copied().collect();
-    let joints = search.noise.len();
-    let acts_on = (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect();
-    let values = physics.first()?.x.clone();
-    let adoption = Adopted {
-        form: candidate.form.clone(),
-        gain: standing.gain,
-        shares,
-        share,
-        rivals,
-        rival_forms,
-        place,
-        values,
-        acts_on,
-        mean,
-    };
+    let adoption =
+        Adopted { shares, share, rivals, rival_forms, ..Adopted::new(search, &candidate, physics, standing.gain)? };
     Some(Some((candidate, adoption)))
+}
+
+impl Adopted {
+    /// A candidate without rivals, before it is added to the model.
+    pub(crate) fn new(
+        search: &Search<'_>,
+        candidate: &Candidate,
+        physics: &[Physics<'_>],
+        gain: f64,
+    ) -> Option<Adopted> {
+        let joints = search.noise.len();
+        Some(Adopted {
+            form: candidate.form.clone(),
+            gain,
+            shares: vec![0.0; joints],
+            share: 0.0,
+            rivals: Vec::new(),
+            rival_forms: Vec::new(),
+            place: search.design.background.len(),
+            values: physics.first()?.x.clone(),
+            acts_on: (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect(),
+            mean: candidate.belief.mean.iter().copied().collect(),
+        })
+    }
 }
 
 /// Which of the forms that explain about as much hold against each other at the noise that the best of them leaves.

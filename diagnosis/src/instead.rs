@@ -1,0 +1,217 @@
+//! Wrong values and missing effects that explain the same.
+//!
+//! Values are free beside every effect, so an effect that they imitate never shows as a gap: an encoder whose zero is off
+//! looks like links whose masses are elsewhere. Here it is tried instead of them: the values are held where the file has
+//! them, the effect is free, and the evidence decides. What the runs alone cannot tell apart, because the torques lie along
+//! each other, is one class: beliefs about values put one first, and a motion of its own would show.
+
+use nalgebra::DVector;
+
+use crate::effect::Effect;
+use crate::evidence::{CandidateSums, Solved, candidate_sums};
+use crate::form::Form;
+use crate::parallel;
+use crate::physics::Physics;
+use crate::search::{Candidate, Search};
+use crate::select::{Adopted, LEAST_GAIN, MOST, RIVAL_GAP, Selected};
+use crate::values::{Group, WORTH, Wrong};
+
+/// Effects of which each is tried as a whole explanation.
+const SHORT_LIST: usize = 6;
+/// Cosine of the principal angle from which on the runs cannot tell an effect from values.
+const ALONG: f64 = 0.95;
+/// The same where it may be only one of several groups that the effect takes the place of.
+const PARTLY_ALONG: f64 = 0.5;
+/// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
+/// none is ahead by more than 4.
+const AHEAD: f64 = 10.0;
+/// Values that are behind by more than this need not be listed: it is what an effect needs over all values free, and what
+/// sets rivals apart.
+const FAR_BEHIND: f64 = LEAST_GAIN[0] + RIVAL_GAP;
+
+/// An effect that takes the place of wrong values.
+struct Instead {
+    candidate: Candidate,
+    /// Its coefficients.
+    c: Vec<f64>,
+    /// Places of the values among the wrong ones.
+    replaces: Vec<usize>,
+    /// Log evidence with it over that with the values.
+    ahead: f64,
+    /// Log evidence that it adds where the values are held.
+    gain: f64,
+    /// Cosine of the principal angle between it and the values.
+    cosine: f64,
+}
+
+/// The effect to adopt instead of values that were found wrong, with these and other such effects as its rivals.
+pub(crate) fn of(
+    search: &mut Search<'_>,
+    wrong: &Wrong,
+    selected: &Selected<'_>,
+    say: &mut dyn FnMut(&str),
+) -> Option<Option<(Candidate, Adopted)>> {
+    if selected.adopted.len() >= MOST {
+        return Some(None);
+    }
+    let found = find(search, wrong, selected)?;
+    let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
+    for i in &found {
+        let values: Vec<String> = i.replaces.iter().map(|at| name(&wrong.groups[*at])).collect();
+        say(&format!(
+            "  {:?} {:.4?} instead of {}: {:.1} ahead, gain {:.0}, cosine {:.3}",
+            i.candidate.form,
+            i.c,
+            values.join(", "),
+            i.ahead,
+            i.gain,
+            i.cosine
+        ));
+    }
+    let Some((first, others)) = found.split_first().filter(|(first, _)| first.ahead >= AHEAD) else {
+        return Some(None);
+    };
+    let (candidate, place) = (&first.candidate, |at: &&usize| first.replaces.contains(at));
+    let mut adoption = Adopted::new(search, candidate, &selected.physics, first.gain)?;
+    let mut rival = |form: Form| {
+        if !adoption.rivals.contains(&form.effect()) && form.effect() != candidate.form.effect() {
+            adoption.rivals.push(form.effect());
+            adoption.rival_forms.push(form);
+        }
+    };
+    for other in others {
+        if other.ahead >= first.ahead - RIVAL_GAP && other.replaces.iter().any(|at| place(&at)) {
+            rival(other.candidate.form.clone());
+        }
+    }
+    if first.ahead < FAR_BEHIND {
+        first.replaces.iter().filter_map(|at| wrong.groups[*at].form()).for_each(rival);
+    }
+    Some(Some((candidate.clone(), adoption)))
+}
+
+/// What the runs cannot tell from some of the wrong values and what is worth a name where these are held; best first, no two
+/// of the same effect on the same joints.
+fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Option<Vec<Instead>> {
+    let groups = &wrong.groups;
+    let all = wrong.without(search, &[])?;
+    let solved: Vec<Solved> =
+        (0..groups.len()).map(|at| wrong.without(search, &[at])).collect::<Option<Vec<Solved>>>()?;
+    let weights = search.weights.clone();
+    let tried: Vec<&Candidate> = selected.candidates.iter().filter(|c| is_rival(&c.form, &selected.adopted)).collect();
+    let best = |candidate: &&Candidate| -> Option<(f64, usize)> {
+        let sums = candidate_sums(&candidate.cells, &weights, |_| true)?;
+        let one = |at: usize| {
+            if !touches(&candidate.form, &groups[at]) {
+                return None;
+            }
+            let added = solved[at].add_sums(&sums, &candidate.belief)?;
+            let evidence = added.log_evidence - candidate.price();
+            let along = cosine(&all, &solved[at], &sums, &added.c)? >= PARTLY_ALONG;
+            (along && candidate.form.plausible(added.c.as_slice())).then_some((evidence, at))
+        };
+        (0..groups.len()).filter_map(one).max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut ranked: Vec<(f64, usize, &Candidate)> = parallel::map(&tried, best)
+        .into_iter()
+        .zip(&tried)
+        .filter_map(|(found, c)| found.map(|(evidence, at)| (evidence, at, *c)))
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut seen: Vec<(Effect, Vec<usize>)> = Vec::new();
+    let mut found = Vec::new();
+    for (_, first, candidate) in ranked {
+        let key = (candidate.form.effect(), candidate.form.joints());
+        if seen.contains(&key) {
+            continue;
+        }
+        if seen.len() == SHORT_LIST {
+            break;
+        }
+        seen.push(key);
+        let instead = whole(search, wrong, candidate, &selected.physics, first)?;
+        found.extend(instead.filter(|i| i.gain >= LEAST_GAIN[0] && i.cosine >= ALONG));
+    }
+    found.sort_by(|a: &Instead, b| b.ahead.total_cmp(&a.ahead));
+    Some(found)
+}
+
+/// The effect instead of the group at `first` and of all others that it makes needless, its inner values refined.
+fn whole(
+    search: &mut Search<'_>,
+    wrong: &Wrong,
+    start: &Candidate,
+    physics: &[Physics<'_>],
+    first: usize,
+) -> Option<Option<Instead>> {
+    let refined = |search: &Search<'_>, form: &Form, solved: &Solved| {
+        Some(search.refine_over(form, physics, &[(search.scale, solved.clone())])?.0)
+    };
+    let mut candidate = start.clone();
+    let mut dropped = vec![first];
+    let mut held = wrong.without(search, &dropped)?;
+    for _ in 0..=wrong.groups.len() {
+        if candidate.form.inner_values() > 0 {
+            let Some(better) = refined(search, &candidate.form, &held) else { return Some(None) };
+            candidate = better;
+        }
+        let weights = &search.weights;
+        let sums = candidate_sums(&candidate.cells, weights, |_| true)?;
+        let now = held.add_sums(&sums, &candidate.belief)?.log_evidence;
+        let mut next: Option<(f64, usize, Solved)> = None;
+        for at in 0..wrong.groups.len() {
+            if dropped.contains(&at) || !touches(&candidate.form, &wrong.groups[at]) {
+                continue;
+            }
+            let more: Vec<usize> = dropped.iter().copied().chain([at]).collect();
+            let solved = wrong.without(search, &more)?;
+            let evidence = solved.add_sums(&sums, &candidate.belief)?.log_evidence;
+            if evidence >= now - WORTH && next.as_ref().is_none_or(|(best, ..)| evidence > *best) {
+                next = Some((evidence, at, solved));
+            }
+        }
+        let Some((_, at, solved)) = next else { break };
+        dropped.push(at);
+        held = solved;
+    }
+    let sums = candidate_sums(&candidate.cells, &search.weights, |_| true)?;
+    let added = held.add_sums(&sums, &candidate.belief)?;
+    let evidence = added.log_evidence - candidate.price();
+    let all = wrong.without(search, &[])?;
+    Some(candidate.form.plausible(added.c.as_slice()).then(|| Instead {
+        gain: evidence - held.log_evidence,
+        ahead: evidence - all.log_evidence,
+        cosine: cosine(&all, &held, &sums, &added.c).unwrap_or(0.0),
+        c: added.c.iter().copied().collect(),
+        replaces: dropped,
+        candidate,
+    }))
+}
+
+/// Cosine of the angle between an effect's torque and what values can make of it that are free in `free` and held in `held`,
+/// beside all else that is free in both.
+fn cosine(free: &Solved, held: &Solved, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
+    let (left, whole) = (free.own(sums, c)?, held.own(sums, c)?);
+    Some((1.0 - left / whole.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0).sqrt())
+}
+
+/// Whether a form may take the place of values: it is none itself, was not adopted, and is exact. What a simulated gear
+/// misses is large beside noise.
+fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
+    let value = matches!(
+        form.effect(),
+        Effect::LinkInertia | Effect::RotorInertia | Effect::CoulombFriction | Effect::ViscousFriction
+    );
+    let taken = adopted.iter().any(|a| a.form.effect() == form.effect() && a.form.joints() == form.joints());
+    !value && !taken && !form.has_fixed_gain() && form.coefficients() > 0
+}
+
+/// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.
+fn touches(form: &Form, group: &Group) -> bool {
+    let joints = form.joints();
+    let near = |j: &usize| match group.effect {
+        Effect::LinkInertia => *j <= group.joint,
+        _ => *j == group.joint,
+    };
+    form.effect() != group.effect && (joints.is_empty() || joints.iter().any(near))
+}
