@@ -191,8 +191,12 @@ impl Solved {
 
     /// Weighted sum of squares that the background leaves of a candidate's torque with coefficients `c`.
     pub(crate) fn own(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
-        let v = self.factor.l_dirty().solve_lower_triangular(&sums.cd.transpose())?;
-        Some(c.dot(&(&sums.cc * c)) - (v * c).norm_squared())
+        Some(c.dot(&(&sums.cc * c)) - self.explained(sums, c)?.norm_squared())
+    }
+
+    /// `L⁻¹DᵀCc`: its square is what the background explains of a candidate's torque.
+    pub(crate) fn explained(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<DVector<f64>> {
+        self.factor.l_dirty().solve_lower_triangular(&sums.cd.tr_mul(c))
     }
 
     /// Adds a candidate's columns.

@@ -13,7 +13,7 @@ use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, LEAST_GAIN, MOST, RIVAL_GAP, Selected};
+use crate::select::{Adopted, LEAST_GAIN, MOST, RIVAL_GAP, Rival, Selected};
 use crate::values::{Group, WORTH, Wrong};
 
 /// Effects of which each is tried as a whole explanation.
@@ -73,19 +73,19 @@ pub(crate) fn of(
     };
     let (candidate, place) = (&first.candidate, |at: &&usize| first.replaces.contains(at));
     let mut adoption = Adopted::new(search, candidate, &selected.physics, first.gain)?;
-    let mut rival = |form: Form| {
-        if !adoption.rivals.contains(&form.effect()) && form.effect() != candidate.form.effect() {
-            adoption.rivals.push(form.effect());
-            adoption.rival_forms.push(form);
-        }
-    };
+    let solved = wrong.without(search, &first.replaces)?;
+    let c = DVector::from_column_slice(&first.c);
     for other in others {
-        if other.ahead >= first.ahead - RIVAL_GAP && other.replaces.iter().any(|at| place(&at)) {
-            rival(other.candidate.form.clone());
+        let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - RIVAL_GAP);
+        if near && form.effect() != candidate.form.effect() && other.replaces.iter().any(|at| place(&at)) {
+            let its = DVector::from_column_slice(&other.c);
+            let cosine = search.cosine(&solved, (candidate, &c), (&other.candidate, &its))?;
+            adoption.rivals.push(Rival { form: form.clone(), cosine });
         }
     }
     if first.ahead < FAR_BEHIND {
-        first.replaces.iter().filter_map(|at| wrong.groups[*at].form()).for_each(rival);
+        let values = first.replaces.iter().filter_map(|at| wrong.groups[*at].form());
+        adoption.rivals.extend(values.map(|form| Rival { form, cosine: first.cosine }));
     }
     Some(Some((candidate.clone(), adoption)))
 }

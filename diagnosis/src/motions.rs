@@ -251,7 +251,7 @@ fn setpoints(
 pub(crate) struct Class<'a> {
     pub(crate) form: &'a Form,
     pub(crate) coefficients: Vec<f64>,
-    pub(crate) rivals: &'a [Form],
+    pub(crate) rivals: Vec<Form>,
 }
 
 /// The best motion for a class. `model` and `x` are what is known of the arm, `noise` the joints' torque noise \[N·m\],
@@ -318,7 +318,7 @@ pub(crate) fn best(
 
 /// Joints to move: those that the class is about, or every one where it is about the whole arm.
 fn movers(class: &Class<'_>, joints: usize) -> Vec<usize> {
-    let mut movers: Vec<usize> = std::iter::once(class.form).chain(class.rivals).flat_map(Form::joints).collect();
+    let mut movers: Vec<usize> = std::iter::once(class.form).chain(&class.rivals).flat_map(Form::joints).collect();
     movers.sort_unstable();
     movers.dedup();
     if movers.is_empty() { (0..joints).collect() } else { movers }
@@ -468,7 +468,7 @@ fn duels(class: &Class<'_>, logs: &[(&Record<'_>, &Physics<'_>)], deviations: &[
     let chosen = (class.form.clone(), class.coefficients.clone());
     let first = logs.first()?.1;
     let mut duels = Vec::new();
-    for rival in class.rivals {
+    for rival in &class.rivals {
         let (duel, best) = duel(chosen.clone(), rival, first, logs, deviations)?;
         let (back, _) = self::duel(best, class.form, first, logs, deviations)?;
         duels.extend([duel, back]);

@@ -7,6 +7,7 @@ use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, pro
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
+use crate::form::Form;
 use crate::formats::{FormatReport, Part, PartKind, reports};
 use crate::known::{self, Carried};
 use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
@@ -82,7 +83,7 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
     for adopted in &found.upheld {
         let c: Vec<f64> = adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
-        let rivals = &adopted.rival_forms;
+        let rivals: Vec<Form> = adopted.rivals.iter().map(|r| r.form.clone()).collect();
         if rivals.iter().chain([&adopted.form]).all(|form| form.coefficients() > 0) && !rivals.is_empty() {
             classes.push(Class { form: &adopted.form, coefficients: c.clone(), rivals });
         }

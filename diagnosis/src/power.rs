@@ -77,10 +77,7 @@ impl<'a> Probe<'a> {
 
     /// What was found in the runs as they are.
     pub fn found(&self) -> Vec<Named> {
-        self.adopted
-            .iter()
-            .map(|a| Named { effect: a.form.effect(), or: a.rivals.clone(), joints: a.form.joints() })
-            .collect()
+        self.adopted.iter().map(|a| Named { effect: a.form.effect(), or: others(a), joints: a.form.joints() }).collect()
     }
 
     /// Root mean square of the torque that one joint's runs are left with \[N·m\].
@@ -162,6 +159,10 @@ impl<'a> Probe<'a> {
         if !residue.upholds(&adopted) {
             return None;
         }
-        Some(Named { effect: adopted.form.effect(), or: adopted.rivals, joints: adopted.form.joints() })
+        Some(Named { effect: adopted.form.effect(), or: others(&adopted), joints: adopted.form.joints() })
     }
+}
+
+fn others(adopted: &Adopted) -> Vec<Effect> {
+    adopted.class().into_iter().map(|(effect, _)| effect).collect()
 }

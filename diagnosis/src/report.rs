@@ -63,8 +63,10 @@ pub struct Cause {
     pub shrink: Shrink,
     /// 0 to 1.
     pub confidence: f64,
-    /// Effects that these runs cannot tell from it.
+    /// Effects and values that these runs cannot tell from it.
     pub indistinguishable_from: Vec<Effect>,
+    /// Principal angle between its torque and theirs \[rad\], beside all else that may change.
+    pub angles: Vec<f64>,
     /// The motion that would.
     pub separating_motion: Option<String>,
     /// The sealed run with and without it, on the joints that it changes most.

@@ -89,7 +89,6 @@ mod tests {
             shares: Vec::new(),
             share: 0.9,
             rivals: Vec::new(),
-            rival_forms: Vec::new(),
             place: 0,
             values: Vec::new(),
             acts_on: Vec::new(),

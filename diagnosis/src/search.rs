@@ -197,6 +197,40 @@ impl<'a> Search<'a> {
         Some(Belief { mean: DVector::zeros(count), std })
     }
 
+    /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of
+    /// each within what is believed of it.
+    pub(crate) fn cosine(
+        &self,
+        solved: &Solved,
+        one: (&Candidate, &DVector<f64>),
+        other: (&Candidate, &DVector<f64>),
+    ) -> Option<f64> {
+        let signal = |(candidate, c): (&Candidate, &DVector<f64>)| -> DVector<f64> {
+            let mut torque: Vec<f64> = Vec::new();
+            for (r, columns) in candidate.columns.iter().enumerate() {
+                for (j, weight) in self.weights.iter().enumerate() {
+                    let root = self.design.root(r, j);
+                    let start = torque.len();
+                    torque.resize(start + root.len(), 0.0);
+                    for (column, c) in columns.iter().zip(c.iter()) {
+                        let Some(values) = &column[j] else { continue };
+                        let to = torque[start..].iter_mut().zip(values.iter().zip(root));
+                        to.for_each(|(to, (v, w))| *to += c * v * w * weight.sqrt());
+                    }
+                }
+            }
+            DVector::from_vec(torque)
+        };
+        let explained = |(candidate, c): (&Candidate, &DVector<f64>)| {
+            solved.explained(&candidate_sums(&candidate.cells, &self.weights, |_| true)?, c)
+        };
+        let (a, b) = (signal(one), signal(other));
+        let (fa, fb) = (explained(one)?, explained(other)?);
+        let product = |a: &DVector<f64>, b: &DVector<f64>, fa: &DVector<f64>, fb: &DVector<f64>| a.dot(b) - fa.dot(fb);
+        let sizes = product(&a, &a, &fa, &fa) * product(&b, &b, &fb, &fb);
+        Some((product(&a, &b, &fa, &fb).abs() / sizes.max(f64::MIN_POSITIVE).sqrt()).min(1.0))
+    }
+
     /// Evidence of all candidates, best first.
     pub(crate) fn rank(&self, candidates: &[Candidate]) -> Option<Vec<Standing>> {
         let solved = self.scales();

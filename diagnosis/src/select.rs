@@ -47,10 +47,8 @@ pub(crate) struct Adopted {
     /// Share of each joint's residual variance that it removed, held out; the largest of them.
     pub(crate) shares: Vec<f64>,
     pub(crate) share: f64,
-    /// Other effects that explain this about as well.
-    pub(crate) rivals: Vec<Effect>,
-    /// Forms of these, as they were refined.
-    pub(crate) rival_forms: Vec<Form>,
+    /// What else explains this about as well.
+    pub(crate) rivals: Vec<Rival>,
     /// Where its columns begin in the design.
     pub(crate) place: usize,
     /// Standard vector that its columns were made with.
@@ -59,6 +57,15 @@ pub(crate) struct Adopted {
     pub(crate) acts_on: Vec<bool>,
     /// Prior mean of its coefficients.
     pub(crate) mean: Vec<f64>,
+}
+
+/// What explains the same as an adopted effect.
+#[derive(Clone, Debug)]
+pub(crate) struct Rival {
+    /// As it was refined.
+    pub(crate) form: Form,
+    /// Cosine of the principal angle between the two.
+    pub(crate) cosine: f64,
 }
 
 /// What was adopted, and what was not.
@@ -192,17 +199,34 @@ pub(crate) fn best(
             (candidate.belief.mean.len() + candidate.form.inner_values(), *i)
         })
         .unwrap_or(0);
-    let chosen = accepted[simplest].0.form.effect();
-    let mut rivals: Vec<Effect> = near.iter().map(|i| accepted[*i].0.form.effect()).filter(|e| *e != chosen).collect();
-    rivals.dedup();
-    let rival_forms = near.iter().map(|i| accepted[*i].0.form.clone()).filter(|form| form.effect() != chosen).collect();
+    let mut rivals = Vec::new();
+    if near.len() > 1 {
+        let solved = search.solved(search.scale)?;
+        let (one, its) = (&accepted[simplest].0, &accepted[simplest].1);
+        for (other, standing, ..) in near.iter().map(|i| &accepted[*i]) {
+            if other.form.effect() != one.form.effect() {
+                let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
+                rivals.push(Rival { form: other.form.clone(), cosine });
+            }
+        }
+    }
     let (candidate, standing, share, shares) = accepted.swap_remove(simplest);
-    let adoption =
-        Adopted { shares, share, rivals, rival_forms, ..Adopted::new(search, &candidate, physics, standing.gain)? };
+    let adoption = Adopted { shares, share, rivals, ..Adopted::new(search, &candidate, physics, standing.gain)? };
     Some(Some((candidate, adoption)))
 }
 
 impl Adopted {
+    /// Effects of the rivals, each once, and the angle between it and this one \[rad\].
+    pub(crate) fn class(&self) -> Vec<(Effect, f64)> {
+        let mut class: Vec<(Effect, f64)> = Vec::new();
+        for rival in &self.rivals {
+            if class.iter().all(|(effect, _)| *effect != rival.form.effect()) {
+                class.push((rival.form.effect(), rival.cosine.clamp(0.0, 1.0).acos()));
+            }
+        }
+        class
+    }
+
     /// A candidate without rivals, before it is added to the model.
     pub(crate) fn new(
         search: &Search<'_>,
@@ -217,7 +241,6 @@ impl Adopted {
             shares: vec![0.0; joints],
             share: 0.0,
             rivals: Vec::new(),
-            rival_forms: Vec::new(),
             place: search.design.background.len(),
             values: physics.first()?.x.clone(),
             acts_on: (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect(),

@@ -22,7 +22,9 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
         }
         Effect::TorqueConstant => "a known mass at the flange, held at several poses",
         Effect::JointSpring | Effect::Counterbalance => "static poses over the joint's whole range, from both sides",
-        Effect::FrictionAsymmetry => "slow moves in both directions from rest to rest at the same pose",
+        Effect::FrictionAsymmetry | Effect::CoulombFriction => {
+            "slow moves in both directions through the same poses, with the torque signal's zero known"
+        }
         Effect::TemperatureDependentFriction => "one reference move repeated from cold until warm",
         Effect::GravityDirection | Effect::Payload | Effect::LinkInertia | Effect::EncoderOffset => {
             "static poses with the wrist turned, joint 1 at several angles"

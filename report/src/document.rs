@@ -196,8 +196,11 @@ pub struct Cause {
     pub shrink: Shrink,
     /// 0 to 1.
     pub confidence: Number,
-    /// What these runs cannot tell from it.
+    /// What these runs cannot tell from it: effects, and values of the model.
     pub indistinguishable_from: Vec<String>,
+    /// Principal angle between its torque and that of each of these \[degrees\]; 90 would be two that have nothing in common.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub angles_deg: Vec<Number>,
     /// The motion that would.
     pub separating_motion: Option<String>,
     /// The sealed run with and without it.
@@ -574,6 +577,7 @@ impl Cause {
             },
             confidence: number(cause.confidence),
             indistinguishable_from: cause.indistinguishable_from.iter().map(|e| e.name().to_owned()).collect(),
+            angles_deg: cause.angles.iter().map(|angle| number(angle.to_degrees())).collect(),
             separating_motion: cause.separating_motion.clone(),
             curves: cause.curves.iter().map(Curve::new).collect(),
         }

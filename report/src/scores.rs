@@ -117,6 +117,12 @@ pub struct Score {
     pub right_joint: usize,
     /// Names beside the truth, in all cases.
     pub beside: usize,
+    /// Names in all cases.
+    pub names: usize,
+    /// Of those, such that stand for a class.
+    pub classes: usize,
+    /// Others in these classes: naming everything would be right and say nothing.
+    pub class_members: usize,
     /// Causes with a predicted and a measured shrink.
     pub predictions: usize,
     /// Those predicted within five points.

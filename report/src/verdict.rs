@@ -1,7 +1,7 @@
 //! The verdict as a person would say it: the gap, its cause, its place, its worth, what is not covered, what to do next.
 
 use crate::document::{Cause, Document};
-use crate::words::{effect, figure, joints_in_short, list, percent, quantity};
+use crate::words::{effect, figure, joints_in_short, list, percent, quantity, rival};
 
 /// One of the six lines.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,7 +81,7 @@ impl Document {
         }
         let sizes =
             if sizes.is_empty() || sizes.len() > SIZES { String::new() } else { format!(" ({})", sizes.join(", ")) };
-        let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| effect(e)).collect();
+        let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| rival(e)).collect();
         let or = if rivals.is_empty() { String::new() } else { format!(" or {}", rivals.join(" or ")) };
         format!("{}{or} on {}{sizes}", effect(&cause.effect), joints_in_short(&cause.joints, all))
     }

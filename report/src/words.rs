@@ -1,5 +1,7 @@
 //! Figures and names as a person reads them.
 
+use rivet_diagnosis::{Effect, Kind};
+
 use crate::document::{Document, Number};
 
 /// A share in percent, one digit after the point; a dash for what is not known.
@@ -24,6 +26,12 @@ pub fn figure(x: f64, digits: i32) -> String {
 /// The name of an effect in a sentence.
 pub fn effect(name: &str) -> String {
     name.replace('_', " ")
+}
+
+/// The name of a member of a class, which says whether the model has it with a wrong value.
+pub fn rival(name: &str) -> String {
+    let value = Effect::ALL.iter().any(|e| e.name() == name && e.kind() == Kind::Value);
+    if value { format!("a wrong value of {}", effect(name)) } else { effect(name) }
 }
 
 /// Suffixes of magnitudes' names and the units that they stand for, longest first.
@@ -91,6 +99,14 @@ pub fn joints_in_short(names: &[String], all: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_class_tells_values_from_effects() {
+        assert_eq!(rival("coulomb_friction"), "a wrong value of coulomb friction");
+        assert_eq!(rival("joint_elasticity"), "joint elasticity");
+        // Of a later version, perhaps.
+        assert_eq!(rival("some_name"), "some name");
+    }
 
     #[test]
     fn figures_are_short_and_keep_their_digits() {

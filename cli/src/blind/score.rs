@@ -82,7 +82,7 @@ struct Cause {
 }
 
 impl Cause {
-    /// Whether it is the effect, or in a class with it.
+    /// Whether it is the effect, or in a class with it; effects and values alike.
     fn is(&self, truth: &True) -> bool {
         self.effect == truth.effect || self.indistinguishable_from.contains(&truth.effect)
     }
@@ -154,9 +154,10 @@ fn or_dash(names: &[&str]) -> String {
     if names.is_empty() { "-".to_owned() } else { names.join(" ") }
 }
 
-/// Whether a cause counts as a name: wrong values do not where all values are wrong.
+/// Whether a cause counts as a name: wrong values do not where all values are wrong, unless their class holds something else.
 fn counts(answer: &Answer, cause: &Cause) -> bool {
-    answer.nominal_error.is_none() || !VALUES.contains(&cause.effect.as_str())
+    let mut class = std::iter::once(&cause.effect).chain(&cause.indistinguishable_from);
+    answer.nominal_error.is_none() || class.any(|name| !VALUES.contains(&name.as_str()))
 }
 
 /// Scores in the making.
@@ -168,6 +169,9 @@ impl Tally {
         self.shrinks(found);
         let names: Vec<&Cause> = found.causes.iter().filter(|c| counts(answer, c)).collect();
         for cause in &names {
+            self.0.names += 1;
+            self.0.classes += usize::from(!cause.indistinguishable_from.is_empty());
+            self.0.class_members += cause.indistinguishable_from.len();
             if let Some(sure) = cause.confidence {
                 Bin::add(&mut self.0.confidence, sure, answer.effects.iter().any(|t| cause.effect == t.effect));
             }
@@ -283,6 +287,11 @@ impl Tally {
             format!("visible effects named, or in a class that holds them: {}", share(score.named(), score.visible())),
             format!("right joint, of those: {}", share(score.right_joint, score.named())),
             format!("names beside the truth: {}", score.beside),
+            format!(
+                "names that stand for a class: {}, with {} others in all",
+                share(score.classes, score.names),
+                score.class_members
+            ),
             format!(
                 "of these where no effect can be seen: {} in {} cases",
                 score.invisible_beside, score.invisible_cases
@@ -409,6 +418,26 @@ mod tests {
         assert_eq!(words, ["", "false alarm"]);
         let groups: Vec<_> = tally.0.groups.iter().map(|g| (g.wrong_nominal, g.beside)).collect();
         assert_eq!(groups, [(true, 0), (false, 1)]);
+    }
+
+    /// A class of a value and an effect holds both, whichever is named; an effect in it is no free guess.
+    #[test]
+    fn a_class_of_a_value_and_an_effect_counts_as_a_name() {
+        let value_first = || found("gap", &[("coulomb_friction", &["b"], &["friction_asymmetry"])]);
+        let effect_first = || found("gap", &[("friction_asymmetry", &["b"], &["coulomb_friction"])]);
+        let cases = |said: &dyn Fn() -> Found| {
+            [
+                (answer(&one("friction_asymmetry", &[1]), true), said()),
+                (answer(&one("coulomb_friction", &[1]), false), said()),
+                (answer(&json!([]), true), said()),
+                (answer(&one("backlash", &[1]), true), said()),
+            ]
+        };
+        for said in [&value_first as &dyn Fn() -> Found, &effect_first] {
+            let (tally, words) = tally(&cases(said));
+            assert_eq!(words, ["", "", "false alarm", "missed, and more"]);
+            assert_eq!((tally.0.names, tally.0.classes, tally.0.class_members), (4, 4, 4));
+        }
     }
 
     #[test]

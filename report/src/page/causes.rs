@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::{Cause, Curve, Document, Excerpt};
-use crate::words::{effect, figure, joints, list, percent, quantity};
+use crate::words::{effect, figure, joints, list, percent, quantity, rival};
 
 const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 230.0;
@@ -64,7 +64,10 @@ fn title(cause: &Cause, document: &Document) -> String {
 
 fn body(cause: &Cause, document: &Document) -> String {
     let s = &cause.shrink;
-    let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| effect(e)).collect();
+    let angles = cause.angles_deg.iter().map(|a| a.map(|a| format!(" (angle {a:.0}°)")));
+    let angles = angles.map(Option::unwrap_or_default).chain(std::iter::repeat(String::new()));
+    let rivals: Vec<String> =
+        cause.indistinguishable_from.iter().zip(angles).map(|(name, angle)| rival(name) + &angle).collect();
     let mut pairs = vec![
         (
             "Shrink of the gap",

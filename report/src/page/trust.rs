@@ -35,6 +35,9 @@ pub(super) fn trust(scores: &[Score]) -> String {
         s.outcome("outside").map_or_else(|| "-".to_owned(), |o| of(o.cases - o.right, o.cases))
     });
     row("names beside the truth", &|s| s.beside.to_string());
+    row("names that stand for a class, and others in these", &|s| {
+        format!("{}, {}", of(s.classes, s.names), s.class_members)
+    });
     row("shrink predicted within five points", &|s| of(s.close, s.predictions));
     row("shrink within its 90 % interval", &|s| of(s.covered, s.predictions));
     out += &table.html();
