@@ -238,8 +238,8 @@ mod tests {
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
         let cases: Vec<(Form, Vec<f64>)> = vec![
             (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
-            (Form::OneSided { joint: 3, forwards: true }, vec![1.4]),
-            (Form::OneSided { joint: 0, forwards: false }, vec![-0.6]),
+            (Form::OneSided { joint: 0, forwards: true }, vec![1.4]),
+            (Form::OneSided { joint: 3, forwards: false }, vec![-0.6]),
             (Form::Stribeck { joint: 2, velocity: 0.05 }, vec![2.0]),
             (Form::ViscousNonlinearity { joint: 0 }, vec![-0.7, 0.3]),
             (Form::Load { joint: 1 }, vec![0.12]),
@@ -266,7 +266,8 @@ mod tests {
             };
             seen.push(effect.kind);
             let mut handed_on = torque(&nominal, &[effect], &run, &motion);
-            for (at, change) in beside {
+            // Friction of both directions goes into the values; offsets are zero here.
+            for (at, change) in beside.into_iter().filter(|(at, _)| *at < 13 * n) {
                 let j = at - 12 * n;
                 handed_on[j].iter_mut().zip(&physics.sign[j]).for_each(|(to, s)| *to += change * s);
             }

@@ -57,6 +57,33 @@ fn wrong_values_do_not_hide_a_missing_effect() {
     assert_eq!(structure, ["viscous_nonlinearity"]);
 }
 
+/// An elbow whose zero is 0.03 rad off moves its links' weight as other first moments would, and a counterbalance is beside
+/// it: the effect is named, and that these runs alone cannot tell it from values of the links is said, with the angle.
+#[test]
+fn an_effect_that_values_imitate_is_a_class_with_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cases = folder.path().join("cases");
+    let mut make = rivet();
+    make.args(["blind", "make", "--seed", "3279507663133315816", "--count", "1", "--out"]).arg(&cases);
+    make.arg(rivet_tests::root().join("robots/ur10e/robot.toml"));
+    let output = make.output().expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let answers = std::fs::read_to_string(folder.path().join("cases-answers.json")).expect("answers");
+    let answers: Value = serde_json::from_str(&answers).expect("JSON");
+    let truth: Vec<&Value> =
+        answers["case-01"]["effects"].as_array().expect("effects").iter().map(|e| &e["effect"]).collect();
+    assert_eq!(truth, ["counterbalance", "encoder_offset"]);
+    let (_, found) = diagnose(&cases.join("case-01"));
+    let cause = named(&found, "encoder_offset").unwrap_or_else(|| panic!("{:#}", found["causes"]));
+    assert_eq!(cause["joints"], serde_json::json!([found["gap"]["per_joint"][2]["joint"]]));
+    assert_eq!(cause["indistinguishable_from"], serde_json::json!(["link_inertia"]));
+    let angle = cause["angles_deg"][0].as_f64().expect("an angle");
+    // Cosine above 0.95.
+    assert!(angle < 18.2, "{angle}");
+    assert!(cause["separating_motion"].is_string(), "{cause}");
+    assert!(named(&found, "counterbalance").is_some_and(|c| c["indistinguishable_from"] == serde_json::json!([])));
+}
+
 /// Nothing is wrong, and something is wrong that the library does not hold: neither gets a name.
 #[test]
 fn what_is_not_there_or_not_known_is_not_named() {
