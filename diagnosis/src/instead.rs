@@ -13,7 +13,7 @@ use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, LEAST_GAIN, MOST, RIVAL_GAP, Rival, Selected};
+use crate::select::{Adopted, Found, LEAST_GAIN, MOST, RIVAL_GAP, Rival, Selected};
 use crate::values::{Group, WORTH, Wrong};
 
 /// Effects of which each is tried as a whole explanation.
@@ -50,7 +50,7 @@ pub(crate) fn of(
     wrong: &Wrong,
     selected: &Selected<'_>,
     say: &mut dyn FnMut(&str),
-) -> Option<Option<(Candidate, Adopted)>> {
+) -> Option<Found> {
     if selected.adopted.len() >= MOST {
         return Some(None);
     }
@@ -136,6 +136,9 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
     Some(found)
 }
 
+/// None where the effect makes no sense.
+type Whole = Option<Instead>;
+
 /// The effect instead of the group at `first` and of all others that it makes needless, its inner values refined.
 fn whole(
     search: &mut Search<'_>,
@@ -143,7 +146,7 @@ fn whole(
     start: &Candidate,
     physics: &[Physics<'_>],
     first: usize,
-) -> Option<Option<Instead>> {
+) -> Option<Whole> {
     let refined = |search: &Search<'_>, form: &Form, solved: &Solved| {
         Some(search.refine_over(form, physics, &[(search.scale, solved.clone())])?.0)
     };

@@ -120,7 +120,8 @@ impl<'a> Selected<'a> {
     }
 }
 
-type Found = Option<(Candidate, Adopted)>;
+/// A candidate to adopt, if any.
+pub(crate) type Found = Option<(Candidate, Adopted)>;
 
 /// The candidate to adopt next, if any is worth it; inner values as on the grid unless they are to be refined.
 pub(crate) fn best(
