@@ -382,8 +382,8 @@ impl Procedure<'_> {
             let enough = step.adopted.iter().all(|a| residue.upholds(a));
             // A value that may as well take nothing from motion it has not seen is not worth a name.
             let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
-            // An effect takes something before and after the sealed torque was looked at, or is none.
-            let takes = predicted.max(measured_shrink) > 0.0;
+            // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
+            let takes = !predictable || predicted.max(measured_shrink) > 0.0;
             let material = if step.adopted.is_empty() { sure } else { takes };
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
