@@ -12,6 +12,7 @@ use crate::evidence::{CandidateSums, Solved, candidate_sums};
 use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
+use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Adopted, Found, LEAST_GAIN, MOST, RIVAL_GAP, Rival, Selected};
 use crate::values::{Group, WORTH, Wrong};
@@ -51,7 +52,8 @@ pub(crate) fn of(
     selected: &Selected<'_>,
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
-    if selected.adopted.len() >= MOST {
+    // Where more than noise is left, as on measured arms, what sets two explanations apart may be what neither explains.
+    if selected.adopted.len() >= MOST || Residue::of(search).any_noisy() {
         return Some(None);
     }
     let found = find(search, wrong, selected)?;

@@ -6,6 +6,7 @@ use crate::evidence::{PRIOR_SCALES, joint_errors_with};
 use crate::form::Form;
 use crate::orders;
 use crate::physics::Physics;
+use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
 
 /// Least gain of log evidence that names an effect, and that names a further one.
@@ -133,6 +134,7 @@ pub(crate) fn best(
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     let standings = search.rank(candidates)?;
+    let residue = Residue::of(search);
     let least = LEAST_GAIN[adopted.len().min(1)];
     // The best of each effect on each joint, refined.
     let mut seen: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
@@ -142,6 +144,13 @@ pub(crate) fn best(
             break;
         }
         let form = &candidates[standing.at].form;
+        // Half of it is a constant: where other joints keep more than noise, as on measured arms, this one does too, and
+        // that may be one.
+        if let Form::OneSided { joint, .. } = form
+            && (0..search.noise.len()).any(|j| j != *joint && residue.is_noisy(j))
+        {
+            continue;
+        }
         let key = (form.effect(), form.joints());
         if seen.contains(&key) {
             continue;
