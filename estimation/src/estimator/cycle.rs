@@ -141,6 +141,11 @@ impl Cycle {
         }
     }
 
+    /// Four vectors of n that nobody needs between cycles.
+    pub(super) fn room(&mut self) -> [&mut [f64]; 4] {
+        [&mut self.step, &mut self.scratch, &mut self.unseen, &mut self.covector]
+    }
+
     /// \[torque-noise sigma\]
     pub(super) fn tolerance(&self) -> f64 {
         self.judge.tolerance()

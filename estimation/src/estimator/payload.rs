@@ -23,14 +23,12 @@ const LARGEST: f64 = 100.0;
 /// What a load at the last link may change.
 #[derive(Clone, Debug)]
 pub(super) struct Payload {
-    /// Orthonormal directions in working coordinates, r x n.
-    basis: Vec<f64>,
+    /// Orthonormal directions in working coordinates, r x n; single precision moves what they span by 1e-7.
+    basis: Vec<f32>,
     /// Parameters that a load changes.
     touched: Vec<bool>,
     /// The direction that is eliminated next; r when none is.
     next: usize,
-    /// `M·p`, `Mᵀ·p` and `S·p`.
-    products: [Vec<f64>; 3],
 }
 
 impl Payload {
@@ -58,7 +56,7 @@ impl Payload {
         }
         let touched = (0..n).map(|i| columns.iter().any(|column| column[i] != 0.0)).collect();
         let next = basis.len().checked_div(n).unwrap_or(0);
-        Payload { basis, touched, next, products: [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; n]) }
+        Payload { basis: basis.iter().map(|x| *x as f32).collect(), touched, next }
     }
 
     pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
@@ -67,7 +65,7 @@ impl Payload {
         self.next = next as usize;
     }
 
-    fn direction(&self) -> Option<&[f64]> {
+    fn direction(&self) -> Option<&[f32]> {
         let n = self.touched.len();
         self.basis.get(self.next * n..(self.next + 1) * n).filter(|p| !p.is_empty())
     }
@@ -103,12 +101,13 @@ impl Estimator {
 
     /// Eliminates one direction. Order n²; real-time safe.
     pub(super) fn unload(&mut self) {
-        let variance = self.row_variance();
-        let tolerance = self.cycle.tolerance();
+        let known = self.row_variance() / (LARGEST * self.cycle.tolerance()).powi(2);
         let n = self.n;
-        let Some(mut payload) = self.payload.take() else { return };
-        let Payload { basis, next, products: [mp, pm, sp], .. } = &mut payload;
-        let p = &basis[*next * n..(*next + 1) * n];
+        let Some(payload) = &mut self.payload else { return };
+        let [p, mp, pm, sp] = self.cycle.room();
+        let Some(direction) = payload.direction() else { return };
+        p.iter_mut().zip(direction).for_each(|(p, x)| *p = f64::from(*x));
+        payload.next += 1;
         pm.fill(0.0);
         sp.fill(0.0);
         for (i, row) in self.m.chunks_exact(n).enumerate() {
@@ -120,7 +119,6 @@ impl Estimator {
             sp[i] += dot(row, &p[..=i]);
             axpy(p[i], &row[..i], &mut sp[..i]);
         }
-        let known = variance / (LARGEST * tolerance).powi(2);
         let pivot = dot(p, mp) + known;
         // Nothing is known of this direction, or not what its instruments say: what is left is as good as ever.
         if pivot >= known {
@@ -136,14 +134,10 @@ impl Estimator {
                 axpy(a * psp / pivot - sp[i] / pivot, &mp[..=i], row);
             }
         }
-        *next += 1;
         if !self.m.iter().chain(&self.s).chain(&self.y).all(|x| x.is_finite()) {
-            *next = basis.len() / n.max(1);
-            self.payload = Some(payload);
+            payload.next = payload.basis.len() / n.max(1);
             self.begin_window();
-            return;
         }
-        self.payload = Some(payload);
     }
 }
 
@@ -217,7 +211,8 @@ mod tests {
         let y = DVector::from_column_slice(&estimator.y);
         let basis = &estimator.payload.as_ref().expect("a load").basis;
         assert_eq!(basis.len(), 2 * N, "the third column is the sum of the others");
-        let p = DMatrix::from_row_slice(2, N, basis).transpose();
+        let basis: Vec<f64> = basis.iter().map(|x| f64::from(*x)).collect();
+        let p = DMatrix::from_row_slice(2, N, &basis).transpose();
         let known = estimator.row_variance() / (LARGEST * estimator.cycle.tolerance()).powi(2);
         let inner = p.transpose() * &m * &p + DMatrix::identity(2, 2) * known;
         let l = DMatrix::identity(N, N) - &m * &p * inner.try_inverse().expect("excited") * p.transpose();
