@@ -568,7 +568,9 @@ fn bounds_hint(key: &Key, x: f64) -> String {
         (bounds, _) if x < 0.0 && bounds.allow(-x) && !key.unit_text().is_empty() => {
             "give its size without a sign".into()
         }
-        (Bounds::Above(..), Fallback::Absent) if x == 0.0 => "leave the key out to set none".into(),
+        (Bounds::Above(..), Fallback::Absent) if x == 0.0 => {
+            "without the key the default of docs/robot-toml.md acts".into()
+        }
         _ if key.unit == "rad" => "the unit is rad; one degree is 0.01745 rad".into(),
         (_, Fallback::Required | Fallback::Absent) if key.unit_text().is_empty() => "see docs/robot-toml.md".into(),
         (_, Fallback::Required | Fallback::Absent) => format!("the unit is {}", key.unit),

@@ -225,7 +225,12 @@ impl Loop {
 
     /// Waits for the next sample and answers it, or, when there has been none for too long, gives the stop reaction.
     fn period(&mut self) {
-        let patience = if self.answered_ns.is_some() && !self.lockstep { self.period } else { PATIENCE };
+        // To the next whole period since the last answer: late wake-ups do not add up to a late stop reaction.
+        let period = (self.period.as_nanos() as u64).max(1);
+        let patience = match self.answered_ns.filter(|_| !self.lockstep) {
+            Some(answered) => Duration::from_nanos(period - now_ns().saturating_sub(answered) % period),
+            None => PATIENCE,
+        };
         if self.ports.arrival.wait(patience).is_err() {
             // A listener that fails must not make the loop spin.
             std::thread::sleep(Duration::from_millis(1));

@@ -22,6 +22,9 @@ const SETTLE_SHARE: f64 = 0.25;
 /// Time that values have to fit an arm that carries something else before its residuals are looked at again \[s\].
 const LEARN_S: f64 = 5.0;
 
+/// Residuals that have been usual for so many times the short-term memory say that this time is over.
+const CALM: f64 = 3.0;
+
 /// What [`Change::add`] saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Changed {
@@ -42,6 +45,8 @@ pub(crate) struct Change {
     learn: f64,
     /// Instants until residuals are looked at again; 0 when they are.
     given: f64,
+    /// Instants since residuals were last unusual, while there is such a time.
+    calm: f64,
     baseline: Vec<f64>,
     rows: Vec<f64>,
     recent: f64,
@@ -57,6 +62,7 @@ impl Change {
             settle: (SETTLE_SHARE * window).max(20.0),
             learn: (LEARN_S / row_s).ceil(),
             given: 0.0,
+            calm: 0.0,
             baseline: vec![0.0; joints],
             rows: vec![0.0; joints],
             recent: 1.0,
@@ -75,6 +81,8 @@ impl Change {
         carry.sizes(&mut self.rows);
         carry.number(&mut self.recent);
         carry.sizes(std::slice::from_mut(&mut self.given));
+        carry.sizes(std::slice::from_mut(&mut self.calm));
+        self.given = self.given.min(self.learn);
         carry.whole(&mut self.seen, MANY);
     }
 
@@ -83,7 +91,7 @@ impl Change {
         self.baseline.fill(0.0);
         self.rows.fill(0.0);
         self.recent = 1.0;
-        self.given = 0.0;
+        (self.given, self.calm) = (0.0, 0.0);
     }
 
     /// Takes in the residual of every joint whose row counts, as `(joint, residual)`. What residuals were like stays known
@@ -110,8 +118,13 @@ impl Change {
         self.recent += (sum / count - self.recent) / self.short;
         if self.given > 1.0 {
             self.given -= 1.0;
+            self.calm = if self.recent < 0.5 * CHANGE { self.calm + 1.0 } else { 0.0 };
+            if self.calm > CALM * self.short {
+                (self.given, self.calm) = (0.0, 0.0);
+            }
             return Changed::No;
         }
+        self.calm = 0.0;
         let still = self.given > 0.0;
         self.given = 0.0;
         if self.recent <= CHANGE {
@@ -174,6 +187,10 @@ mod tests {
         assert_eq!(run(&mut learnt, 2000, |k| if k < 300 { 3.0 } else { 0.3 }, &mut state), None, "a load is learnt");
         let again = run(&mut learnt, 500, |_| 3.0, &mut state);
         assert!(matches!(again, Some((0..50, Changed::Yes))), "{again:?}");
+        // Grasped, learnt within a second, and let go of again a second and a half later: two loads.
+        assert_eq!(run(&mut learnt, 250, |k| if k < 100 { 3.0 } else { 0.3 }, &mut state), None);
+        let soon = run(&mut learnt, 500, |_| 3.0, &mut state);
+        assert!(matches!(soon, Some((0..50, Changed::Yes))), "{soon:?}");
 
         // Values that still do not fit: once the window has begun anew, the new level is the usual one.
         assert_eq!(run(&mut change, 600, |_| 3.0, &mut state), Some((499, Changed::Still)));

@@ -327,6 +327,9 @@ impl Estimator {
             *std = prior / c;
         }
         self.state.fill(ParameterState::Unidentified);
+        if let Some(payload) = &mut self.payload {
+            payload.finish();
+        }
         self.verdict = Verdict { of: self.n, ..Verdict::NONE };
         self.count = [0.0; 2];
         self.long_run.restart();
@@ -357,6 +360,10 @@ impl Estimator {
         match (&mut self.change, &mut fresh.change) {
             (Some(mine), Some(fresh)) => mine.reconfigure(fresh),
             (mine, fresh) => std::mem::swap(mine, fresh),
+        }
+        match (&self.payload, &fresh.payload) {
+            (Some(_), Some(_)) => {}
+            _ => std::mem::swap(&mut self.payload, &mut fresh.payload),
         }
         std::mem::swap(&mut self.settings, &mut fresh.settings);
         std::mem::swap(&mut self.nominal, &mut fresh.nominal);
@@ -500,7 +507,9 @@ impl Estimator {
         let values = &self.values;
         let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
         let clear = || d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] >= CLEAR);
-        let changed = self.change.as_mut().map_or(Changed::No, |change| change.add(clear().map(residual)));
+        // Frozen values do not follow: a change is seen once they learn again.
+        let change = self.change.as_mut().filter(|_| !self.frozen);
+        let changed = change.map_or(Changed::No, |change| change.add(clear().map(residual)));
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             let residual = tau[j] - dot(row, &self.values);
             let nominal = tau[j] - dot(row, &self.nominal);

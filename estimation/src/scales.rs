@@ -110,6 +110,8 @@ impl Scales {
             |(noise, joint): (&f64, &rivet_dynamics::Joint)| noise * SPEED_SHARE * speed_limit(joint) / 3.0_f64.sqrt();
         let square: f64 = self.torque_noise.iter().zip(&model.arm.joints).map(power).map(|p| p * p).sum();
         self.torque_noise = vec![square.sqrt() * span];
+        // A row is a whole span of motion: too few come in the time that a load is given.
+        self.payload.clear();
         self
     }
 

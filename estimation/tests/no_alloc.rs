@@ -117,6 +117,7 @@ fn pushing_never_allocates() {
             identifier.estimate().changes
         );
         assert_eq!(calls, 0);
+        assert!(identifier.estimate().changes > 0, "the load is seen");
         assert!(counts.iter().all(|c| *c > 10), "{counts:?}");
         let estimate = identifier.estimate();
         assert!(estimate.values.iter().chain(estimate.std).chain(estimate.rls_values).all(|v| v.is_finite()));

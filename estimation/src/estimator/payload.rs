@@ -17,6 +17,9 @@ use crate::scales::Whitening;
 
 /// A direction with less than this share of its length left, those before it taken out, is one of those.
 const INDEPENDENT: f64 = 1e-6;
+/// Share of the parameters that must have been identified. With less, little stays, and a direction that is excited for the first
+/// time with a value that was held looks like a change as well.
+const KNOWN_SHARE: f64 = 0.9;
 /// A load may move a direction by this many tolerances; more is as likely, but not known to be possible.
 const LARGEST: f64 = 100.0;
 
@@ -55,14 +58,20 @@ impl Payload {
             }
         }
         let touched = (0..n).map(|i| columns.iter().any(|column| column[i] != 0.0)).collect();
-        let next = basis.len().checked_div(n).unwrap_or(0);
-        Payload { basis: basis.iter().map(|x| *x as f32).collect(), touched, next }
+        let mut payload = Payload { basis: basis.iter().map(|x| *x as f32).collect(), touched, next: 0 };
+        payload.finish();
+        payload
     }
 
     pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
         let mut next = self.next as u64;
         carry.whole(&mut next, self.touched.len() as u64 + 1);
         self.next = next as usize;
+    }
+
+    /// Nothing is left to eliminate.
+    pub(super) fn finish(&mut self) {
+        self.next = self.basis.len().checked_div(self.touched.len()).unwrap_or(0);
     }
 
     fn direction(&self) -> Option<&[f32]> {
@@ -80,6 +89,10 @@ impl Estimator {
     /// The load has changed: everything that is known of it is forgotten, in the periods that come, and nothing else.
     /// False where that cannot be done.
     pub(super) fn forget_load(&mut self) -> bool {
+        let unknown = self.state.iter().filter(|state| **state == ParameterState::Unidentified).count();
+        if unknown as f64 > (1.0 - KNOWN_SHARE) * self.n as f64 {
+            return false;
+        }
         let Some(payload) = self.payload.as_mut().filter(|payload| !payload.basis.is_empty()) else { return false };
         payload.next = 0;
         for i in (0..self.n).filter(|&i| payload.touched[i]) {
@@ -135,7 +148,6 @@ impl Estimator {
             }
         }
         if !self.m.iter().chain(&self.s).chain(&self.y).all(|x| x.is_finite()) {
-            payload.next = payload.basis.len() / n.max(1);
             self.begin_window();
         }
     }
