@@ -421,10 +421,10 @@ impl Estimator {
         }
         if changed != Changed::No {
             // What is heaviest on an arm and changes at once is what it carries; if that was not it, the residuals stay.
-            if changed == Changed::Still || !self.forget_load() {
-                self.begin_window();
+            if changed == Changed::Yes && self.forget_load() {
+                return Err(Skip::Changed);
             }
-            return Err(Skip::Changed);
+            self.begin_window();
         }
         if self.unloading() {
             return Err(Skip::Changed);

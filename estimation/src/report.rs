@@ -73,7 +73,7 @@ pub enum Skip {
     NotFinite,
     /// The observer did not admit them.
     NotAdmitted,
-    /// The arm has become another one: its window begins anew, and so do the filters, which still hold the one before.
+    /// The load has changed: it is taken out of the window, and the filters, which still hold the one before, begin anew.
     Changed,
 }
 
