@@ -74,7 +74,7 @@ pub struct EstimatorSettings {
     pub residual_memory: f64,
     /// How rows of white noise are correlated.
     pub correlation: Correlation,
-    /// Time between rows \[s\], if a changed arm (a payload) is to be noticed and the window begun anew; needs
+    /// Time between rows \[s\], if a changed arm is to be noticed: its load forgotten, or the window begun anew; needs
     /// forgetting.
     pub change_row_s: Option<f64>,
     /// Updates that make a block of scores: longer than residuals stay correlated, and several in the window.

@@ -576,8 +576,8 @@ impl Identifier {
         self.learnt(result)
     }
 
-    /// Rows in which the filters mix two arms would weigh on weak directions for as long as the window remembers: after a
-    /// change only the new arm's samples are to be filtered.
+    /// Rows in which the filters mix two loads would weigh on weak directions for as long as the window remembers: what stays
+    /// of it is to meet samples of the new load alone.
     fn learnt(&mut self, result: Result<usize, Skip>) -> Step {
         self.interrupted |= result == Err(Skip::Changed);
         result.map_or_else(Step::Skipped, |rows| Step::Updated { rows })

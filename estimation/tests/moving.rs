@@ -70,7 +70,7 @@ fn warming_friction_is_followed() {
     }
 }
 
-/// A load is grasped in motion: its window begins anew, and two windows later the model predicts as well as before.
+/// A load is grasped in motion: two windows later at the latest the model predicts as well as before.
 #[test]
 fn a_grasped_load_is_learnt_in_two_windows() {
     let Some(mut bench) = Bench::new(ARM) else { return };

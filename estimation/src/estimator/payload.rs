@@ -87,7 +87,7 @@ impl Estimator {
     }
 
     /// The load has changed: everything that is known of it is forgotten, in the periods that come, and nothing else.
-    /// False where that cannot be done.
+    /// False, and nothing changed, where that cannot be done or too little else is known.
     pub(super) fn forget_load(&mut self) -> bool {
         let unknown = self.state.iter().filter(|state| **state == ParameterState::Unidentified).count();
         if unknown as f64 > (1.0 - KNOWN_SHARE) * self.n as f64 {
@@ -133,7 +133,7 @@ impl Estimator {
             axpy(p[i], &row[..i], &mut sp[..i]);
         }
         let pivot = dot(p, mp) + known;
-        // Nothing is known of this direction, or not what its instruments say: what is left is as good as ever.
+        // Where instruments and regressor disagree about its sign, nothing good comes of the division: the direction stays in.
         if pivot >= known {
             let (psp, py) = (dot(p, sp), dot(p, &self.y));
             for (i, row) in self.m.chunks_exact_mut(n).enumerate() {
