@@ -408,7 +408,7 @@ pub const KEYS: &[Key] = &[
         "Corner of the integral action: its gain is the proportional gain times 2*pi*this. 0 is none. At most damping times the lowest bandwidth."),
     key("controller", "velocity_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("100 Hz, at most 0.2 of the sample rate"),
         "Cut-off of the low-pass over the velocity that the controller differentiates from the positions."),
-    key("controller", "rate_limit", PerJointOrOne, "N m/s", Above(0.0, 1e9), Absent,
+    key("controller", "rate_limit", PerJointOrOne, "N m/s", Within(0.01, 1e9), Absent,
         "Fastest change of the commanded torque. Without it: full torque in 0.1 s, 10*torque_limit a second."),
     key("controller", "stale_periods", Integer, "periods", Within(1.0, 1000.0), Fallback::Integer(10),
         "Periods without a usable joint state after which the stop reaction acts; also the age at which a setpoint is no longer followed and the arm is held where it is."),

@@ -2,7 +2,7 @@
 //! the arm stays on its way.
 
 use proptest::prelude::*;
-use rivet_config::Robot;
+use rivet_config::{Law, Robot};
 use rivet_controller::Core;
 use rivet_ipc_schema::{JointState, MAX_PARAMETERS, Parameters};
 use rivet_simulation::motion::{Fourier, FourierSettings, MotionLimits, load_ratio};
@@ -181,8 +181,12 @@ proptest! {
 
     /// Bursts of poison among good messages. Each burst is `(start, length)` in periods; within it every period brings one.
     #[test]
-    fn no_message_hurts(bursts in proptest::collection::vec((poison(), 0_u64..5000, 1_u64..400), 1..12)) {
-        let robot = rivet_config::load(robot("dd2")).expect("sound");
+    fn no_message_hurts(
+        bursts in proptest::collection::vec((poison(), 0_u64..5000, 1_u64..400), 1..12),
+        law in prop_oneof![Just(Law::ComputedTorque), Just(Law::FeedForwardPd)],
+    ) {
+        let mut robot = rivet_config::load(robot("dd2")).expect("sound");
+        robot.config.controller.law = law;
         let (nominal, _) = references(&robot);
         let outcome = run(&robot, |good, sample, out| {
             if sample.seq % 100 == 0 {
