@@ -25,7 +25,9 @@ fn manutec_r3() {
 
 #[test]
 fn staubli_tx40() {
-    check("staubli-tx40", 1, Law::ComputedTorque);
+    // In 23 the wrist moves so that its friction is the last to be told apart: had a robot file that knows no friction
+    // decided how quiet the joint is, it never would be.
+    check("staubli-tx40", 23, Law::ComputedTorque);
 }
 
 #[test]
