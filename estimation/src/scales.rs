@@ -19,7 +19,7 @@ const RISE_TIME: f64 = 0.3;
 const NOISE_SHARE: f64 = 0.02;
 /// A drive is built for work: that of the workload is taken for at least this share of its limit, also where the nominal
 /// parameters know nothing of it. Without friction in the robot file, wrists of geared arms would be expected to be ten
-/// times as quiet as they are, and what they tell would never be good enough. Arms with measured friction are at 0.1.
+/// times as quiet as they are, and what they tell would never be good enough. Arms with measured friction are at 0.096 and more.
 const LIMIT_SHARE: f64 = 0.08;
 /// What a column leaves when those before it are taken out counts as at least this share of the mean: the whitening
 /// amplifies nothing beyond that.
