@@ -288,14 +288,17 @@ impl Core {
                 self.recent.restart_signals();
             }
             if self.recent.push(&sample.q[..n], &sample.tau[..n]) {
-                self.reconsider();
+                self.reconsider(&sample.q[..n]);
             }
         }
         self.observed_seq = Some(sample.seq);
     }
 
-    /// Asks recent torques whether the right parameters act.
-    fn reconsider(&mut self) {
+    /// Asks the pose and recent torques whether the right parameters act.
+    fn reconsider(&mut self, q: &[f64]) {
+        if !self.gate.has_inertia(&self.sources.target()[..self.count], q, &mut self.law) {
+            self.sources.distrust();
+        }
         let periods = self.recent.periods_between();
         let of = |values: &Values| self.recent.predict(&values[..self.count]);
         let (acting, nominal) = (of(self.sources.target()), of(self.sources.nominal()));

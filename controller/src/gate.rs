@@ -23,7 +23,9 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::Provisional => "the daemon marks it provisional: too little data so far",
         Refusal::NotFinite => "a value is not finite",
         Refusal::DrivingFriction => "its friction would drive a joint",
-        Refusal::InertiaNotPositive => "the inertia matrix is not positive definite at the present or a stored pose",
+        Refusal::InertiaNotPositive => {
+            "its inertia matrix is below a fifth of the robot file's in some direction, at the present or a stored pose"
+        }
         Refusal::TorqueChange => "it would change the present torque by more than [controller] torque_change",
         Refusal::PredictsWorse => "it predicts recent torques worse than what is in use",
         Refusal::OtherPeriod => {
@@ -35,6 +37,11 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
 
 /// Poses, beside the present one, at which the inertia matrix has to be positive definite.
 pub const STORED_POSES: usize = 20;
+
+/// Inertia that a set must leave in every direction, in parts of the robot file's. An inertia matrix that is just positive
+/// at one pose is not at the next, and feedback through it leaves the arm to itself on the way there; what users get wrong
+/// about bodies and rotors is far less.
+const LEAST_INERTIA: f64 = 0.2;
 
 /// Speed at which friction is looked at for a joint that states no limit \[rad/s\].
 const DEFAULT_SPEED: f64 = 5.0;
@@ -61,6 +68,10 @@ pub struct Gate {
     poses: StoredPoses,
     change: [f64; MAX_JOINTS],
     mass: Vec<f64>,
+    /// The parameters of the least inertia matrix; zeros where the robot file's own is not positive definite.
+    least: Vec<f64>,
+    /// What a set has beyond it.
+    beyond: Vec<f64>,
 }
 
 impl Gate {
@@ -73,6 +84,10 @@ impl Gate {
         for (change, limit) in change.iter_mut().zip(&robot.config.drive.torque_limit) {
             *change = settings.torque_change * limit;
         }
+        let mut poses = StoredPoses::new(law, robot.base.len(), &stored_poses(robot));
+        let nominal = robot.base_parameters();
+        let sound = poses.all_positive(nominal);
+        let least = nominal.iter().map(|x| if sound { LEAST_INERTIA * x } else { 0.0 }).collect();
         Gate {
             hash: robot.hash,
             period_s: robot.config.sample_period_s,
@@ -80,9 +95,11 @@ impl Gate {
             dof,
             oldest: (settings.parameter_timeout_s / robot.config.sample_period_s).ceil() as u64,
             friction: Friction::of(robot),
-            poses: StoredPoses::new(law, robot.base.len(), &stored_poses(robot)),
+            poses,
             change,
             mass: vec![0.0; dof * dof],
+            least,
+            beyond: vec![0.0; robot.base.len()],
         }
     }
 
@@ -106,8 +123,8 @@ impl Gate {
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, why)| Err(*why))
     }
 
-    /// Whether `values` describe an arm: friction takes energy out of every motion, and the inertia matrix is positive
-    /// definite at the stored poses and, where the arm is known to be, at `q`. Real-time safe.
+    /// Whether `values` describe an arm: friction takes energy out of every motion, and the inertia matrix leaves a part of
+    /// the robot file's in every direction at the stored poses and, where the arm is known to be, at `q`. Real-time safe.
     ///
     /// # Errors
     /// Which of the two is not so.
@@ -118,13 +135,25 @@ impl Gate {
         if !self.friction.dissipates(values) {
             return Err(Refusal::DrivingFriction);
         }
-        if let Some(q) = q {
-            inertia_of(law, q, values, &mut self.mass);
-            if !cholesky_succeeds(&mut self.mass, self.dof) {
-                return Err(Refusal::InertiaNotPositive);
-            }
+        if q.is_some_and(|q| !self.has_inertia(values, q, law)) {
+            return Err(Refusal::InertiaNotPositive);
         }
-        if self.poses.all_positive(values) { Ok(()) } else { Err(Refusal::InertiaNotPositive) }
+        self.exceed(values);
+        if self.poses.all_positive(&self.beyond) { Ok(()) } else { Err(Refusal::InertiaNotPositive) }
+    }
+
+    /// Whether the inertia matrix of `values` leaves a part of the robot file's in every direction at `q`. Real-time safe.
+    pub fn has_inertia(&mut self, values: &[f64], q: &[f64], law: &mut ControlLaw) -> bool {
+        self.exceed(values);
+        // It is linear in the parameters.
+        inertia_of(law, q, &self.beyond, &mut self.mass);
+        cholesky_succeeds(&mut self.mass, self.dof)
+    }
+
+    fn exceed(&mut self, values: &[f64]) {
+        for ((beyond, x), least) in self.beyond.iter_mut().zip(values).zip(&self.least) {
+            *beyond = x - least;
+        }
     }
 
     /// Whether the torque of the present setpoint stays within the permitted change from `used` to `values`. Real-time safe.

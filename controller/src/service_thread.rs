@@ -149,6 +149,7 @@ impl Service {
             Ok(SourceReason::Refused) => "what the daemon publishes does not pass the gate",
             Ok(SourceReason::WorseThanNominal) => "others predicted recent torques worse",
             Ok(SourceReason::BetterThanNominal) => "they predict recent torques better than the robot file's",
+            Ok(SourceReason::InertiaNotPositive) => "the inertia matrix of those in use was no arm's at this pose",
         };
         if self.said.map(|(source, reason, _)| (source, reason)) != Some((now.0, now.1)) {
             log::info!(rivet_event = "source"; "parameters in use: {source} ({reason})");

@@ -6,6 +6,8 @@
 //!   └──return_after acceptable sets in a row──────────────┘  └──better than nominal for 2 s────────┘ │
 //!   └────────────────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
+//!
+//! From live and last good straight to nominal where the inertia matrix fails at the pose that the arm has come to.
 
 use rivet_ipc_schema::{MAX_PARAMETERS, ParameterSource, SourceReason};
 
@@ -133,6 +135,14 @@ impl Sources {
         }
     }
 
+    /// The acting set is no arm's where the arm is now: it has not proven itself after all, nor has what was kept of it.
+    pub(crate) fn distrust(&mut self) {
+        if self.source != ParameterSource::Nominal {
+            self.last_good = None;
+            self.switch(ParameterSource::Nominal, SourceReason::InertiaNotPositive);
+        }
+    }
+
     /// `periods` have gone by.
     pub(crate) fn advance(&mut self, periods: u64) {
         self.accepted_for = self.accepted_for.saturating_add(periods);
@@ -195,6 +205,20 @@ mod tests {
             s.advance(1);
         }
         assert_eq!((s.source(), s.reason()), (ParameterSource::LastGood, SourceReason::Refused));
+    }
+
+    #[test]
+    fn what_is_no_arm_here_gives_way_at_once_and_is_not_kept() {
+        let mut s = sources();
+        for _ in 0..3 {
+            s.accept(&values(1.0));
+        }
+        s.keep();
+        s.distrust();
+        assert_eq!((s.source(), s.reason()), (ParameterSource::Nominal, SourceReason::InertiaNotPositive));
+        assert_eq!((s.target()[0], s.last_good()), (0.0, None));
+        s.distrust();
+        assert_eq!(s.switches(), 2, "nominal stays");
     }
 
     #[test]
