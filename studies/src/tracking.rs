@@ -60,6 +60,8 @@ pub struct Errors {
     pub live: Vec<f64>,
     /// With the true ones.
     pub truth: Vec<f64>,
+    /// Largest distance of a joint from the plan \[rad\] with the robot file's parameters: from standstill, over one period.
+    pub farthest: f64,
 }
 
 impl Errors {
@@ -91,13 +93,22 @@ pub struct Tracking {
     pub changes: u64,
     /// Motion until live parameters were first in use \[s\].
     pub adopted_s: Option<f64>,
+    /// Largest distance of a joint from the plan \[rad\] with live parameters, from the first sample on: while they are learnt
+    /// and when the payload goes as well.
+    pub farthest: f64,
 }
 
 impl Tracking {
     /// Whether live parameters track with at most a quarter of the error of nominal ones and 1.15 of that of true ones, in both
-    /// phases.
+    /// phases, and never lead the arm further from its plan than nominal ones do, but for a quarter.
     pub fn keeps_bounds(&self) -> bool {
         self.phases.iter().map(Errors::ratios).all(|(nominal, truth)| nominal <= 0.25 && truth <= 1.15)
+            && self.farther() <= 1.25
+    }
+
+    /// Largest distance from the plan with live parameters over that with nominal ones.
+    pub fn farther(&self) -> f64 {
+        self.farthest / self.phases.iter().fold(0.0, |most: f64, errors| most.max(errors.farthest))
     }
 }
 
@@ -114,13 +125,15 @@ pub fn tracking(robot: &Robot, payload: f64, seed: u64) -> Result<Tracking, Sett
     let again = change + WINDOWS[1] * window_s;
     let live = study.run(Knowledge::Live, 0, Some(change), &[begin, again])?;
     // The motion repeats: one period is as good as another, and these controllers do not learn.
-    let steady = |knowledge, phase| study.run(knowledge, phase, None, &[period]).map(|run| run.errors[0].clone());
+    let steady = |knowledge, phase| study.run(knowledge, phase, None, &[period]);
     let phase = |phase: usize| -> Result<Errors, SettingsError> {
+        let nominal = steady(Knowledge::Nominal, phase)?;
         Ok(Errors {
             payload: study.payloads[phase],
-            nominal: steady(Knowledge::Nominal, phase)?,
+            nominal: nominal.errors[0].clone(),
             live: live.errors[phase].clone(),
-            truth: steady(Knowledge::True, phase)?,
+            truth: steady(Knowledge::True, phase)?.errors[0].clone(),
+            farthest: nominal.farthest,
         })
     };
     Ok(Tracking {
@@ -131,6 +144,7 @@ pub fn tracking(robot: &Robot, payload: f64, seed: u64) -> Result<Tracking, Sett
         refusals: live.refusals,
         changes: live.changes,
         adopted_s: live.adopted_s,
+        farthest: live.farthest,
     })
 }
 
@@ -152,6 +166,7 @@ struct Run {
     refusals: Vec<(Refusal, u64)>,
     changes: u64,
     adopted_s: Option<f64>,
+    farthest: f64,
 }
 
 impl<'a> Study<'a> {
@@ -217,7 +232,7 @@ impl<'a> Study<'a> {
         let span = 1.0 / BASE_HZ;
         let end_s = begins.iter().copied().fold(0.0, f64::max) + span;
         let mut change = change;
-        let mut adopted_s = None;
+        let (mut adopted_s, mut farthest) = (None, 0.0_f64);
         let (mut q, mut qd, mut qdd) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         for k in 0..build_up + (end_s / period_s).round() as u64 {
             let t_s = k.saturating_sub(build_up) as f64 * period_s;
@@ -246,6 +261,7 @@ impl<'a> Study<'a> {
                     adopted_s = Some(t_s);
                 }
             }
+            farthest = (0..n).map(|j| (q[j] - plant.q()[j]).abs()).fold(farthest, f64::max);
             for (sum, begin) in sums.iter_mut().zip(begins) {
                 if (*begin..*begin + span).contains(&t_s) {
                     for j in 0..n {
@@ -270,6 +286,7 @@ impl<'a> Study<'a> {
             refusals,
             changes: daemon.changes(),
             adopted_s,
+            farthest,
         })
     }
 }
@@ -321,6 +338,12 @@ impl fmt::Display for Tracking {
             format!("unknown payload, after {} windows", WINDOWS[0]),
             format!("payload gone, after {} windows", WINDOWS[1]),
         ];
+        writeln!(
+            f,
+            "  furthest from the plan at any time {:.1}; {:.3} of what nominal parameters lead (at most 1.25)",
+            1e6 * self.farthest,
+            self.farther()
+        )?;
         for (errors, when) in self.phases.iter().zip(when) {
             let (to_nominal, to_truth) = errors.ratios();
             writeln!(f, "  {when} ({} kg)", errors.payload)?;

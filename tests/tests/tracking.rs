@@ -15,12 +15,20 @@ fn check(arm: &str, seed: u64, law: Law) {
         assert!(to_nominal <= 0.25, "{arm}, {} kg: {to_nominal} of the error with nominal parameters", errors.payload);
         assert!(to_truth <= 1.15, "{arm}, {} kg: {to_truth} of the error with true parameters", errors.payload);
     }
+    let farther = table.farther();
+    assert!(farther <= 1.25, "{arm}: {farther} times as far from the plan as nominal parameters lead, while learning");
     assert_eq!(table.changes, 1, "{arm}: letting go of the payload is the one change");
 }
 
 #[test]
 fn manutec_r3() {
     check("manutec-r3", 1, Law::ComputedTorque);
+}
+
+/// In 15 the first sets that predict well have an inertia matrix that is none at the poses that come next.
+#[test]
+fn manutec_r3_hard_to_begin_with() {
+    check("manutec-r3", 15, Law::ComputedTorque);
 }
 
 #[test]
