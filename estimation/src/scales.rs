@@ -6,7 +6,7 @@
 
 use crate::kernels::{Lanes, lower_times};
 use crate::linear::{axpy, dot, packed};
-use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Workspace};
+use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
 /// States of the reference workload.
 const STATES: usize = 300;
@@ -17,9 +17,9 @@ const DEFAULT_SPEED: f64 = 2.0;
 const RISE_TIME: f64 = 0.3;
 /// First guess of the torque residual, as a share of the workload's torque.
 const NOISE_SHARE: f64 = 0.02;
-/// A drive is built for work: that of the workload is taken for at least this share of its limit, also where the nominal
-/// parameters know nothing of it. Without friction in the robot file, wrists of geared arms would be expected to be ten
-/// times as quiet as they are, and what they tell would never be good enough. Arms with measured friction are at 0.096 and more.
+/// Where the nominal parameters know no friction of a joint, the workload's torque is taken for at least this share of the
+/// drive's limit, which was chosen with friction in mind: wrists of geared arms would be expected to be ten times as quiet as
+/// they are, and what they tell would never be good enough. Arms whose friction was measured are at 0.096 and more.
 const LIMIT_SHARE: f64 = 0.08;
 /// What a column leaves when those before it are taken out counts as at least this share of the mean: the whitening
 /// amplifies nothing beyond that.
@@ -70,11 +70,13 @@ impl Scales {
         }
         let largest = square.iter().fold(0.0_f64, |m, s| m.max(*s)).sqrt();
         let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
-        let expected = |(square, joint): (&f64, &rivet_dynamics::Joint)| {
-            let limit = if joint.effort.is_finite() { LIMIT_SHARE * joint.effort } else { 0.0 };
-            square.sqrt().max(limit).max(least)
+        let expected = |j: usize| {
+            let limit = model.arm.joints[j].effort;
+            let friction_unknown = unknown(model, base, nominal_base, &[Parameter::Viscous(j), Parameter::Coulomb(j)]);
+            let limit = if friction_unknown && limit.is_finite() { LIMIT_SHARE * limit } else { 0.0 };
+            square[j].sqrt().max(limit).max(least)
         };
-        let expected: Vec<f64> = square.iter().zip(&model.arm.joints).map(expected).collect();
+        let expected: Vec<f64> = (0..dof).map(expected).collect();
         let noise: Vec<f64> = match torque_noise {
             Some(noise) => noise.to_vec(),
             None => expected.iter().map(|torque| NOISE_SHARE * torque).collect(),
@@ -146,6 +148,15 @@ impl Scales {
         }
         Whitening { n, t: (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect() }
     }
+}
+
+/// Whether `parameters` are in the model and all 0: nobody has said anything of them.
+fn unknown(model: &Model, base: &BaseSet, nominal_base: &[f64], parameters: &[Parameter]) -> bool {
+    let value = |wanted: &Parameter| {
+        let standard = model.parameters.iter().position(|p| p == wanted)?;
+        base.independent.iter().position(|column| *column == standard).map(|i| nominal_base[i])
+    };
+    parameters.iter().all(|p| value(p) == Some(0.0))
 }
 
 /// The inverse T of the Cholesky factor L of the scaled workload: a lower triangle, packed. L is applied by substitution.

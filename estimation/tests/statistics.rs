@@ -195,3 +195,24 @@ fn quantised_positions() {
     assert!(ls_raw > 0.4 && iv_raw < 0.1, "{worst:?}");
     assert!(iv_filtered < 0.02 && ls_filtered < 0.1, "{worst:?}");
 }
+
+/// Where nobody knows the friction the drive says how noisy its joint may be; where somebody does, the drive says nothing.
+#[test]
+fn a_joint_of_unknown_friction_is_not_expected_to_be_quiet() {
+    let Some(bench) = Bench::new("manutec-r3") else { return };
+    let noise = |x: &[f64]| Scales::of_model(&bench.model, &bench.base, x, None).torque_noise;
+    let known = noise(&bench.nominal);
+    let mut without = bench.nominal.clone();
+    for (i, x) in without.iter_mut().enumerate() {
+        let name = bench.base.name(&bench.model, i);
+        if name.contains("viscous") || name.contains("coulomb") {
+            *x = 0.0;
+        }
+    }
+    let unknown = noise(&without);
+    for j in 3..6 {
+        let of_drive = 0.02 * 0.08 * bench.model.arm.joints[j].effort;
+        assert!(known[j] < of_drive, "{j}: friction is small in this arm: {known:?}");
+        assert!((unknown[j] / of_drive - 1.0).abs() < 1e-12, "{j}: {unknown:?}, {of_drive} by its drive");
+    }
+}

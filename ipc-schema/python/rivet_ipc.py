@@ -84,7 +84,7 @@ DRIFT_VERDICT = {"unresolved": 0, "within": 1, "left": 2}
 #: Whose parameters make the torque (ControllerHealth::source).
 PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
 #: Why the source is what it is (ControllerHealth::source_reason).
-SOURCE_REASON = {"start": 0, "stored": 1, "adopted": 2, "silent": 3, "refused": 4, "worse_than_nominal": 5, "better_than_nominal": 6}
+SOURCE_REASON = {"start": 0, "stored": 1, "adopted": 2, "silent": 3, "refused": 4, "worse_than_nominal": 5, "better_than_nominal": 6, "inertia_not_positive": 7}
 #: Why a published set may not act (ControllerHealth::last_refusal).
 PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13, "other_period": 14}
 #: What the controller is doing (ControllerHealth::state).

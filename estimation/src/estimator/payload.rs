@@ -266,4 +266,63 @@ mod tests {
             assert!((x - true_x).abs() < 1e-2, "{i}: {x} for {true_x}");
         }
     }
+
+    /// What the past has left, taken out and put into another one.
+    fn stored(from: &mut Estimator, mut into: Estimator) -> Estimator {
+        let mut measure = Carry::measure();
+        from.carry(&mut measure);
+        let mut room = vec![0.0; measure.end().expect("counted")];
+        let mut out = Carry::out(&mut room);
+        from.carry(&mut out);
+        assert_eq!(out.end(), Some(room.len()));
+        let mut back = Carry::back(&room);
+        into.carry(&mut back);
+        assert_eq!(back.end(), Some(room.len()));
+        into.take_up();
+        into
+    }
+
+    /// Stored and taken up again, frozen for a while, or given settings again while a load is taken out: the rest of it goes
+    /// on as if nothing had been.
+    #[test]
+    fn a_load_under_way_goes_on_after_storing_freezing_and_reloading() {
+        let columns = vec![vec![1.0, 0.5, 0.0, 0.0, 0.0, 0.2], vec![0.0, 1.0, -0.3, 0.0, 0.0, 0.0]];
+        let before = [1.0, -2.0, 0.5, 3.0, 0.1, 1.5];
+        let after: Vec<f64> = (0..N).map(|i| before[i] + 3.0 * columns[0][i] - 2.0 * columns[1][i]).collect();
+        let halfway = || {
+            let mut estimator = estimator(&columns);
+            let mut state = 5;
+            learn(&mut estimator, &before, 500, &mut state).expect("learnt");
+            estimator.settle();
+            assert!(estimator.forget_load());
+            estimator.unload();
+            assert!(estimator.unloading(), "one of two directions");
+            (estimator, state)
+        };
+        let rest = |mut estimator: Estimator, mut state: u64| {
+            while estimator.unloading() {
+                estimator.unload();
+            }
+            learn(&mut estimator, &after, 50, &mut state).expect("learnt");
+            estimator.settle();
+            estimator.estimate().values.iter().map(|x| x.to_bits()).collect::<Vec<u64>>()
+        };
+        let (plain, state) = halfway();
+        let plain = rest(plain, state);
+        let (mut one, state) = halfway();
+        assert_eq!(rest(stored(&mut one, estimator(&columns)), state), plain, "stored");
+        let (mut one, state) = halfway();
+        one.freeze();
+        let mut meanwhile = state;
+        assert_eq!(learn(&mut one, &after, 3, &mut meanwhile), Err(Skip::Frozen));
+        assert!(one.estimate().values.iter().all(|x| x.is_finite()));
+        one.resume();
+        let frozen = rest(one, state);
+        for (x, y) in frozen.iter().zip(&plain).map(|(x, y)| (f64::from_bits(*x), f64::from_bits(*y))) {
+            assert!((x - y).abs() < 1e-3 * y.abs().max(1.0), "frozen meanwhile: {x} for {y}");
+        }
+        let (mut one, state) = halfway();
+        assert!(one.reconfigure(&mut estimator(&columns)), "nothing else is meant");
+        assert_eq!(rest(one, state), plain, "given its settings again");
+    }
 }
