@@ -38,8 +38,14 @@ pub(crate) enum Form {
     Spring { joint: usize },
     /// Spring of free length l0 between points at distances 1 and `arm` from the axis, `phase` between them at q = 0
     Counterbalance { joint: usize, arm: f64, phase: f64 },
-    /// A motor that turns with the sum of two joints: `s(q̇a+q̇b)` and `q̇a+q̇b` on both, `q̈` of the other
-    Coupling { driving: usize, driven: usize },
+    /// A counterbalance by a weight, or by a spring without free length: `sin q`, `cos q`
+    Counterweight { joint: usize },
+    /// A strap, hose or stop that pulls from one angle on: `x`, `x²`, x: how far `q` is above `from`, or below. No effect of
+    /// the list; what explains torque over the angle has to be better than this
+    Pull { joint: usize, from: f64, above: bool },
+    /// A motor that turns with the sum of two joints: `s(q̇a+q̇b)` and `q̇a+q̇b` on both, `q̈` of the other; `whole`: of both,
+    /// where the rotors of the file are without it
+    Coupling { driving: usize, driven: usize, whole: bool },
     /// The model's torque so much later, less itself
     Delay { seconds: f64 },
     /// Rate of the model's torque
@@ -86,7 +92,8 @@ impl Form {
             Form::TwoMass { gear, .. } if gear.gap > 0.0 => Effect::Backlash,
             Form::TwoMass { .. } => Effect::JointElasticity,
             Form::Spring { .. } => Effect::JointSpring,
-            Form::Counterbalance { .. } => Effect::Counterbalance,
+            // What a pull would be taken for.
+            Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } => Effect::Counterbalance,
             Form::Coupling { .. } => Effect::JointCoupling,
             Form::Delay { .. } => Effect::TransportDelay,
             Form::Lag => Effect::CurrentLoopLag,
@@ -106,7 +113,7 @@ impl Form {
     /// The joints it is reported on; empty when it belongs to all or to none.
     pub(crate) fn joints(&self) -> Vec<usize> {
         match *self {
-            Form::Coupling { driving, driven } => vec![driving, driven],
+            Form::Coupling { driving, driven, .. } => vec![driving, driven],
             Form::Delay { .. } | Form::Lag | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
             Form::LinkScale { link } => vec![link],
             Form::Asymmetry { joint }
@@ -123,6 +130,8 @@ impl Form {
             | Form::TwoMass { joint, .. }
             | Form::Spring { joint }
             | Form::Counterbalance { joint, .. }
+            | Form::Counterweight { joint }
+            | Form::Pull { joint, .. }
             | Form::Saturation { joint, .. }
             | Form::EncoderOffset { joint }
             | Form::Eccentricity { joint }
@@ -161,6 +170,8 @@ impl Form {
             | Form::Eccentricity { .. }
             | Form::Spring { .. }
             | Form::Counterbalance { .. }
+            | Form::Counterweight { .. }
+            | Form::Pull { .. }
             | Form::Gravity => 2,
             _ => 1,
         }
@@ -175,7 +186,8 @@ impl Form {
             | Form::Saturation { .. }
             | Form::PositionFriction { .. }
             | Form::Ripple { .. }
-            | Form::TransmissionError { .. } => 1,
+            | Form::TransmissionError { .. }
+            | Form::Pull { .. } => 1,
             Form::Counterbalance { .. } => 2,
             Form::TwoMass { gear, .. } => 2 + usize::from(gear.gap > 0.0),
             _ => 0,
@@ -184,14 +196,28 @@ impl Form {
 
     /// Whether its torque hangs on the angle alone: nothing of how friction turns over spoils it.
     pub(crate) fn of_angle_alone(&self) -> bool {
-        matches!(self, Form::Spring { .. } | Form::Counterbalance { .. })
+        matches!(self, Form::Spring { .. } | Form::Counterbalance { .. } | Form::Counterweight { .. })
+    }
+
+    /// Whether it is no effect of the list, only what is held against one.
+    pub(crate) fn is_nameless(&self) -> bool {
+        matches!(self, Form::Pull { .. })
+    }
+
+    /// Forms of one effect on the same joints that are refined apart from each other.
+    pub(crate) fn kind(&self) -> usize {
+        match self {
+            Form::Counterweight { .. } | Form::Coupling { whole: true, .. } => 1,
+            Form::Pull { .. } => 2,
+            _ => 0,
+        }
     }
 
     /// Whether coefficients make sense for the effect.
     pub(crate) fn plausible(&self, c: &[f64]) -> bool {
         match self {
             Form::Stribeck { .. } | Form::Load { .. } | Form::Lag | Form::Spring { .. } => c[0] > 0.0,
-            Form::Coupling { .. } => c[0] > 0.0 && c[1] >= 0.0,
+            Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
             Form::Gain { .. } => c[0].abs() < 0.5,
@@ -260,7 +286,13 @@ impl Form {
                 let lever = |k: usize| arm * (q(j, k) + phase).sin();
                 vec![on(j, &lever), on(j, &|k| lever(k) / length(k))]
             }
-            Form::Coupling { driving: a, driven: b } => {
+            Form::Counterweight { joint: j } => vec![on(j, &|k| q(j, k).sin()), on(j, &|k| q(j, k).cos())],
+            Form::Pull { joint: j, from, above } => {
+                let side = if above { 1.0 } else { -1.0 };
+                let x = |k: usize| f64::max(side * (q(j, k) - from), 0.0);
+                vec![on(j, &x), on(j, &|k| x(k).powi(2))]
+            }
+            Form::Coupling { driving: a, driven: b, whole } => {
                 let both = |f: &dyn Fn(usize) -> f64| -> Full {
                     let mut full: Full = vec![None; p.joints()];
                     let signal: Vec<f64> = (0..samples).map(f).collect();
@@ -270,8 +302,12 @@ impl Form {
                 };
                 let v0 = p.nominal.model.structure.sign_velocity;
                 let mut inertia: Full = vec![None; p.joints()];
-                inertia[a] = Some(p.motion.qdd[b].clone());
-                inertia[b] = Some(p.motion.qdd[a].clone());
+                if whole {
+                    inertia = both(&|k| p.motion.qdd[a][k] + p.motion.qdd[b][k]);
+                } else {
+                    inertia[a] = Some(p.motion.qdd[b].clone());
+                    inertia[b] = Some(p.motion.qdd[a].clone());
+                }
                 let sum = |k: usize| v(a, k) + v(b, k);
                 vec![both(&|k| rivet_dynamics::friction_sign(sum(k), v0)), both(&sum), inertia]
             }

@@ -208,7 +208,7 @@ fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
         Effect::LinkInertia | Effect::RotorInertia | Effect::CoulombFriction | Effect::ViscousFriction
     );
     let taken = adopted.iter().any(|a| a.form.effect() == form.effect() && a.form.joints() == form.joints());
-    !value && !taken && !form.has_fixed_gain() && form.coefficients() > 0
+    !value && !taken && !form.has_fixed_gain() && !form.is_nameless() && form.coefficients() > 0
 }
 
 /// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.

@@ -72,7 +72,17 @@ impl Form {
             Form::Counterbalance { joint, arm, phase } => {
                 effect(Kind::Counterbalance, joint, &[c[0], c[1], arm, phase])
             }
-            Form::Coupling { driven, .. } => effect(Kind::JointCoupling, driven, c),
+            Form::Counterweight { joint } => {
+                // Without free length the lever law is a sine, whatever the arm.
+                effect(Kind::Counterbalance, joint, &[2.0 * c[0].hypot(c[1]), 0.0, 0.5, c[1].atan2(c[0])])
+            }
+            Form::Pull { .. } => Carried::Nothing("what pulls from one angle on is no effect of the list"),
+            Form::Coupling { driving, driven, whole } => {
+                if whole {
+                    beside.extend([driving, driven].map(|j| (10 * joints + j, c[2])));
+                }
+                effect(Kind::JointCoupling, driven, c)
+            }
             Form::Delay { seconds } => effect(Kind::TransportDelay, 0, &[seconds * c[0]]),
             Form::Lag => effect(Kind::CurrentLoopLag, 0, c),
             Form::Saturation { joint, limit } => effect(Kind::TorqueSaturation, joint, &[limit]),
@@ -254,7 +264,9 @@ mod tests {
             (Form::TwoMass { joint: 1, gear: gear(2e-3) }, vec![0.95]),
             (Form::Spring { joint: 2 }, vec![7.0, 0.0]),
             (Form::Counterbalance { joint: 1, arm: 0.3, phase: 0.7 }, vec![20.0, -8.0]),
-            (Form::Coupling { driving: 4, driven: 5 }, vec![0.6, 0.4, 0.02]),
+            (Form::Counterweight { joint: 1 }, vec![-20.0, 8.0]),
+            (Form::Coupling { driving: 4, driven: 5, whole: false }, vec![0.6, 0.4, 0.02]),
+            (Form::Coupling { driving: 4, driven: 5, whole: true }, vec![0.6, 0.4, 0.02]),
             (Form::Delay { seconds: 0.003 }, vec![1.0]),
             (Form::Lag, vec![0.004]),
             (Form::EncoderOffset { joint: 1 }, vec![1e-5]),
@@ -266,10 +278,10 @@ mod tests {
             };
             seen.push(effect.kind);
             let mut handed_on = torque(&nominal, &[effect], &run, &motion);
-            // Friction of both directions goes into the values; offsets are zero here.
+            // Friction of both directions and rotors go into the values; offsets are zero here.
             for (at, change) in beside.into_iter().filter(|(at, _)| *at < 13 * n) {
-                let j = at - 12 * n;
-                handed_on[j].iter_mut().zip(&physics.sign[j]).for_each(|(to, s)| *to += change * s);
+                let signal = [&motion.qdd, &motion.qd, &physics.sign][at / n - 10];
+                handed_on[at % n].iter_mut().zip(&signal[at % n]).for_each(|(to, s)| *to += change * s);
             }
             let mut adopted = vec![vec![0.0; run.len()]; n];
             for (column, factor) in form.columns(&physics).into_iter().zip(&c) {

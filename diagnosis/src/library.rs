@@ -30,6 +30,8 @@ const BEYOND: f64 = 1.15;
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
 const PHASES: usize = 6;
+/// Parts of a joint's range at whose ends something may begin to pull.
+const PULLS: usize = 5;
 
 /// All forms, orders of ripple from `orders[joint]`.
 pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
@@ -45,6 +47,7 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
             Form::Load { joint },
             Form::Gain { joint },
             Form::Spring { joint },
+            Form::Counterweight { joint },
             Form::EncoderOffset { joint },
             Form::Eccentricity { joint },
             Form::LinkScale { link: joint },
@@ -79,13 +82,18 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
             }
         }
         if joint > 0 && physics.nominal.model.structure.coupling.is_none() {
-            forms.push(Form::Coupling { driving: joint - 1, driven: joint });
+            forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
         }
         for arm in LEVERS {
             for step in 0..PHASES {
                 let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
                 forms.push(Form::Counterbalance { joint, arm, phase });
             }
+        }
+        let (low, high) = span(&physics.motion.q[joint]);
+        for step in 1..PULLS {
+            let from = low + (high - low) * step as f64 / PULLS as f64;
+            forms.extend([true, false].map(|above| Form::Pull { joint, from, above }));
         }
     }
     forms
@@ -94,13 +102,19 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
 /// The form itself, then all forms of the same effect on the same joints.
 pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
     let orders = vec![form.order().into_iter().collect(); physics.joints()];
-    let same = |other: &Form| other.effect() == form.effect() && other.joints() == form.joints() && other != form;
+    let same = |other: &Form| {
+        other.effect() == form.effect() && other.joints() == form.joints() && other != form && !other.is_nameless()
+    };
     std::iter::once(form.clone()).chain(forms(physics, &orders).into_iter().filter(same)).collect()
 }
 
 /// What repeats with an order of the joint's angle.
 pub(crate) fn periodic(joint: usize, order: f64) -> [Form; 3] {
     [Form::Ripple { joint, order }, Form::TransmissionError { joint, order }, Form::PositionFriction { joint, order }]
+}
+
+fn span(x: &[f64]) -> (f64, f64) {
+    x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)))
 }
 
 /// Mean inertia of the link side at a joint.

@@ -35,6 +35,8 @@ impl Form {
             }
             Form::Spring { .. } => named(&[("stiffness_Nm_rad", c[0]), ("rest_angle_rad", -c[1] / c[0])]),
             Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
+            Form::Counterweight { .. } => named(&[("torque_Nm", wave(c)), ("zero_at_rad", -c[1].atan2(c[0]))]),
+            Form::Pull { from, .. } => named(&[("from_rad", *from), ("rise_Nm_rad", c[0]), ("bend_Nm_rad2", c[1])]),
             Form::Coupling { .. } => {
                 named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1]), ("rotor_inertia_kgm2", c[2])])
             }
@@ -78,6 +80,7 @@ impl Form {
                     | Form::OneSided { .. }
                     | Form::Spring { .. }
                     | Form::Counterbalance { .. }
+                    | Form::Counterweight { .. }
             )
     }
 }

@@ -383,7 +383,12 @@ impl Procedure<'_> {
             // A value that may as well take nothing from motion it has not seen is not worth a name.
             let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
             // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
-            let takes = !predictable || predicted.max(measured_shrink) > 0.0;
+            let takes = match step.effect {
+                Effect::ExternalForce => true,
+                // A command need not be cut again, but where it is the rest must fit.
+                Effect::TorqueSaturation => measured_shrink > -MATERIAL,
+                _ => predicted.max(measured_shrink) > 0.0,
+            };
             let material = if step.adopted.is_empty() { sure } else { takes };
             // What is said of joints whose torque cannot be believed is not worth saying.
             let spoilt = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
@@ -410,10 +415,13 @@ impl Procedure<'_> {
         let unexplained_share = share_left(before, after, pooled_floor);
         let left_over = residue.any_noisy();
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
+        let nameless = steps.iter().flat_map(|s| &s.adopted).any(|a| a.form.is_nameless());
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
         let verdict = match (structure, causes.is_empty()) {
             // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
             (0, true) if left_over => Verdict::Unexplained,
+            // Taken up, but by nothing that has a name.
+            (0, _) if nameless => Verdict::Unexplained,
             (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
             (0, _) if withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
             (0, true) => Verdict::NoGap,

@@ -19,10 +19,11 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
         Form::Ripple { joint, order } => Form::Ripple { joint, order: order * a },
         Form::TransmissionError { joint, order } => Form::TransmissionError { joint, order: order * a },
         Form::Saturation { joint, limit } => Form::Saturation { joint, limit: limit * a },
-        // Lengths by factors, angles by steps: e to the first makes one radian.
+        // Lengths by factors, angles by steps, also where a pull begins: e to the first makes one radian.
         Form::Counterbalance { joint, arm, phase } => {
             Form::Counterbalance { joint, arm: arm * a, phase: phase + b.ln() }
         }
+        Form::Pull { joint, from, above } => Form::Pull { joint, from: from + a.ln(), above },
         Form::TwoMass { joint, gear } => {
             let gear = Gear { stiffness: gear.stiffness * a, damping: gear.damping * b, gap: gear.gap * c };
             Form::TwoMass { joint, gear }
@@ -39,6 +40,7 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
         Form::Ripple { order, .. } | Form::TransmissionError { order, .. } => vec![(0, 1.0 + 0.2 / order)],
         Form::Saturation { .. } => vec![(0, 1.04)],
         Form::Counterbalance { .. } => vec![(1, 1.3), (0, 1.3)],
+        Form::Pull { .. } => vec![(0, 1.15)],
         Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],
         Form::TwoMass { .. } => vec![(0, 1.13), (1, 1.6)],
         _ => Vec::new(),

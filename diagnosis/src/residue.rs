@@ -61,6 +61,9 @@ impl<'a> Residue<'a> {
     /// Whether the joints that the effect is reported on are explained.
     pub(crate) fn upholds(&self, adopted: &Adopted) -> bool {
         let form = &adopted.form;
+        if form.is_nameless() {
+            return false;
+        }
         let value = form.effect().kind() == Kind::Value;
         let least = |j: usize| match (form.has_fixed_gain(), self.is_nameless(j)) {
             // A wrong value explains what it explains, unless something is left that it may only imitate.
@@ -104,6 +107,7 @@ mod tests {
         assert!((0..4).map(|j| residue.is_nameless(j)).eq([false, false, true, false]));
         assert!(residue.upholds(&adopted(Form::Load { joint: 2 })));
         assert!(residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+        assert!(!residue.upholds(&adopted(Form::Pull { joint: 1, from: 0.2, above: true })));
         assert!(!residue.upholds(&adopted(Form::Counterbalance { joint: 2, arm: 0.5, phase: 0.0 })));
         assert!(residue.upholds(&adopted(Form::Counterbalance { joint: 1, arm: 0.5, phase: 0.0 })));
         // Three quarters are not enough here, and neither is a wrong value that took that much.

@@ -34,7 +34,7 @@ const SATURATED: f64 = 0.8;
 const CONTEST_ROUNDS: usize = 4;
 /// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
 const CLEARLY_MORE: f64 = 0.1;
-/// How far the coefficient of a form that is not refined may be from the 1 that it has by the physics.
+/// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
 const OFF_GRID: f64 = 0.4;
 /// Most effects in one diagnosis.
 pub(crate) const MOST: usize = 4;
@@ -137,27 +137,29 @@ pub(crate) fn best(
     let residue = Residue::of(search);
     let least = LEAST_GAIN[adopted.len().min(1)];
     // The best of each effect on each joint, refined.
-    let mut seen: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
+    let taken: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
+    let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
     let mut listed: Vec<(Candidate, Standing)> = Vec::new();
     for standing in &standings {
         if standing.gain < 0.3 * least || listed.len() == SHORT_LIST {
             break;
         }
         let form = &candidates[standing.at].form;
-        // Half of it is a constant: where other joints keep more than noise, as on measured arms, this one does too, and
-        // that may be one.
-        if let Form::OneSided { joint, .. } = form
+        // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
+        // this one does too, and that may look so.
+        if let Form::OneSided { joint, .. } | Form::Pull { joint, .. } = form
             && (0..search.noise.len()).any(|j| j != *joint && residue.is_noisy(j))
         {
             continue;
         }
-        let key = (form.effect(), form.joints());
-        if seen.contains(&key) {
+        let (effect, joints) = (form.effect(), form.joints());
+        let key = (effect, joints.clone(), form.kind());
+        if taken.contains(&(effect, joints)) || seen.contains(&key) {
             continue;
         }
         seen.push(key);
         // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
-        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
+        if !refined && is_off(form, standing) {
             continue;
         }
         listed.push(if refined {
@@ -180,10 +182,15 @@ pub(crate) fn best(
         let material = match candidate.form {
             // Every fold would have to know a force that only its own blocks felt.
             Form::Force { .. } => true,
-            _ => candidate.form.hides() && adopted.is_empty() || is_material(search, &shares, adopted),
+            // Beside another effect only where nothing else is left that it may take up.
+            _ => {
+                candidate.form.hides() && (adopted.is_empty() || residue.at_floor())
+                    || is_material(search, &shares, adopted)
+            }
         };
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
-        let plausible = candidate.form.plausible(standing.added.c.as_slice()) && cut;
+        let plausible =
+            candidate.form.plausible(standing.added.c.as_slice()) && cut && !is_off(&candidate.form, &standing);
         if standing.gain >= least && material && plausible {
             accepted.push((candidate, standing, share, shares));
         }
@@ -206,7 +213,8 @@ pub(crate) fn best(
         .filter(|i| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
         .min_by_key(|i| {
             let candidate = &accepted[*i].0;
-            (candidate.belief.mean.len() + candidate.form.inner_values(), *i)
+            let form = &candidate.form;
+            (form.is_nameless(), candidate.belief.mean.len() + form.inner_values(), *i)
         })
         .unwrap_or(0);
     let mut rivals = Vec::new();
@@ -214,7 +222,7 @@ pub(crate) fn best(
         let solved = search.solved(search.scale)?;
         let (one, its) = (&accepted[simplest].0, &accepted[simplest].1);
         for (other, standing, ..) in near.iter().map(|i| &accepted[*i]) {
-            if other.form.effect() != one.form.effect() {
+            if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
                 let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
                 rivals.push(Rival { form: other.form.clone(), cosine });
             }
@@ -257,6 +265,11 @@ impl Adopted {
             mean: candidate.belief.mean.iter().copied().collect(),
         })
     }
+}
+
+/// Whether the coefficient of a form of fixed gain is far from the 1 that it has by the physics: then it imitates something.
+fn is_off(form: &Form, standing: &Standing) -> bool {
+    form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID
 }
 
 /// Which of the forms that explain about as much hold against each other at the noise that the best of them leaves.
