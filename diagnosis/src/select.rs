@@ -1,7 +1,7 @@
 //! Forward selection of effects on the runs that may be looked at.
 
 use crate::bursts;
-use crate::effect::Effect;
+use crate::effect::{Effect, Kind};
 use crate::evidence::{PRIOR_SCALES, joint_errors_with};
 use crate::form::Form;
 use crate::orders;
@@ -159,7 +159,7 @@ pub(crate) fn best(
         }
         seen.push(key);
         // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
-        if !refined && is_off(form, standing) {
+        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
             continue;
         }
         listed.push(if refined {
@@ -182,15 +182,14 @@ pub(crate) fn best(
         let material = match candidate.form {
             // Every fold would have to know a force that only its own blocks felt.
             Form::Force { .. } => true,
-            // Beside another effect only where nothing else is left that it may take up.
             _ => {
-                candidate.form.hides() && (adopted.is_empty() || residue.at_floor())
+                candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue))
                     || is_material(search, &shares, adopted)
             }
         };
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
         let plausible =
-            candidate.form.plausible(standing.added.c.as_slice()) && cut && !is_off(&candidate.form, &standing);
+            candidate.form.plausible(standing.added.c.as_slice()) && cut && !is_part(&candidate.form, &standing);
         if standing.gain >= least && material && plausible {
             accepted.push((candidate, standing, share, shares));
         }
@@ -267,9 +266,18 @@ impl Adopted {
     }
 }
 
-/// Whether the coefficient of a form of fixed gain is far from the 1 that it has by the physics: then it imitates something.
-fn is_off(form: &Form, standing: &Standing) -> bool {
-    form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID
+/// Whether a form that wrong values look like may be named beside another effect: only where little else is left that it may
+/// take up. Values are named after effects; time is not imitated by what a joint keeps.
+fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
+    match form {
+        Form::Lag | Form::Delay { .. } => !residue.any_noisy(),
+        _ => form.effect().kind() == Kind::Structure && residue.at_floor(),
+    }
+}
+
+/// Whether a simulated gear is wanted at a part of its size only: then it imitates what another one leaves.
+fn is_part(form: &Form, standing: &Standing) -> bool {
+    matches!(form, Form::TwoMass { .. }) && standing.added.c[0] < 1.0 - OFF_GRID
 }
 
 /// Which of the forms that explain about as much hold against each other at the noise that the best of them leaves.
