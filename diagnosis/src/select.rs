@@ -204,18 +204,22 @@ pub(crate) fn best(
         .collect();
     let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].0).collect();
     let holds = contest(search, &contestants, say)?;
-    let near: Vec<usize> = near.into_iter().zip(holds).filter(|(_, holds)| *holds).map(|(i, _)| i).collect();
+    let (near, gains): (Vec<usize>, Vec<f64>) =
+        near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
     let most = near.iter().map(|i| accepted[*i].2).fold(f64::NEG_INFINITY, f64::max);
     let simplest = near
         .iter()
         .copied()
-        .filter(|i| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
-        .min_by_key(|i| {
-            let candidate = &accepted[*i].0;
-            let form = &candidate.form;
-            (form.is_nameless(), candidate.belief.mean.len() + form.inner_values(), *i)
+        .zip(gains)
+        .filter(|(i, _)| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
+        .min_by(|(a, its), (b, others)| {
+            let size = |i: usize| {
+                let Candidate { form, belief, .. } = &accepted[i].0;
+                (form.is_nameless(), belief.mean.len() + form.inner_values())
+            };
+            size(*a).cmp(&size(*b)).then(others.total_cmp(its)).then(a.cmp(b))
         })
-        .unwrap_or(0);
+        .map_or(0, |(i, _)| i);
     let mut rivals = Vec::new();
     if near.len() > 1 {
         let solved = search.solved(search.scale)?;
@@ -280,13 +284,14 @@ fn is_part(form: &Form, standing: &Standing) -> bool {
     matches!(form, Form::TwoMass { .. }) && standing.added.c[0] < 1.0 - OFF_GRID
 }
 
-/// Which of the forms that explain about as much hold against each other at the noise that the best of them leaves.
+/// Gain of each of the forms that explain about as much at the noise that the best of them leaves; none of those that do not
+/// hold there.
 ///
 /// What a wrong form leaves is small beside a gap but large beside noise. That says something only where the best leaves
 /// nothing else, and of forms that are exact: what a simulated gear or bristle misses is not another effect.
-fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str)) -> Option<Vec<bool>> {
+fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str)) -> Option<Vec<Option<f64>>> {
     let exact: Vec<usize> = (0..forms.len()).filter(|i| !forms[*i].form.has_fixed_gain()).collect();
-    let mut holds = vec![true; forms.len()];
+    let mut holds = vec![Some(0.0); forms.len()];
     if exact.len() < 2 {
         return Some(holds);
     }
@@ -312,14 +317,17 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         }
     }
     let best = standings.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    for standing in &standings {
+        holds[standing.at] = Some(standing.gain);
+    }
     let joints = forms[best.at].form.joints();
     if joints.is_empty() || joints.iter().any(|j| noise[*j] > AT_FLOOR * search.floor[*j]) {
         return Some(holds);
     }
     for standing in &standings {
-        holds[standing.at] = standing.gain >= best.gain - RIVAL_GAP;
-        if !holds[standing.at] {
-            let behind = best.gain - standing.gain;
+        let behind = best.gain - standing.gain;
+        if behind > RIVAL_GAP {
+            holds[standing.at] = None;
             say(&format!("  {:?} leaves more than noise: {behind:.0} behind", forms[standing.at].form));
         }
     }

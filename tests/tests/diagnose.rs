@@ -57,23 +57,27 @@ fn wrong_values_do_not_hide_a_missing_effect() {
     assert_eq!(structure, ["viscous_nonlinearity"]);
 }
 
+/// Draws one case of a UR10e into `folder/cases` and says what is wrong with it.
+fn drawn(seed: &str, folder: &Path) -> Vec<String> {
+    let cases = folder.join("cases");
+    let mut make = rivet();
+    make.args(["blind", "make", "--seed", seed, "--count", "1", "--out"]).arg(&cases);
+    make.arg(rivet_tests::root().join("robots/ur10e/robot.toml"));
+    let output = make.output().expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let answers = std::fs::read_to_string(folder.join("cases-answers.json")).expect("answers");
+    let answers: Value = serde_json::from_str(&answers).expect("JSON");
+    let effects = answers["case-01"]["effects"].as_array().expect("effects");
+    effects.iter().filter_map(|e| e["effect"].as_str().map(str::to_owned)).collect()
+}
+
 /// An elbow whose zero is 0.03 rad off moves its links' weight as other first moments would, and a counterbalance is beside
 /// it: the effect is named, and that these runs alone cannot tell it from values of the links is said, with the angle.
 #[test]
 fn an_effect_that_values_imitate_is_a_class_with_them() {
     let folder = tempfile::tempdir().expect("a folder");
-    let cases = folder.path().join("cases");
-    let mut make = rivet();
-    make.args(["blind", "make", "--seed", "3279507663133315816", "--count", "1", "--out"]).arg(&cases);
-    make.arg(rivet_tests::root().join("robots/ur10e/robot.toml"));
-    let output = make.output().expect("the program starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let answers = std::fs::read_to_string(folder.path().join("cases-answers.json")).expect("answers");
-    let answers: Value = serde_json::from_str(&answers).expect("JSON");
-    let truth: Vec<&Value> =
-        answers["case-01"]["effects"].as_array().expect("effects").iter().map(|e| &e["effect"]).collect();
-    assert_eq!(truth, ["counterbalance", "encoder_offset"]);
-    let (_, found) = diagnose(&cases.join("case-01"));
+    assert_eq!(drawn("3279507663133315816", folder.path()), ["counterbalance", "encoder_offset"]);
+    let (_, found) = diagnose(&folder.path().join("cases/case-01"));
     let cause = named(&found, "encoder_offset").unwrap_or_else(|| panic!("{:#}", found["causes"]));
     assert_eq!(cause["joints"], serde_json::json!([found["gap"]["per_joint"][2]["joint"]]));
     assert_eq!(cause["indistinguishable_from"], serde_json::json!(["link_inertia"]));
@@ -91,6 +95,16 @@ fn what_is_not_there_or_not_known_is_not_named() {
     let (code, found) = diagnose(&practice.join("case-24"));
     assert_eq!((code, &found["verdict"]), (0, &Value::from("no_gap")), "{found:#}");
     let (code, found) = diagnose(&practice.join("case-02"));
+    assert_eq!((code, &found["verdict"]), (2, &Value::from("unexplained")), "{found:#}");
+    assert_eq!(found["causes"], Value::Array(Vec::new()));
+}
+
+/// A cable that pulls a wrist from one angle on bends like a counterbalance over the part of a turn that a log sees.
+#[test]
+fn what_pulls_from_one_angle_on_is_no_counterbalance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_eq!(drawn("3279507663133315817", folder.path()), ["outside"]);
+    let (code, found) = diagnose(&folder.path().join("cases/case-01"));
     assert_eq!((code, &found["verdict"]), (2, &Value::from("unexplained")), "{found:#}");
     assert_eq!(found["causes"], Value::Array(Vec::new()));
 }
