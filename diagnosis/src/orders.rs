@@ -34,7 +34,9 @@ pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>
     let mut total = [vec![0.0; count], vec![0.0; count]];
     for (i, p) in physics.iter().enumerate() {
         let (q, qd) = (&p.motion.q[j], &p.motion.qd[j]);
-        power.iter_mut().for_each(|power| power.fill([0.0; 2]));
+        for power in &mut power {
+            power.fill([0.0; 2]);
+        }
         let thin = (0.001 / p.period_s()).round().max(1.0) as usize;
         let moving: Vec<usize> = (0..p.samples()).step_by(thin).filter(|k| qd[*k].abs() >= 0.01).collect();
         for some in moving.chunks(LANES) {
@@ -59,7 +61,7 @@ pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>
                     c[lane] = c[lane] * dc[lane] - s[lane] * ds[lane];
                     s[lane] = turned;
                 }
-                for power in &mut power[..1 + usize::from(i < slow)] {
+                for power in &mut power[..=usize::from(i < slow)] {
                     power[i][0] += along;
                     power[i][1] += across;
                 }
