@@ -137,6 +137,11 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
                 load_friction: friction.load_dependent.is_some(),
                 viscous_quadratic: friction.viscous_quadratic.is_some(),
             };
+            let mut arm = arm;
+            // The drive decides what the joint can do, whatever the URDF says of it, or does not.
+            for (joint, limit) in arm.joints.iter_mut().zip(&drive.torque_limit) {
+                joint.effort = *limit;
+            }
             let model = Model::new(arm, structure);
             let model = match load {
                 Some(bodies) => model.with_load(bodies),

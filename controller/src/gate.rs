@@ -24,7 +24,7 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::NotFinite => "a value is not finite",
         Refusal::DrivingFriction => "its friction would drive a joint",
         Refusal::InertiaNotPositive => {
-            "its inertia matrix is below a fifth of the robot file's in some direction, at the present or a stored pose"
+            "its inertia matrix is below a tenth of the robot file's in some direction, at the present or a stored pose: if that stays, rotor_inertia, bodies or tool of the robot file are far too large"
         }
         Refusal::TorqueChange => "it would change the present torque by more than [controller] torque_change",
         Refusal::PredictsWorse => "it predicts recent torques worse than what is in use",
@@ -40,8 +40,8 @@ pub const STORED_POSES: usize = 20;
 
 /// Inertia that a set must leave in every direction, in parts of the robot file's. An inertia matrix that is just positive
 /// at one pose is not at the next, and feedback through it leaves the arm to itself on the way there; what users get wrong
-/// about bodies and rotors is far less.
-const LEAST_INERTIA: f64 = 0.2;
+/// about bodies and rotors is less.
+const LEAST_INERTIA: f64 = 0.1;
 
 /// Speed at which friction is looked at for a joint that states no limit \[rad/s\].
 const DEFAULT_SPEED: f64 = 5.0;

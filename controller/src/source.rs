@@ -7,7 +7,7 @@
 //!   └────────────────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! From live and last good straight to nominal where the inertia matrix fails at the pose that the arm has come to.
+//! One step down at once, or two, where the inertia matrix fails at the pose that the arm has come to.
 
 use rivet_ipc_schema::{MAX_PARAMETERS, ParameterSource, SourceReason};
 
@@ -135,11 +135,18 @@ impl Sources {
         }
     }
 
-    /// The acting set is no arm's where the arm is now: it has not proven itself after all, nor has what was kept of it.
-    pub(crate) fn distrust(&mut self) {
-        if self.source != ParameterSource::Nominal {
-            self.last_good = None;
-            self.switch(ParameterSource::Nominal, SourceReason::InertiaNotPositive);
+    /// The acting set is no arm's where the arm is now; `kept_is_sound`: the last good one is. Else that has not proven itself
+    /// after all, and is kept no longer.
+    pub(crate) fn distrust(&mut self, kept_is_sound: bool) {
+        match self.source {
+            ParameterSource::Nominal => {}
+            ParameterSource::Live if kept_is_sound => {
+                self.switch(ParameterSource::LastGood, SourceReason::InertiaNotPositive);
+            }
+            _ => {
+                self.last_good = None;
+                self.switch(ParameterSource::Nominal, SourceReason::InertiaNotPositive);
+            }
         }
     }
 
@@ -214,11 +221,20 @@ mod tests {
             s.accept(&values(1.0));
         }
         s.keep();
-        s.distrust();
+        s.accept(&values(2.0));
+        s.distrust(true);
+        assert_eq!((s.source(), s.reason()), (ParameterSource::LastGood, SourceReason::InertiaNotPositive));
+        assert_eq!(s.target()[0], 1.0);
+        s.distrust(true);
         assert_eq!((s.source(), s.reason()), (ParameterSource::Nominal, SourceReason::InertiaNotPositive));
         assert_eq!((s.target()[0], s.last_good()), (0.0, None));
-        s.distrust();
-        assert_eq!(s.switches(), 2, "nominal stays");
+        s.distrust(false);
+        assert_eq!(s.switches(), 3, "nominal stays");
+        for _ in 0..3 {
+            s.accept(&values(3.0));
+        }
+        s.distrust(false);
+        assert_eq!((s.source(), s.last_good()), (ParameterSource::Nominal, None), "live, with nothing sound behind it");
     }
 
     #[test]

@@ -37,7 +37,7 @@ pub struct Joint {
     pub upper: f64,
     /// Speed limit \[rad/s\]; +∞ when none is given.
     pub velocity: f64,
-    /// Effort limit \[N·m\]; +∞ when none is given.
+    /// Effort limit \[N·m\]; +∞ when none is given. Of a robot file: that of the drive, `[drive] torque_limit`.
     pub effort: f64,
     /// Name of the link that the joint moves.
     pub link: String,

@@ -250,7 +250,7 @@ enum {
     RIVET_SOURCE_REASON_WORSE_THAN_NOMINAL = 5,
     /* The last good ones have predicted recent torques better than the robot file's, for some time. */
     RIVET_SOURCE_REASON_BETTER_THAN_NOMINAL = 6,
-    /* The inertia matrix of what was in use fell below a fifth of the robot file's in some direction, at the pose of the time. */
+    /* The inertia matrix of what was in use fell below a tenth of the robot file's in some direction, at the pose of the time. */
     RIVET_SOURCE_REASON_INERTIA_NOT_POSITIVE = 7,
 };
 

@@ -104,7 +104,7 @@ wire_enum!(
         WorseThanNominal = 5,
         /// The last good ones have predicted recent torques better than the robot file's, for some time.
         BetterThanNominal = 6,
-        /// The inertia matrix of what was in use fell below a fifth of the robot file's in some direction, at the pose of the time.
+        /// The inertia matrix of what was in use fell below a tenth of the robot file's in some direction, at the pose of the time.
         InertiaNotPositive = 7,
     }
 );
