@@ -49,3 +49,22 @@ fn contract_only_files_load() {
         }
     }
 }
+
+/// What a joint can do is the drive's to say: a URDF that says nothing of effort changes nothing.
+#[test]
+fn effort_is_the_drives() {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/staubli-tx40");
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::copy(from.join("robot.toml"), folder.path().join("robot.toml")).expect("copied");
+    let urdf = fs::read_to_string(from.join("robot.urdf")).expect("read");
+    let mut parts = urdf.split("effort=\"");
+    let mut silent = parts.next().expect("a beginning").to_owned();
+    for part in parts {
+        silent += "effort=\"0";
+        silent += &part[part.find('"').expect("closed")..];
+    }
+    fs::write(folder.path().join("robot.urdf"), silent).expect("written");
+    let robot = rivet_config::load(folder.path().join("robot.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let effort: Vec<f64> = robot.model.arm.joints.iter().map(|joint| joint.effort).collect();
+    assert_eq!(effort, robot.config.drive.torque_limit);
+}
