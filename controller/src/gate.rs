@@ -24,7 +24,7 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::NotFinite => "a value is not finite",
         Refusal::DrivingFriction => "its friction would drive a joint",
         Refusal::InertiaNotPositive => {
-            "its inertia matrix is below a tenth of the robot file's in some direction, at the present or a stored pose: if that stays, rotor_inertia, bodies or tool of the robot file are far too large"
+            "inertia below a tenth of the robot file's: is that too large (rotor_inertia, tool)?"
         }
         Refusal::TorqueChange => "it would change the present torque by more than [controller] torque_change",
         Refusal::PredictsWorse => "it predicts recent torques worse than what is in use",
