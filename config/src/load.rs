@@ -128,7 +128,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
 
     // The model is only made from values without a mistake; its own mistakes join the list.
     let built = match arm {
-        Some(arm) if reader.clean() => {
+        Some(mut arm) if reader.clean() => {
             let structure = Structure {
                 offset: estimator.offsets,
                 coupling: coupling.as_ref().map(|c| WristCoupling { driving: c.driving, driven: c.driven }),
@@ -137,7 +137,6 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
                 load_friction: friction.load_dependent.is_some(),
                 viscous_quadratic: friction.viscous_quadratic.is_some(),
             };
-            let mut arm = arm;
             // The drive decides what the joint can do, whatever the URDF says of it, or does not.
             for (joint, limit) in arm.joints.iter_mut().zip(&drive.torque_limit) {
                 joint.effort = *limit;

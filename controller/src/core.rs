@@ -296,7 +296,8 @@ impl Core {
 
     /// Asks the pose and recent torques whether the right parameters act.
     fn reconsider(&mut self, q: &[f64]) {
-        if !self.gate.has_inertia(&self.sources.target()[..self.count], q, &mut self.law) {
+        let judged = self.sources.source() != ParameterSource::Nominal;
+        if judged && !self.gate.has_inertia(&self.sources.target()[..self.count], q, &mut self.law) {
             let kept = self.sources.last_good().copied();
             let sound = kept.is_some_and(|x| self.gate.has_inertia(&x[..self.count], q, &mut self.law));
             self.sources.distrust(sound);

@@ -164,6 +164,37 @@ fn last_good_parameters_that_are_wrong_give_way_to_the_robot_files() {
     assert_eq!((core.source(), reason(&core)), (ParameterSource::LastGood, SourceReason::BetterThanNominal));
 }
 
+/// Inertia that suffices at the stored poses and not between them: what has it is left where the arm comes there, and kept no longer.
+#[test]
+fn inertia_is_asked_again_where_the_arm_comes() {
+    let robot = robot_of("dd2");
+    // What couples the two links, most where the arm is stretched.
+    let size = |i: &usize| robot.nominal_base[*i].abs();
+    let moments = (0..robot.base.len()).filter(|i| robot.base.name(&robot.model, *i).starts_with("l2.mc"));
+    let moment = moments.max_by(|a, b| size(a).total_cmp(&size(b))).expect("a first moment");
+    let scaled = |factor: f64| {
+        let mut x = robot.nominal_base.clone();
+        x[moment] *= factor;
+        x
+    };
+    let (mut passes, mut fails) = (1.0, 10.0);
+    for _ in 0..50 {
+        let factor = 0.5 * (passes + fails);
+        let sound = core(&robot).recall(&scaled(factor)).is_ok();
+        *(if sound { &mut passes } else { &mut fails }) = factor;
+    }
+    assert!(fails < 9.0, "the stored poses refuse a large one: {fails}");
+    let (kept, left) = (ParameterSource::LastGood, ParameterSource::Nominal);
+    for (factor, outcome) in
+        [(0.9 * passes, (kept, SourceReason::Stored)), (passes, (left, SourceReason::InertiaNotPositive))]
+    {
+        let mut core = core(&robot);
+        core.recall(&scaled(factor)).expect("sound at the stored poses");
+        Moving::new(&robot, &scaled(factor)).run(&mut core, 1500, |_, _| ());
+        assert_eq!((core.source(), reason(&core)), outcome, "{factor} times the nominal moment");
+    }
+}
+
 /// Sets that get worse in steps too small to be refused by their neighbours: each is measured by the best that was in use.
 #[test]
 fn a_row_of_sets_that_get_worse_step_by_step_comes_to_nothing() {
