@@ -25,7 +25,7 @@ pub(crate) struct Args {
     #[arg(value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     /// How long wake-ups are measured [s]; 0 leaves them out.
-    #[arg(long, default_value_t = 5.0, value_parser = seconds)]
+    #[arg(long, default_value_t = 5.0, value_parser = crate::number::seconds)]
     seconds: f64,
     /// The processor that is to be looked at, over the robot file's.
     #[arg(long)]
@@ -39,11 +39,6 @@ pub(crate) struct Args {
     /// The findings as JSON.
     #[arg(long)]
     json: bool,
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it must be a number".to_owned())?;
-    if (0.0..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("it must be 0 to 86400".to_owned()) }
 }
 
 /// Prints every finding with the line to change. Exit code 0: nothing worse than a note; 1: a warning; 2: a failure.

@@ -17,6 +17,7 @@ mod figures;
 mod identify;
 mod live;
 mod monitor;
+mod number;
 mod online;
 mod passport;
 mod patched;

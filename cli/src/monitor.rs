@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(long)]
     once: bool,
     /// Seconds to wait for the first report with --once
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::number::seconds)]
     patience: f64,
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct TrackingArgs {
     #[arg(requires = "payload")]
     robot: Option<PathBuf>,
     /// What that arm carries unknown to its robot file (kg)
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", value_parser = |text: &str| crate::number::within(text, 0.0..=10_000.0))]
     payload: Option<f64>,
     /// Folder of the table's arms
     #[arg(long, value_name = "DIR", default_value = "robots")]

@@ -22,6 +22,9 @@ const TURNS_PER_REFRESH: u32 = 5;
 /// Requests that are answered between two looks at the queue.
 const REQUESTS_PER_TURN: usize = 8;
 
+/// Turns between looks at the room that is left in shared memory.
+const TURNS_PER_ROOM: u32 = 500;
+
 struct Ports {
     parameters: rivet_ipc_schema::Publisher<Parameters>,
     latest: rivet_ipc_schema::BlackboardWriter<Parameters>,
@@ -78,12 +81,32 @@ pub(crate) fn run(
             complained = true;
             log::warn!("{why} (said once)");
         }
+        if turns.is_multiple_of(TURNS_PER_ROOM) {
+            look_for_room(progress);
+        }
         if stopping {
             return;
         }
         turns = turns.wrapping_add(1);
         std::thread::sleep(TURN);
     }
+}
+
+/// What is there goes on where shared memory is full; who comes cannot join, and whoever is on call should know.
+fn look_for_room(progress: &Progress) {
+    let full = match rivet_ipc_schema::ensure_room(rivet_ipc_schema::LEAST_ROOM) {
+        Err(why @ BusError::SharedMemoryFull { .. }) => {
+            if !progress.no_room() {
+                log::error!(rivet_event = "shared-memory-full"; "{why}; samples are taken as before, but no one can join");
+            }
+            true
+        }
+        Ok(()) | Err(_) => false,
+    };
+    if progress.no_room() && !full {
+        log::info!(rivet_event = "shared-memory-room"; "/dev/shm has room again");
+    }
+    progress.set_no_room(full);
 }
 
 fn turn(

@@ -18,6 +18,7 @@ mod progress;
 mod reload;
 pub mod shell;
 mod snapshot;
+mod streams;
 mod timing;
 mod torque_watch;
 

@@ -8,11 +8,12 @@ use crate::outbound::Outbound;
 use crate::progress::{Progress, Snapshot};
 use crate::reload::Incoming;
 use crate::snapshot::Snapshots;
+use crate::streams::Streams;
 use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, JointState, LinkState, Listener,
-    LoopPhase, OneSource, Parameters, RobotName, Setpoint, Timing as TimingMessage, parameter_flags,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, Listener, LoopPhase, Parameters,
+    RobotName, Timing as TimingMessage, parameter_flags,
 };
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
 use rivet_service::Flight;
@@ -45,24 +46,29 @@ const SAMPLE_PATIENCE: Duration = Duration::from_millis(20);
 /// Periods after which health is reported even if no sample came.
 const IDLE_HEALTH_PERIODS: u64 = 100;
 
-/// Silence of the publisher that is heard after which another one may take its place while it is still listed.
-const SUCCESSION: Duration = Duration::from_secs(1);
-
 /// Periods without a sample after which a stream counts as quiet.
 const QUIET_PERIODS: u64 = 3;
-
-struct Input {
-    states: OneSource<JointState>,
-    setpoints: OneSource<Setpoint>,
-    links: OneSource<LinkState>,
-    /// A setpoint, and second encoders, that came before their sample.
-    pending: Option<Setpoint>,
-    pending_link: Option<LinkState>,
-}
 
 enum Pace {
     Timer(PeriodTimer),
     Sample(Box<Listener>),
+}
+
+/// What the loop reads from, and what starts its periods.
+struct Ports {
+    input: Streams,
+    pace: Pace,
+}
+
+impl Ports {
+    fn open(bus: &Bus, settings: &LoopSettings) -> Result<Ports, BusError> {
+        let input = Streams::open(bus)?;
+        let pace = match settings.trigger {
+            Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
+            Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
+        };
+        Ok(Ports { input, pace })
+    }
 }
 
 /// A wake-up.
@@ -72,56 +78,6 @@ pub struct Wake {
     pub lateness_ns: u64,
     /// Further periods that had passed by then.
     pub missed: u64,
-}
-
-impl Input {
-    /// The oldest sample not yet taken, and the setpoint and second encoders of its period if they have come. They are
-    /// published before their sample, so they are there when the sample is. Bounded by their rings. Of each, one publisher is
-    /// heard.
-    fn next(&mut self, now_ns: u64) -> Option<(JointState, Option<Setpoint>, Option<LinkState>)> {
-        let before = self.states.source();
-        // A port that fails has no sample; the publisher's absence shows in the health message.
-        let state = self.states.receive(now_ns).ok().flatten()?;
-        if before.is_some() && before != self.states.source() {
-            self.pending = None;
-            self.pending_link = None;
-        }
-        Some(self.with_plan(state, now_ns))
-    }
-
-    /// Messages of second publishers so far.
-    fn foreign(&self) -> u64 {
-        self.states.foreign() + self.setpoints.foreign() + self.links.foreign()
-    }
-
-    fn with_plan(&mut self, state: JointState, now_ns: u64) -> (JointState, Option<Setpoint>, Option<LinkState>) {
-        // Nothing is planned further ahead than a ring holds: such a number is of another run of the planner, or none, and
-        // would stand in the way of all that follow.
-        let near = |seq: u64, ring: usize| seq >= state.seq && seq - state.seq <= ring as u64;
-        let rings = (self.setpoints.capacity(), self.links.capacity());
-        self.pending = self.pending.filter(|setpoint| near(setpoint.seq, rings.0));
-        self.pending_link = self.pending_link.filter(|link| near(link.seq, rings.1));
-        for _ in 0..self.setpoints.capacity() {
-            if self.pending.is_some_and(|setpoint| setpoint.seq >= state.seq) {
-                break;
-            }
-            match self.setpoints.receive(now_ns) {
-                Ok(Some(setpoint)) => self.pending = Some(setpoint),
-                _ => break,
-            }
-        }
-        for _ in 0..self.links.capacity() {
-            if self.pending_link.is_some_and(|link| link.seq >= state.seq) {
-                break;
-            }
-            match self.links.receive(now_ns) {
-                Ok(Some(link)) => self.pending_link = Some(link),
-                _ => break,
-            }
-        }
-        let setpoint = self.pending.filter(|setpoint| setpoint.seq == state.seq);
-        (state, setpoint, self.pending_link.filter(|link| link.seq == state.seq))
-    }
 }
 
 impl Pace {
@@ -192,7 +148,7 @@ pub struct Channels {
 pub struct RealTimeLoop {
     core: Core,
     settings: LoopSettings,
-    input: Input,
+    input: Streams,
     pace: Pace,
     channels: Channels,
     recorder: Recorder,
@@ -211,6 +167,8 @@ pub struct RealTimeLoop {
     last_sample_ns: Option<u64>,
     foreign_reported: u64,
     gone: bool,
+    /// Shared memory was full when last reported.
+    full: bool,
     _bus: Bus,
 }
 
@@ -227,19 +185,14 @@ impl RealTimeLoop {
         channels: Channels,
     ) -> Result<RealTimeLoop, BusError> {
         let bus = Bus::open(config, name, "rivetd-loop")?;
-        let input = Input {
-            states: OneSource::new(bus.joint_state_subscriber()?, SUCCESSION),
-            setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
-            links: OneSource::new(bus.link_state_subscriber()?, SUCCESSION),
-            pending: None,
-            pending_link: None,
-        };
-        let pace = match settings.trigger {
-            Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
-            Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
-        };
+        let ports = Ports::open(&bus, settings)?;
+        Ok(RealTimeLoop::new(core, settings, bus, ports, channels))
+    }
+
+    fn new(core: Core, settings: &LoopSettings, bus: Bus, ports: Ports, channels: Channels) -> RealTimeLoop {
+        let Ports { input, pace } = ports;
         let period_ns = u64::try_from(settings.period.as_nanos()).unwrap_or(u64::MAX);
-        Ok(RealTimeLoop {
+        RealTimeLoop {
             recorder: Recorder::new(channels.flight.clone(), core.dof()),
             core,
             settings: settings.clone(),
@@ -260,8 +213,9 @@ impl RealTimeLoop {
             last_sample_ns: None,
             foreign_reported: 0,
             gone: false,
+            full: false,
             _bus: bus,
-        })
+        }
     }
 
     /// One period.
@@ -351,7 +305,7 @@ impl RealTimeLoop {
 
     fn report(&mut self, start: u64) {
         self.since_health = 0;
-        let publishers = self.input.states.publishers();
+        let publishers = self.input.publishers();
         let foreign = self.input.foreign() - self.foreign_reported;
         self.foreign_reported += foreign;
         if foreign > 0 {
@@ -365,6 +319,11 @@ impl RealTimeLoop {
             self.recorder.gone();
         }
         self.gone = gone;
+        let full = self.channels.progress.no_room();
+        if full && !self.full {
+            self.core.note(InputFault::SharedMemoryFull, 1);
+        }
+        self.full = full;
         let health = &mut self.health;
         self.core.write_health(health);
         self.timing.write_health(health);
@@ -372,6 +331,9 @@ impl RealTimeLoop {
         health.publishers = publishers as u32;
         if foreign > 0 && health.input_fault == u32::from(InputFault::None) {
             health.input_fault = InputFault::SecondPublisher.into();
+        }
+        if full && health.input_fault == u32::from(InputFault::None) {
+            health.input_fault = InputFault::SharedMemoryFull.into();
         }
         if gone {
             health.input_fault = InputFault::PublisherGone.into();
@@ -399,8 +361,13 @@ pub(crate) fn run(
     shutdown: &Shutdown,
     ready: &Sender<Result<(), StartError>>,
 ) {
-    let mut turning = match RealTimeLoop::open(core, settings, config, name, channels) {
-        Ok(turning) => turning,
+    // Where another program speaks another version of what is read, the daemon is there all the same, and says so.
+    let opened = Bus::open(config, name, "rivetd-loop").and_then(|bus| match Ports::open(&bus, settings) {
+        Err(BusError::Version(_)) => Ok((bus, None)),
+        ports => ports.map(|ports| (bus, Some(ports))),
+    });
+    let (bus, ports) = match opened {
+        Ok(opened) => opened,
         Err(why) => {
             let _ = ready.send(Err(why.into()));
             return;
@@ -418,10 +385,65 @@ pub(crate) fn run(
             return;
         }
     }
+    let (mut core, mut channels) = (core, channels);
+    let Some(ports) = ports.or_else(|| until_understood(&bus, settings, &mut core, &mut channels, shutdown)) else {
+        channels.snapshots.end(&mut core);
+        return;
+    };
+    let mut turning = RealTimeLoop::new(core, settings, bus, ports, channels);
     while !shutdown.is_requested() {
         turning.period();
     }
     turning.channels.snapshots.end(&mut turning.core);
+}
+
+/// Time between two tries to open what another version of a message stands in the way of.
+const RETRY: Duration = Duration::from_millis(100);
+
+/// Waits until what is read carries the messages of this version, with [`InputFault::WrongVersion`] in health meanwhile. `None`:
+/// the daemon ends. Not real-time: there are no samples yet.
+fn until_understood(
+    bus: &Bus,
+    settings: &LoopSettings,
+    core: &mut Core,
+    channels: &mut Channels,
+    shutdown: &Shutdown,
+) -> Option<Ports> {
+    let mut said = String::new();
+    let mut health = Health::default();
+    core.note(InputFault::WrongVersion, 1);
+    for periods in 1.. {
+        if shutdown.is_requested() {
+            break;
+        }
+        match Ports::open(bus, settings) {
+            Ok(ports) => {
+                log::info!(rivet_event = "right-version"; "messages are of the right version now");
+                return Some(ports);
+            }
+            Err(why) => {
+                let why = why.to_string();
+                if why != said {
+                    log::error!(rivet_event = "wrong-version"; "{why}; waits for that to end");
+                    said = why;
+                }
+            }
+        }
+        while let Ok(command) = channels.commands.pop() {
+            core.control(command);
+        }
+        channels.reload.apply(core);
+        channels.snapshots.serve(core);
+        core.write_health(&mut health);
+        health.mode = DaemonMode::BadInput.into();
+        health.input_fault = InputFault::WrongVersion.into();
+        health.stamp_ns = rivet_realtime::now_ns();
+        // A message that finds no room is followed by the next.
+        let _ = channels.outbound.push(Outbound::Health(health));
+        channels.progress.write(Snapshot { periods, ..Snapshot::default() });
+        std::thread::sleep(RETRY);
+    }
+    None
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ pub struct Progress {
     epoch: AtomicU64,
     wrong_period_ns: AtomicU64,
     met: AtomicBool,
+    no_room: AtomicBool,
 }
 
 /// What [`Progress`] held.
@@ -31,6 +32,16 @@ pub struct Snapshot {
 }
 
 impl Progress {
+    /// Stores whether shared memory is full, which the bus thread looks after.
+    pub(crate) fn set_no_room(&self, full: bool) {
+        self.no_room.store(full, Ordering::Relaxed);
+    }
+
+    /// Whether shared memory is full.
+    pub(crate) fn no_room(&self) -> bool {
+        self.no_room.load(Ordering::Relaxed)
+    }
+
     /// Stores; wait-free.
     pub fn write(&self, now: Snapshot) {
         self.samples.store(now.samples, Ordering::Relaxed);

@@ -42,6 +42,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         fs::write(folder.join("fault"), [sample(1, 60, 2, 0), sample(61, 60, 2, 1), sample(121, 60, 2, 0)].concat())?;
         fs::write(folder.join("shape"), sample(1, 1, 7, 0))?;
     }
+    // An arm that is let go, held, pushed with all there is, and left alone.
+    let asked = |periods: u8, joints: u8, mode: u8, behind: u8, tau: f64| {
+        let mut out = vec![periods, joints, mode, behind];
+        out.extend(tau.to_le_bytes().into_iter().cycle().take(64));
+        out
+    };
+    let released = asked(250, 2, 1, 0, 0.5);
+    let commands = folder("command")?;
+    fs::write(commands.join("pushed"), [&released[..], &asked(255, 2, 2, 1, 1e9)].concat())?;
+    fs::write(commands.join("left"), [&released[..], &asked(20, 2, 0, 0, 0.0), &asked(20, 3, 1, 9, 1.0)].concat())?;
+    fs::write(commands.join("no-number"), [&released[..], &asked(20, 2, 1, 0, f64::NAN)].concat())?;
     let control = folder("control")?;
     for command in 0..7_u32 {
         let text = "robot.toml:3:1: name is missing; give it one: \u{fc}".as_bytes();

@@ -4,9 +4,12 @@ use crate::bytes::{Bytes, signature};
 use rivet_config::Robot;
 use rivet_dynamics::{Arm, flange_pose};
 use rivet_ipc_schema::{
-    ControlCommand, ControlReply, ControllerHealth, Health, JointState, LinkState, Parameters, Setpoint,
+    Command, ControlCommand, ControlReply, ControllerHealth, Health, JointState, LinkState, Parameters, Setpoint,
 };
 use rivet_logs::ReadOptions;
+use rivet_simulation::motion::{Governor, Standstill};
+use rivet_simulation::process::nominal_joints;
+use rivet_simulation::{Disturbances, Plant, PlantSettings, Sensors, StandIn, Truth};
 use rivet_store::Store;
 use std::path::{Path, PathBuf};
 
@@ -45,9 +48,10 @@ const JSON: &[&str] = &["null", "-1", "1e308", "1e-320", "[]", "{}", "\"\"", "tr
 const CSV: &[&str] = &["nan", ",", ",,", "\n", "1e400", "t,q1,tau1\n", "-0", "\"", "inf"];
 
 /// Everything.
-pub const TARGETS: [Target; 12] = [
+pub const TARGETS: [Target; 13] = [
     Target { name: "samples", also: &[], suffix: "", words: &[], make: samples },
     Target { name: "parameters", also: &[], suffix: "", words: &[], make: parameters },
+    Target { name: "command", also: &[], suffix: "", words: &[], make: command },
     Target { name: "control", also: &[], suffix: "", words: &[], make: control },
     Target { name: "config", also: &["robots", "config/tests/bad"], suffix: "toml", words: TOML, make: config },
     Target { name: "urdf", also: &["robots"], suffix: "urdf", words: XML, make: urdf },
@@ -201,6 +205,39 @@ fn parameters() -> Run {
         let mut health = ControllerHealth::default();
         core.write_health(&mut health);
         seen | u64::from(health.state % 8) << 42 | u64::from(health.source % 8) << 45
+    })
+}
+
+/// Commands of a controller into the simulated robot.
+fn command() -> Run {
+    let robot = robot("dd2");
+    let limit = robot.config.drive.torque_limit.clone();
+    let period_s = robot.config.sample_period_s;
+    let truth = Truth::new(&robot.model, &nominal_joints(&robot), &Disturbances::default());
+    Box::new(move |input| {
+        let plant = Plant::new(&truth, &Sensors::perfect(2), &PlantSettings::new(period_s, &limit), 1);
+        let mut arm = StandIn::new(plant, Governor::new(Box::new(Standstill { pose: vec![0.3; 2] })), period_s, 4, 1);
+        let mut bytes = Bytes::new(input);
+        let mut open = 0_u64;
+        while !bytes.is_empty() {
+            let (with, joints, mode) = (bytes.u8(), bytes.u8(), bytes.u8());
+            let (behind, tau) = (bytes.u8(), bytes.array());
+            for _ in 0..=with {
+                let sample = arm.latch();
+                let finite = sample.q.iter().chain(&sample.tau).all(|x| x.is_finite());
+                assert!(finite, "a measurement that is no number: {sample:?}");
+                let most = sample.tau.iter().zip(&limit).all(|(tau, limit)| tau.abs() <= *limit);
+                assert!(most, "a drive beyond its limit: {sample:?}");
+                open += u64::from(!sample.braked);
+                // Numbers that are a little behind, as they are in life, or anything.
+                let seq = if behind < 8 { sample.seq.wrapping_sub(u64::from(behind)) } else { u64::from(behind) << 56 };
+                let (joints, mode) = (u32::from(joints), u32::from(mode));
+                arm.advance(Some(&Command { seq, tau, joints, mode, ..Command::default() }));
+            }
+        }
+        let counts = arm.counts();
+        let happened = [open, counts.late_commands, counts.brake_engagements, counts.refused_commands];
+        happened.iter().fold(0, |hash, n| hash * 67 + u64::from(64 - n.leading_zeros()))
     })
 }
 

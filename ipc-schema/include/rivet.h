@@ -154,6 +154,10 @@ enum {
     RIVET_INPUT_FAULT_WRONG_SHAPE = 17,
     /* A value is beyond anything an arm does. */
     RIVET_INPUT_FAULT_IMPLAUSIBLE = 18,
+    /* Another version of a message that is read is spoken on its service: nothing is read until that has ended. */
+    RIVET_INPUT_FAULT_WRONG_VERSION = 19,
+    /* /dev/shm is full: samples are sound, but no one can join. */
+    RIVET_INPUT_FAULT_SHARED_MEMORY_FULL = 20,
 };
 
 /* What is left out because periods have become too short for the work, each level beside those before it. */

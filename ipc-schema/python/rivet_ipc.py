@@ -70,7 +70,7 @@ PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 #: What the daemon is doing (Health::mode).
 DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4, "wrong_period": 5, "bad_input": 6}
 #: What is wrong with the samples.
-INPUT_FAULT = {"none": 0, "lost": 1, "duplicate": 2, "reordered": 3, "frozen": 4, "not_finite": 5, "saturated": 6, "sign_flipped": 7, "time_jump": 8, "encoder_jump": 9, "torque_stuck": 10, "publisher_gone": 11, "publisher_restarted": 12, "second_publisher": 13, "clock_suspended": 14, "robot_fault": 15, "wrong_period": 16, "wrong_shape": 17, "implausible": 18}
+INPUT_FAULT = {"none": 0, "lost": 1, "duplicate": 2, "reordered": 3, "frozen": 4, "not_finite": 5, "saturated": 6, "sign_flipped": 7, "time_jump": 8, "encoder_jump": 9, "torque_stuck": 10, "publisher_gone": 11, "publisher_restarted": 12, "second_publisher": 13, "clock_suspended": 14, "robot_fault": 15, "wrong_period": 16, "wrong_shape": 17, "implausible": 18, "wrong_version": 19, "shared_memory_full": 20}
 #: What is left out because periods have become too short for the work, each level beside those before it.
 LOAD_LEVEL = {"normal": 0, "publish_less": 1, "decimate": 2, "hold": 3}
 #: A part of a period.

@@ -34,8 +34,8 @@ pub(crate) const MAX_NODES: usize = 96;
 /// would stop a publisher for as long.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(10);
 
-/// Room in shared memory for a party that only listens \[bytes\].
-const LEAST_ROOM: u64 = 1 << 20;
+/// Room in shared memory for a party that only listens \[bytes\]: with less no one can join.
+pub const LEAST_ROOM: u64 = 1 << 20;
 
 /// How long an opening waits for a service that another process is making or removing.
 const OPENING_PATIENCE: Duration = Duration::from_secs(2);

@@ -39,7 +39,7 @@ mod survey;
 mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
-pub use bus::{Bus, BusConfig};
+pub use bus::{Bus, BusConfig, LEAST_ROOM};
 pub use cleanup::{Leftovers, PrivateBus, cleanup, ensure_room, purge};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};

@@ -77,8 +77,10 @@ pub enum LogFault {
         /// Number of rows of `t`.
         expected: usize,
     },
-    /// Time stands still or runs backwards.
-    #[error("column t, row {row}: {value} s after {previous} s; time must increase from row to row")]
+    /// Time stands still, or as good as, or runs backwards.
+    #[error(
+        "column t, row {row}: {value} s after {previous} s; time must increase from row to row, by a nanosecond at least"
+    )]
     Time {
         /// Row, from 1.
         row: usize,
@@ -121,6 +123,35 @@ pub enum LogFault {
         found: usize,
         /// Number of joints of the robot.
         joints: usize,
+    },
+    /// A number that no signal of an arm has: sums with it would soon be infinite.
+    #[error("column {column}, row {row}: {value}; no value may be beyond {limit:e} (s, rad, N m, A)")]
+    Beyond {
+        /// Name of the column.
+        column: String,
+        /// Row, from 1.
+        row: usize,
+        /// The value as found.
+        value: f64,
+        /// Largest that is taken.
+        limit: f64,
+    },
+    /// A log that says next to nothing of each of the rows that would be made of it.
+    #[error(
+        "{rows} rows over {duration_s} s make {wanted:.3e} at {period_s} s; at most a thousand for each and {most:e} in all are \
+         made up between them: is column t in seconds?"
+    )]
+    TooManyRows {
+        /// Rows of the log.
+        rows: usize,
+        /// What they span \[s\].
+        duration_s: f64,
+        /// Rows that would be made.
+        wanted: f64,
+        /// How far they would be apart \[s\].
+        period_s: f64,
+        /// Most that are made.
+        most: f64,
     },
     /// A sampling period that makes no sense.
     #[error("sampling period {0} s; it must be a positive number")]

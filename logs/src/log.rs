@@ -195,7 +195,7 @@ impl Log {
             return Err(LogFault::TooFewRows { rows: t.len(), least: LEAST_ROWS, purpose: "in a log" });
         }
         check_values("t", &t, t.len())?;
-        if let Some(k) = (1..t.len()).find(|k| t[*k] <= t[k - 1]) {
+        if let Some(k) = (1..t.len()).find(|k| t[*k] - t[k - 1] < LEAST_STEP_S) {
             return Err(LogFault::Time { row: k + 1, value: t[k], previous: t[k - 1] });
         }
         let rows = t.len();
@@ -276,13 +276,21 @@ fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Re
     Ok(Some(signals))
 }
 
+/// Least step of time that is one \[s\]: slopes over less would be none.
+const LEAST_STEP_S: f64 = 1e-9;
+/// Largest number that is taken for a time, position, torque or current.
+const LARGEST: f64 = 1e12;
+
 fn check_values(name: &str, values: &[f64], rows: usize) -> Result<(), LogFault> {
     let column = || name.to_owned();
     if values.len() != rows {
         return Err(LogFault::Length { column: column(), rows: values.len(), expected: rows });
     }
-    match values.iter().position(|v| !v.is_finite()) {
+    match values.iter().position(|v| !(v.abs() <= LARGEST)) {
         None => Ok(()),
+        Some(k) if values[k].is_finite() => {
+            Err(LogFault::Beyond { column: column(), row: k + 1, value: values[k], limit: LARGEST })
+        }
         Some(k) => {
             let value = if values[k].is_nan() {
                 "the cell is empty or not a number (null, NaN)".to_owned()

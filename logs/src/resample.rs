@@ -9,6 +9,10 @@ use crate::signal::{Decimator, linear, spline};
 
 /// A step longer than this many usual steps is a gap.
 const GAP_STEPS: f64 = 2.5;
+/// Most rows that are made between two of the log, on average, and in all: a day at 1 kHz. What asks for more has its time in
+/// another unit.
+const MOST_ROWS_EACH: f64 = 1000.0;
+const MOST_ROWS: f64 = 1e8;
 /// A time stamp off the uniform grid by less than this share of a step is on it.
 const GRID_TOLERANCE: f64 = 0.01;
 
@@ -80,7 +84,13 @@ impl Log {
             return Err(LogFault::Period(period_s).at(&self.path));
         }
         let mut report = self.describe_time(period_s);
-        let factor = whole_factor(period_s / report.median_step_s);
+        let ratio = (period_s / report.median_step_s).max(1.0);
+        let wanted = ratio.ceil() * (self.duration_s() / period_s + 1.0);
+        if !(wanted <= MOST_ROWS && wanted <= MOST_ROWS_EACH * self.len() as f64) {
+            let (rows, duration_s) = (self.len(), self.duration_s());
+            return Err(LogFault::TooManyRows { rows, duration_s, wanted, period_s, most: MOST_ROWS }.at(&self.path));
+        }
+        let factor = whole_factor(ratio);
         let fine_step = period_s / factor as f64;
         let on_grid = self.is_on_grid(fine_step);
         let start = self.t[0];

@@ -130,6 +130,11 @@ fn every_broken_rule_names_column_row_value_and_rule() {
             "run.csv: column q3 is missing; q1 is there, and a group of columns has all 3 joints",
         ),
         (
+            change(&|c| c[2].1[4] = "-1e13".to_owned()),
+            two,
+            "run.csv: column q2, row 5: -10000000000000; no value may be beyond 1e12 (s, rad, N m, A)",
+        ),
+        (
             change(&|c| c[4].1[6] = "0,5".replace(',', ";")),
             two,
             "run.csv: column tau2, row 7: '0;5' is not a number; every value must be a finite number",
@@ -148,12 +153,12 @@ fn every_broken_rule_names_column_row_value_and_rule() {
         (
             change(&|c| c[0].1[5] = "0.04".into()),
             two,
-            "run.csv: column t, row 6: 0.04 s after 0.04 s; time must increase from row to row",
+            "run.csv: column t, row 6: 0.04 s after 0.04 s; time must increase from row to row, by a nanosecond at least",
         ),
         (
             change(&|c| c[0].1[5] = "0.01".into()),
             two,
-            "run.csv: column t, row 6: 0.01 s after 0.04 s; time must increase from row to row",
+            "run.csv: column t, row 6: 0.01 s after 0.04 s; time must increase from row to row, by a nanosecond at least",
         ),
         (
             change(&|c| c.iter_mut().for_each(|c| c.1.truncate(4))),

@@ -104,3 +104,32 @@ fn senseless_periods_and_short_logs_are_refused() {
     let why = log.resample(0.001).expect_err("50 rows of 5 kHz").to_string();
     assert!(why.contains("50 rows; at least 91 are needed"), "{why}");
 }
+
+/// Time in another unit, by mistake or by malice: refused before the rows are made.
+#[test]
+fn rows_that_would_be_made_out_of_next_to_nothing_are_refused() {
+    for (step, period) in [(1e9, 0.001), (1.5, 0.001), (1e-6, 10.0)] {
+        let why = log(&uniform(50, step), 0.01 / step).resample(period).expect_err("refused").to_string();
+        assert!(why.contains("50 rows") || why.contains("rows; at least"), "{why}");
+    }
+    let (slow, _) = log(&uniform(50, 0.9), 0.01).resample(0.001).expect("a slow log is one");
+    assert_eq!(slow.len(), 44_101);
+}
+
+/// Numbers as large as are taken, as close together as they may be: what comes of them is finite.
+#[test]
+fn the_wildest_log_that_is_taken_stays_finite() {
+    let mut t = uniform(60, 0.001);
+    t.iter_mut().for_each(|t| *t -= 100.0);
+    t[1] = t[0] + 1.1e-9;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("run.parquet");
+    let wild: Vec<f64> = (0..60).map(|k| if k % 2 == 0 { 1e12 } else { -1e12 }).collect();
+    write_columns(&path, &[("t", &t), ("q1", &wild), ("current1", &wild)]).expect("written");
+    let options = ReadOptions { drive_gain: Some(&[1e5]), ..ReadOptions::new(1) };
+    let log = read(&path, &options).expect("taken");
+    for period in [0.0003, 0.001, 0.002] {
+        let (log, _) = log.resample(period).expect("resampled");
+        assert!(log.q[0].iter().chain(&log.torque().expect("torque")[0]).all(|x| x.is_finite()), "{period}");
+    }
+}

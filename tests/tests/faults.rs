@@ -124,8 +124,10 @@ fn a_crowd_that_never_reads_costs_no_sample() {
     assert!(last.into_iter().all(|epoch| epoch == Some(90)));
 }
 
-#[test]
-fn a_message_of_another_version_is_told_which_side_is_older() {
+type ForeignNode = iceoryx2::node::Node<iceoryx2::prelude::ipc::Service>;
+
+/// A program that was updated before `rivetd`: it has made the service of joint states for its own kind of message.
+fn foreign_joint_states(config: &BusConfig) -> (ForeignNode, impl Sized + use<>) {
     use iceoryx2::prelude::{NodeBuilder, ServiceName, SignalHandlingMode, ZeroCopySend, ipc};
     #[derive(Clone, Copy, Debug, ZeroCopySend)]
     #[type_name("rivet.JointState.v2")]
@@ -133,18 +135,32 @@ fn a_message_of_another_version_is_told_which_side_is_older() {
     struct Newer {
         words: [u64; 31],
     }
-    let private = PrivateBus::new("version");
     let node = NodeBuilder::new()
-        .config(&private.config().iceoryx().expect("config"))
+        .config(&config.iceoryx().expect("config"))
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<ipc::Service>()
         .expect("a node");
     let name = ServiceName::new("rivet/dd2/joint-state").expect("a name");
-    let _service = node.service_builder(&name).publish_subscribe::<Newer>().create().expect("a service");
-    let output = daemon(private.config()).output().expect("the program starts");
-    assert_eq!(output.status.code(), Some(69), "not 78: it may be the other side that is updated");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.contains("rivet.JointState.v2") && said.contains("older"), "{said}");
+    let service = node.service_builder(&name).publish_subscribe::<Newer>().create().expect("a service");
+    (node, service)
+}
+
+#[test]
+fn a_message_of_another_version_is_named_until_the_other_side_is_updated() {
+    let private = PrivateBus::new("version");
+    let (node, service) = foreign_joint_states(private.config());
+    let said = tempfile::NamedTempFile::new().expect("a file");
+    let mut process =
+        Process::start(daemon(private.config()).stderr(Stdio::from(said.reopen().expect("the same file"))));
+    // The service is there only once the daemon is: until then there is nothing to subscribe to that is not of this test's making.
+    let health = bus(private.config(), "test-onlooker").health_subscriber().expect("a subscriber");
+    let waits = report(&health, "the daemon says what it waits for", |h| {
+        h.input_fault == u32::from(InputFault::WrongVersion) && h.input_faults[InputFault::WrongVersion as usize] == 1
+    });
+    assert_eq!((DaemonMode::try_from(waits.mode), waits.samples), (Ok(DaemonMode::BadInput), 0));
+    let text = std::fs::read_to_string(said.path()).expect("read");
+    assert!(text.contains("rivet.JointState.v2") && text.contains("older"), "{text}");
+    assert_eq!(text.matches("rivet.JointState.v2").count(), 1, "said once, not with every try: {text}");
     let doctor = rivet()
         .args(["doctor", "--seconds", "0", "--json", "--prefix", &private.config().prefix, "--root"])
         .arg(&private.config().root)
@@ -157,6 +173,36 @@ fn a_message_of_another_version_is_told_which_side_is_older() {
     let foreign = foreign.expect("looked at");
     assert_eq!(foreign["severity"], "failure");
     assert!(foreign["found"].as_str().expect("text").contains("rivet.JointState.v2"), "{foreign}");
+    // The other program is updated: nobody has to touch the daemon.
+    drop((service, node));
+    let side = bus(private.config(), "test-robot");
+    let states = eventually("the name is free for the right version", || side.joint_state_publisher().ok());
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=3000);
+    let after = report(&health, "all samples are taken", |h| h.seq == 3000);
+    assert_eq!((after.samples, after.lost, after.input_fault), (3000, 0, 0));
+    assert_eq!(after.last_input_fault, u32::from(InputFault::WrongVersion));
+    assert!(process.end("-TERM").success());
+}
+
+/// It can be stopped while it waits, and what is asked of it meanwhile is answered.
+#[test]
+fn a_daemon_that_waits_for_the_right_version_ends_when_it_is_told_to() {
+    let private = PrivateBus::new("waits");
+    let (_node, _service) = foreign_joint_states(private.config());
+    let mut process = running(private.config());
+    let health = bus(private.config(), "test-onlooker").health_subscriber().expect("a subscriber");
+    report(&health, "it waits", |h| h.input_fault == u32::from(InputFault::WrongVersion));
+    let asked = rivet()
+        .args(["control", "--prefix", &private.config().prefix, "--root"])
+        .arg(&private.config().root)
+        .arg(robot("dd2"))
+        .arg("freeze")
+        .output()
+        .expect("the program starts");
+    assert!(asked.status.success(), "{asked:?}");
+    report(&health, "it has frozen", |h| h.mode != 0);
+    assert!(process.end("-TERM").success());
 }
 
 /// A process that stands still for longer than its samples are kept is not told from one that was suspended: what is lost is
@@ -182,23 +228,83 @@ fn a_daemon_that_is_stopped_for_a_while_goes_on() {
     assert!(after.overruns > 0, "periods that passed are counted");
 }
 
-/// `/dev/shm` of a few pages: the daemon ends with a reason and a code, not with a signal.
-#[test]
-fn full_shared_memory_is_an_error_that_says_so() {
-    let private = PrivateBus::new("full");
-    let inner = daemon(private.config());
-    let words: Vec<_> = std::iter::once(inner.get_program()).chain(inner.get_args()).collect();
-    let mount = "mount -t tmpfs -o size=64k tmpfs /dev/shm && exec \"$@\"";
-    let output = Command::new("unshare").args(["--mount", "sh", "-c", mount, "sh"]).args(words).output();
-    let Ok(output) = output else {
+/// Runs a program where `/dev/shm` has this size. `None`: this machine does not let us.
+fn with_shared_memory_of(size: &str, command: &Command) -> Option<std::process::Output> {
+    let mount = format!("mount -t tmpfs -o size={size} tmpfs /dev/shm && exec \"$@\"");
+    let mut inside = Command::new("unshare");
+    inside.args(["--mount", "sh", "-c", &mount, "sh"]).arg(command.get_program()).args(command.get_args());
+    for (name, value) in command.get_envs() {
+        inside.env(name, value.unwrap_or_default());
+    }
+    let Ok(output) = inside.output() else {
         eprintln!("SKIPPED: no unshare");
-        return;
+        return None;
     };
     let said = String::from_utf8_lossy(&output.stderr);
     if said.contains("unshare failed") || said.contains("permission denied") || said.contains("must be superuser") {
         eprintln!("SKIPPED: mounting needs root");
+        return None;
+    }
+    Some(output)
+}
+
+/// `/dev/shm` of a few pages: the daemon ends with a reason and a code, not with a signal.
+#[test]
+fn full_shared_memory_at_the_start_is_an_error_that_says_so() {
+    let private = PrivateBus::new("full");
+    let Some(output) = with_shared_memory_of("64k", &daemon(private.config())) else { return };
+    assert_eq!(output.status.code(), Some(69), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("/dev/shm"), "{said}");
+}
+
+/// `/dev/shm` that is filled by others while the daemon works: it says so, goes on as if nothing were, and says when it is over.
+#[test]
+fn shared_memory_that_fills_up_is_named_and_costs_no_sample() {
+    let mut inner = Command::new(std::env::current_exe().expect("a running test has a file"));
+    inner.args(["--ignored", "--exact", "--nocapture", "robot_beside_which_shared_memory_fills_up"]);
+    inner.env("RIVET_TEST_SMALL", "1");
+    let Some(output) = with_shared_memory_of("160m", &inner) else { return };
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("1 passed"), "{output:?}");
+}
+
+/// Not a test: what the one above runs in shared memory of its own.
+#[test]
+#[ignore = "run by a test where /dev/shm is small"]
+fn robot_beside_which_shared_memory_fills_up() {
+    if std::env::var_os("RIVET_TEST_SMALL").is_none() {
         return;
     }
-    assert_eq!(output.status.code(), Some(69), "{output:?}");
-    assert!(said.contains("/dev/shm"), "{said}");
+    let private = PrivateBus::new("fills");
+    let side = bus(private.config(), "test-robot");
+    let states = side.joint_state_publisher().expect("a publisher");
+    let health = side.health_subscriber().expect("a subscriber");
+    let _daemon = running(private.config());
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=500);
+    report(&health, "samples are taken", |h| h.samples == 500 && h.input_fault == 0);
+    let path = std::path::Path::new("/dev/shm/of-somebody-else");
+    // To the last page: the write that finds no more room is the end.
+    let mut file = std::fs::File::create(path).expect("a file");
+    let filled = std::io::copy(&mut std::io::repeat(0), &mut file).expect_err("memory has an end");
+    assert_eq!(filled.kind(), std::io::ErrorKind::StorageFull);
+    let full = u32::from(InputFault::SharedMemoryFull);
+    // Of an arm that does not send, that would be what is wrong.
+    let mut seq = 500;
+    let mut report_of = |what: &str, wanted: &dyn Fn(&Health) -> bool| {
+        eventually(what, || {
+            send(&states, seq + 1..=seq + 20);
+            seq += 20;
+            health.receive().expect("received").filter(wanted)
+        })
+    };
+    report_of("it is named", &|h| h.input_fault == full && h.input_faults[full as usize] == 1);
+    let meanwhile = report_of("it estimates", &|h| h.active > 0 && h.seq > 3000);
+    assert_eq!((meanwhile.samples, meanwhile.lost, meanwhile.dropped_messages), (meanwhile.seq, 0, 0));
+    // A file takes its room until nobody has it open.
+    drop(file);
+    std::fs::remove_file(path).expect("removed");
+    let after = report_of("it is over", &|h| h.input_fault == 0);
+    assert_eq!((after.samples, after.lost, after.last_input_fault, after.mode), (after.seq, 0, full, meanwhile.mode));
 }

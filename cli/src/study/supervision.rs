@@ -26,7 +26,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=64))]
     rounds: u16,
     /// Hysteresis of the tracked scheme.
-    #[arg(long, default_value_t = 0.7)]
+    #[arg(long, default_value_t = 0.7, value_parser = |text: &str| crate::number::within(text, 0.0..=1.0))]
     hysteresis: f64,
     /// Rows for which the tracked scheme holds what it has come to hold.
     #[arg(long, default_value_t = 20)]
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     #[arg(long)]
     no_deflation: bool,
     /// Factor on all durations.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = |text: &str| crate::number::within(text, 0.01..=100.0))]
     length: f64,
     /// Writes the figures as JSON.
     #[arg(long, value_name = "FILE")]

@@ -154,6 +154,10 @@ wire_enum!(
         WrongShape = 17,
         /// A value is beyond anything an arm does.
         Implausible = 18,
+        /// Another version of a message that is read is spoken on its service: nothing is read until that has ended.
+        WrongVersion = 19,
+        /// /dev/shm is full: samples are sound, but no one can join.
+        SharedMemoryFull = 20,
     }
 );
 
