@@ -1,5 +1,6 @@
 //! `rivet study`: computes a table anew from seeds and prints it.
 
+mod friction;
 mod measured;
 mod real;
 mod supervision;
@@ -20,6 +21,8 @@ pub(crate) enum Args {
     Supervision(supervision::Args),
     /// Measured arms: trained on one motion, judged on another, beside plain least squares
     Real(measured::Args),
+    /// Laws of friction, judged by motion that they were not fitted to
+    Friction(friction::Args),
     /// Measured arms from whose identified model one known part is taken away: does the diagnosis name it?
     Withheld(measured::Args),
 }
@@ -49,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Args::Tracking(args) => run_tracking(args),
         Args::Supervision(args) => supervision::run(args),
         Args::Real(args) => real::run(args),
+        Args::Friction(args) => friction::run(args),
         Args::Withheld(args) => withheld::run(args),
     }
 }

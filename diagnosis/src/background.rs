@@ -29,6 +29,16 @@ pub(crate) struct Typical {
 }
 
 impl Typical {
+    /// \[N·m\]
+    pub(crate) fn torque(&self, joint: usize) -> f64 {
+        self.torque[joint]
+    }
+
+    /// \[rad/s\]
+    pub(crate) fn speed(&self, joint: usize) -> f64 {
+        self.speed[joint]
+    }
+
     pub(crate) fn of(runs: &[Run], joints: usize) -> Typical {
         let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();
         let rms = |signals: &mut dyn Iterator<Item = &Vec<f64>>| {

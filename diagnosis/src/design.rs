@@ -49,8 +49,13 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     pub(crate) fn new(run: Run, nominal: &Nominal) -> Prepared {
-        let motion = Motion::of(&run);
         let chain = Chain::new(run.period_s);
+        Prepared::by(chain, run, nominal)
+    }
+
+    /// With rows made by `chain`.
+    pub(crate) fn by(chain: Chain, run: Run, nominal: &Nominal) -> Prepared {
+        let motion = Motion::of(&run);
         let tau: Vec<Vec<f64>> = run.tau.iter().map(|t| chain.apply(t)).collect();
         let standard = standard_columns(&nominal.model, &motion, &chain);
         let n = run.joints();
@@ -74,6 +79,14 @@ impl Prepared {
         let known_rows = known.iter().map(|t| chain.apply(t)).collect();
         let floor = run.tau.iter().map(|t| white_noise(t) * chain.white_gain()).collect();
         Prepared { run, motion, chain, tau, known, known_rows, standard, floor, doubt }
+    }
+
+    /// The torque's rows as they are where it comes `samples` later than position; what is beyond the ends repeats them.
+    pub(crate) fn shift_torque(&mut self, samples: isize) {
+        let last = self.run.len().saturating_sub(1);
+        let at = |k: usize| k.saturating_add_signed(samples).min(last);
+        let shifted = |t: &Vec<f64>| (0..t.len()).map(|k| t[at(k)]).collect::<Vec<f64>>();
+        self.tau = self.run.tau.iter().map(|t| self.chain.apply(&shifted(t))).collect();
     }
 
     pub(crate) fn rows(&self) -> usize {

@@ -27,9 +27,14 @@ pub(crate) struct Chain {
 
 impl Chain {
     pub(crate) fn new(period_s: f64) -> Chain {
+        Chain::up_to(MODEL_HZ, period_s)
+    }
+
+    /// With a model filter of another cut-off \[Hz\].
+    pub(crate) fn up_to(hz: f64, period_s: f64) -> Chain {
         let average = (1.0 / (AVERAGED_HZ * period_s)).round().max(1.0) as usize;
         let averaged_s = period_s * average as f64;
-        let cutoff = MODEL_HZ.min(0.2 / averaged_s);
+        let cutoff = hz.min(0.2 / averaged_s);
         let edge = (EDGE_PERIODS / (cutoff * averaged_s)).ceil() as usize;
         Chain { average, filter: ZeroPhase::new(cutoff, 4, averaged_s), edge, row_period_s: 2.0 * averaged_s }
     }
