@@ -64,9 +64,13 @@ enum Word {
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.bus.robot)?;
-    let name = RobotName::new(&robot.config.name)?;
-    let bus = Bus::open(&args.bus.config(&robot), &name, "rivet-control")?;
+    let (name, at) = rivet_config::address(&args.bus.robot)?;
+    let name = RobotName::new(&name)?;
+    let config = BusConfig {
+        prefix: args.bus.prefix.clone().unwrap_or(at.prefix),
+        root: args.bus.root.clone().unwrap_or(at.root),
+    };
+    let bus = Bus::open(&config, &name, "rivet-control")?;
     let command = match args.command {
         Word::Freeze => ControlCommand::Freeze,
         Word::Resume => ControlCommand::Resume,

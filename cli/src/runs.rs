@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::Run;
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
@@ -10,6 +10,8 @@ use rivet_logs::{Log, ReadOptions, ResampleReport, read};
 
 /// A step of time this long is a hole: nothing is made up across it.
 const HOLE_S: f64 = 0.1;
+/// Rows this many sample periods apart show no motion: their time is in another unit.
+const SLOWEST: f64 = 500.0;
 /// A hole is also longer than this many usual steps.
 const HOLE_STEPS: f64 = 10.0;
 
@@ -21,7 +23,15 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         drive_gain: config.drive.drive_gain.as_deref(),
         joint_zero: Some(&config.log.joint_zero),
     };
-    Ok(read(path, &options)?)
+    let log = read(path, &options)?;
+    let (step, period) = (log.median_step_s(), config.sample_period_s);
+    ensure!(
+        step < SLOWEST * period,
+        "{}: its rows are {step} s apart, the samples of {} {period} s: is column t in seconds?",
+        path.display(),
+        config.name
+    );
+    Ok(log)
 }
 
 /// A stretch of a log without holes, on a uniform grid.

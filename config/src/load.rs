@@ -10,7 +10,7 @@ use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors};
 use crate::reader::{RawParameter, Reader};
-use crate::sections::{self, RobotConfig};
+use crate::sections::{self, Bus, RobotConfig};
 use crate::supervision::supervision;
 
 /// A robot file with the model it describes.
@@ -59,11 +59,31 @@ impl Robot {
 /// Every mistake in the file, not only the first.
 pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
     let path = path.as_ref();
+    parse(path, &text_of(path)?)
+}
+
+fn text_of(path: &Path) -> Result<String, ConfigErrors> {
     let whole = |why: &str, hint: &str| ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]);
     let bytes =
         read_file(path).map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
-    let text = String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))?;
-    parse(path, &text)
+    String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))
+}
+
+/// Where the daemon of a robot file is found, whatever else is wrong with the file: who asks a daemon that runs to read it anew,
+/// to save or to freeze is not to be kept from that by a mistake somewhere in it.
+///
+/// # Errors
+/// Every mistake in the file, where name or bus cannot be read.
+pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
+    let path = path.as_ref();
+    let text = text_of(path)?;
+    let (root, _) = DeTable::parse_recoverable(&text);
+    let mut reader = Reader::new(path, &text, &root, Vec::new());
+    let found = (sections::name(&mut reader), sections::bus(&mut reader));
+    if reader.is_sound("", "name") && reader.good(&[("bus", "prefix"), ("bus", "root")]) {
+        return Ok(found);
+    }
+    parse(path, &text).map(|robot| (robot.config.name, robot.config.bus))
 }
 
 /// Robot files and URDFs of more bytes are a mistake.

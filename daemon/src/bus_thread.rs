@@ -186,6 +186,9 @@ impl Requests {
             },
             (ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset, _) => {
                 if self.commands.push(command).is_ok() {
+                    if let (ControlCommand::Reset, Some(kept)) = (command, kept) {
+                        kept.forget();
+                    }
                     done()
                 } else {
                     Answer::Now(ControlStatus::Failed, "too many requests at once".to_owned())

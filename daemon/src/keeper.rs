@@ -23,6 +23,10 @@ const TURN: Duration = Duration::from_millis(50);
 struct Waiting {
     set: Option<Parameters>,
     now: bool,
+    /// Everything was forgotten: nothing counts until the estimator has begun anew.
+    forgotten: bool,
+    /// What is on the disk is to be forgotten as well.
+    aside: bool,
 }
 
 /// The last set worth keeping, between the bus thread and this one.
@@ -37,8 +41,30 @@ impl Latest {
 
     /// Keeps `set` if the estimator stands by it.
     pub(crate) fn offer(&self, set: &Parameters) {
+        let mut waiting = self.waiting();
         if accepted(set) {
-            self.waiting().set = Some(*set);
+            if !waiting.forgotten {
+                waiting.set = Some(*set);
+            }
+        } else {
+            waiting.forgotten = false;
+        }
+    }
+
+    /// What was learnt was forgotten by request: it is not to be stored any more. Sets that are still on the way are from before.
+    pub(crate) fn forget(&self) {
+        *self.waiting() = Waiting { forgotten: true, aside: true, ..Waiting::default() };
+    }
+
+    fn take_aside(&self) -> bool {
+        std::mem::take(&mut self.waiting().aside)
+    }
+
+    /// What could not be stored is news still, unless there are newer ones.
+    fn put_back(&self, set: Parameters) {
+        let mut waiting = self.waiting();
+        if !waiting.forgotten {
+            waiting.set.get_or_insert(set);
         }
     }
 
@@ -128,6 +154,16 @@ impl Keeper {
                 std::thread::sleep(TURN);
                 flight.ask(Reason::Stop);
             }
+            if latest.take_aside() {
+                match self.store.set_aside() {
+                    Ok(moved) => moved.iter().for_each(|path| {
+                        log::info!(rivet_event = "state-set-aside"; "reset: kept aside as {}", path.display());
+                    }),
+                    Err(why) => {
+                        log::error!(rivet_event = "state-not-stored"; "what was stored stays in spite of the reset: {why}")
+                    }
+                }
+            }
             let (due, now) = (Instant::now() >= next, latest.take_request());
             if due {
                 next = Instant::now() + INTERVAL;
@@ -156,10 +192,14 @@ impl Keeper {
                 asked = None;
                 // What the estimator does not stand by now it may have stood by a moment ago.
                 let news = latest.take_news();
-                let knowledge =
-                    found.flatten().filter(|_| news.is_some()).or(news.map(|set| knowledge(&set, self.hash)));
-                if let Some(knowledge) = knowledge {
+                let whole = found.flatten().filter(|_| news.is_some());
+                if let Some((news, knowledge)) =
+                    news.map(|set| (set, whole.unwrap_or_else(|| knowledge(&set, self.hash))))
+                {
                     let saved = self.store.save(&knowledge);
+                    if saved.is_err() {
+                        latest.put_back(news);
+                    }
                     if owed {
                         owed = false;
                         let outcome = match &saved {

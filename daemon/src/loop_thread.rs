@@ -7,6 +7,7 @@ use crate::ladder::Ladder;
 use crate::outbound::Outbound;
 use crate::progress::{Progress, Snapshot};
 use crate::reload::Incoming;
+use crate::shell::SHARED_MEMORY;
 use crate::snapshot::Snapshots;
 use crate::streams::Streams;
 use crate::timing::Timing;
@@ -386,9 +387,16 @@ pub(crate) fn run(
         }
     }
     let (mut core, mut channels) = (core, channels);
-    let Some(ports) = ports.or_else(|| until_understood(&bus, settings, &mut core, &mut channels, shutdown)) else {
-        channels.snapshots.end(&mut core);
-        return;
+    let ports = match ports.map_or_else(|| until_understood(&bus, settings, &mut core, &mut channels, shutdown), Ok) {
+        Ok(ports) => ports,
+        Err(why) => {
+            channels.snapshots.end(&mut core);
+            // Not when the daemon ends anyway.
+            if let Some(why) = why {
+                let _ = ready.send(Err(why.into()));
+            }
+            return;
+        }
     };
     let mut turning = RealTimeLoop::new(core, settings, bus, ports, channels);
     while !shutdown.is_requested() {
@@ -400,35 +408,43 @@ pub(crate) fn run(
 /// Time between two tries to open what another version of a message stands in the way of.
 const RETRY: Duration = Duration::from_millis(100);
 
-/// Waits until what is read carries the messages of this version, with [`InputFault::WrongVersion`] in health meanwhile. `None`:
-/// the daemon ends. Not real-time: there are no samples yet.
+/// Waits until what is read carries the messages of this version, with [`InputFault::WrongVersion`] in health meanwhile. Not
+/// real-time: there are no samples yet.
+///
+/// # Errors
+/// What else stands in the way; `None` when the daemon is to end.
 fn until_understood(
     bus: &Bus,
     settings: &LoopSettings,
     core: &mut Core,
     channels: &mut Channels,
     shutdown: &Shutdown,
-) -> Option<Ports> {
+) -> Result<Ports, Option<BusError>> {
     let mut said = String::new();
     let mut health = Health::default();
     core.note(InputFault::WrongVersion, 1);
-    for periods in 1.. {
-        if shutdown.is_requested() {
-            break;
-        }
-        match Ports::open(bus, settings) {
+    let mut periods = 0;
+    while !shutdown.is_requested() {
+        // Names are looked at first: ports that come and go would disturb whoever sends on those that are right.
+        let opened = bus.ensure_versions().and_then(|()| {
+            rivet_ipc_schema::ensure_room(SHARED_MEMORY)?;
+            Ports::open(bus, settings)
+        });
+        match opened {
             Ok(ports) => {
                 log::info!(rivet_event = "right-version"; "messages are of the right version now");
-                return Some(ports);
+                return Ok(ports);
             }
-            Err(why) => {
+            Err(why @ BusError::Version(_)) => {
                 let why = why.to_string();
                 if why != said {
                     log::error!(rivet_event = "wrong-version"; "{why}; waits for that to end");
                     said = why;
                 }
             }
+            Err(why) => return Err(Some(why)),
         }
+        periods += 1;
         while let Ok(command) = channels.commands.pop() {
             core.control(command);
         }
@@ -443,7 +459,7 @@ fn until_understood(
         channels.progress.write(Snapshot { periods, ..Snapshot::default() });
         std::thread::sleep(RETRY);
     }
-    None
+    Err(None)
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@ use rivet_realtime::{Hangup, Overrun, RealTimeSettings, Scheduling, Shutdown};
 use rivet_service::{Flight, Manager, Reason};
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How the daemon is to run, beside what the robot file says.
@@ -63,10 +64,13 @@ fn parse_trigger(word: &str) -> Result<Trigger, String> {
 const OUTBOUND: usize = 64;
 
 /// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
-const SHARED_MEMORY: u64 = 32 << 20;
+pub(crate) const SHARED_MEMORY: u64 = 32 << 20;
 
 /// A loop that stands still for this long is recorded, before the service manager's watchdog ends the process.
 const STUCK: Duration = Duration::from_millis(700);
+
+/// How long the end waits for threads.
+const THREADS_END: Duration = Duration::from_millis(500);
 
 /// How long the end waits for a reload that is under way.
 const RELOAD_ENDS: Duration = Duration::from_millis(200);
@@ -201,14 +205,23 @@ fn run_threads(
     };
 
     let threads: Vec<_> = [Some(publisher), projection, Some(estimator)].into_iter().flatten().collect();
-    let started = threads
-        .iter()
-        .try_for_each(|_| readiness.recv().unwrap_or(Err(StartError::Thread("a thread of the daemon ended"))));
-    if started.is_ok() {
+    let started = threads.iter().try_for_each(|_| started(&readiness, shutdown));
+    if started.is_ok() && !shutdown.is_requested() {
         log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
         watch(&progress, shutdown, &threads, flight.as_deref());
     }
+    let early = started.is_ok() && threads.iter().any(JoinHandle::is_finished) && !shutdown.is_requested();
     shutdown.request();
+    // A thread that hangs in the bus library hears nobody: the process ends without it, so that a service manager need not kill it.
+    let patience = Instant::now() + THREADS_END;
+    while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < patience {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let (threads, hung): (Vec<_>, Vec<_>) = threads.into_iter().partition(JoinHandle::is_finished);
+    if !hung.is_empty() {
+        let names: Vec<_> = hung.iter().filter_map(|thread| thread.thread().name()).collect();
+        log::warn!("ends without {}, which does not answer", names.join(", "));
+    }
     // The store is last: it writes what the others left.
     // A panic would have ended the process.
     threads.into_iter().chain(keeping).for_each(|thread| drop(thread.join()));
@@ -218,8 +231,27 @@ fn run_threads(
         std::thread::sleep(Duration::from_millis(5));
     }
     started?;
+    // What a thread met later: it had said that it was ready.
+    readiness.try_iter().collect::<Result<(), StartError>>()?;
+    if early {
+        return Err(StartError::Thread("a thread of the daemon ended"));
+    }
     let end = progress.read();
     log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
+    Ok(())
+}
+
+/// Waits until a thread says that it is ready, or the daemon is to end.
+fn started(readiness: &mpsc::Receiver<Result<(), StartError>>, shutdown: &Shutdown) -> Result<(), StartError> {
+    while !shutdown.is_requested() {
+        match readiness.recv_timeout(Duration::from_millis(20)) {
+            Ok(ready) => return ready,
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            Err(mpsc::RecvTimeoutError::Disconnected) => {
+                return Err(StartError::Thread("a thread of the daemon ended"));
+            }
+        }
+    }
     Ok(())
 }
 
@@ -235,12 +267,12 @@ pub fn scheduling(realtime: &Realtime, sample_period_s: f64) -> Option<Schedulin
     }
 }
 
-fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<std::thread::JoinHandle<()>, StartError> {
+fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, StartError> {
     std::thread::Builder::new().name(name.to_owned()).spawn(body).map_err(StartError::Spawn)
 }
 
 /// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
-fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[std::thread::JoinHandle<()>], flight: Option<&Flight>) {
+fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], flight: Option<&Flight>) {
     let mut manager = Manager::new();
     let (mut seen, mut moved, mut stuck) = (0, Instant::now(), false);
     let (mut flowing, mut complained) = (false, false);

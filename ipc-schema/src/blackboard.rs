@@ -74,8 +74,9 @@ impl<T: Stamped> BlackboardWriter<T> {
             let keeper = bus.join(config, role)?;
             removed = keeper.service_builder(name).blackboard_opener::<u64>().open().ok().map(|old| (old, keeper));
             remove_by_force(&node, name).map_err(fail)?;
-            let factory = retry(|| create::<T>(&node, name), |e| !matches!(e, CreateError::InsufficientPermissions))
-                .map_err(|e| fail(format!("{e:?}")))?;
+            let factory =
+                retry(config, || create::<T>(&node, name), |e| !matches!(e, CreateError::InsufficientPermissions))
+                    .map_err(|e| fail(format!("{e:?}")))?;
             let ports = attach::<T>(&factory).map_err(fail)?;
             (factory, ports)
         };

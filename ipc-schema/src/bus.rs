@@ -10,7 +10,7 @@ use iceoryx2::prelude::{
 };
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
-use crate::cleanup::{close_to_others, ensure_room};
+use crate::cleanup::{close_to_others, ensure_counter, ensure_room, remove_half_made};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -20,6 +20,7 @@ use crate::messages::{
 };
 use crate::name::{RobotName, Service};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
+use crate::version;
 
 /// Publishers (and notifiers) of a service: one, and one for a network bridge that mirrors it.
 pub(crate) const MAX_PUBLISHERS: usize = 2;
@@ -104,6 +105,7 @@ impl BusConfig {
     pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
         let refuse = |why: String| BusError::Join { prefix: self.prefix.clone(), root: self.root.clone(), why };
         let name = NodeName::new(role).map_err(|e| refuse(format!("{e:?}")))?;
+        ensure_counter(self)?;
         let node = NodeBuilder::new()
             .name(&name)
             .config(config)
@@ -116,12 +118,29 @@ impl BusConfig {
     }
 }
 
-/// Tries until it works, fails for good, or patience ends.
-pub(crate) fn retry<R, E>(mut attempt: impl FnMut() -> Result<R, E>, passing: impl Fn(&E) -> bool) -> Result<R, E> {
-    let begin = Instant::now();
+/// Keeps the library to errors. Not warnings: they are dumps of internal state, made whenever a killed process is cleared away.
+pub(crate) fn quieten() {
+    set_log_level_from_env_or(LogLevel::Error);
+}
+
+/// Tries until it works, fails for good, or patience ends. What a process that was killed in the middle of making a service
+/// has left half-made would stand in the way for ever: it is removed then, and it is tried once more.
+pub(crate) fn retry<R, E>(
+    config: &Config,
+    mut attempt: impl FnMut() -> Result<R, E>,
+    passing: impl Fn(&E) -> bool,
+) -> Result<R, E> {
+    let mut begin = Instant::now();
+    let mut healed = false;
     loop {
         match attempt() {
-            Err(e) if passing(&e) && begin.elapsed() < OPENING_PATIENCE => {
+            Err(e) if passing(&e) => {
+                if begin.elapsed() >= OPENING_PATIENCE {
+                    if healed || remove_half_made(config) == 0 {
+                        return Err(e);
+                    }
+                    (begin, healed) = (Instant::now(), true);
+                }
                 std::thread::sleep(Duration::from_millis(2));
             }
             result => return result,
@@ -148,8 +167,7 @@ impl Bus {
     /// # Errors
     /// A value that breaks a rule, or the bus cannot be joined.
     pub fn open(config: &BusConfig, robot: &RobotName, role: &str) -> Result<Self, BusError> {
-        // Not warnings: they are dumps of internal state, made whenever a killed process is cleared away.
-        set_log_level_from_env_or(LogLevel::Error);
+        quieten();
         ensure_room(LEAST_ROOM)?;
         let iceoryx = config.iceoryx()?;
         let node = config.join(&iceoryx, role)?;
@@ -191,6 +209,27 @@ impl Bus {
         BlackboardReader::open(&self.config, &self.iceoryx, &self.name(service)?, &self.role)
     }
 
+    /// Whether what a daemon reads is spoken in this program's versions, as far as it is there. Opens nothing, so that it can be
+    /// asked again and again beside others who work.
+    ///
+    /// # Errors
+    /// [`BusError::Version`] of the first that is not.
+    pub fn ensure_versions(&self) -> Result<(), BusError> {
+        self.ensure_version::<JointState>(Service::JointState)?;
+        self.ensure_version::<Setpoint>(Service::Setpoint)?;
+        self.ensure_version::<LinkState>(Service::LinkState)
+    }
+
+    fn ensure_version<T: Message>(&self, service: Service) -> Result<(), BusError> {
+        let name = self.name(service)?;
+        match version::pubsub_type(&self.iceoryx, &name) {
+            Some(carried) if carried != T::TYPE_NAME => {
+                Err(BusError::Version(version::mismatch::<T>(name.as_str(), &carried)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Robot controller: publishes its state each period.
     pub fn joint_state_publisher(&self) -> Result<Publisher<JointState>, BusError> {
         self.publisher(Service::JointState)
@@ -204,13 +243,13 @@ impl Bus {
     /// Robot controller: wakes who waits for a joint state.
     pub fn joint_state_notifier(&self) -> Result<Notifier, BusError> {
         let name = self.name(Service::JointState)?;
-        Notifier::new(&event::open_service(&self.node, &name, "notifier")?, &name, Service::JointState)
+        Notifier::new(&event::open_service(&self.node, &self.iceoryx, &name, "notifier")?, &name, Service::JointState)
     }
 
     /// Sleeps until a joint state has come.
     pub fn joint_state_listener(&self) -> Result<Listener, BusError> {
         let name = self.name(Service::JointState)?;
-        Listener::new(&event::open_service(&self.node, &name, "listener")?, &name, Service::JointState)
+        Listener::new(&event::open_service(&self.node, &self.iceoryx, &name, "listener")?, &name, Service::JointState)
     }
 
     /// Planner: publishes the plan of each period, before the joint state of that period.

@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use iceoryx2::node::{Node, NodeState};
-use iceoryx2::prelude::{CallbackProgression, ipc};
+use iceoryx2::prelude::{CallbackProgression, Config, ipc};
 
 use crate::blackboard::LOCK_DIRECTORY;
-use crate::bus::BusConfig;
+use crate::bus::{BusConfig, quieten};
 use crate::error::BusError;
 
 /// Where POSIX shared memory lies.
@@ -43,6 +43,7 @@ pub struct Leftovers {
 
 /// Counts live nodes and frees what dead ones left.
 fn sweep(config: &BusConfig) -> Result<(usize, usize), BusError> {
+    quieten();
     let iceoryx = config.iceoryx()?;
     let (mut alive, mut freed) = (0, 0);
     let listed = Node::<ipc::Service>::list(&iceoryx, |state| {
@@ -91,12 +92,70 @@ pub(crate) fn belongs(name: &[u8], prefix: &str) -> bool {
     id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))
 }
 
+/// Making a file of the bus takes well below a millisecond. One that is not ready after this belongs to nobody who lives; a
+/// process that was stopped just then will find its work undone.
+const HALF_MADE: Duration = Duration::from_secs(1);
+
+/// Whether it has been as it is for so long that nobody is at work on it.
+fn is_old(data: &fs::Metadata) -> bool {
+    data.modified().ok().and_then(|at| at.elapsed().ok()).is_none_or(|age| age >= HALF_MADE)
+}
+
+/// Removes descriptions of services that their maker did not finish, since he was killed: the library writes a file and then
+/// makes it read-only, and waits for that for ever. How many there were.
+pub(crate) fn remove_half_made(config: &Config) -> usize {
+    let prefix = config.global.prefix.to_string();
+    let services = config.global.service_dir();
+    let Ok(entries) = fs::read_dir(services.to_string()) else { return 0 };
+    let half_made = |entry: &fs::DirEntry| {
+        let name = entry.file_name();
+        let ours = belongs(name.as_encoded_bytes(), &prefix) && name.as_encoded_bytes().ends_with(b".service");
+        ours && entry.metadata().is_ok_and(|data| data.permissions().mode() & 0o200 != 0 && is_old(&data))
+    };
+    entries.flatten().filter(half_made).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+}
+
+/// Bytes of the counter that all parties share.
+const COUNTER: u64 = 16;
+
+/// Removes the counter from which ids of parties are made if whoever made it was killed on the way: the library would wait for
+/// it for ever, or refuse for ever.
+///
+/// # Errors
+/// It is another user's.
+pub(crate) fn ensure_counter(config: &BusConfig) -> Result<(), BusError> {
+    let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return Ok(()) };
+    for entry in entries.flatten().filter(|entry| is_counter(config, entry)) {
+        let path = entry.path();
+        let unfinished = || {
+            let data = fs::metadata(&path).ok()?;
+            (data.len() < COUNTER || data.permissions().mode() & 0o600 != 0o600).then_some(data)
+        };
+        while let Some(data) = unfinished() {
+            if !is_old(&data) {
+                std::thread::sleep(Duration::from_millis(5));
+                continue;
+            }
+            match fs::remove_file(&path) {
+                Ok(()) => {}
+                Err(why) if why.kind() == io::ErrorKind::NotFound => {}
+                Err(source) => return Err(BusError::File { path, source }),
+            }
+        }
+    }
+    Ok(())
+}
+
+fn is_counter(config: &BusConfig, entry: &fs::DirEntry) -> bool {
+    let name = entry.file_name();
+    belongs(name.as_encoded_bytes(), &config.prefix) && name.as_encoded_bytes().ends_with(b".global_mgmt")
+}
+
 /// Takes from other users the one file that the bus library makes for everybody: a counter from which it makes the ids of
 /// parties.
 pub(crate) fn close_to_others(config: &BusConfig) {
-    let counter = |name: &[u8]| belongs(name, &config.prefix) && name.ends_with(b".global_mgmt");
     let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return };
-    for entry in entries.flatten().filter(|entry| counter(entry.file_name().as_encoded_bytes())) {
+    for entry in entries.flatten().filter(|entry| is_counter(config, entry)) {
         // Only its owner can, and did: a failure means that joining has failed, or will.
         let _ = fs::set_permissions(entry.path(), fs::Permissions::from_mode(0o600));
     }

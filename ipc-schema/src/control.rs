@@ -55,7 +55,7 @@ pub(crate) fn open_service(
                 )
         )
     };
-    retry(attempt, passing).map_err(|e| {
+    retry(config, attempt, passing).map_err(|e| {
         if matches!(e, OpenOrCreateError::RequestResponseOpenError(OpenError::IncompatibleRequestOrResponseType))
             && let Some((request, reply)) = version::control_types(config, name)
         {

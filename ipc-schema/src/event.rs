@@ -5,7 +5,7 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::{Listener as IoxListener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier as IoxNotifier;
-use iceoryx2::prelude::{ServiceName, ipc};
+use iceoryx2::prelude::{Config, ServiceName, ipc};
 use iceoryx2::service::builder::event::{
     EventCreateError as CreateError, EventOpenError as OpenError, EventOpenOrCreateError as OpenOrCreateError,
 };
@@ -18,6 +18,7 @@ use crate::name::Service;
 /// Opens the event service, or creates it with the full limits.
 pub(crate) fn open_service(
     node: &Node<ipc::Service>,
+    config: &Config,
     name: &ServiceName,
     role: &'static str,
 ) -> Result<PortFactory<ipc::Service>, BusError> {
@@ -47,7 +48,11 @@ pub(crate) fn open_service(
                 )
         )
     };
-    retry(attempt, passing).map_err(|e| BusError::Open { service: name.to_string(), role, why: format!("{e:?}") })
+    retry(config, attempt, passing).map_err(|e| BusError::Open {
+        service: name.to_string(),
+        role,
+        why: format!("{e:?}"),
+    })
 }
 
 /// Wakes the listeners of a service. Call after [`send`](crate::Publisher::send); one datagram a listener

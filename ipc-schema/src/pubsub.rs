@@ -90,7 +90,7 @@ pub(crate) fn open_service<T: Message>(
                 )
         )
     };
-    retry(attempt, passing).map_err(|e| {
+    retry(config, attempt, passing).map_err(|e| {
         if matches!(e, OpenOrCreateError::PublishSubscribeOpenError(OpenError::IncompatibleTypes))
             && let Some(carried) = version::pubsub_type(config, name)
         {

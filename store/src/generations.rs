@@ -117,6 +117,23 @@ impl Store {
         Ok(moved)
     }
 
+    /// Renames all files, so that nothing is taken up at the next start. Returns their new places.
+    ///
+    /// # Errors
+    /// A file cannot be renamed.
+    pub fn set_aside(&mut self) -> Result<Vec<PathBuf>, StoreError> {
+        let mut moved = Vec::new();
+        for path in [self.path(0), self.path(1)] {
+            let aside = path.with_extension("state-before-reset");
+            match fs::rename(&path, &aside) {
+                Ok(()) => moved.push(aside),
+                Err(why) if why.kind() == io::ErrorKind::NotFound => {}
+                Err(source) => return Err(StoreError { path, source }),
+            }
+        }
+        Ok(moved)
+    }
+
     /// Stores `knowledge` in the place of the older generation.
     ///
     /// # Errors
@@ -167,6 +184,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 fn read(path: &Path) -> Option<Result<Vec<u8>, Problem>> {
     let length = match fs::metadata(path) {
+        Ok(data) if !data.is_file() => return Some(Err(Problem::Unreadable("it is no file".to_owned()))),
         Ok(data) => data.len(),
         Err(why) if why.kind() == io::ErrorKind::NotFound => return None,
         Err(why) => return Some(Err(Problem::Unreadable(why.to_string()))),

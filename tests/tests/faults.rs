@@ -185,14 +185,14 @@ fn a_message_of_another_version_is_named_until_the_other_side_is_updated() {
     assert!(process.end("-TERM").success());
 }
 
-/// It can be stopped while it waits, and what is asked of it meanwhile is answered.
+/// What is asked of it while it waits it does, and another one ends while it waits.
 #[test]
-fn a_daemon_that_waits_for_the_right_version_ends_when_it_is_told_to() {
+fn a_daemon_that_waits_for_the_right_version_does_what_it_is_asked() {
     let private = PrivateBus::new("waits");
-    let (_node, _service) = foreign_joint_states(private.config());
+    let (node, service) = foreign_joint_states(private.config());
     let mut process = running(private.config());
     let health = bus(private.config(), "test-onlooker").health_subscriber().expect("a subscriber");
-    report(&health, "it waits", |h| h.input_fault == u32::from(InputFault::WrongVersion));
+    report(&health, "it waits", |h| h.input_fault == u32::from(InputFault::WrongVersion) && h.periods == 0);
     let asked = rivet()
         .args(["control", "--prefix", &private.config().prefix, "--root"])
         .arg(&private.config().root)
@@ -201,7 +201,13 @@ fn a_daemon_that_waits_for_the_right_version_ends_when_it_is_told_to() {
         .output()
         .expect("the program starts");
     assert!(asked.status.success(), "{asked:?}");
-    report(&health, "it has frozen", |h| h.mode != 0);
+    // It is what it was asked for, once it has samples.
+    drop((service, node));
+    let side = bus(private.config(), "test-robot");
+    let states = eventually("the name is free for the right version", || side.joint_state_publisher().ok());
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=500);
+    report(&health, "it has frozen", |h| h.samples > 0 && h.mode == u32::from(DaemonMode::Frozen));
     assert!(process.end("-TERM").success());
 }
 

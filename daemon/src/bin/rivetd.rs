@@ -11,8 +11,19 @@ struct Arguments {
     options: rivet_daemon::Options,
 }
 
+/// Wrong usage, as in sysexits.h: the unit does not try that again.
+const USAGE: u8 = 64;
+
 fn main() -> ExitCode {
-    match rivet_daemon::run(&Arguments::parse().options) {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(why) => {
+            // Help and version go to standard output and are no error.
+            let _ = why.print();
+            return if why.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
+        }
+    };
+    match rivet_daemon::run(&arguments.options) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             let code = why.exit_code();

@@ -1,0 +1,170 @@
+//! What is left behind, and what is in the way: half-made files of a process that was killed while it started, a store that
+//! cannot be written for a while, a state file that is none, a robot file with a mistake beside a daemon that runs.
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, SystemTime};
+
+use rivet_ipc_schema::{Bus, BusConfig, ControlClient, ControlCommand, ControlStatus, PrivateBus, RobotName};
+use rivet_store::Store;
+use rivet_tests::process::{Process, eventually};
+use rivet_tests::side::{Arm, daemon};
+use rivet_tests::{rivet, robot, two_link};
+
+/// A file that its maker, who was killed some time ago, did not finish: the library makes files ready by their mode.
+fn half_made(path: &Path, content: &[u8], mode: u32) {
+    let _ = std::fs::remove_file(path);
+    std::fs::write(path, content).expect("written");
+    let file = std::fs::File::options().write(true).open(path).expect("opened");
+    file.set_modified(SystemTime::now() - Duration::from_secs(60)).expect("set");
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).expect("set");
+}
+
+fn names(folder: &Path, suffix: &str, prefix: &str) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("the folder is there").map(|entry| entry.expect("an entry").path());
+    let name = |path: &Path| path.file_name().expect("a name").to_string_lossy().into_owned();
+    entries.filter(|path| name(path).starts_with(prefix) && name(path).ends_with(suffix)).collect()
+}
+
+/// A daemon that listens, or what stood in its way.
+fn comes_up(config: &BusConfig) -> Process {
+    let process = two_link::running(config);
+    let health = eventually("the bus", || two_link::bus(config, "test-onlooker").health_subscriber().ok());
+    eventually("it reports", || health.receive().expect("received"));
+    process
+}
+
+/// A process that is killed while it makes a service leaves a description that nobody may read yet, or half of the counter that
+/// all need. Who comes next would wait for its maker for ever; it puts that right instead.
+#[test]
+fn what_a_killed_process_left_half_made_keeps_nobody_from_starting() {
+    let private = PrivateBus::new("half");
+    let config = private.config();
+    let services = config.root.join("services");
+    let mut first = comes_up(config);
+    let made = names(&services, ".service", &config.prefix);
+    assert!(made.len() >= 8, "the services are where we look: {made:?}");
+    let counter = names(Path::new("/dev/shm"), ".global_mgmt", &config.prefix);
+    assert_eq!(counter.len(), 1, "{counter:?}");
+    assert!(first.end("-TERM").success());
+    for content in [&b""[..], b"half of a description"] {
+        made.iter().for_each(|path| half_made(path, content, 0o600));
+        assert!(comes_up(config).end("-TERM").success());
+    }
+    for (content, mode) in [(&[][..], 0o600), (&[0; 8], 0o200), (&[0; 16], 0o200)] {
+        half_made(&counter[0], content, mode);
+        assert!(comes_up(config).end("-TERM").success());
+    }
+}
+
+/// The arm `dd2` on its bus, for as long as a test moves it.
+struct Side {
+    bus: Bus,
+    states: rivet_ipc_schema::Publisher<rivet_ipc_schema::JointState>,
+    arm: Arm,
+    seq: u64,
+}
+
+impl Side {
+    fn new(config: &BusConfig) -> Side {
+        let bus = Bus::open(config, &RobotName::new("dd2").expect("a name"), "test-robot").expect("the bus");
+        let states = bus.joint_state_publisher().expect("a publisher");
+        let arm = Arm::new(&rivet_config::load(robot("dd2")).expect("the arm is there"));
+        Side { bus, states, arm, seq: 0 }
+    }
+
+    fn go(&mut self, samples: u64) {
+        for _ in 0..samples {
+            self.seq += 1;
+            self.states.send(&self.arm.at(self.seq)).expect("sent");
+            std::thread::sleep(Duration::from_micros(100));
+        }
+    }
+}
+
+/// How a request to save ended, in words.
+fn save(client: &ControlClient) -> (ControlStatus, String) {
+    let reply = client.ask(ControlCommand::Save, Duration::from_secs(10)).expect("asked").expect("answered");
+    (ControlStatus::try_from(reply.status).expect("known"), reply.text().into_owned())
+}
+
+/// What could not be stored is stored as soon as it can, though no sample has come since; and what was forgotten by request
+/// is not, nor taken up by a successor.
+#[test]
+fn a_write_that_failed_is_made_up_for_and_a_reset_lasts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, said) = (folder.path().join("state"), folder.path().join("said"));
+    let hash = rivet_config::load(robot("dd2")).expect("the arm is there").hash;
+    // Nothing can be renamed over a folder; nor is a pipe read.
+    let slots = [0, 1].map(|slot| state.join(format!("dd2.{slot}.state")));
+    std::fs::create_dir_all(&slots[0]).expect("made");
+    assert!(Command::new("mkfifo").arg(&slots[1]).status().expect("mkfifo is there").success());
+    let private = PrivateBus::new("made-up");
+    let mut side = Side::new(private.config());
+    let client = side.bus.control_client().expect("a client");
+    let start = || Process::start(daemon(&robot("dd2"), private.config(), &said).arg("--state").arg(&state));
+    let mut process = start();
+    eventually("rivetd listens", || (side.states.subscribers() > 0).then_some(()));
+    std::fs::remove_file(&slots[1]).expect("removed");
+    std::fs::create_dir(&slots[1]).expect("made");
+    eventually("something is worth storing, and cannot be", || {
+        side.go(1000);
+        (save(&client).0 == ControlStatus::Failed).then_some(())
+    });
+    slots.iter().for_each(|slot| std::fs::remove_dir(slot).expect("removed"));
+    let (status, text) = save(&client);
+    assert_eq!(status, ControlStatus::Done, "{text}");
+    assert!(Store::reader(&state, "dd2").load(hash).knowledge.is_some());
+
+    side.go(1000);
+    client.ask(ControlCommand::Reset, Duration::from_secs(10)).expect("asked").expect("answered");
+    let (status, text) = save(&client);
+    assert_ne!(status, ControlStatus::Done, "{text}");
+    assert!(process.end("-TERM").success());
+    assert!(Store::reader(&state, "dd2").load(hash).knowledge.is_none(), "forgotten is forgotten");
+    assert!(state.join("dd2.1.state-before-reset").is_file(), "but it can be put back");
+    let text = std::fs::read_to_string(&said).expect("it said something");
+    assert!(text.contains("it is no file"), "{text}");
+}
+
+fn ask(config: &BusConfig, file: &Path, command: &str) -> Output {
+    let mut rivet = rivet();
+    rivet.args(["control", "--prefix", &config.prefix, "--root"]).arg(&config.root).arg(file).arg(command);
+    rivet.output().expect("the program starts")
+}
+
+/// A mistake in the robot file keeps nobody from asking the daemon that runs: a reload is refused by the daemon, with the rule, and the
+/// rest works.
+#[test]
+fn a_file_with_a_mistake_reaches_the_daemon() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("robot.toml");
+    std::fs::copy(robot("dd2").with_file_name("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    let text = std::fs::read_to_string(robot("dd2")).expect("read");
+    std::fs::write(&file, &text).expect("written");
+    let private = PrivateBus::new("mistake");
+    let said = folder.path().join("said");
+    let mut process = Process::start(&mut daemon(&file, private.config(), &said));
+    let health = two_link::bus(private.config(), "test-onlooker").health_subscriber().expect("a subscriber");
+    eventually("it reports", || health.receive().expect("received"));
+    std::fs::write(&file, text.replace("[estimator]", "[estimator]\nwindow_s = -1")).expect("written");
+    let reload = ask(private.config(), &file, "reload");
+    let why = String::from_utf8_lossy(&reload.stderr);
+    assert!(!reload.status.success() && why.contains("window_s") && why.contains("refused"), "{why}");
+    assert!(ask(private.config(), &file, "freeze").status.success());
+    std::fs::write(&file, text.replace("name = ", "nam = ")).expect("written");
+    let nameless = ask(private.config(), &file, "freeze");
+    let why = String::from_utf8_lossy(&nameless.stderr);
+    assert!(nameless.status.code() == Some(78) && why.contains("name"), "{why}");
+    assert!(process.end("-TERM").success());
+    let text = std::fs::read_to_string(&said).expect("it said something");
+    assert!(text.contains("window_s"), "the daemon has said so as well: {text}");
+}
+
+#[test]
+fn words_that_are_none_end_with_the_code_that_is_not_tried_again() {
+    let mut command = daemon(&robot("dd2"), &BusConfig::default(), Path::new("/dev/null"));
+    let status = command.arg("--bogus").stdout(Stdio::null()).status().expect("the program starts");
+    assert_eq!(status.code(), Some(64));
+}
