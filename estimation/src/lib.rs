@@ -31,6 +31,7 @@ mod memory;
 mod noise;
 mod observer;
 pub mod offline;
+mod operations;
 mod reference;
 mod repetition;
 mod report;
