@@ -59,6 +59,12 @@ fn the_number_of_operations_does_not_depend_on_the_data() {
     };
     let still = || [vec![0.0; P * N], vec![0.0; P * N], vec![0.0; P]];
     let against = |[z, d, tau]: [Vec<f64>; 3]| [z, d.iter().map(|d| -d).collect(), tau];
+    // Pivots are as promised, the solution is not: no step is taken.
+    let mixed = |[z, _, tau]: [Vec<f64>; 3]| {
+        let after = |i: usize| if i % N + 1 < N { 5.0 * z[i + 1] } else { 0.0 };
+        let d = z.iter().enumerate().map(|(i, x)| x + after(i)).collect();
+        [z, d, tau]
+    };
     let usual = run(|_| rich(1.0));
     assert!(usual.active[1] < N / 2 && usual.active[2] == N, "it begins with little and ends with everything");
     let most = usual.periods.iter().map(|[adds, _]| *adds).max().expect("periods");
@@ -75,10 +81,11 @@ fn the_number_of_operations_does_not_depend_on_the_data() {
         ("against the motion", run(|_| against(rich(1.0)))),
         (
             "by turns",
-            run(|k| match k / 40 % 4 {
+            run(|k| match k / 40 % 5 {
                 0 => rich(1.0),
                 1 => parallel(rich(3.0)),
                 2 => still(),
+            3 => mixed(rich(1.0)),
                 _ => against(rich(0.3)),
             }),
         ),
