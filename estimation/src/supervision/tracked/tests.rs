@@ -85,7 +85,7 @@ fn the_number_of_operations_does_not_depend_on_the_data() {
                 0 => rich(1.0),
                 1 => parallel(rich(3.0)),
                 2 => still(),
-            3 => mixed(rich(1.0)),
+                3 => mixed(rich(1.0)),
                 _ => against(rich(0.3)),
             }),
         ),
