@@ -15,6 +15,7 @@
 //! A building block; the daemon does not use it.
 
 use crate::eigen::SymmetricEigen;
+use crate::kernels::{Part, add_products};
 use crate::linear::{Lu, axpy, dot};
 use crate::scales::{LaneScratch, Scales, Whitening, workload};
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Parameter, Workspace};
@@ -249,15 +250,11 @@ impl Bank {
         add(&mut self.squares[self.block], mean(&off));
         self.blocks[self.block] = if full { 1 } else { self.blocks[self.block] + 1 };
         let lambda = self.settings.forgetting;
-        for sums in [&mut self.m, &mut self.s, &mut self.y] {
-            sums.iter_mut().for_each(|sum| *sum *= lambda);
-        }
-        for (j, (d, z)) in d.chunks_exact(n).zip(z.chunks_exact(n)).enumerate() {
-            for (i, &zi) in z.iter().enumerate() {
-                axpy(zi, d, &mut self.m[i * n..(i + 1) * n]);
-                axpy(zi, z, &mut self.s[i * n..(i + 1) * n]);
-            }
-            axpy(tau[j] / self.noise[j], z, &mut self.y);
+        add_products(&mut self.m, lambda, z, d, n, Part::All);
+        add_products(&mut self.s, lambda, z, z, n, Part::All);
+        self.y.iter_mut().for_each(|y| *y *= lambda);
+        for ((z, tau), noise) in z.chunks_exact(n).zip(tau).zip(&self.noise) {
+            axpy(tau / noise, z, &mut self.y);
         }
         self.count = [lambda * self.count[0] + 1.0, lambda * lambda * self.count[1] + 1.0];
         self.since = self.since.saturating_add(1);

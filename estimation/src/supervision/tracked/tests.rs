@@ -77,7 +77,7 @@ fn the_number_of_operations_does_not_depend_on_the_data() {
         ("one direction", run(|_| parallel(rich(1.0)))),
         ("tiny", run(|_| rich(1e-150))),
         ("huge", run(|_| rich(1e50))),
-        ("sizes", run(|k| rich(10.0_f64.powi((k * 37 % 91) as i32 - 45)))),
+        ("sizes", run(|k| rich(10.0_f64.powi((k * 37 % 91).cast_signed() - 45)))),
         ("against the motion", run(|_| against(rich(1.0)))),
         (
             "by turns",
