@@ -224,7 +224,7 @@ impl Bank {
     }
 
     /// Takes in the rows of one instant: regressor `d` and instruments `z` (p x n row-major), torques `tau` (p). Every
-    /// candidate is judged by them first. False, and nothing changed, if a number is not finite. Allocates nothing.
+    /// candidate is judged by them first. False, and nothing changed, if a number is not finite.
     pub fn update(&mut self, d: &[f64], z: &[f64], tau: &[f64]) -> bool {
         if !d.iter().chain(z).chain(tau).all(|x| x.is_finite()) {
             return false;
@@ -261,7 +261,7 @@ impl Bank {
         true
     }
 
-    /// Makes every candidate anew from the shared vector, chooses, and moves. Of order n³; allocates nothing.
+    /// Makes every candidate anew from the shared vector, chooses, and moves. Of order n³.
     pub fn solve(&mut self) {
         let n = self.x.len();
         if self.count[0] == 0.0 {
