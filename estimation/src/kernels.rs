@@ -5,6 +5,7 @@
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
 use crate::linear::{axpy, dot, packed};
+use crate::operations::multiply_adds;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -15,6 +16,7 @@ pub(crate) type Lanes = [f64; MAX_JOINTS];
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
+    multiply_adds(MAX_JOINTS * n * (n + 1) / 2);
     let mut rows = (0..n).map(|i| &t[packed(i)]).zip(out.iter_mut()).enumerate();
     // Two rows at a time: one addition need not wait for the other's.
     while let Some((i, (a, out_a))) = rows.next() {
@@ -45,6 +47,7 @@ pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
+    multiply_adds(MAX_JOINTS * t.len());
     let mut rows = t.chunks_exact(n).zip(out.iter_mut());
     while let Some((a, out_a)) = rows.next() {
         let mut sum = [[0.0; MAX_JOINTS]; 2];
@@ -129,6 +132,7 @@ fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64],
             *zs = z[r * n + i];
             rows[r] = &rows[r][..n];
         }
+        multiply_adds(ROWS * m.len());
         for (j, m) in m.iter_mut().enumerate() {
             let mut sum = lambda * *m;
             for r in 0..ROWS {

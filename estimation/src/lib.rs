@@ -14,6 +14,7 @@
 //!
 //! The method is that of Schmidt & Pruefer, "Parameter identification in robot control"; numbers of sections and
 //! equations refer to it.
+pub mod bank;
 mod change;
 mod chi_square;
 mod closed_loop;
@@ -31,6 +32,7 @@ mod memory;
 mod noise;
 mod observer;
 pub mod offline;
+mod operations;
 mod reference;
 mod repetition;
 mod report;

@@ -2,6 +2,7 @@
 //!
 //! Matrices are row-major slices; inner loops run along rows.
 
+use crate::operations::multiply_adds;
 use wide::f64x4;
 
 /// How much arithmetic one step may do \[multiply-adds, roughly\]. Everything that takes n³ operations is cut into steps
@@ -15,6 +16,7 @@ pub(crate) fn items_per_step(cost: usize) -> usize {
 
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    multiply_adds(a.len());
     // Eight partial sums let the compiler use vector registers; the order of additions is fixed.
     let mut sums = [0.0; 8];
     let (x, y) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -62,6 +64,7 @@ pub(crate) fn packed(i: usize) -> std::ops::Range<usize> {
 /// `y += a·x`
 #[inline(always)]
 pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+    multiply_adds(x.len());
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
     }

@@ -3,6 +3,7 @@
 //! The reference is `eigen`, decided and solved anew with every row. Errors are torques in standard deviations of the
 //! filtered torque noise: global on the reference workload (is what is held still right?), local on the motion of now.
 
+pub mod bank;
 pub mod sift;
 pub mod workload;
 
@@ -126,32 +127,33 @@ impl Entry {
     }
 }
 
+fn estimator(workload: &Workload, kind: EstimatorKind, supervision: Supervision) -> Estimator {
+    let settings = EstimatorSettings {
+        kind,
+        forgetting: (-ROW / WINDOW).exp(),
+        deviation: None,
+        supervision,
+        prior: Prior { relative_std: 1.0 },
+        noise_known: false,
+        noise_memory: 1.25 / ROW,
+        outlier: 5.0,
+        residual_memory: WINDOW / ROW,
+        change_row_s: None,
+        correlation: workload.correlation,
+        block: 50,
+    };
+    Estimator::new(&workload.nominal, &workload.scales, &settings)
+}
+
 fn entries(workload: &Workload, options: &Options) -> Vec<Entry> {
-    let lambda = (-ROW / WINDOW).exp();
     let estimator = |kind: EstimatorKind, supervision: Supervision, steps: usize| Scheme::Estimator {
-        estimator: Box::new(Estimator::new(
-            &workload.nominal,
-            &workload.scales,
-            &EstimatorSettings {
-                kind,
-                forgetting: lambda,
-                deviation: None,
-                supervision,
-                prior: Prior { relative_std: 1.0 },
-                noise_known: false,
-                noise_memory: 1.25 / ROW,
-                outlier: 5.0,
-                residual_memory: WINDOW / ROW,
-                change_row_s: None,
-                correlation: workload.correlation,
-                block: 50,
-            },
-        )),
+        estimator: Box::new(estimator(workload, kind, supervision)),
         steps,
     };
     let unit = workload.noise[0] / workload.scales.torque_noise[0];
     let scaled: Vec<f64> = workload.nominal.iter().zip(&workload.scales.column).map(|(x, c)| x * c).collect();
     let least = 0.05 * workload.scales.torque;
+    let lambda = (-ROW / WINDOW).exp();
     let std: Vec<f64> = scaled.iter().map(|x| x.abs().max(least) / unit).collect();
     let riv = EstimatorKind::Riv;
     let schemes = [

@@ -9,6 +9,7 @@
 use crate::kernels::{Lanes, Part, add_products, full_times, times};
 use crate::linear::axpy;
 use crate::memory::Carry;
+use crate::operations::multiply_adds;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -244,6 +245,7 @@ fn turn_block(x: [f64; BLOCK], own: &[f64; BLOCK], other: &[f64; BLOCK]) -> [f64
 #[inline(always)]
 fn turn_columns(row: &mut [f64], turn: &Turn) {
     let first = turn.first;
+    multiply_adds(2 * row.len());
     let shares = turn.own[first..].as_chunks().0.iter().zip(turn.other[first..].as_chunks().0);
     for (x, (own, other)) in row[first..].as_chunks_mut::<BLOCK>().0.iter_mut().zip(shares) {
         *x = turn_block(*x, own, other);
@@ -262,6 +264,7 @@ fn turn_both(matrix: &mut [f64], turn: &Turn) {
         let place = turn.first + 2 * k;
         let (s, c) = (turn.own[place], turn.other[place]);
         let (upper, lower) = rows.split_at_mut(stride);
+        multiply_adds(8 * stride);
         if turn.first == 1 {
             (upper[0], lower[0]) = (s * upper[0] + c * lower[0], c * upper[0] - s * lower[0]);
         }
@@ -290,6 +293,7 @@ fn turn_rows(matrix: &mut [f64], turn: &Turn) {
         let place = turn.first + 2 * k;
         let (s, c) = (turn.own[place], turn.other[place]);
         let (upper, lower) = rows.split_at_mut(stride);
+        multiply_adds(4 * stride);
         for (x, y) in upper.iter_mut().zip(lower) {
             (*x, *y) = (s * *x + c * *y, c * *x - s * *y);
         }

@@ -11,6 +11,8 @@
 
 mod elimination;
 mod judgement;
+#[cfg(test)]
+mod tests;
 
 use super::Known;
 use super::rotations::Rotations;
@@ -257,19 +259,18 @@ impl Tracked {
         for (active, direction) in self.active.iter_mut().zip(&self.directions) {
             *active = direction.active;
         }
-        let mut moved = false;
-        if sound {
-            // `x ← x + Σ δ_k·v_k` over what is active: held directions do not move, to rounding.
-            self.shares.fill(0.0);
-            for (place, &k) in self.order.iter().enumerate() {
-                self.shares[k] = if self.active[k] { self.elimination.step[place] } else { 0.0 };
-            }
-            add_transposed_times(self.basis.directions(), &self.shares, &mut self.x);
-            if self.x.iter().all(|x| x.is_finite()) {
-                x.copy_from_slice(&self.x[..n]);
-                moved = self.active.iter().any(|active| *active);
-            }
+        // `x ← x + Σ δ_k·v_k` over what is active: held directions do not move, to rounding. A step that is not taken costs as
+        // much.
+        self.shares.fill(0.0);
+        for (place, &k) in self.order.iter().enumerate() {
+            self.shares[k] = if self.active[k] { self.elimination.step[place] } else { 0.0 };
         }
+        add_transposed_times(self.basis.directions(), &self.shares, &mut self.x);
+        let taken = sound && self.x.iter().all(|x| x.is_finite());
+        if taken {
+            x.copy_from_slice(&self.x[..n]);
+        }
+        let moved = taken && self.active.iter().any(|active| *active);
         self.report(active, verdict);
         // After a step that was not taken, the next one knows better what to leave out.
         self.strike();

@@ -89,11 +89,16 @@ impl Bench {
         self.base.len()
     }
 
-    /// Torque of parameters `x` in `motion`.
-    pub fn torque(&mut self, motion: Motion<'_>, x: &[f64]) -> Vec<f64> {
+    /// Regressor of `motion` in base parameters, a row a joint.
+    pub fn rows(&mut self, motion: Motion<'_>) -> &[f64] {
         self.model.regressor(&mut self.ws, motion.q, motion.qd, motion.qdd, &mut self.full);
         self.base.select(&self.full, self.model.len(), &mut self.row);
-        self.row.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum()).collect()
+        &self.row
+    }
+
+    /// Torque of parameters `x` in `motion`.
+    pub fn torque(&mut self, motion: Motion<'_>, x: &[f64]) -> Vec<f64> {
+        self.rows(motion).chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum()).collect()
     }
 
     /// Rms torque error of `x` on the reference workload, as a share of the torque, each joint weighted by its own.

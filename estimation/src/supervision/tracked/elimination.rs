@@ -1,6 +1,7 @@
 //! Elimination of the cross matrix in a given order, where a pivot may be left out when its turn comes.
 
 use crate::linear::axpy;
+use crate::operations::{multiply_adds, writes};
 use multiversion::multiversion;
 
 /// U with pivots on the diagonal, L below, rows padded with zeros. What is left out is a row and a column of the identity.
@@ -56,6 +57,7 @@ impl Elimination {
     pub(super) fn advance(&mut self, place: usize, kept: bool) {
         let stride = self.stride;
         if !kept {
+            writes(stride + place);
             let row = &mut self.lu[place * stride..(place + 1) * stride];
             // Factors of places before it are no longer wanted either: it has no equation.
             row.fill(0.0);
@@ -112,6 +114,7 @@ fn eliminate_pair(lu: &mut [f64], step: &mut [f64], stride: usize, place: usize,
         let f = row[place] * scale[0];
         let g = (row[place + 1] - f * between) * scale[1];
         (row[place], row[place + 1]) = (f, g);
+        multiply_adds(2 * (row.len() - from) + 4);
         for ((x, a), b) in row[from..].iter_mut().zip(first).zip(second) {
             *x -= f * a + g * b;
         }
@@ -125,6 +128,7 @@ fn later_shares(u: &[f64], x: &[f64], v: &[f64]) -> [f64; 2] {
     let (mut known, mut later) = ([0.0; 4], [0.0; 4]);
     let (us, rest) = u.as_chunks::<4>();
     let from = u.len() - rest.len();
+    multiply_adds(2 * u.len());
     for ((u, x), v) in us.iter().zip(x.as_chunks::<4>().0).zip(v.as_chunks::<4>().0) {
         for i in 0..4 {
             known[i] += u[i] * x[i];

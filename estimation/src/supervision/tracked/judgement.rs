@@ -1,5 +1,6 @@
 //! What the entries between the directions say about each of them.
 
+use crate::operations::multiply_adds;
 use multiversion::multiversion;
 
 /// Partial sums that a vector register holds; their order is fixed.
@@ -51,6 +52,7 @@ pub(super) struct Share {
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Share {
     let own = diagonal.value[k];
+    multiply_adds(3 * row.len());
     let (mut stronger, mut held, mut above) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     let blocks = row.as_chunks::<LANES>().0.iter().zip(diagonal.value.as_chunks::<LANES>().0);
     let others = diagonal.inverse.as_chunks::<LANES>().0.iter().zip(diagonal.held.as_chunks::<LANES>().0);
