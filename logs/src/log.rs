@@ -286,7 +286,7 @@ fn check_values(name: &str, values: &[f64], rows: usize) -> Result<(), LogFault>
     if values.len() != rows {
         return Err(LogFault::Length { column: column(), rows: values.len(), expected: rows });
     }
-    match values.iter().position(|v| !(v.abs() <= LARGEST)) {
+    match values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
         None => Ok(()),
         Some(k) if values[k].is_finite() => {
             Err(LogFault::Beyond { column: column(), row: k + 1, value: values[k], limit: LARGEST })
