@@ -61,10 +61,10 @@ impl Latest {
     }
 
     /// What could not be stored is news still, unless there are newer ones.
-    fn put_back(&self, set: Parameters) {
+    fn put_back(&self, set: &Parameters) {
         let mut waiting = self.waiting();
         if !waiting.forgotten {
-            waiting.set.get_or_insert(set);
+            waiting.set.get_or_insert(*set);
         }
     }
 
@@ -160,7 +160,7 @@ impl Keeper {
                         log::info!(rivet_event = "state-set-aside"; "reset: kept aside as {}", path.display());
                     }),
                     Err(why) => {
-                        log::error!(rivet_event = "state-not-stored"; "what was stored stays in spite of the reset: {why}")
+                        log::error!(rivet_event = "state-not-stored"; "what was stored stays in spite of the reset: {why}");
                     }
                 }
             }
@@ -198,7 +198,7 @@ impl Keeper {
                 {
                     let saved = self.store.save(&knowledge);
                     if saved.is_err() {
-                        latest.put_back(news);
+                        latest.put_back(&news);
                     }
                     if owed {
                         owed = false;

@@ -31,4 +31,4 @@ pub use outbound::Outbound;
 pub use progress::{Progress, Snapshot};
 pub use reload::Incoming;
 pub use shell::{Options, run};
-pub use snapshot::Snapshots;
+pub use snapshot::{Asking, Snapshots, snapshots};

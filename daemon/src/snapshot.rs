@@ -59,14 +59,14 @@ impl Snapshots {
 }
 
 /// The store's end.
-pub(crate) struct Asking {
+pub struct Asking {
     wanted: Arc<AtomicBool>,
     empty: rtrb::Producer<Snapshot>,
     filled: rtrb::Consumer<Snapshot>,
 }
 
 /// Both ends, for a core whose memory has `length` numbers.
-pub(crate) fn snapshots(length: usize) -> (Asking, Snapshots) {
+pub fn snapshots(length: usize) -> (Asking, Snapshots) {
     let wanted = Arc::new(AtomicBool::new(false));
     let (mut empty, empty_end) = rtrb::RingBuffer::new(BUFFERS);
     let (filled_end, filled) = rtrb::RingBuffer::new(BUFFERS);
@@ -81,8 +81,13 @@ pub(crate) fn snapshots(length: usize) -> (Asking, Snapshots) {
 
 impl Asking {
     /// Has the loop fill a buffer at its next turn.
-    pub(crate) fn ask(&self) {
+    pub fn ask(&self) {
         self.wanted.store(true, Ordering::Release);
+    }
+
+    /// Whether a buffer has been filled; it is given back as it is.
+    pub fn is_answered(&mut self) -> bool {
+        self.with(|_| ()).is_some()
     }
 
     /// Works on a filled buffer, if there is one, and gives it back.

@@ -131,7 +131,9 @@ fn align(runs: &mut [Prepared], nominal: &Nominal, typical: &Typical) -> Option<
     let step = ((LATEST_S / period_s) / most as f64).round().max(1.0) as isize;
     let mut best = (f64::INFINITY, 0);
     for shift in (-most..=most).map(|k| k * step) {
-        runs.iter_mut().for_each(|run| run.shift_torque(shift));
+        for run in &mut *runs {
+            run.shift_torque(shift);
+        }
         let train: Vec<&Prepared> = runs.iter().collect();
         let mut law = Law::new(&train, nominal, typical);
         let mut left = 0.0;
@@ -144,7 +146,9 @@ fn align(runs: &mut [Prepared], nominal: &Nominal, typical: &Typical) -> Option<
             best = (left, shift);
         }
     }
-    runs.iter_mut().for_each(|run| run.shift_torque(best.1));
+    for run in runs {
+        run.shift_torque(best.1);
+    }
     Some(best.1 as f64 * period_s)
 }
 

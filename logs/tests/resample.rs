@@ -120,7 +120,9 @@ fn rows_that_would_be_made_out_of_next_to_nothing_are_refused() {
 #[test]
 fn the_wildest_log_that_is_taken_stays_finite() {
     let mut t = uniform(60, 0.001);
-    t.iter_mut().for_each(|t| *t -= 100.0);
+    for t in &mut t {
+        *t -= 100.0;
+    }
     t[1] = t[0] + 1.1e-9;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("run.parquet");

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let mut line = Progress::new("laws of friction", 100);
     let ladder =
         friction_ladder(&robot.model, &robot.nominal, &folds, robot.config.signal.model_filter_hz, &mut |done, of| {
-            line.set(100 * done / of)
+            line.set(100 * done / of);
         });
     line.done();
     let ladder = ladder?;

@@ -4,7 +4,7 @@
 mod watch;
 
 use rivet_config::Trigger;
-use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, Snapshots};
+use rivet_daemon::{Asking, Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, snapshots};
 use rivet_ipc_schema::{
     Bus, ControlCommand, HISTOGRAM_BINS, Health, JointState, LoadLevel, Notifier, PHASES, Parameters, PrivateBus,
     Publisher, RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
@@ -23,6 +23,9 @@ const WORK: &[i64] = &[libc::SYS_getrusage];
 const TIMER_WAIT: &[i64] = &[libc::SYS_clock_nanosleep];
 const SAMPLE_WAIT: &[i64] = &[libc::SYS_pselect6, libc::SYS_recvfrom];
 
+/// Samples from one question of the store's to the next.
+const ASK_EVERY: u64 = 500;
+
 /// The loop and the robot's side of the bus, on one thread: period after period.
 struct Bench {
     turning: RealTimeLoop,
@@ -33,6 +36,9 @@ struct Bench {
     states: Publisher<JointState>,
     setpoints: Publisher<Setpoint>,
     seq: u64,
+    /// What asks for all that the estimator knows, and how often it was answered.
+    asking: Asking,
+    answers: u64,
     /// System calls of the work so far, all of them allowed ones.
     calls: u32,
     parameters: Option<Parameters>,
@@ -62,7 +68,7 @@ impl Bench {
             realtime: RealTimeSettings::default(),
         };
         let (producer, outbound) = rtrb::RingBuffer::new(64);
-        let snapshots = Snapshots::none();
+        let (asking, snapshots) = snapshots(core.memory_len());
         let (commands, requests) = rtrb::RingBuffer::new(16);
         let progress = Arc::new(Progress::default());
         let folder = tempfile::tempdir().expect("a folder");
@@ -80,6 +86,8 @@ impl Bench {
             states: bus.joint_state_publisher().expect("a publisher"),
             setpoints: bus.setpoint_publisher().expect("a publisher"),
             seq: 0,
+            asking,
+            answers: 0,
             calls: 0,
             parameters: None,
             sets: Vec::new(),
@@ -94,6 +102,11 @@ impl Bench {
     /// Publishes a sample, and takes what was handed over.
     fn feed(&mut self) {
         self.seq += 1;
+        // The store asks a thousand times as often as it would.
+        if self.seq.is_multiple_of(ASK_EVERY) {
+            self.asking.ask();
+        }
+        self.answers += u64::from(self.asking.is_answered());
         let (state, setpoint) = sample(self.seq);
         self.setpoints.send(&setpoint).expect("sent");
         self.states.send(&state).expect("sent");
@@ -245,6 +258,7 @@ fn guarded(label: &str, period: Duration, trigger: Trigger) {
     let phases = if trigger == Trigger::Timer { &counts[..] } else { &counts[1..] };
     assert!(phases.iter().all(|&count| count > 50_000), "every phase is timed: {counts:?}");
     assert_eq!(timing.count as usize, WORST_PERIODS);
+    assert!(bench.answers > 90_000 / ASK_EVERY, "what the store asks for is part of the periods: {}", bench.answers);
     assert!(bench.calls >= 400, "the one allowed call is made with every message: {}", bench.calls);
 
     // What the guards see when something creeps in, in one period of a hundred.
