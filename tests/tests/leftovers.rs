@@ -49,7 +49,9 @@ fn what_a_killed_process_left_half_made_keeps_nobody_from_starting() {
     assert_eq!(counter.len(), 1, "{counter:?}");
     assert!(first.end("-TERM").success());
     for content in [&b""[..], b"half of a description"] {
-        made.iter().for_each(|path| half_made(path, content, 0o600));
+        for path in &made {
+            half_made(path, content, 0o600);
+        }
         assert!(comes_up(config).end("-TERM").success());
     }
     for (content, mode) in [(&[][..], 0o600), (&[0; 8], 0o200), (&[0; 16], 0o200)] {
@@ -112,7 +114,9 @@ fn a_write_that_failed_is_made_up_for_and_a_reset_lasts() {
         side.go(1000);
         (save(&client).0 == ControlStatus::Failed).then_some(())
     });
-    slots.iter().for_each(|slot| std::fs::remove_dir(slot).expect("removed"));
+    for slot in &slots {
+        std::fs::remove_dir(slot).expect("removed");
+    }
     let (status, text) = save(&client);
     assert_eq!(status, ControlStatus::Done, "{text}");
     assert!(Store::reader(&state, "dd2").load(hash).knowledge.is_some());
