@@ -63,7 +63,7 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     let pooled = |squares: &[f64], scale: &dyn Fn(usize) -> f64| {
         (squares.iter().enumerate().map(|(j, s)| s / scale(j).powi(2)).sum::<f64>() / n as f64).sqrt()
     };
-    let points: Vec<RolloutPoint> = HORIZONS_S
+    let mut points: Vec<RolloutPoint> = HORIZONS_S
         .iter()
         .enumerate()
         .map(|(h, horizon_s)| RolloutPoint {
@@ -74,10 +74,25 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
             torque_after: pooled(&after.torque[h], &|j| torque[j]),
         })
         .collect();
+    let ran_away = end_where_one_ran_away(&mut points);
     let end = points.last()?;
+    let not_simulated: Vec<String> = corrected.left_out().into_iter().chain(ran_away.clone()).collect();
     let less = |before: f64, after: f64| after < (1.0 - CLOSER) * before;
     let closer = less(end.position_before_rad, end.position_after_rad) && less(end.torque_before, end.torque_after);
-    Some(Rollout { closer, starts: starts.len(), not_simulated: corrected.left_out(), points })
+    Some(Rollout { closer: closer && ran_away.is_none(), starts: starts.len(), not_simulated, points })
+}
+
+/// Leaves out the horizons that a simulated arm did not reach in finite numbers, and says so: a law that was found at the speeds
+/// of a log may drive an arm beyond them, as friction does that falls with speed.
+fn end_where_one_ran_away(points: &mut Vec<RolloutPoint>) -> Option<String> {
+    let reached = |p: &&RolloutPoint| {
+        [p.position_before_rad, p.position_after_rad, p.torque_before, p.torque_after].iter().all(|e| e.is_finite())
+    };
+    let kept = points.iter().take_while(reached).count();
+    let lost = points.get(kept)?.horizon_s;
+    points.truncate(kept);
+    let from = points.last().map_or(0.0, |last| last.horizon_s);
+    Some(format!("between {from} and {lost} s a simulated arm ran away: what is told ends before"))
 }
 
 /// Position gain \[N·m/rad\] and velocity gain \[N·m·s/rad\] of each joint: a critically damped loop on its mean inertia.
@@ -132,4 +147,28 @@ fn errors(
         }
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn horizons_that_an_arm_did_not_reach_are_left_out_and_that_is_said() {
+        let point = |horizon_s: f64, after: f64| RolloutPoint {
+            horizon_s,
+            position_before_rad: 0.1,
+            position_after_rad: after,
+            torque_before: 0.1,
+            torque_after: 0.1,
+        };
+        let mut points = vec![point(0.1, 0.01), point(0.5, f64::INFINITY), point(1.0, f64::NAN)];
+        let said = end_where_one_ran_away(&mut points).expect("said");
+        assert!(said.contains("between 0.1 and 0.5 s"), "{said}");
+        assert_eq!(points, [point(0.1, 0.01)]);
+        assert_eq!(end_where_one_ran_away(&mut points), None);
+        // None is left: there is nothing to tell.
+        let mut points = vec![point(0.1, f64::NAN)];
+        assert!(end_where_one_ran_away(&mut points).is_some() && points.is_empty());
+    }
 }

@@ -11,7 +11,7 @@ pub struct Rollout {
     pub closer: bool,
     /// Instants that it was started from.
     pub starts: usize,
-    /// Effects that the simulator does not have.
+    /// Effects that the simulator does not have, and where a simulated arm ran away.
     pub not_simulated: Vec<String>,
     /// By horizon.
     pub points: Vec<RolloutPoint>,
