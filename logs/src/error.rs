@@ -125,7 +125,7 @@ pub enum LogFault {
         joints: usize,
     },
     /// A number that no signal of an arm has: sums with it would soon be infinite.
-    #[error("column {column}, row {row}: {value}; no value may be beyond {limit:e} (s, rad, N m, A)")]
+    #[error("column {column}, row {row}: {value:e}; no value may be beyond {limit:e} (s, rad, N m, A)")]
     Beyond {
         /// Name of the column.
         column: String,

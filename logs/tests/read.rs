@@ -132,7 +132,7 @@ fn every_broken_rule_names_column_row_value_and_rule() {
         (
             change(&|c| c[2].1[4] = "-1e13".to_owned()),
             two,
-            "run.csv: column q2, row 5: -10000000000000; no value may be beyond 1e12 (s, rad, N m, A)",
+            "run.csv: column q2, row 5: -1e13; no value may be beyond 1e12 (s, rad, N m, A)",
         ),
         (
             change(&|c| c[4].1[6] = "0,5".replace(',', ";")),
