@@ -21,15 +21,14 @@ pub(crate) struct OnBus {
 }
 
 impl OnBus {
-    /// The bus that `robot` is on.
-    pub(crate) fn config(&self, robot: &rivet_config::Robot) -> BusConfig {
-        bus_of(robot, self.prefix.as_deref(), self.root.as_deref())
+    /// The robot file's `bus`, unless told otherwise.
+    pub(crate) fn config(&self, bus: &rivet_config::Bus) -> BusConfig {
+        bus_of(bus, self.prefix.as_deref(), self.root.as_deref())
     }
 }
 
-/// The bus that `robot` is on, unless told otherwise.
-pub(crate) fn bus_of(robot: &rivet_config::Robot, prefix: Option<&str>, root: Option<&Path>) -> BusConfig {
-    let bus = &robot.config.bus;
+/// The robot file's `bus`, unless told otherwise.
+pub(crate) fn bus_of(bus: &rivet_config::Bus, prefix: Option<&str>, root: Option<&Path>) -> BusConfig {
     BusConfig {
         prefix: prefix.map_or_else(|| bus.prefix.clone(), str::to_owned),
         root: root.map_or_else(|| bus.root.clone(), Path::to_owned),
@@ -66,11 +65,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let (name, at) = rivet_config::address(&args.bus.robot)?;
     let name = RobotName::new(&name)?;
-    let config = BusConfig {
-        prefix: args.bus.prefix.clone().unwrap_or(at.prefix),
-        root: args.bus.root.clone().unwrap_or(at.root),
-    };
-    let bus = Bus::open(&config, &name, "rivet-control")?;
+    let bus = Bus::open(&args.bus.config(&at), &name, "rivet-control")?;
     let command = match args.command {
         Word::Freeze => ControlCommand::Freeze,
         Word::Resume => ControlCommand::Resume,

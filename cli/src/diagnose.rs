@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let mut logs = args.logs.clone();
     if let Some(seconds) = args.live {
         let path = args.keep.clone().unwrap_or_else(|| folder.path().join("live.parquet"));
-        live::record(&robot, &bus_of(&robot, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
+        live::record(&robot, &bus_of(&robot.config.bus, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
         logs.push(path);
     }
     let mut sources = Vec::new();

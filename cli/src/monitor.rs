@@ -36,7 +36,7 @@ const GRACE: Duration = Duration::from_millis(200);
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.bus.robot)?;
-    let config = args.bus.config(&robot);
+    let config = args.bus.config(&robot.config.bus);
     let bus = Bus::open(&config, &RobotName::new(&robot.config.name)?, "rivet-monitor")?;
     let ports = Ports::open(&bus)?;
     let mut snapshot = Snapshot::new(&robot, &config);
