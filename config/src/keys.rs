@@ -421,7 +421,7 @@ pub const KEYS: &[Key] = &[
     key("controller", "parameter_timeout_s", Number, "s", Within(0.01, 600.0), Derived("1 s, at least five publications"),
         "Age at which a published set is too old; without an acceptable one for this long the last good parameters act."),
     key("controller", "return_after", Integer, "sets", Within(1.0, 1000.0), Fallback::Integer(5),
-        "Acceptable sets in a row after which published parameters act (again)."),
+        "Acceptable sets in a row, apart enough to be judged by other torques, after which published parameters act (again)."),
 
     key("simulation", "torque_noise", PerJointOrOne, "N m", Within(0.0, 1e5), Fallback::Number(0.0),
         "Standard deviation of the white noise on the published torque."),

@@ -153,11 +153,13 @@ impl Core {
         let rates = rates.unwrap_or_else(|| robot.config.drive.torque_limit.iter().map(|limit| 10.0 * limit).collect());
         let step = rates.iter().map(|rate| rate * period_s).collect();
         let timeout = (settings.parameter_timeout_s / period_s).ceil() as u64;
+        let recent = Recent::new(robot)?;
+        let (row, apart) = (settings.return_after as u32, recent.periods_between());
         Ok(Core {
             gate: Gate::new(robot, &mut law),
             law,
-            recent: Recent::new(robot)?,
-            sources: Sources::new(&nominal, timeout, settings.return_after as u32, period_s),
+            recent,
+            sources: Sources::new(&nominal, timeout, row, apart, period_s),
             output: Output::new(Limits { torque: torque_limits(robot), step }),
             clock: SampleClock::new(period_s),
             confirmed: false,
@@ -269,7 +271,10 @@ impl Core {
             return Ok(());
         }
         let candidate = self.recent.predict(values);
-        for reference in [Some(target), self.sources.last_good(), Some(self.sources.nominal())].into_iter().flatten() {
+        // Where the robot file's values are poor, much is no worse than they are: what comes after a good set is measured by
+        // that, although it does not act yet.
+        let (kept, waiting) = (self.sources.last_good(), self.sources.waiting());
+        for reference in [Some(target), kept, waiting, Some(self.sources.nominal())].into_iter().flatten() {
             match self.recent.compare(&candidate, &self.recent.predict(&reference[..self.count])) {
                 Verdict::NoWorse => {}
                 Verdict::Worse => return Err(Refusal::PredictsWorse),

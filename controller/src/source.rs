@@ -26,19 +26,23 @@ pub(crate) struct Sources {
     reason: SourceReason,
     timeout: u64,
     return_after: u32,
+    /// Periods between two sets that count towards the row: sets that come closer are judged by the same torques.
+    apart: u64,
     patience: u64,
     /// Periods since a set was accepted, and since one came at all.
     accepted_for: u64,
     heard_for: u64,
     streak: u32,
+    /// Periods since a set last counted.
+    counted_for: u64,
     /// Periods for which the comparison with nominal has spoken for a change.
     for_change: u64,
     switches: u64,
 }
 
 impl Sources {
-    /// Starts on `nominal` parameters. `timeout` in periods, `return_after` in sets.
-    pub(crate) fn new(nominal: &Values, timeout: u64, return_after: u32, period_s: f64) -> Sources {
+    /// Starts on `nominal` parameters. `timeout` and `apart` in periods, `return_after` in sets.
+    pub(crate) fn new(nominal: &Values, timeout: u64, return_after: u32, apart: u64, period_s: f64) -> Sources {
         Sources {
             nominal: *nominal,
             last_good: None,
@@ -47,10 +51,12 @@ impl Sources {
             reason: SourceReason::Start,
             timeout,
             return_after,
+            apart,
             patience: (PATIENCE_S / period_s).ceil() as u64,
             accepted_for: u64::MAX,
             heard_for: u64::MAX,
             streak: 0,
+            counted_for: u64::MAX,
             for_change: 0,
             switches: 0,
         }
@@ -78,6 +84,11 @@ impl Sources {
 
     pub(crate) fn last_good(&self) -> Option<&Values> {
         self.last_good.as_ref()
+    }
+
+    /// The set accepted last, while it waits for its row to be long enough.
+    pub(crate) fn waiting(&self) -> Option<&Values> {
+        (self.source != ParameterSource::Live && self.alive()).then_some(&self.live)
     }
 
     pub(crate) fn source(&self) -> ParameterSource {
@@ -114,8 +125,9 @@ impl Sources {
         self.accepted_for = 0;
         self.heard_for = 0;
         self.live = *values;
-        if self.source != ParameterSource::Live {
+        if self.source != ParameterSource::Live && (self.streak == 0 || self.counted_for >= self.apart) {
             self.streak += 1;
+            self.counted_for = 0;
             if self.streak >= self.return_after {
                 self.switch(ParameterSource::Live, SourceReason::Adopted);
             }
@@ -154,6 +166,7 @@ impl Sources {
     pub(crate) fn advance(&mut self, periods: u64) {
         self.accepted_for = self.accepted_for.saturating_add(periods);
         self.heard_for = self.heard_for.saturating_add(periods);
+        self.counted_for = self.counted_for.saturating_add(periods);
         if self.source == ParameterSource::Live && self.accepted_for >= self.timeout {
             let silent = self.heard_for >= self.timeout;
             let reason = if silent { SourceReason::Silent } else { SourceReason::Refused };
@@ -184,28 +197,32 @@ mod tests {
     }
 
     fn sources() -> Sources {
-        Sources::new(&values(0.0), 100, 3, 0.001)
+        Sources::new(&values(0.0), 100, 3, 10, 0.001)
+    }
+
+    /// Sets that come with enough time between them to be judged by other torques.
+    fn accept_apart(s: &mut Sources, sets: &[f64]) {
+        for x in sets {
+            s.advance(10);
+            s.accept(&values(*x));
+        }
     }
 
     #[test]
     fn live_needs_a_row_of_acceptable_sets_and_a_silent_daemon_leaves_the_last_good_ones() {
         let mut s = sources();
         assert_eq!((s.source(), s.reason()), (ParameterSource::Nominal, SourceReason::Start));
-        s.accept(&values(1.0));
-        s.accept(&values(1.0));
+        accept_apart(&mut s, &[1.0, 1.0]);
         s.refuse();
-        s.accept(&values(1.0));
-        s.accept(&values(1.0));
+        accept_apart(&mut s, &[1.0, 1.0]);
         assert_eq!(s.source(), ParameterSource::Nominal, "the row was broken");
-        s.accept(&values(2.0));
+        accept_apart(&mut s, &[2.0]);
         assert_eq!((s.source(), s.target()[0]), (ParameterSource::Live, 2.0));
         s.advance(99);
         assert_eq!(s.source(), ParameterSource::Live);
         s.advance(1);
         assert_eq!((s.source(), s.reason(), s.target()[0]), (ParameterSource::LastGood, SourceReason::Silent, 2.0));
-        for x in [3.0, 4.0, 5.0] {
-            s.accept(&values(x));
-        }
+        accept_apart(&mut s, &[3.0, 4.0, 5.0]);
         assert_eq!((s.source(), s.target()[0]), (ParameterSource::Live, 5.0));
         for _ in 0..100 {
             s.refuse();
@@ -215,11 +232,34 @@ mod tests {
     }
 
     #[test]
+    fn sets_that_the_same_torques_judge_count_once_and_the_last_waits() {
+        let mut s = sources();
+        assert_eq!(s.waiting(), None);
+        for x in 1..=9 {
+            s.accept(&values(f64::from(x)));
+            s.advance(1);
+        }
+        assert_eq!((s.source(), s.waiting().map(|x| x[0])), (ParameterSource::Nominal, Some(9.0)));
+        accept_apart(&mut s, &[2.0]);
+        assert_eq!(s.source(), ParameterSource::Nominal, "two have counted");
+        s.advance(9);
+        s.accept(&values(3.0));
+        assert_eq!(s.source(), ParameterSource::Nominal, "not yet apart");
+        s.advance(1);
+        s.accept(&values(4.0));
+        assert_eq!((s.source(), s.waiting()), (ParameterSource::Live, None));
+        s.advance(100);
+        assert_eq!(
+            (s.source(), s.waiting()),
+            (ParameterSource::LastGood, None),
+            "what was accepted long ago does not wait"
+        );
+    }
+
+    #[test]
     fn what_is_no_arm_here_gives_way_at_once_and_is_not_kept() {
         let mut s = sources();
-        for _ in 0..3 {
-            s.accept(&values(1.0));
-        }
+        accept_apart(&mut s, &[1.0, 1.0, 1.0]);
         s.keep();
         s.accept(&values(2.0));
         s.distrust(true);
@@ -230,9 +270,7 @@ mod tests {
         assert_eq!((s.target()[0], s.last_good()), (0.0, None));
         s.distrust(false);
         assert_eq!(s.switches(), 3, "nominal stays");
-        for _ in 0..3 {
-            s.accept(&values(3.0));
-        }
+        accept_apart(&mut s, &[3.0, 3.0, 3.0]);
         s.distrust(false);
         assert_eq!((s.source(), s.last_good()), (ParameterSource::Nominal, None), "live, with nothing sound behind it");
     }
