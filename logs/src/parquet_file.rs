@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use parquet::basic::{Compression, Repetition, Type as PhysicalType, ZstdLevel};
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::column::page::{Page, PageMetadata, PageReader};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{DataType, DoubleType};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::ParquetMetaData;
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
@@ -29,8 +31,10 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
 
 fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
     let file = File::open(path).map_err(|e| LogFault::Io(e).at(path))?;
+    let bytes = file.metadata().map_err(|e| LogFault::Io(e).at(path))?.len();
     let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    ensure_plausible(reader.metadata(), bytes).map_err(|e| fault(&e).at(path))?;
     let mut table = Table::default();
     for (k, column) in schema.columns().iter().enumerate() {
         let name = column.path().string();
@@ -49,7 +53,9 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
                 let why = format!("column \"{name}\" lies before the beginning of the file");
                 return Err(fault(&ParquetError::General(why)).at(path));
             }
-            let cells = group.get_column_reader(k).map_err(|e| fault(&e).at(path))?;
+            let pages = group.get_column_page_reader(k).map_err(|e| fault(&e).at(path))?;
+            let size = if matches!(column.physical_type(), PhysicalType::FLOAT | PhysicalType::INT32) { 4 } else { 8 };
+            let cells = get_column_reader(column.clone(), Box::new(Checked { pages, size }));
             let levels = column.max_def_level();
             let done = match cells {
                 ColumnReader::DoubleColumnReader(r) => append(r, rows, levels, |v| *v, &mut values),
@@ -70,6 +76,61 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
     Ok(table)
 }
 
+/// Cells that a byte of the file may stand for. Values that never change take next to none, but time goes on.
+const CELLS_A_BYTE: u64 = 4096;
+
+/// Rows are claimed by a few bytes, and may be of values that repeat: without a limit a small file fills all memory.
+fn ensure_plausible(metadata: &ParquetMetaData, bytes: u64) -> Result<(), ParquetError> {
+    let claimed = metadata.row_groups().iter().fold(0_u64, |sum, group| {
+        let cells = u64::try_from(group.num_rows()).unwrap_or(0).saturating_mul(group.num_columns() as u64);
+        sum.saturating_add(cells)
+    });
+    if claimed > bytes.saturating_mul(CELLS_A_BYTE) {
+        return Err(ParquetError::General(format!("it claims {claimed} cells and has {bytes} bytes")));
+    }
+    Ok(())
+}
+
+/// Pages whose dictionaries have as many values as they say: the library sets memory aside for what they say, and where that is
+/// not to be had the process ends.
+struct Checked {
+    pages: Box<dyn PageReader>,
+    /// Bytes of a value.
+    size: usize,
+}
+
+impl PageReader for Checked {
+    fn get_next_page(&mut self) -> Result<Option<Page>, ParquetError> {
+        let page = self.pages.get_next_page()?;
+        if let Some(Page::DictionaryPage { buf, num_values, .. }) = &page
+            && buf.len() / self.size < *num_values as usize
+        {
+            let why = format!("a dictionary of {num_values} values has {} bytes", buf.len());
+            return Err(ParquetError::General(why));
+        }
+        Ok(page)
+    }
+
+    fn peek_next_page(&mut self) -> Result<Option<PageMetadata>, ParquetError> {
+        self.pages.peek_next_page()
+    }
+
+    fn skip_next_page(&mut self) -> Result<(), ParquetError> {
+        self.pages.skip_next_page()
+    }
+}
+
+impl Iterator for Checked {
+    type Item = Result<Page, ParquetError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.get_next_page().transpose()
+    }
+}
+
+/// Rows that are read at a time: what the library sets aside does not grow with what the file claims.
+const ROWS_AT_A_TIME: usize = 1 << 16;
+
 /// Appends one row group's cells of a column; a null becomes NaN.
 fn append<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
@@ -83,7 +144,7 @@ fn append<T: DataType>(
     while left > 0 {
         values.clear();
         defined.clear();
-        let (records, _, _) = reader.read_records(left, Some(&mut defined), None, &mut values)?;
+        let (records, _, _) = reader.read_records(left.min(ROWS_AT_A_TIME), Some(&mut defined), None, &mut values)?;
         if records == 0 {
             break;
         }

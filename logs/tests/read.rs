@@ -273,3 +273,34 @@ fn damaged_parquet_is_an_error_and_no_panic() {
         }
     }
 }
+
+/// Found by the same: a few bytes that claim more values than any memory holds.
+#[test]
+fn parquet_that_claims_more_than_it_has_is_refused_before_memory_is_set_aside() {
+    let folder = folder();
+    let path = folder.path().join("log.parquet");
+    let column: Vec<f64> = (0..50).map(f64::from).collect();
+    write_columns(&path, &[("t", &column), ("q1", &column), ("tau1", &column)]).expect("written");
+    let whole = std::fs::read(&path).expect("read");
+    // The header of the first dictionary, in Thrift's compact form: 50 values (field 1), their encoding (field 2).
+    let header = [0x15, 0x64, 0x15];
+    let at = whole.windows(3).position(|bytes| bytes == header).expect("a dictionary");
+    let mut bytes = whole.clone();
+    bytes.splice(at + 1..at + 2, [0xfe, 0xff, 0xff, 0xff, 0x07]);
+    std::fs::write(&path, &bytes).expect("written");
+    let why = read(&path, &ReadOptions::new(1)).expect_err("1073741823 values").to_string();
+    assert!(why.contains("a dictionary of 1073741823 values has 400 bytes"), "{why}");
+    // The number of rows of the only group stands in the footer, and at its end that of the file: 50 in eight bytes' type.
+    let at = whole.windows(2).enumerate().filter(|(_, bytes)| *bytes == [0x16, 0x64]).map(|(at, _)| at);
+    let refused = at.filter(|at| {
+        let mut bytes = whole.clone();
+        let footer = bytes.len() - 8;
+        let length = u32::from_le_bytes([bytes[footer], bytes[footer + 1], bytes[footer + 2], bytes[footer + 3]]) + 5;
+        bytes[footer..footer + 4].copy_from_slice(&length.to_le_bytes());
+        bytes.splice(at + 1..at + 2, [0x80, 0x80, 0x80, 0x80, 0x80, 0x01]);
+        std::fs::write(&path, &bytes).expect("written");
+        let why = read(&path, &ReadOptions::new(1)).err().map(|why| why.to_string());
+        why.is_some_and(|why| why.contains("it claims 51539607552 cells and has"))
+    });
+    assert!(refused.count() > 0, "no field is the rows of the group");
+}
