@@ -94,7 +94,9 @@ pub(crate) fn run(
 
 /// What is there goes on where shared memory is full; who comes cannot join, and whoever is on call should know.
 fn look_for_room(progress: &Progress) {
-    let full = match rivet_ipc_schema::ensure_room(rivet_ipc_schema::LEAST_ROOM) {
+    // Where it is just full, every service that comes and goes would be news.
+    let needed = if progress.no_room() { 2 * rivet_ipc_schema::LEAST_ROOM } else { rivet_ipc_schema::LEAST_ROOM };
+    let full = match rivet_ipc_schema::ensure_room(needed) {
         Err(why @ BusError::SharedMemoryFull { .. }) => {
             if !progress.no_room() {
                 log::error!(rivet_event = "shared-memory-full"; "{why}; samples are taken as before, but no one can join");

@@ -435,11 +435,14 @@ fn until_understood(
                 log::info!(rivet_event = "right-version"; "messages are of the right version now");
                 return Ok(ports);
             }
-            Err(why @ BusError::Version(_)) => {
-                let why = why.to_string();
-                if why != said {
-                    log::error!(rivet_event = "wrong-version"; "{why}; waits for that to end");
-                    said = why;
+            Err(why @ (BusError::Version(_) | BusError::SharedMemoryFull { .. })) => {
+                // How much room there is changes all the time, and is said once.
+                let full = matches!(why, BusError::SharedMemoryFull { .. });
+                let news = if full { "full".to_owned() } else { why.to_string() };
+                if news != said {
+                    let event = if full { "shared-memory-full" } else { "wrong-version" };
+                    log::error!(rivet_event = event; "{why}; waits for that to end");
+                    said = news;
                 }
             }
             Err(why) => return Err(Some(why)),

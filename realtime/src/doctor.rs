@@ -101,10 +101,26 @@ impl Machine {
 
     /// Every check, for a thread with these wishes.
     pub fn findings(&self, wish: &RealTimeSettings) -> Vec<Finding> {
-        let mut all = vec![self.preemption(), self.clock_source(), self.governor(), self.idle_states(wish.cpu)];
-        all.extend([self.smt(), self.isolation(wish.cpu), self.interrupts(wish.cpu), self.throttling()]);
+        let mut all = vec![self.preemption(), self.clock_source(), self.governor()];
+        match self.absent(wish.cpu) {
+            // Advice for a processor that is not there would be followed, too.
+            Some(absent) => all.push(absent),
+            None => all.extend([self.idle_states(wish.cpu), self.isolation(wish.cpu), self.interrupts(wish.cpu)]),
+        }
+        all.extend([self.smt(), self.throttling()]);
         all.extend([self.rtprio(wish.scheduling), self.memlock(wish.lock_memory), self.group(), self.hypervisor()]);
         all
+    }
+
+    fn absent(&self, cpu: Option<usize>) -> Option<Finding> {
+        let online = self.read("sys/devices/system/cpu/online")?;
+        let cpu = cpu.filter(|cpu| !list_has(&online, *cpu))?;
+        Some(Finding::change(
+            "processor",
+            Severity::Failure,
+            format!("{cpu} is wanted, {online} are there"),
+            "robot.toml: [realtime] cpu = one of those",
+        ))
     }
 
     fn preemption(&self) -> Finding {
@@ -497,6 +513,17 @@ mod tests {
         let deadline =
             RealTimeSettings { scheduling: Some(Scheduling::Deadline { runtime_ns: 1, period_ns: 2 }), ..wish() };
         assert_eq!(copy.says(&deadline, "rtprio limit").severity, Severity::Failure, "it needs the capability");
+    }
+
+    #[test]
+    fn a_processor_that_is_not_there_gets_no_advice_of_its_own() {
+        let copy = Copy::new("absent", &[("sys/devices/system/cpu/online", "0-1\n")]);
+        let wish = |cpu| RealTimeSettings { cpu: Some(cpu), ..wish() };
+        let found = copy.says(&wish(2), "processor");
+        assert_eq!((found.severity, found.found.as_str()), (Severity::Failure, "2 is wanted, 0-1 are there"));
+        let of = |cpu| Machine::at(&copy.0).findings(&wish(cpu)).iter().map(|f| f.check).collect::<Vec<_>>();
+        assert!(!of(2).contains(&"isolated processors"), "{:?}", of(2));
+        assert!(of(1).contains(&"isolated processors") && !of(1).contains(&"processor"), "{:?}", of(1));
     }
 
     #[test]

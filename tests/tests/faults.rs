@@ -267,12 +267,60 @@ fn full_shared_memory_at_the_start_is_an_error_that_says_so() {
 /// `/dev/shm` that is filled by others while the daemon works: it says so, goes on as if nothing were, and says when it is over.
 #[test]
 fn shared_memory_that_fills_up_is_named_and_costs_no_sample() {
+    run_where_memory_is_small("robot_beside_which_shared_memory_fills_up");
+}
+
+/// The same while it waits for the right version: what it waits for comes, and there is no room to join.
+#[test]
+fn a_daemon_that_waits_outlasts_full_shared_memory() {
+    run_where_memory_is_small("daemon_that_waits_while_shared_memory_fills_up");
+}
+
+fn run_where_memory_is_small(test: &str) {
     let mut inner = Command::new(std::env::current_exe().expect("a running test has a file"));
-    inner.args(["--ignored", "--exact", "--nocapture", "robot_beside_which_shared_memory_fills_up"]);
+    inner.args(["--ignored", "--exact", "--nocapture", test]);
     inner.env("RIVET_TEST_SMALL", "1");
     let Some(output) = with_shared_memory_of("160m", &inner) else { return };
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success() && said.contains("1 passed"), "{output:?}");
+}
+
+/// Takes all the shared memory there is, to the last page: the write that finds no more room is the end. It is free again
+/// when both are gone: a file takes its room until nobody has it open.
+fn fill_shared_memory() -> (std::fs::File, tempfile::TempPath) {
+    let file = tempfile::NamedTempFile::new_in("/dev/shm").expect("a file");
+    let (mut file, path) = file.into_parts();
+    let filled = std::io::copy(&mut std::io::repeat(0), &mut file).expect_err("memory has an end");
+    assert_eq!(filled.kind(), std::io::ErrorKind::StorageFull);
+    (file, path)
+}
+
+/// Not a test: what the one above runs in shared memory of its own.
+#[test]
+#[ignore = "run by a test where /dev/shm is small"]
+fn daemon_that_waits_while_shared_memory_fills_up() {
+    if std::env::var_os("RIVET_TEST_SMALL").is_none() {
+        return;
+    }
+    let private = PrivateBus::new("waitsfull");
+    let (node, service) = foreign_joint_states(private.config());
+    let log = tempfile::NamedTempFile::new().expect("a file");
+    let mut process =
+        Process::start(daemon(private.config()).stderr(Stdio::from(log.reopen().expect("the same file"))));
+    let health = bus(private.config(), "test-onlooker").health_subscriber().expect("a subscriber");
+    report(&health, "it waits", |h| h.input_fault == u32::from(InputFault::WrongVersion) && h.periods == 0);
+    let filled = fill_shared_memory();
+    drop((service, node));
+    let said = || std::fs::read_to_string(log.path()).expect("read");
+    eventually("it says what it waits for now", || said().contains("/dev/shm").then_some(()));
+    drop(filled);
+    let side = bus(private.config(), "test-robot");
+    let states = eventually("the name is free for the right version", || side.joint_state_publisher().ok());
+    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
+    send(&states, 1..=3000);
+    let after = report(&health, "all samples are taken", |h| h.seq == 3000);
+    assert_eq!((after.samples, after.lost, after.input_fault), (3000, 0, 0));
+    assert!(process.end("-TERM").success());
 }
 
 /// Not a test: what the one above runs in shared memory of its own.
@@ -290,11 +338,7 @@ fn robot_beside_which_shared_memory_fills_up() {
     eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
     send(&states, 1..=500);
     report(&health, "samples are taken", |h| h.samples == 500 && h.input_fault == 0);
-    let path = std::path::Path::new("/dev/shm/of-somebody-else");
-    // To the last page: the write that finds no more room is the end.
-    let mut file = std::fs::File::create(path).expect("a file");
-    let filled = std::io::copy(&mut std::io::repeat(0), &mut file).expect_err("memory has an end");
-    assert_eq!(filled.kind(), std::io::ErrorKind::StorageFull);
+    let filled = fill_shared_memory();
     let full = u32::from(InputFault::SharedMemoryFull);
     // Of an arm that does not send, that would be what is wrong.
     let mut seq = 500;
@@ -308,9 +352,7 @@ fn robot_beside_which_shared_memory_fills_up() {
     report_of("it is named", &|h| h.input_fault == full && h.input_faults[full as usize] == 1);
     let meanwhile = report_of("it estimates", &|h| h.active > 0 && h.seq > 3000);
     assert_eq!((meanwhile.samples, meanwhile.lost, meanwhile.dropped_messages), (meanwhile.seq, 0, 0));
-    // A file takes its room until nobody has it open.
-    drop(file);
-    std::fs::remove_file(path).expect("removed");
+    drop(filled);
     let after = report_of("it is over", &|h| h.input_fault == 0);
     assert_eq!((after.samples, after.lost, after.last_input_fault, after.mode), (after.seq, 0, full, meanwhile.mode));
 }
