@@ -10,7 +10,7 @@ use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors};
 use crate::reader::{RawParameter, Reader};
-use crate::sections::{self, Bus, RobotConfig};
+use crate::sections::{self, Bus, RobotConfig, read};
 use crate::supervision::supervision;
 
 /// A robot file with the model it describes.
@@ -79,7 +79,7 @@ pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
     let text = text_of(path)?;
     let (root, _) = DeTable::parse_recoverable(&text);
     let mut reader = Reader::new(path, &text, &root, Vec::new());
-    let found = (sections::name(&mut reader), sections::bus(&mut reader));
+    let found = (read::name(&mut reader), read::bus(&mut reader));
     if reader.is_sound("", "name") && reader.good(&[("bus", "prefix"), ("bus", "root")]) {
         return Ok(found);
     }
@@ -114,33 +114,33 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let syntax = syntax.iter().map(|e| syntax_error(path, text, e)).collect();
     let mut reader = Reader::new(path, text, &root, syntax);
 
-    let name = sections::name(&mut reader);
+    let name = read::name(&mut reader);
     let written_urdf = reader.text("", "urdf");
     if written_urdf.is_empty() && reader.is_sound("", "urdf") {
         reader.reject("", "urdf", "must name a file", "give the path of the arm's URDF, from this file's folder");
     }
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
     let sample_period_s = reader.number("", "sample_period_s");
-    let gravity = sections::gravity(&mut reader);
+    let gravity = read::gravity(&mut reader);
     let arm =
         if written_urdf.is_empty() { None } else { read_arm(&mut reader, ("", "urdf"), &urdf, &written_urdf, gravity) };
     if let Some(arm) = &arm {
         reader.set_joints(arm.joints.iter().map(|j| j.name.clone()).collect());
     }
-    let drive = sections::drive(&mut reader);
-    let mut friction = sections::friction(&mut reader);
+    let drive = read::drive(&mut reader);
+    let mut friction = read::friction(&mut reader);
     let load = load_bodies(&mut reader, &mut friction, path, gravity, arm.as_ref());
-    let coupling = sections::coupling(&mut reader);
+    let coupling = read::coupling(&mut reader);
     let effects = crate::effects::read(&mut reader, arm.as_ref().map_or(0, Arm::dof));
-    let log = sections::log(&mut reader);
-    let signal = sections::signal(&mut reader, sample_period_s);
-    let estimator = sections::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
+    let log = read::log(&mut reader);
+    let signal = read::signal(&mut reader, sample_period_s);
+    let estimator = read::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
     let supervision = supervision(&mut reader);
-    let publish = sections::publish(&mut reader);
-    let realtime = sections::realtime(&mut reader);
-    let controller = sections::controller(&mut reader, sample_period_s, publish.every);
-    let simulation = sections::simulation(&mut reader);
-    let bus = sections::bus(&mut reader);
+    let publish = read::publish(&mut reader);
+    let realtime = read::realtime(&mut reader);
+    let controller = read::controller(&mut reader, sample_period_s, publish.every);
+    let simulation = read::simulation(&mut reader);
+    let bus = read::bus(&mut reader);
     let given = reader.has_section("identified").then(|| {
         let hash = reader.text("identified", "hash");
         (hash, reader.parameters("identified", "parameters"))
