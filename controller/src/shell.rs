@@ -93,6 +93,10 @@ fn open(bus: &Bus, robot: &Robot, lockstep: bool) -> Result<Ports, BusError> {
 /// # Errors
 /// Why it did not start.
 pub fn run(options: &Options) -> Result<(), StartError> {
+    // A terminal that is closed ends what was started in it. A service goes on: an arm is not let down by who wants it to read
+    // its file anew. First of all: without it SIGHUP ends a process, and to the service manager that is a clean end.
+    let attended = std::io::stdin().is_terminal();
+    let hangup = if attended { None } else { Some(Hangup::listen().map_err(StartError::Signals)?) };
     let robot = rivet_config::load(&options.robot);
     let file = options.robot.to_string_lossy();
     let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
@@ -101,12 +105,8 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     for line in robot.model.effects_left_out() {
         log::warn!("{line}");
     }
-    // A terminal that is closed ends what was started in it. A service goes on: an arm is not let down by who wants it to read
-    // its file anew.
-    let attended = std::io::stdin().is_terminal();
     let signals = if attended { Shutdown::on_signals() } else { Shutdown::on_termination() };
     let shutdown = signals.map_err(StartError::Signals)?;
-    let hangup = if attended { None } else { Some(Hangup::listen().map_err(StartError::Signals)?) };
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
     }

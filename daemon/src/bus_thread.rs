@@ -6,12 +6,13 @@ use crate::keeper::Latest;
 use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Outcome;
+use crate::said::{Complaint, Said};
 use rivet_ipc_schema::{
     Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Drift, Health, Parameters, RobotName, Timing,
 };
 use rivet_realtime::Shutdown;
 use std::sync::mpsc::{Receiver, Sender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the queue is looked at; parameters change over seconds, so a millisecond costs nothing.
 const TURN: Duration = Duration::from_millis(1);
@@ -58,7 +59,7 @@ pub(crate) fn run(
     ready: &Sender<Result<(), StartError>>,
 ) {
     let opened = Bus::open(config, name, "rivetd-bus").and_then(|bus| open(&bus).map(|ports| (bus, ports)));
-    let (_bus, mut ports) = match opened {
+    let (bus, mut ports) = match opened {
         Ok(opened) => {
             // A receiver that is gone means that start-up failed elsewhere; the shutdown flag says so too.
             let _ = ready.send(Ok(()));
@@ -70,19 +71,25 @@ pub(crate) fn run(
         }
     };
     let mut turns = 0_u32;
-    let mut complained = false;
+    let mut complaint = Complaint::default();
+    let (mut said, mut torn) = (Said::default(), 0);
     loop {
+        progress.bus_turned();
         let stopping = shutdown.is_requested();
         let refresh = turns.is_multiple_of(TURNS_PER_REFRESH);
-        let result = turn(&mut ports, &mut outbound, &mut requests, kept, waiting, progress, refresh);
-        if let Err(why) = result
-            && !complained
-        {
-            complained = true;
-            log::warn!("{why} (said once)");
+        let result = turn(&mut ports, &mut outbound, &mut requests, kept, waiting, progress, &mut said, refresh);
+        if let Err(why) = result {
+            complaint.say(&why.to_string());
         }
         if turns.is_multiple_of(TURNS_PER_ROOM) {
             look_for_room(progress);
+            // Twice: a service that is made anew at this moment is there the next time.
+            torn = if bus.is_whole() { 0 } else { torn + 1 };
+            if torn == 2 && !stopping {
+                // Who comes now meets on another bus: to go on would be to speak to nobody.
+                let _ = ready.send(Err(BusError::Torn { root: config.root.clone() }.into()));
+                return;
+            }
         }
         if stopping {
             return;
@@ -118,6 +125,7 @@ fn turn(
     kept: Option<&Latest>,
     waiting: &Waiting,
     progress: &Progress,
+    said: &mut Said,
     refresh: bool,
 ) -> Result<(), rivet_ipc_schema::PortError> {
     while let Ok(message) = outbound.pop() {
@@ -131,6 +139,7 @@ fn turn(
                 ports.parameters.send(&parameters)?;
             }
             Outbound::Health(health) => {
+                said.take(&health, Instant::now());
                 ports.health.send(&health)?;
             }
             Outbound::Drift(drift) => {
@@ -178,6 +187,7 @@ impl Requests {
         match (command, kept) {
             // Who works on a request for another thread answers for itself: `Later` refuses a second one.
             (ControlCommand::Save | ControlCommand::Reload, _) if owes => Answer::Later,
+            (ControlCommand::Reset, Some(_)) if owes => Answer::Later,
             (ControlCommand::Save, Some(kept)) if kept.save_now() => Answer::Later,
             (ControlCommand::Save, Some(_)) => refused("there is nothing new that is worth storing"),
             (ControlCommand::Save, None) => refused("rivetd runs without --state: nothing is stored"),
@@ -187,13 +197,15 @@ impl Requests {
                 Err(_) => refused("rivetd is on its way out"),
             },
             (ControlCommand::Freeze | ControlCommand::Resume | ControlCommand::Reset, _) => {
-                if self.commands.push(command).is_ok() {
-                    if let (ControlCommand::Reset, Some(kept)) = (command, kept) {
+                if self.commands.push(command).is_err() {
+                    return Answer::Now(ControlStatus::Failed, "too many requests at once".to_owned());
+                }
+                match (command, kept) {
+                    (ControlCommand::Reset, Some(kept)) => {
                         kept.forget();
+                        Answer::Later
                     }
-                    done()
-                } else {
-                    Answer::Now(ControlStatus::Failed, "too many requests at once".to_owned())
+                    _ => done(),
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 use crate::core::Core;
 use crate::error::StartError;
+use crate::progress::Progress;
 use crate::reload::Outcome;
 use crate::snapshot::{Asking, Snapshot};
 use rivet_config::Robot;
@@ -25,7 +26,7 @@ struct Waiting {
     now: bool,
     /// Everything was forgotten: nothing counts until the estimator has begun anew.
     forgotten: bool,
-    /// What is on the disk is to be forgotten as well.
+    /// What is on the disk is to be forgotten as well, and someone waits for that.
     aside: bool,
 }
 
@@ -52,6 +53,7 @@ impl Latest {
     }
 
     /// What was learnt was forgotten by request: it is not to be stored any more. Sets that are still on the way are from before.
+    /// The keeper answers when the disk has forgotten, too. Nothing else may be under way for it: that is never answered.
     pub(crate) fn forget(&self) {
         *self.waiting() = Waiting { forgotten: true, aside: true, ..Waiting::default() };
     }
@@ -109,12 +111,16 @@ impl Keeper {
     /// Opens the store and lets `core` go on from what it holds; files of another model are set aside.
     pub(crate) fn open(folder: &Path, name: &RobotName, robot: &Robot, core: &mut Core) -> Result<Keeper, StartError> {
         let store = Store::open(folder, name.as_str())?;
-        let loaded = store.load(robot.hash);
+        let mut loaded = store.load(robot.hash);
         for (path, problem) in &loaded.problems {
             log::warn!(rivet_event = "state-refused"; "{} {problem}", path.display());
         }
         for path in store.set_others_aside(robot.hash)? {
             log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
+        }
+        for path in store.take_back(robot.hash)? {
+            log::info!(rivet_event = "state-taken-back"; "the robot file is what it was: {} is in its place again", path.display());
+            loaded = store.load(robot.hash);
         }
         match loaded.knowledge.map(|knowledge| (recall(core, &knowledge), knowledge.parameters.seq)) {
             Some((Recalled::All, seq)) => {
@@ -141,30 +147,38 @@ impl Keeper {
         mut asking: Asking,
         flight: &Flight,
         answers: &Sender<Outcome>,
+        progress: &Progress,
         shutdown: &Shutdown,
     ) {
         let mut next = Instant::now() + INTERVAL;
         // Since when the loop has been asked, and whether someone waits for an answer.
         let (mut asked, mut owed) = (None, false);
         let mut complained = false;
+        // What a reset could not move.
+        let mut remains = false;
         loop {
+            progress.store_turned();
             let stopping = shutdown.is_requested();
             if stopping {
                 // The bus thread hands over what the loop left behind in its last turn.
                 std::thread::sleep(TURN);
                 flight.ask(Reason::Stop);
             }
-            if latest.take_aside() {
-                match self.store.set_aside() {
-                    Ok(moved) => moved.iter().for_each(|path| {
-                        log::info!(rivet_event = "state-set-aside"; "reset: kept aside as {}", path.display());
-                    }),
-                    Err(why) => {
-                        log::error!(rivet_event = "state-not-stored"; "what was stored stays in spite of the reset: {why}");
-                    }
+            let (due, now) = (Instant::now() >= next, latest.take_request());
+            let asked_to_forget = latest.take_aside();
+            if asked_to_forget || (remains && (due || stopping)) {
+                let outcome = self.forget();
+                remains = outcome.0 != ControlStatus::Done;
+                if !remains {
+                    log::info!(rivet_event = "state-set-aside"; "reset: {}", outcome.1);
+                } else if asked_to_forget {
+                    log::error!(rivet_event = "state-not-stored"; "reset: {}", outcome.1);
+                }
+                if asked_to_forget {
+                    // The bus thread is gone when the daemon is on its way out.
+                    let _ = answers.send(outcome);
                 }
             }
-            let (due, now) = (Instant::now() >= next, latest.take_request());
             if due {
                 next = Instant::now() + INTERVAL;
             }
@@ -223,11 +237,31 @@ impl Keeper {
                     }
                 }
             }
+            if owed && asked.is_none() && !latest.has_news() {
+                // What was to be stored went into the file of the interval, between the request and now.
+                owed = false;
+                let _ = answers.send((ControlStatus::Done, "what there was is stored".to_owned()));
+            }
             flight.serve();
             if stopping {
                 return;
             }
             std::thread::sleep(TURN);
+        }
+    }
+
+    /// Sets aside what is stored.
+    fn forget(&mut self) -> Outcome {
+        match self.store.set_aside() {
+            Ok(moved) if moved.is_empty() => (ControlStatus::Done, "nothing was stored".to_owned()),
+            Ok(moved) => {
+                let places: Vec<_> = moved.iter().map(|path| path.display().to_string()).collect();
+                (ControlStatus::Done, format!("kept aside as {}", places.join(" and ")))
+            }
+            Err(why) => (
+                ControlStatus::Failed,
+                format!("forgotten, but what is stored stays for now, and is tried again: {why}"),
+            ),
         }
     }
 

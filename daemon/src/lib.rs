@@ -16,6 +16,7 @@ mod loop_thread;
 mod outbound;
 mod progress;
 mod reload;
+mod said;
 pub mod shell;
 mod snapshot;
 mod streams;

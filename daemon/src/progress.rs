@@ -12,6 +12,8 @@ pub struct Progress {
     wrong_period_ns: AtomicU64,
     met: AtomicBool,
     no_room: AtomicBool,
+    bus_turns: AtomicU64,
+    store_turns: AtomicU64,
 }
 
 /// What [`Progress`] held.
@@ -32,6 +34,21 @@ pub struct Snapshot {
 }
 
 impl Progress {
+    /// The bus thread has gone round once more.
+    pub(crate) fn bus_turned(&self) {
+        self.bus_turns.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// So has the store's.
+    pub(crate) fn store_turned(&self) {
+        self.store_turns.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often both have.
+    pub(crate) fn turns(&self) -> (u64, u64) {
+        (self.bus_turns.load(Ordering::Relaxed), self.store_turns.load(Ordering::Relaxed))
+    }
+
     /// Stores whether shared memory is full, which the bus thread looks after.
     pub(crate) fn set_no_room(&self, full: bool) {
         self.no_room.store(full, Ordering::Relaxed);

@@ -83,6 +83,8 @@ const INBOUND: usize = 16;
 /// # Errors
 /// Why it did not start, or which thread stopped.
 pub fn run(options: &Options) -> Result<(), StartError> {
+    // First of all: without it SIGHUP ends a process, and to the service manager that is a clean end.
+    let hangup = Hangup::listen().map_err(StartError::Signals)?;
     let robot = rivet_config::load(&options.robot);
     let file = options.robot.to_string_lossy();
     let name = robot.as_ref().map_or("", |robot| robot.config.name.as_str());
@@ -92,7 +94,6 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         log::warn!("{line}");
     }
     let shutdown = Shutdown::on_termination().map_err(StartError::Signals)?;
-    let hangup = Hangup::listen().map_err(StartError::Signals)?;
     if options.die_with_parent {
         rivet_realtime::die_with_parent().map_err(StartError::Signals)?;
     }
@@ -154,7 +155,8 @@ fn run_threads(
     let keeping = match keeper.zip(flight.clone()) {
         Some((keeper, flight)) => {
             let (kept, shutdown, answers) = (Arc::clone(&kept), shutdown.clone(), outcome.clone());
-            Some(spawn("rivetd-store", move || keeper.run(&kept, asking, &flight, &answers, &shutdown))?)
+            let progress = Arc::clone(&progress);
+            Some(spawn("rivetd-store", move || keeper.run(&kept, asking, &flight, &answers, &progress, &shutdown))?)
         }
         None => None,
     };
@@ -208,7 +210,7 @@ fn run_threads(
     let started = threads.iter().try_for_each(|_| started(&readiness, shutdown));
     if started.is_ok() && !shutdown.is_requested() {
         log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
-        watch(&progress, shutdown, &threads, flight.as_deref());
+        watch(&progress, shutdown, &threads, stores, flight.as_deref());
     }
     let early = started.is_ok() && threads.iter().any(JoinHandle::is_finished) && !shutdown.is_requested();
     shutdown.request();
@@ -271,11 +273,56 @@ fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<
     std::thread::Builder::new().name(name.to_owned()).spawn(body).map_err(StartError::Spawn)
 }
 
-/// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves.
-fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], flight: Option<&Flight>) {
+/// A thread that is not real-time: whether it goes round.
+struct Round {
+    name: &'static str,
+    patience: Duration,
+    seen: u64,
+    moved: Instant,
+    said: bool,
+}
+
+/// The bus thread looks at its queue every millisecond: what stands still for so long hangs.
+const BUS_STUCK: Duration = Duration::from_secs(5);
+
+/// One that hangs for so long comes back by a new start only: what the loop makes reaches nobody.
+const BUS_DEAD: Duration = Duration::from_secs(30);
+
+/// A disk may take its time.
+const STORE_STUCK: Duration = Duration::from_secs(30);
+
+impl Round {
+    fn new(name: &'static str, patience: Duration, now: Instant) -> Round {
+        Round { name, patience, seen: 0, moved: now, said: false }
+    }
+
+    /// For how long it has stood still; said when that is too long, and when it is over.
+    fn look(&mut self, turns: u64, now: Instant) -> Duration {
+        let still = now.saturating_duration_since(self.moved);
+        if turns != self.seen {
+            if self.said {
+                log::warn!(rivet_event = "goes-on"; "{} goes on after {:.1} s", self.name, still.as_secs_f64());
+            }
+            (self.seen, self.moved, self.said) = (turns, now, false);
+            return Duration::ZERO;
+        }
+        if !self.said && still > self.patience {
+            self.said = true;
+            log::error!(rivet_event = "stuck"; "{} has stood still for {:.1} s", self.name, still.as_secs_f64());
+        }
+        still
+    }
+}
+
+/// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves, and not for ever beside
+/// a bus thread that hangs.
+fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], stores: bool, flight: Option<&Flight>) {
     let mut manager = Manager::new();
     let (mut seen, mut moved, mut stuck) = (0, Instant::now(), false);
     let (mut flowing, mut complained) = (false, false);
+    let mut bus = Round::new("rivetd-bus", BUS_STUCK, moved);
+    let mut store = stores.then(|| Round::new("rivetd-store", STORE_STUCK, moved));
+    let mut fed = 0;
     while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
         std::thread::sleep(Duration::from_millis(20));
         let now = progress.read();
@@ -305,7 +352,34 @@ fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], f
                 log::info!(rivet_event = "right-period"; "samples come at the robot file's rate again");
             }
         }
-        manager.turn(now.periods, || format!("{} samples, {} lost, epoch {}", now.samples, now.lost, now.epoch));
+        let (bus_turns, store_turns) = progress.turns();
+        if bus.look(bus_turns, Instant::now()) < BUS_DEAD {
+            fed = now.periods;
+        }
+        if let Some(store) = &mut store {
+            store.look(store_turns, Instant::now());
+        }
+        manager.turn(fed, || format!("{} samples, {} lost, epoch {}", now.samples, now.lost, now.epoch));
     }
     manager.stopping();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_stands_still_is_told_from_one_that_goes_round() {
+        let begin = Instant::now();
+        let at = |seconds| begin + Duration::from_secs(seconds);
+        let mut round = Round::new("thread", BUS_STUCK, begin);
+        assert_eq!(round.look(1, at(1)), Duration::ZERO);
+        assert_eq!(round.look(1, at(5)), Duration::from_secs(4));
+        assert!(!round.said);
+        assert_eq!(round.look(1, at(7)), Duration::from_secs(6));
+        assert!(round.said);
+        assert!(round.look(1, at(31)) >= BUS_DEAD);
+        assert_eq!(round.look(2, at(32)), Duration::ZERO);
+        assert!(!round.said);
+    }
 }

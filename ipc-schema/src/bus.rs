@@ -10,7 +10,7 @@ use iceoryx2::prelude::{
 };
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
-use crate::cleanup::{close_to_others, ensure_counter, ensure_room, remove_half_made};
+use crate::cleanup::{close_to_others, ensure_counter, ensure_room, has_files, remove_half_made};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -182,6 +182,11 @@ impl Bus {
     /// The values the bus was opened with; another thread or process opens its own with them.
     pub fn config(&self) -> &BusConfig {
         &self.config
+    }
+
+    /// Whether the bus still has files where those who come look for them. A party that has opened services has some.
+    pub fn is_whole(&self) -> bool {
+        has_files(&self.config, &self.iceoryx)
     }
 
     fn name(&self, service: Service) -> Result<ServiceName, BusError> {

@@ -92,6 +92,17 @@ pub(crate) fn belongs(name: &[u8], prefix: &str) -> bool {
     id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))
 }
 
+/// Whether the bus has descriptions of services and shared memory. What cannot be asked is taken to be there.
+pub(crate) fn has_files(config: &BusConfig, iceoryx: &Config) -> bool {
+    [iceoryx.global.service_dir().to_string(), SHARED_MEMORY.to_owned()].iter().all(|folder| {
+        match fs::read_dir(folder) {
+            Ok(mut entries) => entries
+                .any(|entry| entry.is_ok_and(|entry| belongs(entry.file_name().as_encoded_bytes(), &config.prefix))),
+            Err(why) => why.kind() != io::ErrorKind::NotFound,
+        }
+    })
+}
+
 /// Making a file of the bus takes well below a millisecond. One that is not ready after this belongs to nobody who lives; a
 /// process that was stopped just then will find its work undone.
 const HALF_MADE: Duration = Duration::from_secs(1);

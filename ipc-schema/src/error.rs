@@ -76,6 +76,16 @@ pub enum BusError {
         /// The lock file that the other program holds.
         lock: PathBuf,
     },
+    /// The files of the bus are gone: parties that come from now on do not find those that are there.
+    #[error(
+        "the files of the bus below {} or in /dev/shm were removed while this process used them: nobody finds it any more; \
+         start all processes of the robot anew",
+        root.display()
+    )]
+    Torn {
+        /// Root path of the bus.
+        root: PathBuf,
+    },
     /// Leftovers were not removed because someone still uses them.
     #[error("the bus (prefix {prefix}) is in use by {nodes} node(s); stop their processes first")]
     InUse {

@@ -111,6 +111,8 @@ impl Listener {
     /// Sleeps until notified, at most `timeout`; true if notified. A notification sent before the call counts;
     /// several are one. A signal ends the sleep early with false.
     pub fn wait(&self, timeout: Duration) -> Result<bool, PortError> {
+        // The socket's timeout counts whole microseconds, and none of them is without end.
+        let timeout = timeout.max(Duration::from_micros(1));
         match self.port.timed_wait(|_| {}, timeout) {
             Ok(notifications) => Ok(notifications > 0),
             Err(ListenerWaitError::InterruptSignal) => Ok(false),

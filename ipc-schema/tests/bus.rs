@@ -170,6 +170,24 @@ fn a_notification_wakes_the_listener_and_is_not_lost_when_early() {
     assert!(!listener.wait(Duration::from_millis(1)).unwrap(), "two calls are one");
 }
 
+/// Less than the system's clock counts in is not for ever.
+#[test]
+fn the_shortest_wait_ends() {
+    let private = PrivateBus::new("short");
+    let config = private.config().clone();
+    let (ended, end) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let bus = Bus::open(&config, &robot(), "daemon").unwrap();
+        let listener = bus.joint_state_listener().unwrap();
+        for nanoseconds in [0, 1, 999, 1000] {
+            ended.send(listener.wait(Duration::from_nanos(nanoseconds)).unwrap()).unwrap();
+        }
+    });
+    for _ in 0..4 {
+        assert!(!end.recv_timeout(Duration::from_secs(60)).expect("the wait has an end"));
+    }
+}
+
 #[test]
 fn control_requests_are_answered_or_time_out() {
     let private = PrivateBus::new("control");

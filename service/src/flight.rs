@@ -82,6 +82,20 @@ struct Burst {
     kept: u8,
 }
 
+impl Burst {
+    /// What earlier processes left, by the age of their records: one that dies again and again must not push out what was
+    /// before it.
+    fn of_before(name: &str, path: impl Fn(usize) -> PathBuf, now: Instant) -> Burst {
+        let age = |number| fs::metadata(path(number)).ok()?.modified().ok()?.elapsed().ok();
+        let (last, kept) = match (age(0), age(1)) {
+            (None, _) => (Some(now), 0),
+            (Some(newest), Some(before)) if before.saturating_sub(newest) < BURST => (now.checked_sub(newest), 2),
+            (Some(newest), _) => (now.checked_sub(newest), 1),
+        };
+        Burst { name: name.to_owned(), last: last.unwrap_or(now), kept }
+    }
+}
+
 impl Flight {
     /// Records go to `folder` and are called `name`. `columns`: what a row has after time, sequence number and fault bits, each
     /// with how many there are of it; one is called as it is, several are numbered from 1.
@@ -122,6 +136,9 @@ impl Flight {
         let asked = self.asked.swap(0, Ordering::Acquire);
         for reason in Reason::ALL.into_iter().filter(|reason| asked & reason.bit() != 0) {
             let name = reason.name();
+            if reason == Reason::Stop && self.rows.copy(1).is_empty() {
+                continue; // Nothing has happened that could be looked at.
+            }
             match self.write(&format!("{}-{name}", self.name)) {
                 Ok(path) if reason == Reason::Stop => {
                     log::info!(rivet_event = "flight-record"; "{name}: flight record {}", path.display());
@@ -137,8 +154,8 @@ impl Flight {
 
     /// Writes what is kept to a file `<name>.0.flight.csv` and returns its path; older records of that name move up, the oldest
     /// goes. Of records that follow each other within a minute only the first and the newest are kept: the cause is in the
-    /// first, and a stop that chatters must not push out what was before it. The file is a log as every other: `rivet
-    /// identify`, `predict` and `replay` read it.
+    /// first, and a stop that chatters must not push out what was before it. The file has the columns of a log; what is in it
+    /// is what came, also where no log may have it (a number that is none, a time that goes back).
     ///
     /// # Errors
     /// It cannot be written; earlier records are as they were, under the same or the next number.
@@ -147,13 +164,14 @@ impl Flight {
     }
 
     /// Whether the record of now takes the place of the newest one.
-    fn replaces(&self, name: &str, now: Instant) -> bool {
+    fn replaces(&self, name: &str, path: impl Fn(usize) -> PathBuf, now: Instant) -> bool {
         let mut bursts = self.bursts.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(burst) = bursts.iter_mut().find(|burst| burst.name == name) else {
-            bursts.push(Burst { name: name.to_owned(), last: now, kept: 1 });
-            return false;
-        };
-        let goes_on = now.saturating_duration_since(burst.last) < BURST;
+        let at = bursts.iter().position(|burst| burst.name == name).unwrap_or_else(|| {
+            bursts.push(Burst::of_before(name, path, now));
+            bursts.len() - 1
+        });
+        let burst = &mut bursts[at];
+        let goes_on = burst.kept > 0 && now.saturating_duration_since(burst.last) < BURST;
         let replaces = goes_on && burst.kept == 2;
         burst.last = now;
         burst.kept = if goes_on { 2 } else { 1 };
@@ -164,7 +182,7 @@ impl Flight {
         let path = |number: usize| self.folder.join(format!("{name}.{number}.flight.csv"));
         fs::create_dir_all(&self.folder)?;
         let temporary = self.folder.join(format!("{name}.flight.tmp{}", std::process::id()));
-        let written = self.write_over(&temporary, path, || self.replaces(name, now));
+        let written = self.write_over(&temporary, path, || self.replaces(name, path, now));
         if written.is_err() {
             // Best effort: what is half written is no record.
             let _ = fs::remove_file(&temporary);
@@ -235,6 +253,35 @@ pub fn abort_on_panic(flight: Option<Arc<Flight>>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn processes_that_die_again_and_again_leave_the_first_and_the_newest_record() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let record = |seq: u64, name: &str| {
+            let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
+            flight.push(0, seq, 0, [0.0; 2]);
+            flight.write(name).expect("written")
+        };
+        let mut path = PathBuf::new();
+        for seq in 1..=9 {
+            path = record(seq, "arm-panic");
+        }
+        let seq = |number: usize| {
+            let path = path.with_file_name(format!("arm-panic.{number}.flight.csv"));
+            let text = fs::read_to_string(path).ok()?;
+            text.lines().last()?.split(',').nth(1)?.parse::<u64>().ok()
+        };
+        assert_eq!([0, 1, 2].map(seq), [Some(9), Some(1), None]);
+        // A stop before the first sample leaves none.
+        let idle = Flight::new(folder.path(), "idle", &[("q", 2)]);
+        idle.ask(Reason::Stop);
+        idle.serve();
+        assert!(!folder.path().join("idle-stop.0.flight.csv").exists());
+        idle.push(0, 1, 0, [0.0; 2]);
+        idle.ask(Reason::Stop);
+        idle.serve();
+        assert!(folder.path().join("idle-stop.0.flight.csv").exists());
+    }
 
     /// A stop that chatters for hours, with another one before it and one long after: what is left of each.
     #[test]

@@ -1,7 +1,7 @@
 //! Two files in turn.
 
 use crate::error::{Problem, StoreError};
-use crate::format::{Entry, Knowledge, decode, encode};
+use crate::format::{Entry, FORMAT_VERSION, Knowledge, decode, encode};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -101,18 +101,43 @@ impl Store {
         Loaded { knowledge: best.map(|entry| entry.knowledge), problems }
     }
 
-    /// Renames sound files of other models, so that saving does not write over them: a robot file that was changed by
-    /// mistake can be changed back. Returns their new places.
+    /// Renames sound files of other models, and those that this program or user cannot read, so that saving does not write over
+    /// them: a robot file that was changed by mistake, or a program, can be changed back ([`take_back`](Store::take_back)).
+    /// Returns their new places.
     ///
     /// # Errors
     /// A file cannot be renamed.
     pub fn set_others_aside(&self, model_hash: u64) -> Result<Vec<PathBuf>, StoreError> {
         let mut moved = Vec::new();
         for (path, problem) in self.load(model_hash).problems {
-            let Problem::OtherModel { found, .. } = problem else { continue };
-            let aside = path.with_extension(format!("state-of-{found:016x}"));
+            let extension = match problem {
+                Problem::OtherModel { found, .. } => format!("state-of-{found:016x}"),
+                Problem::Version { found, .. } => format!("state-of-version-{found}"),
+                Problem::Unreadable(_) if path.is_file() => "state-unreadable".to_owned(),
+                _ => continue,
+            };
+            let aside = path.with_extension(extension);
             fs::rename(&path, &aside).map_err(|source| StoreError { path, source })?;
             moved.push(aside);
+        }
+        Ok(moved)
+    }
+
+    /// Renames files back that [`set_others_aside`](Store::set_others_aside) renamed when the robot file was another one, and
+    /// those of this program's version; where a file is, it stays. Returns their places.
+    ///
+    /// # Errors
+    /// A file cannot be renamed.
+    pub fn take_back(&self, model_hash: u64) -> Result<Vec<PathBuf>, StoreError> {
+        let mut moved = Vec::new();
+        for path in [self.path(0), self.path(1)] {
+            for extension in [format!("state-of-{model_hash:016x}"), format!("state-of-version-{FORMAT_VERSION}")] {
+                let aside = path.with_extension(extension);
+                if !path.exists() && aside.is_file() {
+                    fs::rename(&aside, &path).map_err(|source| StoreError { path: aside, source })?;
+                    moved.push(path.clone());
+                }
+            }
         }
         Ok(moved)
     }

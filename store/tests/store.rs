@@ -90,6 +90,16 @@ fn another_model_is_set_aside_and_another_robot_is_not_read() {
     assert_eq!(aside.len(), 1);
     assert!(aside[0].to_string_lossy().ends_with("state-of-123456789abcdef0"), "{aside:?}");
     assert_eq!(files(folder.path()).len(), 1, "kept");
+    assert!(store(folder.path()).take_back(7).expect("nothing to do").is_empty());
+    // The robot file is changed back: what was learnt with it is there again, and what is newer stays where it is.
+    assert_eq!(store(folder.path()).take_back(HASH).expect("renamed").len(), 1);
+    assert_eq!(store(folder.path()).load(HASH).knowledge, Some(knowledge(1)));
+    store(folder.path()).save(&knowledge(3)).expect("written");
+    assert!(store(folder.path()).take_back(HASH).expect("nothing to do").is_empty());
+    assert_eq!(store(folder.path()).load(HASH).knowledge, Some(knowledge(3)));
+    for name in files(folder.path()) {
+        fs::remove_file(folder.path().join(name)).expect("removed");
+    }
 
     store(folder.path()).save(&knowledge(2)).expect("written");
     let name = files(folder.path()).into_iter().find(|name| name.ends_with(".state")).expect("just written");
@@ -127,6 +137,12 @@ fn a_newer_format_is_told_apart_from_damage() {
     bytes[end..].copy_from_slice(&checksum.to_le_bytes());
     fs::write(&path, bytes).expect("written");
     assert_eq!(store(folder.path()).load(HASH).problems[0].1, Problem::Version { found: 9, known: 1 });
+    // A program that is older than its state does not write over it.
+    let aside = store(folder.path()).set_others_aside(HASH).expect("renamed");
+    assert!(aside.len() == 1 && aside[0].to_string_lossy().ends_with("state-of-version-9"), "{aside:?}");
+    (4..7).for_each(|epoch| store(folder.path()).save(&knowledge(epoch)).expect("written"));
+    assert!(aside[0].is_file());
+    assert!(store(folder.path()).take_back(HASH).expect("nothing of this version").is_empty());
 }
 
 /// CRC-32 (IEEE 802.3), bit by bit, apart from the library that the store uses.
