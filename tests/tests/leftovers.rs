@@ -132,6 +132,69 @@ fn a_write_that_failed_is_made_up_for_and_a_reset_lasts() {
     assert!(text.contains("it is no file"), "{text}");
 }
 
+/// A reset that comes while a save is under way, at every instant of it: both are answered, nobody is locked out by them, and
+/// what was said to be done is.
+#[test]
+fn a_reset_beside_a_save_locks_nobody_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, said) = (folder.path().join("state"), folder.path().join("said"));
+    let private = PrivateBus::new("crossing");
+    let mut side = Side::new(private.config());
+    let client = side.bus.control_client().expect("a client");
+    let mut process = Process::start(daemon(&robot("dd2"), private.config(), &said).arg("--state").arg(&state));
+    eventually("rivetd listens", || (side.states.subscribers() > 0).then_some(()));
+    let patience = Duration::from_secs(20);
+    for pause in [0, 1, 5, 20, 40, 60, 90] {
+        eventually("something is stored", || {
+            side.go(1000);
+            (save(&client).0 == ControlStatus::Done).then_some(())
+        });
+        side.go(500);
+        let config = private.config().clone();
+        let saving = std::thread::spawn(move || {
+            let client = two_link::bus(&config, "test-other").control_client().expect("a client");
+            client.ask(ControlCommand::Save, patience).expect("asked").is_some()
+        });
+        std::thread::sleep(Duration::from_millis(pause));
+        // While the save is worked on it is refused.
+        eventually("the reset is done", || {
+            let reply = client.ask(ControlCommand::Reset, patience).expect("asked").expect("answered");
+            (ControlStatus::try_from(reply.status) == Ok(ControlStatus::Done)).then_some(())
+        });
+        assert!(names(&state, ".state", "dd2").is_empty(), "{pause} ms: done is done");
+        assert!(saving.join().expect("no panic"), "{pause} ms: the save is answered");
+        let reload = client.ask(ControlCommand::Reload, patience).expect("asked").expect("answered");
+        assert_eq!(ControlStatus::try_from(reload.status), Ok(ControlStatus::Done), "{pause} ms: {}", reload.text());
+    }
+    assert!(process.end("-TERM").success());
+}
+
+/// Whoever removes the files of a bus that is in use cuts off those who use it: they say so and end, so that they are started anew.
+#[test]
+fn a_daemon_whose_bus_is_removed_ends_with_the_reason() {
+    for shared in [false, true] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let said = folder.path().join("said");
+        let private = PrivateBus::new(if shared { "torn-shm" } else { "torn-root" });
+        let config = private.config();
+        let mut process = Process::start(&mut daemon(&robot("dd2"), config, &said));
+        let health = eventually("the bus", || two_link::bus(config, "test-onlooker").health_subscriber().ok());
+        eventually("it reports", || health.receive().expect("received"));
+        drop(health);
+        if shared {
+            for path in names(Path::new("/dev/shm"), "", &config.prefix) {
+                std::fs::remove_file(path).expect("removed");
+            }
+        } else {
+            std::fs::remove_dir_all(&config.root).expect("removed");
+        }
+        let status = eventually("it ends", || process.0.try_wait().expect("asked"));
+        assert_eq!(status.code(), Some(69));
+        let text = std::fs::read_to_string(&said).expect("it said something");
+        assert!(text.contains("start all processes of the robot anew"), "{text}");
+    }
+}
+
 fn ask(config: &BusConfig, file: &Path, command: &str) -> Output {
     let mut rivet = rivet();
     rivet.args(["control", "--prefix", &config.prefix, "--root"]).arg(&config.root).arg(file).arg(command);
