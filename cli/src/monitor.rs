@@ -28,7 +28,7 @@ pub(crate) struct Args {
     patience: f64,
 }
 
-/// Time between two looks at the bus; the daemon reports a few times a second.
+/// Time between two looks at the bus; the daemon tells of what is new a few times a second at most.
 const TURN: Duration = Duration::from_millis(100);
 
 /// Time that others have once somebody has been heard.

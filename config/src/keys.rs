@@ -374,8 +374,9 @@ pub const KEYS: &[Key] = &[
     key("publish", "consistent_hz", Number, "Hz", Within(0.0, 50.0), Fallback::Number(5.0),
         "How often the latest parameters are projected onto an arm that can be built and published as `parameters-consistent`, by a \
          thread that is not real-time; 0 switches it off."),
-    key("publish", "health_every", Integer, "samples", Within(1.0, 1_000_000.0), Fallback::Integer(1000),
-        "Samples from one health message to the next."),
+    key("publish", "health_every", Integer, "samples", Within(1.0, 1_000_000.0), Derived("1 s"),
+        "Samples from one health message to the next, of daemon and controller. Where samples come too slowly, or not at all, time makes up for them; \
+         a fault that begins or ends does not wait for the next."),
 
     key("realtime", "trigger", Choice(&["timer", "sample"]), "", Bounds::None, Fallback::Text("timer"),
         "What starts a period: an absolute timer, or the arrival of a sample. The timer makes one system call a period; waiting for a sample makes several, and can allocate."),

@@ -136,7 +136,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let signal = read::signal(&mut reader, sample_period_s);
     let estimator = read::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
     let supervision = supervision(&mut reader);
-    let publish = read::publish(&mut reader);
+    let publish = read::publish(&mut reader, sample_period_s);
     let realtime = read::realtime(&mut reader);
     let controller = read::controller(&mut reader, sample_period_s, publish.every);
     let simulation = read::simulation(&mut reader);

@@ -28,6 +28,8 @@ fn all_robots_of_the_project_load() {
             assert_eq!(robot.config.estimation_settings().check(robot.dof()), Ok(()));
             assert_eq!(Some(robot.config.name.as_str()), folder, "a robot is named as its folder");
             assert!(file.with_file_name("README.md").is_file(), "{} has no README with its sources", robot.config.name);
+            let between_s = robot.config.publish.health_every as f64 * robot.config.sample_period_s;
+            assert!((between_s - 1.0).abs() < 0.05, "{}: {between_s} s between health messages", robot.config.name);
             robot.config.name
         })
         .collect();

@@ -59,6 +59,9 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// Samples taken in per period; more would be an unbounded loop.
 const CATCH_UP: usize = 32;
 
+/// Without samples for this long health is said, and then this often \[ns\].
+const QUIET_NS: u64 = 500_000_000;
+
 /// Messages that may wait for the service thread.
 const OUTBOUND: usize = 64;
 
@@ -191,6 +194,9 @@ struct Loop {
     period: Duration,
     health_every: u64,
     since_health: u64,
+    /// When health was last said, and how long it may wait for the samples that make it due.
+    said_ns: u64,
+    longest_ns: u64,
     said: (ParameterSource, u64, [bool; 3]),
     answered_ns: Option<u64>,
     lockstep: bool,
@@ -206,7 +212,12 @@ impl Loop {
         robot: &Robot,
         lockstep: bool,
     ) -> Loop {
+        let health_every = robot.config.publish.health_every as u64;
+        let between_ns = health_every as f64 * robot.config.sample_period_s * 1e9;
         Loop {
+            said_ns: now_ns(),
+            // A plant that is a little slow still makes it due by its samples, not by the clock.
+            longest_ns: ((1.25 * between_ns) as u64).max(QUIET_NS),
             said: (core.source(), 0, [false; 3]),
             core,
             ports,
@@ -216,7 +227,7 @@ impl Loop {
             joints: robot.dof(),
             pulse,
             period: Duration::from_secs_f64(robot.config.sample_period_s),
-            health_every: robot.config.publish.health_every as u64,
+            health_every,
             since_health: 0,
             answered_ns: None,
             lockstep,
@@ -260,8 +271,12 @@ impl Loop {
         // Said at once when something changes, else now and then.
         let foreign = [self.ports.states.foreign(), self.ports.setpoints.foreign(), self.ports.parameters.foreign()];
         let saying = (self.core.source(), self.core.counts().stops, foreign.map(|count| count > 0));
-        if self.since_health >= self.health_every || saying != self.said {
+        let quiet = self.answered_ns.is_none_or(|answered| now.saturating_sub(answered) >= QUIET_NS);
+        let longest = if quiet { QUIET_NS } else { self.longest_ns };
+        let overdue = now.saturating_sub(self.said_ns) >= longest;
+        if self.since_health >= self.health_every || overdue || saying != self.said {
             self.since_health = 0;
+            self.said_ns = now;
             self.said = saying;
             let mut health = ControllerHealth::default();
             self.core.write_health(&mut health);

@@ -16,7 +16,7 @@ use rivet_ipc_schema::{
     Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, Listener, LoopPhase, Parameters,
     RobotName, Timing as TimingMessage, parameter_flags,
 };
-use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension};
+use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension, now_ns};
 use rivet_service::Flight;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
@@ -33,7 +33,7 @@ pub struct LoopSettings {
     pub overrun: Overrun,
     /// Most samples taken in within one period.
     pub catch_up: usize,
-    /// Samples between health messages.
+    /// Samples between health messages, which come by time where samples do not.
     pub health_every: u64,
     /// Without a sample for this long the input counts as stale, and a set that is this much behind its sample as late \[ns\].
     pub stale_ns: u64,
@@ -44,8 +44,11 @@ pub struct LoopSettings {
 /// Without samples a sample-triggered loop still turns this often, so that it can stop and report.
 const SAMPLE_PATIENCE: Duration = Duration::from_millis(20);
 
-/// Periods after which health is reported even if no sample came.
-const IDLE_HEALTH_PERIODS: u64 = 100;
+/// Without samples health is reported this often \[ns\].
+const IDLE_NS: u64 = 100_000_000;
+
+/// What is news does not wait for the samples that make health due, but for this long since the last report \[ns\].
+const NEWS_NS: u64 = 200_000_000;
 
 /// Periods without a sample after which a stream counts as quiet.
 const QUIET_PERIODS: u64 = 3;
@@ -129,6 +132,25 @@ impl Delay {
     }
 }
 
+/// What is wrong with the input: what health does not wait to say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Wrong {
+    fault: InputFault,
+    gone: bool,
+    foreign: bool,
+    full: bool,
+}
+
+impl Wrong {
+    const NOTHING: Wrong = Wrong { fault: InputFault::None, gone: false, foreign: false, full: false };
+
+    /// Whether this is news to whoever has heard `said`. That a second publisher was not heard since says little: it may send
+    /// less often than health is told.
+    fn is_news(self, said: Wrong) -> bool {
+        Wrong { foreign: self.foreign || said.foreign, ..self } != said
+    }
+}
+
 /// What ties the loop to the other threads; wait-free, all of it.
 pub struct Channels {
     /// Messages for publication.
@@ -164,6 +186,10 @@ pub struct RealTimeLoop {
     drift: Drift,
     message: TimingMessage,
     since_health: u64,
+    /// When health was last reported, and how long it may wait for the samples that make it due.
+    reported_ns: u64,
+    longest_ns: u64,
+    said: Wrong,
     idle: u64,
     last_sample_ns: Option<u64>,
     foreign_reported: u64,
@@ -210,6 +236,10 @@ impl RealTimeLoop {
             drift: Drift::default(),
             message: TimingMessage::default(),
             since_health: 0,
+            reported_ns: now_ns(),
+            // A stream that is a little slow, or loses samples, still comes to report after samples, not by the clock.
+            longest_ns: (period_ns.saturating_mul(settings.health_every) / 4).saturating_mul(5).max(NEWS_NS),
+            said: Wrong::NOTHING,
             idle: 0,
             last_sample_ns: None,
             foreign_reported: 0,
@@ -253,7 +283,14 @@ impl RealTimeLoop {
         // The last samples of a stream that stopped are reported too, soon after it went quiet.
         let went_quiet = self.idle == QUIET_PERIODS && self.since_health > 0;
         let due = self.since_health >= self.settings.health_every;
-        if due || went_quiet || (self.idle > 0 && self.idle.is_multiple_of(IDLE_HEALTH_PERIODS)) {
+        let longest = if self.idle >= QUIET_PERIODS {
+            IDLE_NS
+        } else if self.wrong().is_news(self.said) {
+            NEWS_NS
+        } else {
+            self.longest_ns
+        };
+        if due || went_quiet || start.saturating_sub(self.reported_ns) >= longest {
             self.report(start);
         }
         let counts = self.core.counts();
@@ -304,8 +341,19 @@ impl RealTimeLoop {
         taken
     }
 
+    /// As far as it shows between two reports; that samples do not come, reports without samples find out.
+    fn wrong(&self) -> Wrong {
+        Wrong {
+            fault: self.core.input_fault(),
+            gone: self.gone,
+            foreign: self.input.foreign() > self.foreign_reported,
+            full: self.channels.progress.no_room(),
+        }
+    }
+
     fn report(&mut self, start: u64) {
         self.since_health = 0;
+        self.reported_ns = start;
         let publishers = self.input.publishers();
         let foreign = self.input.foreign() - self.foreign_reported;
         self.foreign_reported += foreign;
@@ -325,6 +373,7 @@ impl RealTimeLoop {
             self.core.note(InputFault::SharedMemoryFull, 1);
         }
         self.full = full;
+        self.said = Wrong { fault: self.core.input_fault(), gone, foreign: foreign > 0, full };
         let health = &mut self.health;
         self.core.write_health(health);
         self.timing.write_health(health);
@@ -456,7 +505,7 @@ fn until_understood(
         core.write_health(&mut health);
         health.mode = DaemonMode::BadInput.into();
         health.input_fault = InputFault::WrongVersion.into();
-        health.stamp_ns = rivet_realtime::now_ns();
+        health.stamp_ns = now_ns();
         // A message that finds no room is followed by the next.
         let _ = channels.outbound.push(Outbound::Health(health));
         channels.progress.write(Snapshot { periods, ..Snapshot::default() });

@@ -1,8 +1,8 @@
 //! The live view.
 
 use crate::snapshot::{
-    Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
-    quantiles, refusals, source, worst,
+    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
+    phases, quantiles, refusals, source, worst,
 };
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -229,7 +229,8 @@ fn draw_parameters(frame: &mut Frame<'_>, area: Rect, s: &Snapshot, view: &mut V
         Constraint::Length(14),
     ];
     let model = if s.same_model() { "" } else { ", OF ANOTHER MODEL" };
-    let title = format!(" parameters {}-{last} of {}, epoch {}{model} ", view.first + 1, set.len(), set.epoch);
+    let (first, said) = (view.first + 1, flags(set));
+    let title = format!(" parameters {first}-{last} of {}, epoch {}{said}{model} ", set.len(), set.epoch);
     frame.render_widget(Table::new(rows, widths).header(head).block(Block::bordered().title(title)), area);
 }
 

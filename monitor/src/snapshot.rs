@@ -5,13 +5,13 @@ use rivet_config::Robot;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
     InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, SourceReason, Subscriber, Timing,
+    PeriodCause, SourceReason, Subscriber, Timing, parameter_flags,
 };
 use rivet_realtime::{LogHistogram, now_ns};
 use std::fmt::Debug;
 
-/// Without a report for this long a process counts as gone \[ns\]: ten times the usual pause between reports.
-const GONE_NS: u64 = 2_000_000_000;
+/// The pause between reports where nothing else is said \[ns\].
+const USUAL_NS: u64 = 1_000_000_000;
 
 /// What is listened to.
 #[derive(Debug)]
@@ -46,6 +46,8 @@ pub struct Report<T> {
     pub message: T,
     /// Samples (daemon) or commands (controller) a second; NaN before the second report.
     pub rate: f64,
+    /// The last two pauses between reports, the newer one first \[ns\]; 0 where there was none.
+    pauses_ns: [u64; 2],
 }
 
 /// What is known of a robot at one moment.
@@ -57,6 +59,8 @@ pub struct Snapshot {
     pub(crate) names: Vec<String>,
     pub(crate) nominal: Vec<f64>,
     pub(crate) hash: u64,
+    /// Longest pause between two reports, by the robot file \[ns\].
+    pause_ns: u64,
     /// The daemon's last report.
     pub health: Option<Report<Health>>,
     /// Whether the arm is still the one that was accepted.
@@ -74,6 +78,7 @@ pub struct Snapshot {
 impl Snapshot {
     /// Nothing is known yet of `robot` on `bus`.
     pub fn new(robot: &Robot, bus: &BusConfig) -> Snapshot {
+        let between_s = robot.config.publish.health_every as f64 * robot.config.sample_period_s;
         Snapshot {
             robot: robot.config.name.clone(),
             bus: format!("{} in {}", bus.prefix, bus.root.display()),
@@ -81,6 +86,7 @@ impl Snapshot {
             names: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
             nominal: robot.nominal_base.clone(),
             hash: robot.hash,
+            pause_ns: USUAL_NS.max((between_s * 1e9) as u64),
             health: None,
             drift: None,
             controller: None,
@@ -116,14 +122,16 @@ impl Snapshot {
 
     /// Takes in a report of the daemon.
     pub fn take_health(&mut self, message: &Health) {
-        let before = self.health.map(|report| (report.message.samples, report.message.stamp_ns));
-        self.health = Some(Report { message: *message, rate: rate(before, (message.samples, message.stamp_ns)) });
+        let before = self.health.map(|report| (report.message.samples, report.message.stamp_ns, report.pauses_ns));
+        let (rate, pauses_ns) = follow(before, message.samples, message.stamp_ns);
+        self.health = Some(Report { message: *message, rate, pauses_ns });
     }
 
     /// Takes in a report of the controller.
     pub fn take_controller(&mut self, message: &ControllerHealth) {
-        let before = self.controller.map(|report| (report.message.commands, report.message.stamp_ns));
-        self.controller = Some(Report { message: *message, rate: rate(before, (message.commands, message.stamp_ns)) });
+        let before = self.controller.map(|report| (report.message.commands, report.message.stamp_ns, report.pauses_ns));
+        let (rate, pauses_ns) = follow(before, message.commands, message.stamp_ns);
+        self.controller = Some(Report { message: *message, rate, pauses_ns });
     }
 
     /// Whether everything that is shown has come.
@@ -136,15 +144,18 @@ impl Snapshot {
         self.health.is_none() && self.controller.is_none()
     }
 
-    fn gone(&self, stamp_ns: u64) -> bool {
-        self.now_ns.saturating_sub(stamp_ns) > GONE_NS
+    /// Whether the next report should have come long ago. A process may have been started with another robot file than this
+    /// one: pauses count as well, the shorter of two, since one alone may have been an outage.
+    fn gone(&self, stamp_ns: u64, pauses_ns: [u64; 2]) -> bool {
+        let pause = self.pause_ns.max(pauses_ns[0].min(pauses_ns[1]));
+        self.now_ns.saturating_sub(stamp_ns) > (pause / 2).saturating_mul(5)
     }
 
     /// What the daemon is doing; `None` while it is not heard of.
     pub(crate) fn mode(&self) -> Option<String> {
-        let health = self.health?.message;
+        let Report { message: health, pauses_ns, .. } = self.health?;
         let mode = DaemonMode::try_from(health.mode).map_or_else(|_| format!("mode {}", health.mode), words);
-        Some(if self.gone(health.stamp_ns) {
+        Some(if self.gone(health.stamp_ns, pauses_ns) {
             format!("SILENT for {}, was {mode}", self.age(health.stamp_ns))
         } else {
             mode
@@ -168,9 +179,9 @@ impl Snapshot {
 
     /// What the controller is doing; `None` while it is not heard of.
     pub(crate) fn state(&self) -> Option<String> {
-        let health = self.controller?.message;
+        let Report { message: health, pauses_ns, .. } = self.controller?;
         let state = ControllerState::try_from(health.state).map_or_else(|_| format!("state {}", health.state), words);
-        let gone = self.gone(health.stamp_ns);
+        let gone = self.gone(health.stamp_ns, pauses_ns);
         Some(if gone { format!("SILENT for {}, was {state}", self.age(health.stamp_ns)) } else { state })
     }
 
@@ -191,11 +202,16 @@ impl Snapshot {
     }
 }
 
-fn rate(before: Option<(u64, u64)>, now: (u64, u64)) -> f64 {
-    let Some((count, stamp_ns)) = before else { return f64::NAN };
-    let seconds = now.1.saturating_sub(stamp_ns) as f64 * 1e-9;
-    // A process that started anew counts from the beginning.
-    if seconds > 0.0 && now.0 >= count { (now.0 - count) as f64 / seconds } else { f64::NAN }
+/// Rate and pauses of a report with this count and stamp; `before`: count, stamp and pauses of the one before.
+fn follow(before: Option<(u64, u64, [u64; 2])>, count: u64, stamp_ns: u64) -> (f64, [u64; 2]) {
+    let Some((old_count, old_stamp_ns, pauses_ns)) = before else { return (f64::NAN, [0; 2]) };
+    // A process that started anew counts from the beginning; nothing is known of its pauses.
+    if count < old_count {
+        return (f64::NAN, [0; 2]);
+    }
+    let pause_ns = stamp_ns.saturating_sub(old_stamp_ns);
+    let rate = if pause_ns > 0 { (count - old_count) as f64 / (pause_ns as f64 * 1e-9) } else { f64::NAN };
+    (rate, [pause_ns, pauses_ns[0]])
 }
 
 /// `WorseThanNominal` as "worse than nominal".
@@ -229,6 +245,21 @@ pub(crate) fn quantiles(counts: &[u32; LogHistogram::BINS], worst_ns: u64) -> St
 
 pub(crate) fn instruments(source: u32) -> String {
     InstrumentSource::try_from(source).map_or_else(|_| "unknown".to_owned(), words)
+}
+
+/// What a parameter set says of itself, as "; frozen, late"; nothing where there is nothing to say.
+pub(crate) fn flags(set: &Parameters) -> String {
+    let words: Vec<&str> = [
+        (parameter_flags::SUSPENDED, "suspended"),
+        (parameter_flags::FROZEN, "frozen"),
+        (parameter_flags::PROVISIONAL, "provisional"),
+        (parameter_flags::BAD_INPUT, "bad input"),
+        (parameter_flags::LATE, "late"),
+    ]
+    .iter()
+    .filter_map(|(bit, word)| (set.flags & bit != 0).then_some(*word))
+    .collect();
+    if words.is_empty() { String::new() } else { format!("; {}", words.join(", ")) }
 }
 
 pub(crate) fn parameter_state(state: u8) -> &'static str {
@@ -384,4 +415,86 @@ pub(crate) fn controller_faults(health: &ControllerHealth) -> String {
         ("setpoints of a second publisher", health.foreign_setpoints),
         ("parameters of a second publisher", health.foreign_parameters),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    const S: u64 = 1_000_000_000;
+    const BEGIN: u64 = 1000 * S;
+
+    /// The UR10e, with samples at this period and health after so many of them.
+    fn robot(sample_period_s: f64, health_every: usize) -> Snapshot {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/ur10e/robot.toml");
+        let mut robot = rivet_config::load(file).expect("the arm is there");
+        robot.config.sample_period_s = sample_period_s;
+        robot.config.publish.health_every = health_every;
+        Snapshot::new(&robot, &BusConfig::default())
+    }
+
+    /// Reports of both processes at these times \[s\] after the beginning, each with more behind it than the one before.
+    fn report(s: &mut Snapshot, times_s: &[u64]) {
+        for &t in times_s {
+            let stamp_ns = BEGIN + t * S;
+            s.take_health(&Health { stamp_ns, samples: t + 1, ..Health::default() });
+            s.take_controller(&ControllerHealth { stamp_ns, commands: t + 1, ..ControllerHealth::default() });
+        }
+    }
+
+    /// Whether daemon and controller are called silent so long after the beginning \[s\].
+    fn silent(s: &mut Snapshot, at_s: f64) -> [bool; 2] {
+        s.now_ns = BEGIN + (at_s * 1e9) as u64;
+        [s.mode(), s.state()].map(|said| said.expect("it was heard").starts_with("SILENT"))
+    }
+
+    #[test]
+    fn how_long_is_silent_depends_on_the_period_and_on_what_the_robot_file_asks_for() {
+        // 8 ms and 1000 samples: a report every eight seconds.
+        for (period_s, every, still_s, gone_s) in
+            [(0.001, 1000, 2.4, 2.6), (0.008, 125, 2.4, 2.6), (0.008, 1000, 19.9, 20.1), (0.001, 10, 2.4, 2.6)]
+        {
+            let mut s = robot(period_s, every);
+            report(&mut s, &[0]);
+            assert_eq!(silent(&mut s, still_s), [false; 2], "{period_s} s, {every} samples: {still_s} s");
+            assert_eq!(silent(&mut s, gone_s), [true; 2], "{period_s} s, {every} samples: {gone_s} s");
+        }
+    }
+
+    /// Started with another robot file than the monitor was.
+    #[test]
+    fn who_was_seen_to_report_less_often_is_waited_for() {
+        let mut s = robot(0.001, 1000);
+        report(&mut s, &[0, 8, 16]);
+        assert_eq!(silent(&mut s, 16.0 + 19.9), [false; 2]);
+        assert_eq!(silent(&mut s, 16.0 + 20.1), [true; 2]);
+    }
+
+    #[test]
+    fn one_outage_does_not_make_the_next_one_look_sound() {
+        let mut s = robot(0.001, 1000);
+        report(&mut s, &[0, 1, 2, 62]);
+        assert_eq!(silent(&mut s, 64.4), [false; 2]);
+        assert_eq!(silent(&mut s, 64.6), [true; 2]);
+        // Nor do the pauses of a process that has ended: its successor counts from the beginning.
+        report(&mut s, &[70, 80]);
+        s.take_health(&Health { stamp_ns: BEGIN + 90 * S, samples: 1, ..Health::default() });
+        s.take_controller(&ControllerHealth { stamp_ns: BEGIN + 90 * S, commands: 1, ..ControllerHealth::default() });
+        assert_eq!(silent(&mut s, 92.4), [false; 2]);
+        assert_eq!(silent(&mut s, 92.6), [true; 2]);
+    }
+
+    #[test]
+    fn a_parameter_set_that_is_late_says_so() {
+        let mut s = robot(0.001, 1000);
+        let mut said = |bits| {
+            s.parameters = Some(Parameters { flags: bits, epoch: 5, ..Parameters::default() });
+            let text = crate::as_text(&s);
+            text.lines().find(|line| line.starts_with("parameters ")).expect("it is there").to_owned()
+        };
+        assert!(said(parameter_flags::LATE | parameter_flags::FROZEN).contains("; frozen, late"));
+        let level = 2_u32 << parameter_flags::LOAD_SHIFT;
+        assert!(!said(level).contains("late"), "a load level is no lateness");
+    }
 }

@@ -1,10 +1,9 @@
 //! One look as text, for scripts: a word at the beginning of each line says what it is about.
 
 use crate::snapshot::{
-    Snapshot, controller_faults, drops, figure, input_faults, input_state, instruments, load, parameter_state, phases,
-    quantiles, refusals, source, worst,
+    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
+    phases, quantiles, refusals, source, worst,
 };
-use rivet_ipc_schema::parameter_flags;
 use std::fmt::Write as _;
 
 /// One look as text.
@@ -63,17 +62,8 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
     }
     write_joints(out, s)?;
     let Some(set) = &s.parameters else { return writeln!(out, "parameters   none yet") };
-    let flags: Vec<_> = [
-        (parameter_flags::SUSPENDED, "suspended"),
-        (parameter_flags::FROZEN, "frozen"),
-        (parameter_flags::PROVISIONAL, "provisional"),
-    ]
-    .iter()
-    .filter_map(|(bit, word)| (set.flags & bit != 0).then_some(*word))
-    .collect();
     let model = if s.same_model() { "" } else { "; of another model than this robot file's" };
-    let flags = if flags.is_empty() { String::new() } else { format!("; {}", flags.join(", ")) };
-    writeln!(out, "parameters   {}, epoch {}, sample {}{flags}{model}", set.len(), set.epoch, set.seq)?;
+    writeln!(out, "parameters   {}, epoch {}, sample {}{}{model}", set.len(), set.epoch, set.seq, flags(set))?;
     writeln!(
         out,
         "{:<34} {:>12} {:>12} {:>12} {:>12} {:>10}",

@@ -5,6 +5,7 @@ pub mod closed;
 pub mod process;
 pub mod side;
 pub mod stage;
+pub mod stretch;
 pub mod two_link;
 
 use std::io::Write as _;

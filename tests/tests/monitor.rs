@@ -1,17 +1,17 @@
 //! Whoever looks on, and whoever floods the control service: the loop's work is what it is without them.
 
-use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, Health, PrivateBus};
-use rivet_realtime::LogHistogram;
-use rivet_tests::process::{Process, eventually};
-use rivet_tests::two_link::{name, running, sample};
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, PrivateBus};
+use rivet_tests::process::Process;
+use rivet_tests::stretch::{Feed, Stretch, least, stall_limit};
+use rivet_tests::two_link::{name, running};
 use rivet_tests::{rivet, robot, succeed};
 use std::process::Command;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Samples at their own rate, four seconds of them.
-const SAMPLES: u64 = 4000;
+/// Rounds of three stretches, one each alone, watched and flooded, and samples of a stretch at least, at their own rate.
+const ROUNDS: usize = 4;
+const SAMPLES: u64 = 800;
 
 fn monitor(config: &BusConfig) -> Command {
     let mut command = rivet();
@@ -20,91 +20,87 @@ fn monitor(config: &BusConfig) -> Command {
     command
 }
 
-/// The daemon's last report after the samples, with `beside` at work next to it until told to stop.
-fn run(beside: impl FnOnce(BusConfig, Arc<AtomicBool>) + Send + 'static) -> Health {
-    let private = PrivateBus::new("monitor");
-    let config = private.config().clone();
-    let bus = Bus::open(&config, &name(), "test-robot").expect("the bus");
-    let states = bus.joint_state_publisher().expect("a publisher");
-    let health = bus.health_subscriber().expect("a subscriber");
-    let _daemon = running(&config);
-    eventually("rivetd listens", || (states.subscribers() > 0).then_some(()));
-    let stop = Arc::new(AtomicBool::new(false));
-    let neighbour = std::thread::spawn({
-        let (config, stop) = (config.clone(), Arc::clone(&stop));
-        move || beside(config, stop)
-    });
-    let begin = Instant::now();
-    for seq in 1..=SAMPLES {
-        states.send(&sample(seq)).expect("sent");
-        std::thread::sleep((begin + Duration::from_millis(seq)).saturating_duration_since(Instant::now()));
-    }
-    let last = loop {
-        assert!(begin.elapsed() < Duration::from_secs(60), "rivetd has not taken all samples");
-        match health.receive().expect("received") {
-            Some(health) if health.seq == SAMPLES => break health,
-            _ => std::thread::sleep(Duration::from_millis(1)),
+/// Looks until told to stop, at least once; how often.
+fn watch(config: &BusConfig, stop: &AtomicBool) -> u64 {
+    let mut looks = 0;
+    while looks == 0 || !stop.load(Ordering::Relaxed) {
+        let output = succeed(&mut monitor(config));
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        for line in [
+            "daemon ",
+            "faults ",
+            "input ",
+            "load ",
+            "phases ",
+            "worst ",
+            "drops ",
+            "wake ",
+            "work ",
+            "supervision ",
+            "joints ",
+            "parameters ",
+        ] {
+            assert!(text.lines().any(|found| found.starts_with(line)), "{line}:\n{text}");
         }
-    };
-    stop.store(true, Ordering::Relaxed);
-    neighbour.join().expect("no panic");
-    last
+        looks += 1;
+    }
+    looks
 }
 
-fn median(health: &Health) -> u64 {
-    LogHistogram::from_counts(health.work_histogram, health.worst_work_ns).quantile(0.5)
+/// Asks as fast as there are answers until told to stop; how often.
+fn flood(config: &BusConfig, stop: &AtomicBool) -> u64 {
+    let bus = Bus::open(config, &name(), "test-flood").expect("the bus");
+    let client = bus.control_client().expect("a client");
+    let mut requests = 0;
+    while !stop.load(Ordering::Relaxed) {
+        client.ask(ControlCommand::Resume, Duration::from_secs(30)).expect("asked").expect("an answer");
+        requests += 1;
+    }
+    requests
 }
 
 #[test]
 fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
-    let alone = run(|_, _| {});
-    let looks = Arc::new(AtomicU64::new(0));
-    let watched = run({
-        let looks = Arc::clone(&looks);
-        move |config, stop| {
-            while !stop.load(Ordering::Relaxed) {
-                let output = succeed(&mut monitor(&config));
-                let text = String::from_utf8_lossy(&output.stdout).into_owned();
-                for line in [
-                    "daemon ",
-                    "faults ",
-                    "input ",
-                    "load ",
-                    "phases ",
-                    "worst ",
-                    "drops ",
-                    "wake ",
-                    "work ",
-                    "supervision ",
-                    "joints ",
-                    "parameters ",
-                ] {
-                    assert!(text.lines().any(|found| found.starts_with(line)), "{line}:\n{text}");
-                }
-                looks.fetch_add(1, Ordering::Relaxed);
-            }
-        }
-    });
-    let requests = Arc::new(AtomicU64::new(0));
-    let flooded = run({
-        let requests = Arc::clone(&requests);
-        move |config, stop| {
-            let bus = Bus::open(&config, &name(), "test-flood").expect("the bus");
-            let client = bus.control_client().expect("a client");
-            while !stop.load(Ordering::Relaxed) {
-                client.ask(ControlCommand::Resume, Duration::from_secs(30)).expect("asked").expect("an answer");
-                requests.fetch_add(1, Ordering::Relaxed);
-            }
-        }
-    });
-    let counts = (looks.load(Ordering::Relaxed), requests.load(Ordering::Relaxed));
-    assert!(counts.0 >= 1 && counts.1 > 100, "{counts:?} looks and requests");
-    for (what, health) in [("alone", &alone), ("watched", &watched), ("flooded", &flooded)] {
-        println!("{what}: work of a period {} ns at the median; bins {:?}", median(health), health.work_histogram);
-        assert_eq!((health.samples, health.lost, health.dropped_messages), (SAMPLES, 0, 0), "{what}");
-        // Bins double: the same to within the neighbouring ones, whatever else this machine does.
-        // Bins double, and other programs share the processors: what must not happen is work of another order.
-        assert!(median(health) <= 16 * median(&alone), "{what}: {} ns, alone {} ns", median(health), median(&alone));
+    let private = PrivateBus::new("monitor");
+    let config = private.config();
+    let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
+    let daemon = running(config);
+    let mut feed = Feed::begin(&bus, &daemon, Duration::from_millis(1));
+    let (mut alone, mut watched, mut flooded) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut looks, mut requests) = (0, 0);
+    for _ in 0..ROUNDS {
+        alone.push(feed.stretch(SAMPLES, |_| {}).0);
+        let (stretch, count) = feed.stretch(SAMPLES, |stop| watch(config, stop));
+        watched.push(stretch);
+        looks += count;
+        let (stretch, count) = feed.stretch(SAMPLES, |stop| flood(config, stop));
+        flooded.push(stretch);
+        requests += count;
+    }
+    assert!(requests > 100, "{requests} requests, {looks} looks");
+    let health = feed.health();
+    assert_eq!((health.samples, health.lost, health.dropped_messages), (health.seq, 0, 0));
+    // It waits for the next period, and for nothing else: who holds a lock that the loop wants makes it give its processor away
+    // once more. One in a hundred is left to pages that are not there where memory could not be locked.
+    for stretch in alone.iter().chain(&watched).chain(&flooded) {
+        let (periods, switches) = (stretch.periods, stretch.switches);
+        assert!(switches <= periods + periods / 100, "{switches} waits in {periods} periods");
+    }
+    let median = |stretch: &Stretch| stretch.work(0.5);
+    let most = |stretch: &Stretch| stretch.work(0.95);
+    for (what, stretches) in [("watched", &watched), ("flooded", &flooded)] {
+        let [at, high, stall] = [least(stretches, median), least(stretches, most), least(stretches, Stretch::stall)];
+        let [at_alone, high_alone] = [least(&alone, median), least(&alone, most)];
+        let limit = stall_limit(&alone, Stretch::stall);
+        println!(
+            "{what}: work {at} ns at the median, {high} ns at 95 %, held up {stall} ns; alone {at_alone}, {high_alone}"
+        );
+        // Bins double: a duration at the border of two reads as twice what it is. As much again for caches that are shared.
+        assert!(at <= 4 * at_alone, "{what}: {at} ns at the median, alone {at_alone} ns");
+        // A bin more: without a priority the loop shares two processors with the neighbour, the daemon's own threads and this
+        // test, and is turned out in some of its periods.
+        assert!(high <= 8 * high_alone, "{what}: {high} ns at 95 %, alone {high_alone} ns");
+        assert!(stall <= limit, "{what}: held up for {stall} ns in every stretch, {limit} ns are nothing unusual");
     }
 }
 

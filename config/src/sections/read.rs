@@ -226,7 +226,9 @@ pub(crate) fn estimator(
     Estimator { kind, energy_span_s, offsets, window_s, window_deviation, instruments, prior }
 }
 
-pub(crate) fn publish(reader: &mut Reader<'_>) -> Publish {
+pub(crate) fn publish(reader: &mut Reader<'_>, sample_period_s: f64) -> Publish {
+    // Whoever looks on judges by time, not by samples, whether a process is still there.
+    reader.derive("publish", "health_every", (1.0 / sample_period_s).round());
     Publish {
         every: reader.count("publish", "every"),
         consistent_hz: reader.number("publish", "consistent_hz"),

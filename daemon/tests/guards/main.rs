@@ -6,14 +6,14 @@ mod watch;
 use rivet_config::Trigger;
 use rivet_daemon::{Asking, Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, snapshots};
 use rivet_ipc_schema::{
-    Bus, ControlCommand, HISTOGRAM_BINS, Health, JointState, LoadLevel, Notifier, PHASES, Parameters, PrivateBus,
-    Publisher, RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
+    Bus, ControlCommand, HISTOGRAM_BINS, Health, InputFault, JointState, LoadLevel, Notifier, PHASES, Parameters,
+    PrivateBus, Publisher, RobotName, Setpoint, Timing, WORST_PERIODS, parameter_flags,
 };
 use rivet_realtime::{Overrun, RealTimeSettings, ThreadUsage};
 use rivet_service::Flight;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use watch::{Seen, watch_this_thread, watched};
 
 /// What the work of a period may call: the thread's own counters, with a message or a period that was one of the worst.
@@ -345,6 +345,77 @@ fn a_set_that_is_late_says_so() {
     let late = run(&mut bench, 60).expect("published");
     assert_ne!(late.flags & parameter_flags::LATE, 0);
     assert_eq!(late.stamp_ns, late.seq * 1_000_000, "the sample's own");
+}
+
+/// Health messages that were handed over.
+fn reports(bench: &mut Bench) -> Vec<Health> {
+    let mut all = Vec::new();
+    while let Ok(message) = bench.outbound.pop() {
+        if let Outbound::Health(health) = message {
+            all.push(health);
+        }
+    }
+    all
+}
+
+/// More samples than a test sends: health comes for other reasons or not at all.
+const NEVER: u64 = 1_000_000;
+
+/// A loop that samples start turns by its patience alone while there are none.
+#[test]
+fn health_comes_without_samples_too_whatever_starts_the_periods() {
+    for trigger in [Trigger::Timer, Trigger::Sample] {
+        let mut bench = Bench::new("no-samples", Duration::from_millis(8), trigger, NEVER);
+        let begin = Instant::now();
+        while begin.elapsed() < Duration::from_millis(1500) {
+            bench.turning.period();
+        }
+        let all = reports(&mut bench);
+        assert!((2..=20).contains(&all.len()), "{trigger:?}: {} reports in a second and a half", all.len());
+    }
+}
+
+/// Nor does a fault wait for the next message, nor its end; and a stream that is always faulty is not one message after the
+/// other.
+#[test]
+fn a_fault_that_begins_or_ends_is_told_of_at_once_but_not_often() {
+    let mut bench = Bench::new("news", Duration::from_millis(1), Trigger::Timer, NEVER);
+    // The first samples of the stream are spoilt ones.
+    bench.seq = 20;
+    let mut told = Vec::new();
+    // `feed` takes what was handed over before the period: what comes after it is this period's.
+    let mut turn = |bench: &mut Bench| {
+        bench.feed();
+        bench.turning.period();
+        let new = reports(bench);
+        told.extend(new.iter().map(|health| health.stamp_ns));
+        new.last().map(|health| health.input_fault)
+    };
+    let fault = |fault: InputFault| Some(u32::from(fault));
+    for _ in 0..400 {
+        assert_eq!(turn(&mut bench), None, "there is nothing to tell");
+    }
+    bench.seq += 3;
+    assert_eq!(turn(&mut bench), fault(InputFault::Lost), "in the period in which it is seen");
+    let end = (0..3000).find_map(|_| turn(&mut bench));
+    assert_eq!(end, fault(InputFault::None), "and no more than that before it is over");
+    // Samples with fault bits and lost ones in turns: news every ten periods.
+    for k in 0..800 {
+        match k % 20 {
+            0 => bench.seq += 2,
+            10 => {
+                bench.seq += 1;
+                let state = JointState { faults: 1, ..sample(bench.seq).0 };
+                bench.states.send(&state).expect("sent");
+            }
+            _ => {}
+        }
+        turn(&mut bench);
+    }
+    assert!(told.len() >= 4, "{} reports", told.len());
+    for pair in told.windows(2) {
+        assert!(pair[1] - pair[0] >= 200_000_000, "{} ns after the one before", pair[1] - pair[0]);
+    }
 }
 
 /// Periods far too short for the work: the ladder goes up, everything published says so, and whoever is told when does the
