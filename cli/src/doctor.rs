@@ -1,9 +1,10 @@
 //! `rivet doctor`: is this machine fit for real time, and what to change.
 
+mod bus;
+
 use crate::table::show;
 use anyhow::Result;
 use rivet_config::Robot;
-use rivet_ipc_schema::{BusConfig, RobotName, Survey};
 use rivet_realtime::{Finding, Latencies, Machine, RealTimeSettings, Scheduling, Severity};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -36,6 +37,9 @@ pub(crate) struct Args {
     /// Overrides `[bus] root`.
     #[arg(long)]
     root: Option<PathBuf>,
+    /// First frees what dead processes have left on the bus; where no process is on it, removes all of its files.
+    #[arg(long)]
+    clean: bool,
     /// The findings as JSON.
     #[arg(long)]
     json: bool,
@@ -48,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let wish = wish(robot.as_ref(), args.cpu);
     let mut findings = Machine::default().findings(&wish);
     findings.push(shared_memory());
-    findings.extend(bus(robot.as_ref(), args));
+    findings.extend(bus::findings(robot.as_ref(), args));
     let granted = grant(&wish);
     let allowed = granted.severity < Severity::Failure;
     findings.push(granted);
@@ -124,57 +128,6 @@ fn shared_memory() -> Finding {
         }
         Err(why) => Finding::change(check, Severity::Failure, why.to_string(), "mount -t tmpfs tmpfs /dev/shm"),
     }
-}
-
-/// What lies on the bus.
-fn bus(robot: Option<&Robot>, args: &Args) -> Vec<Finding> {
-    let default = robot.map_or_else(BusConfig::default, |robot| BusConfig {
-        prefix: robot.config.bus.prefix.clone(),
-        root: robot.config.bus.root.clone(),
-    });
-    let config = BusConfig {
-        prefix: args.prefix.clone().unwrap_or(default.prefix),
-        root: args.root.clone().unwrap_or(default.root),
-    };
-    let name = robot.map_or("robot", |robot| &robot.config.name);
-    match RobotName::new(name).and_then(|name| rivet_ipc_schema::survey(&config, &name)) {
-        Ok(survey) => of_survey(&survey, &config),
-        Err(why) => {
-            let owner = format!("chown -R $USER {}", config.root.display());
-            vec![Finding::change("bus", Severity::Failure, why.to_string(), owner)]
-        }
-    }
-}
-
-fn of_survey(survey: &Survey, config: &BusConfig) -> Vec<Finding> {
-    let (prefix, root) = (&config.prefix, config.root.display());
-    let stale = if survey.dead == 0 {
-        Finding::fine("stale shared memory", Severity::Ok, format!("none; {} parties alive", survey.alive.len()))
-    } else {
-        // Whoever joins next frees it; until then it is memory and places that are taken.
-        Finding::change(
-            "stale shared memory",
-            Severity::Warning,
-            format!("{} dead parties left theirs", survey.dead),
-            format!("rivetd frees it at its start; if none is to start: rm -f /dev/shm/{prefix}*; rm -rf {root}"),
-        )
-    };
-    let mut strange: Vec<String> = survey.foreign.iter().map(ToString::to_string).collect();
-    let others = survey.inaccessible + survey.foreign_files;
-    if others > 0 {
-        strange.push(format!("{others} parties or files of another user under the prefix {prefix}"));
-    }
-    let foreign = if strange.is_empty() {
-        Finding::fine("foreign services", Severity::Ok, "none of the robot's names is taken by another program")
-    } else {
-        Finding::change(
-            "foreign services",
-            Severity::Failure,
-            strange.join("; "),
-            "stop the other program, or give this robot a bus of its own: robot.toml: [bus] prefix = \"rivet2_\"",
-        )
-    };
-    vec![stale, foreign]
 }
 
 fn judge(latencies: &Latencies, period_s: f64, real_time: bool) -> Finding {

@@ -20,7 +20,8 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     #[command(flatten)]
     bus: OnBus,
-    /// Prints what is known now as text and ends; so it does where standard output is no terminal
+    /// Prints what is known now as text and ends; so it does where standard output is no terminal. Exit code 0: rivetd was
+    /// heard; 1: rivet-controller alone
     #[arg(long)]
     once: bool,
     /// Seconds to wait for the first report with --once
@@ -52,11 +53,18 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     result.map(|()| ExitCode::SUCCESS)
 }
 
+/// What a look tells the shell where only the controller was heard.
+const NO_DAEMON: u8 = 1;
+
 fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<ExitCode> {
     let begin = Instant::now();
     // Late subscribers get the last message of each within some milliseconds: once one has come, the others soon have.
+    // That the daemon is not there is said only when patience has ended.
     let mut first: Option<Instant> = None;
-    while begin.elapsed() < patience && first.is_none_or(|first| first.elapsed() < GRACE) && !snapshot.is_complete() {
+    while begin.elapsed() < patience
+        && (first.is_none_or(|first| first.elapsed() < GRACE) || snapshot.health.is_none())
+        && !snapshot.is_complete()
+    {
         std::thread::sleep(Duration::from_millis(5));
         snapshot.take(ports)?;
         if first.is_none() && !snapshot.is_empty() {
@@ -67,7 +75,7 @@ fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<Ex
         bail!("neither rivetd nor rivet-controller is on this bus");
     }
     show(&as_text(snapshot))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(if snapshot.health.is_some() { ExitCode::SUCCESS } else { ExitCode::from(NO_DAEMON) })
 }
 
 /// Keys as they are pressed. A thread of their own reads them: on a terminal that has vanished the library looks for more without

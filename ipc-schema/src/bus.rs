@@ -19,6 +19,7 @@ use crate::messages::{
     Setpoint, Stamped, Timing,
 };
 use crate::name::{RobotName, Service};
+use crate::owner::{cannot_join, ensure_own};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
 use crate::version;
 
@@ -86,6 +87,16 @@ impl BusConfig {
         }
     }
 
+    /// The same as options of rivet's programs.
+    pub fn options(&self) -> String {
+        format!("--prefix {} --root {}", self.prefix, self.root.display())
+    }
+
+    /// What removes the leftovers of this bus, and nothing that is in use.
+    pub fn clean_command(&self) -> String {
+        format!("rivet doctor --seconds 0 --clean {}", self.options())
+    }
+
     /// The same as the bus library wants it. For tests that put a foreign program onto a bus.
     #[doc(hidden)]
     pub fn iceoryx(&self) -> Result<Config, BusError> {
@@ -103,8 +114,8 @@ impl BusConfig {
 
     /// Joins the bus as `role`.
     pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
-        let refuse = |why: String| BusError::Join { prefix: self.prefix.clone(), root: self.root.clone(), why };
-        let name = NodeName::new(role).map_err(|e| refuse(format!("{e:?}")))?;
+        let name = NodeName::new(role).map_err(|e| cannot_join(self, &e))?;
+        ensure_own(self)?;
         ensure_counter(self)?;
         let node = NodeBuilder::new()
             .name(&name)
@@ -112,7 +123,7 @@ impl BusConfig {
             // Otherwise it takes SIGINT and SIGTERM away from the program.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
-            .map_err(|e| refuse(format!("{e:?}")))?;
+            .map_err(|e| cannot_join(self, &e))?;
         close_to_others(self);
         Ok(node)
     }

@@ -13,6 +13,7 @@ use iceoryx2::prelude::{CallbackProgression, Config, ipc};
 use crate::blackboard::LOCK_DIRECTORY;
 use crate::bus::{BusConfig, quieten};
 use crate::error::BusError;
+use crate::owner::{User, cannot_join, ensure_own, ownership};
 
 /// Where POSIX shared memory lies.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
@@ -55,33 +56,50 @@ fn sweep(config: &BusConfig) -> Result<(usize, usize), BusError> {
         }
         CallbackProgression::Continue
     });
-    listed.map_err(|e| BusError::Join {
-        prefix: config.prefix.clone(),
-        root: config.root.clone(),
-        why: format!("{e:?}"),
-    })?;
+    listed.map_err(|e| cannot_join(config, &e))?;
     Ok((alive, freed))
 }
 
 /// Frees what killed processes left on the bus. Safe while others use it; 2 to 14 ms a dead party.
 ///
 /// Joining the bus does the same; this is for a process that is about to leave no one behind.
+///
+/// # Errors
+/// [`BusError::OtherUser`] on a bus of another user's; a bus that cannot be listed.
 pub fn cleanup(config: &BusConfig) -> Result<Leftovers, BusError> {
+    ensure_own(config)?;
     let (_, dead_nodes) = sweep(config)?;
     Ok(Leftovers { dead_nodes, files: 0 })
 }
 
 /// Removes every file of the bus, once no process uses it any more: a clean exit leaves one page, a killed
-/// process more.
+/// process more. Root may do so for any user.
 ///
 /// # Errors
 /// [`BusError::InUse`] while a process is on the bus; nothing but dead parties is then removed.
 pub fn purge(config: &BusConfig) -> Result<Leftovers, BusError> {
     let (alive, dead_nodes) = sweep(config)?;
-    if alive > 0 {
-        return Err(BusError::InUse { prefix: config.prefix.clone(), nodes: alive });
+    let nodes = alive.max(mapped_elsewhere(config));
+    if nodes > 0 {
+        return Err(BusError::InUse { prefix: config.prefix.clone(), nodes });
     }
     Ok(Leftovers { dead_nodes, files: unlink_all(config)? })
+}
+
+/// Other processes that have mapped memory of the prefix, as far as this one may see: a party that is just joining, or
+/// on a bus of the same prefix in another directory, is not listed, and would lose its files all the same.
+fn mapped_elsewhere(config: &BusConfig) -> usize {
+    let own = std::process::id().to_string();
+    let maps = |process: fs::DirEntry| {
+        let name = process.file_name();
+        let other = name.as_encoded_bytes().iter().all(u8::is_ascii_digit) && name.to_str() != Some(own.as_str());
+        let maps = if other { fs::read(process.path().join("maps")).unwrap_or_default() } else { Vec::new() };
+        let maps = String::from_utf8_lossy(&maps);
+        maps.lines()
+            .filter_map(|line| line.split_once("/dev/shm/"))
+            .any(|(_, file)| belongs(file.as_bytes(), &config.prefix))
+    };
+    fs::read_dir("/proc").into_iter().flatten().flatten().map(maps).filter(|uses| *uses).count()
 }
 
 /// Whether a file of the bus's belongs to `prefix`, and not to a longer prefix that begins alike: what follows
@@ -183,9 +201,14 @@ fn unlink_all(config: &BusConfig) -> Result<usize, BusError> {
         files += unlink_below(&directory, |name| belongs(name, &config.prefix))?;
     }
     files += unlink_below(&locks, |name| name.starts_with(lock_prefix.as_bytes()))?;
-    for directory in ["nodes", "services", LOCK_DIRECTORY, ""] {
+    // Root cleans up for another user, who may be unable to make the directory again.
+    let keep_root = ownership(config).other_than(&User::me()).is_some();
+    for directory in ["nodes", "services", LOCK_DIRECTORY] {
         // Not empty means another prefix lives there.
         let _ = fs::remove_dir(config.root.join(directory));
+    }
+    if !keep_root {
+        let _ = fs::remove_dir(&config.root);
     }
     Ok(files)
 }

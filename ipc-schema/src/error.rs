@@ -55,6 +55,22 @@ pub enum BusError {
         /// What the bus said.
         why: String,
     },
+    /// The bus is another user's, or something of another user's is in the way.
+    #[error(
+        "{} belongs to the user {owner}, and this program runs as {me}; all processes of one robot run as \
+         one user: {change}",
+        path.display()
+    )]
+    OtherUser {
+        /// The bus's directory, or what is in the way.
+        path: PathBuf,
+        /// Whose it is.
+        owner: String,
+        /// The user of this process.
+        me: String,
+        /// The command to use.
+        change: String,
+    },
     /// Another version of the message is spoken on the service.
     #[error("{0}")]
     Version(VersionMismatch),

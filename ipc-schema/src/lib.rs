@@ -33,6 +33,7 @@ mod messages;
 mod name;
 mod old_numbers;
 mod one_source;
+mod owner;
 mod pubsub;
 mod sample_clock;
 mod survey;
@@ -56,6 +57,7 @@ pub use messages::{
 pub use name::{RobotName, Service};
 pub use old_numbers::OldNumbers;
 pub use one_source::OneSource;
+pub use owner::{Owned, Ownership, User, ownership};
 pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;
 pub use survey::{Survey, survey};

@@ -1,19 +1,15 @@
 //! Who is on a bus, and what lies there that should not: looked at without touching anything.
 
-use std::fs;
-use std::os::unix::fs::MetadataExt as _;
-use std::path::Path;
-
 use iceoryx2::node::{Node, NodeState, NodeView as _};
 use iceoryx2::prelude::{CallbackProgression, ServiceName, ipc};
 
 use crate::bus::BusConfig;
-use crate::cleanup::{SHARED_MEMORY, belongs};
 use crate::error::{BusError, VersionMismatch};
 use crate::messages::{
     ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters, Setpoint, Timing,
 };
 use crate::name::{RobotName, Service};
+use crate::owner::cannot_join;
 use crate::version;
 
 /// What was found.
@@ -27,8 +23,6 @@ pub struct Survey {
     pub inaccessible: usize,
     /// Services of the robot's that carry what another program, or another version, means by their name.
     pub foreign: Vec<VersionMismatch>,
-    /// Files of the bus in shared memory that belong to another user than this process.
-    pub foreign_files: usize,
 }
 
 /// Looks at the bus of `robot`. Nothing is opened or removed.
@@ -50,11 +44,7 @@ pub fn survey(config: &BusConfig, robot: &RobotName) -> Result<Survey, BusError>
         }
         CallbackProgression::Continue
     });
-    listed.map_err(|e| BusError::Join {
-        prefix: config.prefix.clone(),
-        root: config.root.clone(),
-        why: format!("{e:?}"),
-    })?;
+    listed.map_err(|e| cannot_join(config, &e))?;
     let mut look = |service: Service, mismatch: &dyn Fn(&str, &str) -> VersionMismatch, expected: &str| {
         let name = service.of(robot);
         if let Ok(full) = ServiceName::new(&name)
@@ -73,11 +63,5 @@ pub fn survey(config: &BusConfig, robot: &RobotName) -> Result<Survey, BusError>
     look(Service::Timing, &version::mismatch::<Timing>, Timing::TYPE_NAME);
     look(Service::Drift, &version::mismatch::<Drift>, Drift::TYPE_NAME);
     look(Service::ControllerHealth, &version::mismatch::<ControllerHealth>, ControllerHealth::TYPE_NAME);
-    let me = fs::metadata("/proc/self").map(|own| own.uid()).unwrap_or_default();
-    let files = fs::read_dir(Path::new(SHARED_MEMORY)).into_iter().flatten().flatten();
-    found.foreign_files = files
-        .filter(|file| belongs(file.file_name().as_encoded_bytes(), &config.prefix))
-        .filter(|file| file.metadata().is_ok_and(|data| data.uid() != me))
-        .count();
     Ok(found)
 }

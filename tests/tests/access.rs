@@ -7,7 +7,7 @@ use rivet_tests::two_link::{daemon, name, running, sample};
 use rivet_tests::{rivet, robot};
 use std::fs;
 use std::io::Write as _;
-use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::fs::{DirBuilderExt as _, PermissionsExt as _, chown};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
@@ -117,6 +117,62 @@ fn another_user_can_neither_publish_nor_read_nor_hold_up_the_daemon() {
     // Many short stalls would be none of those. A twentieth more than without him is what a busy machine takes.
     let (without, with) = (missed(alone.iter()), missed(tried.iter().flat_map(|(_, with)| with)));
     assert!(with <= 4.0 * without + 0.05, "{with:.3} of the periods missed, {without:.3} without a stranger");
+}
+
+/// `rivet WORDS...` on the bus as root.
+fn root(words: &[&str], config: &BusConfig) -> Output {
+    let mut command = rivet();
+    command.arg(words[0]).arg(robot("dd2")).args(&words[1..]).args(["--prefix", &config.prefix, "--root"]);
+    command.arg(&config.root).output().expect("the program starts")
+}
+
+/// What the doctor says of the bus itself, to root.
+fn verdict(config: &BusConfig, option: Option<&str>) -> serde_json::Value {
+    let mut words = vec!["doctor", "--seconds", "0", "--json"];
+    words.extend(option);
+    let found: serde_json::Value = serde_json::from_slice(&root(&words, config).stdout).expect("JSON");
+    let check = if option.is_some() { "clean" } else { "bus" };
+    let finding = found["findings"].as_array().expect("a list").iter().find(|finding| finding["check"] == check);
+    finding.expect("looked at").clone()
+}
+
+/// The bus of the service's user, and root who looks at it: nothing of root's is left there that would keep the daemon
+/// out. What an older program has left there is named, and can be taken away.
+#[test]
+fn root_does_not_shut_the_owner_of_a_bus_out() {
+    if !rustix::process::geteuid().is_root() {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: to be two users this needs root");
+        return;
+    }
+    let private = PrivateBus::new("theirs");
+    let config = private.config();
+    let outside = Outside::new();
+    fs::DirBuilder::new().mode(0o750).create(&config.root).expect("made");
+    chown(&config.root, Some(65534), Some(65534)).expect("given away");
+    for words in [&["monitor", "--once"][..], &["control", "freeze"], &["daemon", "--best-effort"]] {
+        let output = root(words, config);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains("run as one user"), "{words:?}: {said}");
+        assert!(said.contains(&config.root.display().to_string()), "{words:?}: {said}");
+    }
+    assert_eq!(verdict(config, None)["severity"], "note");
+    assert_eq!(fs::read_dir(&config.root).expect("there").count(), 0, "nothing was made");
+
+    // As an older program of root's did.
+    let nodes = config.root.join("nodes");
+    fs::DirBuilder::new().mode(0o750).create(&nodes).expect("made");
+    let refused = outside.nobody(&["daemon", "--best-effort"], config);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(69), "{said}");
+    assert!(said.contains(&format!("{} belongs to the user root", nodes.display())), "{said}");
+    assert!(said.contains(&config.clean_command()), "{said}");
+    let mixed = verdict(config, None);
+    assert_eq!(mixed["severity"], "failure", "{mixed}");
+    assert_eq!(verdict(config, Some("--clean"))["severity"], "ok");
+    assert!(config.root.exists() && !nodes.exists(), "root's is gone, the owner's stays");
+    let alone = outside.nobody(&["monitor", "--once", "--patience", "0.5"], config);
+    let said = String::from_utf8_lossy(&alone.stderr);
+    assert!(said.contains("neither rivetd nor rivet-controller"), "its user joins it: {said}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! `rivet doctor` and `rivet bench-loop` on the machine at hand, whatever it is.
 
-use rivet_ipc_schema::{Bus, PrivateBus, RobotName};
+use rivet_ipc_schema::{Bus, BusConfig, JointState, PrivateBus, RobotName};
 use rivet_tests::process::eventually;
 use rivet_tests::{rivet, robot, succeed};
 use std::process::{Command, Stdio};
@@ -12,29 +12,18 @@ fn party_that_is_killed() {
     let Ok(prefix) = std::env::var("RIVET_TEST_PREFIX") else { return };
     let root = std::env::var("RIVET_TEST_ROOT").expect("set together").into();
     rivet_realtime::die_with_parent().expect("the test lives");
-    let config = rivet_ipc_schema::BusConfig { prefix, root };
+    let config = BusConfig { prefix, root };
     let bus = Bus::open(&config, &RobotName::new("dd2").expect("a name"), "test-party").expect("the bus opens");
     let _states = bus.joint_state_publisher().expect("a publisher");
     println!("here");
     std::thread::sleep(std::time::Duration::from_secs(600));
 }
 
-/// What a killed process leaves in shared memory is seen by the doctor, with what to do about it; who joins next frees it.
-#[test]
-fn the_doctor_sees_what_the_dead_have_left() {
-    let private = PrivateBus::new("doctor");
-    let look = || {
-        let mut doctor = rivet();
-        doctor.args(["doctor", "--seconds", "0", "--json", "--prefix", &private.config().prefix, "--root"]);
-        let output = doctor.arg(&private.config().root).arg(robot("dd2")).output().expect("it starts");
-        let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        let stale = found["findings"].as_array().expect("a list").iter().find(|f| f["check"] == "stale shared memory");
-        stale.expect("looked at").clone()
-    };
-    assert_eq!(look()["severity"], "ok", "nobody was here");
+/// A party that was killed, and has left what it had.
+fn killed_party(config: &BusConfig) {
     let mut command = Command::new(std::env::current_exe().expect("a running test has a file"));
     command.args(["--ignored", "--exact", "--nocapture", "party_that_is_killed"]).stderr(Stdio::null());
-    command.env("RIVET_TEST_PREFIX", &private.config().prefix).env("RIVET_TEST_ROOT", &private.config().root);
+    command.env("RIVET_TEST_PREFIX", &config.prefix).env("RIVET_TEST_ROOT", &config.root);
     let mut party = command.stdout(Stdio::piped()).spawn().expect("it starts");
     let said = std::io::BufReader::new(party.stdout.take().expect("piped"));
     let mut lines = std::io::BufRead::lines(said);
@@ -42,17 +31,63 @@ fn the_doctor_sees_what_the_dead_have_left() {
         let line = lines.next()?.expect("a line");
         line.contains("here").then_some(())
     });
-    let alive = look();
+    let alive = look(config, &[], "stale shared memory");
     assert_eq!(alive["severity"], "ok", "{alive}");
     party.kill().expect("killed");
     party.wait().expect("it ends");
-    let stale = look();
-    assert_eq!(stale["severity"], "warning", "{stale}");
-    assert_eq!(stale["found"], "1 dead parties left theirs", "{stale}");
-    assert!(stale["change"].as_str().expect("a line to change").contains(&private.config().prefix), "{stale}");
+}
+
+/// What the doctor says of `check`.
+fn look(config: &BusConfig, options: &[&str], check: &str) -> serde_json::Value {
+    let mut doctor = rivet();
+    doctor.args(["doctor", "--seconds", "0", "--json", "--prefix", &config.prefix, "--root"]).arg(&config.root);
+    let output = doctor.args(options).arg(robot("dd2")).output().expect("it starts");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let finding = found["findings"].as_array().expect("a list").iter().find(|finding| finding["check"] == check);
+    finding.expect("looked at").clone()
+}
+
+/// What a killed process leaves in shared memory is seen by the doctor, with what to do about it; who joins next frees it.
+#[test]
+fn the_doctor_sees_what_the_dead_have_left() {
+    let private = PrivateBus::new("doctor");
+    let stale = || look(private.config(), &[], "stale shared memory");
+    assert_eq!(stale()["severity"], "ok", "nobody was here");
+    killed_party(private.config());
+    let left = stale();
+    assert_eq!(left["severity"], "warning", "{left}");
+    assert_eq!(left["found"], "1 dead parties left theirs", "{left}");
+    assert!(left["change"].as_str().expect("a line to change").contains(&private.config().clean_command()), "{left}");
     drop(Bus::open(private.config(), &RobotName::new("dd2").expect("a name"), "test-next").expect("the bus opens"));
     rivet_ipc_schema::cleanup(private.config()).expect("cleaned");
-    assert_eq!(look()["severity"], "ok", "freed");
+    assert_eq!(stale()["severity"], "ok", "freed");
+}
+
+/// Following the doctor's advice takes nothing from a party at work, and everything from an empty bus.
+#[test]
+fn the_doctor_clears_away_only_what_nobody_uses() {
+    let private = PrivateBus::new("clean");
+    let config = private.config();
+    let bus = Bus::open(config, &RobotName::new("dd2").expect("a name"), "test-alive").expect("the bus opens");
+    let states = bus.joint_state_publisher().expect("a publisher");
+    killed_party(config);
+    let advice = look(config, &[], "stale shared memory");
+    let change = advice["change"].as_str().expect("a line to change");
+    assert!(change.contains("no program has to stop") && change.contains(&config.clean_command()), "{advice}");
+    let cleaned = look(config, &["--clean"], "clean");
+    assert_eq!(cleaned["severity"], "ok", "{cleaned}");
+    assert_eq!(cleaned["found"], "1 dead parties freed, 0 files removed", "{cleaned}");
+    let after = look(config, &[], "stale shared memory");
+    assert_eq!(after["found"], "none; 1 parties alive", "{after}");
+    // The party at work can still be joined, and heard.
+    let onlooker = Bus::open(config, bus.robot(), "test-onlooker").expect("the bus opens");
+    let heard = onlooker.joint_state_subscriber().expect("a subscriber");
+    assert_eq!(states.send(&JointState { seq: 1, ..JointState::default() }).expect("sent"), 1);
+    assert_eq!(heard.receive().expect("received").map(|state| state.seq), Some(1));
+    drop((heard, onlooker, states, bus));
+    let cleaned = look(config, &["--clean"], "clean");
+    assert_eq!(cleaned["severity"], "ok", "{cleaned}");
+    assert!(!config.root.exists(), "{cleaned}");
 }
 
 /// Both distributions are printed, side by side, with the loop's own work; no figure is judged here.

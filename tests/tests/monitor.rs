@@ -1,11 +1,12 @@
 //! Whoever looks on, and whoever floods the control service: the loop's work is what it is without them.
 
-use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, PrivateBus};
-use rivet_tests::process::Process;
+use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControllerHealth, Health, PrivateBus};
+use rivet_tests::process::{Process, eventually};
 use rivet_tests::stretch::{Feed, Stretch, least, stall_limit};
 use rivet_tests::two_link::{name, running};
 use rivet_tests::{rivet, robot, succeed};
-use std::process::Command;
+use std::io::Read as _;
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -13,10 +14,10 @@ use std::time::{Duration, Instant};
 const ROUNDS: usize = 4;
 const SAMPLES: u64 = 800;
 
-fn monitor(config: &BusConfig) -> Command {
+fn monitor(config: &BusConfig, patience: &str) -> Command {
     let mut command = rivet();
-    command.arg("monitor").arg(robot("dd2")).args(["--once", "--patience", "20", "--prefix", &config.prefix, "--root"]);
-    command.arg(&config.root);
+    command.arg("monitor").arg(robot("dd2")).args(["--once", "--patience", patience, "--prefix", &config.prefix]);
+    command.arg("--root").arg(&config.root);
     command
 }
 
@@ -24,7 +25,7 @@ fn monitor(config: &BusConfig) -> Command {
 fn watch(config: &BusConfig, stop: &AtomicBool) -> u64 {
     let mut looks = 0;
     while looks == 0 || !stop.load(Ordering::Relaxed) {
-        let output = succeed(&mut monitor(config));
+        let output = succeed(&mut monitor(config, "20"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         for line in [
             "daemon ",
@@ -104,6 +105,32 @@ fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
     }
 }
 
+/// A script sees from the exit code that the daemon is not there, though the controller is.
+#[test]
+fn a_look_without_the_daemon_ends_with_a_code_of_its_own() {
+    let private = PrivateBus::new("alone");
+    let bus = Bus::open(private.config(), &name(), "test-parties").expect("the bus");
+    let controller = bus.controller_health_publisher().expect("a publisher");
+    let daemon = bus.health_publisher().expect("a publisher");
+    let look = |with_daemon: bool, patience: &str| {
+        let mut look = Process::start(monitor(private.config(), patience).stdout(Stdio::piped()));
+        let status = eventually("it ends", || {
+            controller.send(&ControllerHealth::default()).expect("sent");
+            if with_daemon {
+                daemon.send(&Health::default()).expect("sent");
+            }
+            look.0.try_wait().expect("a child")
+        });
+        let mut text = String::new();
+        look.0.stdout.take().expect("piped").read_to_string(&mut text).expect("text");
+        (status.code(), text)
+    };
+    let (code, text) = look(false, "3");
+    assert!(code == Some(1) && text.contains("daemon       not on the bus"), "{code:?}: {text}");
+    let (code, text) = look(true, "20");
+    assert!(code == Some(0) && !text.contains("not on the bus"), "{code:?}: {text}");
+}
+
 /// Processes whose parent is `pid`, by the fourth word of their `stat`.
 fn children(pid: u32) -> Vec<u32> {
     let stat = |entry: std::fs::DirEntry| {
@@ -140,7 +167,7 @@ fn a_monitor_whose_terminal_has_vanished_ends() {
     let output = std::fs::File::create(&screen).expect("a file");
     let mut command = Command::new("script");
     command.args(["-qfc", &line, "/dev/null"]).env("TERM", "xterm").env("SHELL", "/bin/sh").stdout(output);
-    command.stdin(std::process::Stdio::piped());
+    command.stdin(Stdio::piped());
     let Ok(terminal) = command.spawn() else {
         eprintln!("SKIPPED: no script(1) to give a terminal");
         return;
