@@ -186,8 +186,9 @@ impl Requests {
         let done = || Answer::Now(ControlStatus::Done, String::new());
         match (command, kept) {
             // Who works on a request for another thread answers for itself: `Later` refuses a second one.
-            (ControlCommand::Save | ControlCommand::Reload, _) if owes => Answer::Later,
-            (ControlCommand::Reset, Some(_)) if owes => Answer::Later,
+            (ControlCommand::Save | ControlCommand::Reload, _) | (ControlCommand::Reset, Some(_)) if owes => {
+                Answer::Later
+            }
             (ControlCommand::Save, Some(kept)) if kept.save_now() => Answer::Later,
             (ControlCommand::Save, Some(_)) => refused("there is nothing new that is worth storing"),
             (ControlCommand::Save, None) => refused("rivetd runs without --state: nothing is stored"),
