@@ -3,14 +3,15 @@
 use crate::error::StartError;
 use crate::gate::refusal_text;
 use rivet_ipc_schema::{
-    Bus, BusConfig, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason,
+    Bus, BusConfig, BusError, BusWatch, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName,
+    SourceReason,
 };
 use rivet_realtime::{Hangup, Shutdown};
 use rivet_service::{Flight, Manager};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What the loop shows of itself, for the service manager.
 #[derive(Debug, Default)]
@@ -35,6 +36,9 @@ pub(crate) enum Outbound {
 /// How often the queue is looked at.
 const TURN: Duration = Duration::from_millis(5);
 
+/// Turns between looks at the files of the bus.
+const TURNS_PER_LOOK: u32 = 100;
+
 struct Service {
     health: Publisher<ControllerHealth>,
     flight: Option<Arc<Flight>>,
@@ -53,23 +57,24 @@ pub(crate) fn start(
     pulse: &Arc<Pulse>,
     hangup: Option<Hangup>,
     shutdown: &Shutdown,
-) -> Result<JoinHandle<()>, StartError> {
+) -> Result<JoinHandle<Result<(), BusError>>, StartError> {
     let (config, name, shutdown, pulse) = (config.clone(), name.clone(), shutdown.clone(), Arc::clone(pulse));
     let (ready, readiness) = mpsc::channel();
     let body = move || {
         let opened = Bus::open(&config, &name, "rivet-controller-service")
             .and_then(|bus| bus.controller_health_publisher().map(|health| (bus, health)));
-        let (_bus, health) = match opened {
+        let (bus, health) = match opened {
             Ok(opened) => opened,
             Err(why) => {
                 // A receiver that is gone means that start-up failed elsewhere.
                 let _ = ready.send(Err(why));
-                return;
+                return Ok(());
             }
         };
         let _ = ready.send(Ok(()));
         let mut service = Service { health, flight, name: name.clone(), said: None, named: [false; 3] };
         let mut manager = Manager::new();
+        let (mut watch, mut turns) = (BusWatch::default(), 0_u32);
         loop {
             let stopping = shutdown.is_requested();
             while let Ok(message) = inbound.pop() {
@@ -85,7 +90,22 @@ pub(crate) fn start(
             }
             if stopping {
                 manager.stopping();
-                return;
+                return Ok(());
+            }
+            turns = turns.wrapping_add(1);
+            if turns.is_multiple_of(TURNS_PER_LOOK) {
+                let answered = pulse.commands.load(Ordering::Relaxed);
+                match watch.look(&config, bus.is_whole(), answered, Instant::now()) {
+                    Ok(None) => {}
+                    Ok(Some(why)) => {
+                        log::error!(rivet_event = "bus-removed"; "{why}; goes on with who is there, until nothing comes any more");
+                    }
+                    Err(why) => {
+                        shutdown.request();
+                        manager.stopping();
+                        return Err(why);
+                    }
+                }
             }
             if pulse.met.load(Ordering::Relaxed) {
                 manager.ready();

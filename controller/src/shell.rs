@@ -146,7 +146,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     shutdown.request();
     let joined = service.join();
     let counts = ended?;
-    joined.map_err(|_| StartError::Thread("the service thread panicked"))?;
+    joined.map_err(|_| StartError::Thread("the service thread panicked"))??;
     log::info!(
         rivet_event = "stopped";
         "stopped after {} commands; {} parameter sets accepted, {} refused; {} stops",

@@ -8,7 +8,8 @@ use crate::progress::Progress;
 use crate::reload::Outcome;
 use crate::said::{Complaint, Said};
 use rivet_ipc_schema::{
-    Answer, Bus, BusConfig, BusError, ControlCommand, ControlStatus, Drift, Health, Parameters, RobotName, Timing,
+    Answer, Bus, BusConfig, BusError, BusWatch, ControlCommand, ControlStatus, Drift, Health, Parameters, RobotName,
+    Timing,
 };
 use rivet_realtime::Shutdown;
 use std::sync::mpsc::{Receiver, Sender};
@@ -72,7 +73,7 @@ pub(crate) fn run(
     };
     let mut turns = 0_u32;
     let mut complaint = Complaint::default();
-    let (mut said, mut torn) = (Said::default(), 0);
+    let (mut said, mut watch) = (Said::default(), BusWatch::default());
     loop {
         progress.bus_turned();
         let stopping = shutdown.is_requested();
@@ -83,12 +84,16 @@ pub(crate) fn run(
         }
         if turns.is_multiple_of(TURNS_PER_ROOM) {
             look_for_room(progress);
-            // Twice: a service that is made anew at this moment is there the next time.
-            torn = if bus.is_whole() { 0 } else { torn + 1 };
-            if torn == 2 && !stopping {
-                // Who comes now meets on another bus: to go on would be to speak to nobody.
-                let _ = ready.send(Err(BusError::Torn { root: config.root.clone() }.into()));
-                return;
+            match watch.look(config, bus.is_whole(), progress.read().samples, Instant::now()) {
+                Ok(None) => {}
+                Ok(Some(why)) => {
+                    log::error!(rivet_event = "bus-removed"; "{why}; goes on with who is there, until nothing comes any more");
+                }
+                Err(why) if !stopping => {
+                    let _ = ready.send(Err(why.into()));
+                    return;
+                }
+                Err(_) => {}
             }
         }
         if stopping {

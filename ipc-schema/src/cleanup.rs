@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::{CallbackProgression, Config, ipc};
@@ -119,6 +119,48 @@ pub(crate) fn has_files(config: &BusConfig, iceoryx: &Config) -> bool {
             Err(why) => why.kind() != io::ErrorKind::NotFound,
         }
     })
+}
+
+/// Looks after the files of a bus in use. Who is there when they are removed goes on through the memory that he has; who comes
+/// from then on is not found. So that is told at once, and is a reason to begin anew only when nothing comes any more.
+#[derive(Debug, Default)]
+pub struct BusWatch {
+    missing: u32,
+    said: bool,
+    count: u64,
+    since: Option<Instant>,
+}
+
+/// Without anything for this long nobody is there.
+const NOTHING_COMES: Duration = Duration::from_secs(5);
+
+impl BusWatch {
+    /// To be asked now and then: `whole` as [`Bus::is_whole`](crate::Bus::is_whole) says, `count` of what has come so far. What is
+    /// to be told, once.
+    ///
+    /// # Errors
+    /// [`BusError::Torn`]: nothing comes any more, and the process had better end and be started anew.
+    pub fn look(
+        &mut self,
+        config: &BusConfig,
+        whole: bool,
+        count: u64,
+        now: Instant,
+    ) -> Result<Option<BusError>, BusError> {
+        if count != self.count || self.since.is_none() {
+            (self.count, self.since) = (count, Some(now));
+        }
+        // Twice: a service that is made anew at this moment is there the next time.
+        self.missing = if whole { 0 } else { self.missing.saturating_add(1) };
+        if self.missing < 2 {
+            return Ok(None);
+        }
+        let torn = BusError::Torn { root: config.root.clone() };
+        if self.since.is_some_and(|since| now.saturating_duration_since(since) >= NOTHING_COMES) {
+            return Err(torn);
+        }
+        Ok((!std::mem::replace(&mut self.said, true)).then_some(torn))
+    }
 }
 
 /// Making a file of the bus takes well below a millisecond. One that is not ready after this belongs to nobody who lives; a

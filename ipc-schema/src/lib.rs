@@ -41,7 +41,7 @@ mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
 pub use bus::{Bus, BusConfig, LEAST_ROOM};
-pub use cleanup::{Leftovers, PrivateBus, cleanup, ensure_room, purge};
+pub use cleanup::{BusWatch, Leftovers, PrivateBus, cleanup, ensure_room, purge};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier};

@@ -169,18 +169,24 @@ fn a_reset_beside_a_save_locks_nobody_out() {
     assert!(process.end("-TERM").success());
 }
 
-/// Whoever removes the files of a bus that is in use cuts off those who use it: they say so and end, so that they are started anew.
+/// Whoever removes the files of a bus that is in use cuts off who comes from then on. Those who are there say so, go on with each
+/// other, and end once nothing comes any more, so that they are started anew.
 #[test]
-fn a_daemon_whose_bus_is_removed_ends_with_the_reason() {
+fn a_bus_that_is_removed_is_told_and_left_when_nobody_is_there() {
     for shared in [false, true] {
         let folder = tempfile::tempdir().expect("a folder");
-        let said = folder.path().join("said");
+        let (said, heard) = (folder.path().join("said"), folder.path().join("heard"));
         let private = PrivateBus::new(if shared { "torn-shm" } else { "torn-root" });
         let config = private.config();
+        let mut side = Side::new(config);
         let mut process = Process::start(&mut daemon(&robot("dd2"), config, &said));
-        let health = eventually("the bus", || two_link::bus(config, "test-onlooker").health_subscriber().ok());
-        eventually("it reports", || health.receive().expect("received"));
-        drop(health);
+        let mut controller = rivet();
+        controller.arg("controller").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix"]);
+        controller.arg(&config.prefix).arg("--root").arg(&config.root);
+        controller.stderr(std::fs::File::create(&heard).expect("a file"));
+        let mut controller = Process::start(&mut controller);
+        eventually("both listen", || (side.states.subscribers() > 1).then_some(()));
+        side.go(1000);
         if shared {
             for path in names(Path::new("/dev/shm"), "", &config.prefix) {
                 std::fs::remove_file(path).expect("removed");
@@ -188,10 +194,16 @@ fn a_daemon_whose_bus_is_removed_ends_with_the_reason() {
         } else {
             std::fs::remove_dir_all(&config.root).expect("removed");
         }
-        let status = eventually("it ends", || process.0.try_wait().expect("asked"));
-        assert_eq!(status.code(), Some(69));
-        let text = std::fs::read_to_string(&said).expect("it said something");
-        assert!(text.contains("start all processes of the robot anew"), "{text}");
+        let text = || [&said, &heard].map(|file| std::fs::read_to_string(file).expect("it said something"));
+        eventually("both say so", || {
+            side.go(100);
+            text().iter().all(|text| text.contains("goes on with who is there")).then_some(())
+        });
+        assert!(process.0.try_wait().expect("asked").is_none() && controller.0.try_wait().expect("asked").is_none());
+        for process in [&mut process, &mut controller] {
+            let status = eventually("it ends", || process.0.try_wait().expect("asked"));
+            assert_eq!(status.code(), Some(69), "{:?}", text());
+        }
     }
 }
 
