@@ -85,7 +85,6 @@ pub(crate) fn run(
         if turns.is_multiple_of(TURNS_PER_ROOM) {
             look_for_room(progress);
             match watch.look(config, bus.is_whole(), progress.read().samples, Instant::now()) {
-                Ok(None) => {}
                 Ok(Some(why)) => {
                     log::error!(rivet_event = "bus-removed"; "{why}; goes on with who is there, until nothing comes any more");
                 }
@@ -93,7 +92,7 @@ pub(crate) fn run(
                     let _ = ready.send(Err(why.into()));
                     return;
                 }
-                Err(_) => {}
+                Ok(None) | Err(_) => {}
             }
         }
         if stopping {
