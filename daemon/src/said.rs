@@ -3,8 +3,11 @@
 use rivet_ipc_schema::{Health, INPUT_FAULTS, InputFault};
 use std::time::{Duration, Instant};
 
-/// Time between two lines of one kind.
+/// Time between two lines of one kind, at first.
 const PAUSE: Duration = Duration::from_secs(60);
+
+/// The longest: an arm that stands in its brakes for a week is not news every minute.
+const LONGEST_PAUSE: Duration = Duration::from_secs(86_400);
 
 /// Input faults that the journal knows of.
 #[derive(Debug, Default)]
@@ -12,6 +15,8 @@ pub(crate) struct Said {
     /// Of each fault: how often it had been met when it was said last, and when that was.
     counts: [u64; INPUT_FAULTS],
     when: [Option<Instant>; INPUT_FAULTS],
+    /// How long each has to wait then: twice as long with every line, as long as it goes on.
+    pauses: [Duration; INPUT_FAULTS],
     /// A fault was said, and its end was not.
     open: bool,
 }
@@ -32,10 +37,13 @@ impl Said {
         let mut lines = Vec::new();
         for fault in 0..INPUT_FAULTS {
             let (met, said) = (health.input_faults[fault], self.counts[fault]);
-            let recent = self.when[fault].is_some_and(|when| now.saturating_duration_since(when) < PAUSE);
-            if met <= said || recent {
+            let since = self.when[fault].map(|when| now.saturating_duration_since(when));
+            let pause = self.pauses[fault];
+            if met <= said || since.is_some_and(|since| since < pause) {
                 continue;
             }
+            let goes_on = since.is_some_and(|since| since < 2 * pause);
+            self.pauses[fault] = if goes_on { (2 * pause).min(LONGEST_PAUSE) } else { PAUSE };
             (self.counts[fault], self.when[fault]) = (met, Some(now));
             self.open = true;
             let name = u32::try_from(fault).ok().and_then(|fault| InputFault::try_from(fault).ok());
@@ -73,27 +81,31 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_is_said_when_it_is_new_and_once_a_minute_while_it_lasts() {
+    fn a_fault_is_said_when_it_is_new_and_ever_less_while_it_lasts() {
         let (mut said, begin) = (Said::default(), Instant::now());
         let mut health = Health::default();
         let at = |seconds| begin + Duration::from_secs(seconds);
         assert!(said.lines(&health, begin).is_empty());
         let lost = InputFault::Lost as usize;
-        let mut lines = 0;
-        for second in 0..180 {
+        let mut when = Vec::new();
+        for second in 0..1000 {
             health.input_faults[lost] += 2;
             let news = said.lines(&health, at(second));
-            lines += news.len();
             if second == 60 {
                 assert_eq!(news, ["Lost: 120 more, 122 in all (samples, or events)"]);
             }
+            when.extend(news.iter().map(|_| second));
         }
-        assert_eq!(lines, 3);
+        assert_eq!(when, [0, 60, 180, 420, 900]);
         health.input_faults[InputFault::PublisherGone as usize] = 1;
-        assert_eq!(said.lines(&health, at(179)).len(), 1, "another one does not wait");
+        assert_eq!(said.lines(&health, at(999)).len(), 1, "another one does not wait");
         assert!(said.open);
-        said.take(&health, at(179));
+        said.take(&health, at(999));
         assert!(!said.open, "it is over");
+        for second in [5000, 5060] {
+            health.input_faults[lost] += 1;
+            assert_eq!(said.lines(&health, at(second)).len(), 1, "what comes again is new");
+        }
     }
 
     #[test]

@@ -1,20 +1,16 @@
 //! What `rivet doctor` says of the bus: whose it is, what the dead have left there, who has taken the robot's names.
 
 use super::Args;
-use rivet_config::Robot;
+use crate::control::bus_of;
+use rivet_config::{Bus, Robot};
 use rivet_ipc_schema::{BusConfig, BusError, Ownership, RobotName, Survey, User, cleanup, ownership, purge, survey};
 use rivet_realtime::{Finding, Severity};
 
 /// What lies on the bus; with `--clean`, what of it was freed first.
 pub(super) fn findings(robot: Option<&Robot>, args: &Args) -> Vec<Finding> {
-    let default = robot.map_or_else(BusConfig::default, |robot| BusConfig {
-        prefix: robot.config.bus.prefix.clone(),
-        root: robot.config.bus.root.clone(),
-    });
-    let config = BusConfig {
-        prefix: args.prefix.clone().unwrap_or(default.prefix),
-        root: args.root.clone().unwrap_or(default.root),
-    };
+    let usual = BusConfig::default();
+    let usual = Bus { prefix: usual.prefix, root: usual.root };
+    let config = bus_of(robot.map_or(&usual, |robot| &robot.config.bus), args.prefix.as_deref(), args.root.as_deref());
     let name = robot.map_or("robot", |robot| &robot.config.name);
     let look = || RobotName::new(name).and_then(|name| survey(&config, &name));
     let mut findings = Vec::new();
