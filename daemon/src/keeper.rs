@@ -118,8 +118,10 @@ impl Keeper {
         for path in store.set_others_aside(robot.hash)? {
             log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
         }
-        for path in store.take_back(robot.hash)? {
-            log::info!(rivet_event = "state-taken-back"; "the robot file is what it was: {} is in its place again", path.display());
+        if loaded.knowledge.is_none() {
+            for path in store.take_back(robot.hash)? {
+                log::info!(rivet_event = "state-taken-back"; "the robot file is what it was: {} is in its place again", path.display());
+            }
             loaded = store.load(robot.hash);
         }
         match loaded.knowledge.map(|knowledge| (recall(core, &knowledge), knowledge.parameters.seq)) {
@@ -252,7 +254,7 @@ impl Keeper {
 
     /// Sets aside what is stored.
     fn forget(&mut self) -> Outcome {
-        match self.store.set_aside() {
+        match self.store.set_aside(self.hash) {
             Ok(moved) if moved.is_empty() => (ControlStatus::Done, "nothing was stored".to_owned()),
             Ok(moved) => {
                 let places: Vec<_> = moved.iter().map(|path| path.display().to_string()).collect();

@@ -150,8 +150,9 @@ impl BusWatch {
         if count != self.count || self.since.is_none() {
             (self.count, self.since) = (count, Some(now));
         }
-        // Twice: a service that is made anew at this moment is there the next time.
-        self.missing = if whole { 0 } else { self.missing.saturating_add(1) };
+        // Twice: a service that is made anew at this moment is there the next time. But files that others make after that are not
+        // those that this process has.
+        self.missing = if whole && self.missing < 2 { 0 } else { self.missing.saturating_add(1) };
         if self.missing < 2 {
             return Ok(None);
         }
@@ -312,6 +313,21 @@ impl Drop for PrivateBus {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bus_is_left_when_its_files_are_gone_and_nothing_comes() {
+        let (config, begin) = (BusConfig::default(), Instant::now());
+        let at = |seconds| begin + Duration::from_secs(seconds);
+        let mut watch = BusWatch::default();
+        let mut look = |whole, count, second| watch.look(&config, whole, count, at(second)).map(|news| news.is_some());
+        assert!(!look(true, 0, 0).unwrap() && !look(true, 0, 60).unwrap(), "nobody has to be there");
+        assert!(!look(false, 1, 61).unwrap() && !look(true, 1, 62).unwrap(), "once is no loss");
+        assert!(!look(false, 2, 63).unwrap());
+        assert!(look(false, 3, 64).unwrap(), "it is told");
+        // Others have made a bus of their own in its place.
+        assert!(!look(true, 4, 65).unwrap() && !look(true, 4, 69).unwrap(), "once, and who is there is not left");
+        assert!(matches!(look(true, 4, 70), Err(BusError::Torn { .. })));
+    }
 
     #[test]
     fn a_prefix_does_not_own_the_files_of_a_longer_one() {

@@ -131,7 +131,7 @@ impl Store {
     pub fn take_back(&self, model_hash: u64) -> Result<Vec<PathBuf>, StoreError> {
         let mut moved = Vec::new();
         for path in [self.path(0), self.path(1)] {
-            for extension in [format!("state-of-{model_hash:016x}"), format!("state-of-version-{FORMAT_VERSION}")] {
+            for extension in of_before(model_hash) {
                 let aside = path.with_extension(extension);
                 if !path.exists() && aside.is_file() {
                     fs::rename(&aside, &path).map_err(|source| StoreError { path: aside, source })?;
@@ -142,18 +142,22 @@ impl Store {
         Ok(moved)
     }
 
-    /// Renames all files, so that nothing is taken up at the next start. Returns their new places.
+    /// Renames all files that a start with this model could take up, so that none does. Returns their new places.
     ///
     /// # Errors
     /// A file cannot be renamed.
-    pub fn set_aside(&mut self) -> Result<Vec<PathBuf>, StoreError> {
+    pub fn set_aside(&mut self, model_hash: u64) -> Result<Vec<PathBuf>, StoreError> {
         let mut moved = Vec::new();
-        for path in [self.path(0), self.path(1)] {
-            let aside = path.with_extension("state-before-reset");
-            match fs::rename(&path, &aside) {
-                Ok(()) => moved.push(aside),
-                Err(why) if why.kind() == io::ErrorKind::NotFound => {}
-                Err(source) => return Err(StoreError { path, source }),
+        for slot in [0, 1] {
+            let [of_model, of_version] = of_before(model_hash);
+            for extension in ["state".to_owned(), of_model, of_version] {
+                let path = self.path(slot).with_extension(&extension);
+                let aside = path.with_extension(format!("{extension}-before-reset"));
+                match fs::rename(&path, &aside) {
+                    Ok(()) => moved.push(aside),
+                    Err(why) if why.kind() == io::ErrorKind::NotFound => {}
+                    Err(source) => return Err(StoreError { path, source }),
+                }
             }
         }
         Ok(moved)
@@ -199,6 +203,11 @@ impl Store {
         }
         Ok(())
     }
+}
+
+/// What files end in that were set aside when the model, or the program, was another one.
+fn of_before(model_hash: u64) -> [String; 2] {
+    [format!("state-of-{model_hash:016x}"), format!("state-of-version-{FORMAT_VERSION}")]
 }
 
 fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {

@@ -97,6 +97,10 @@ fn another_model_is_set_aside_and_another_robot_is_not_read() {
     store(folder.path()).save(&knowledge(3)).expect("written");
     assert!(store(folder.path()).take_back(HASH).expect("nothing to do").is_empty());
     assert_eq!(store(folder.path()).load(HASH).knowledge, Some(knowledge(3)));
+    // What is forgotten does not come back by that way either.
+    assert_eq!(store(folder.path()).set_others_aside(7).expect("renamed").len(), 2);
+    assert_eq!(store(folder.path()).set_aside(HASH).expect("renamed").len(), 2);
+    assert!(store(folder.path()).take_back(HASH).expect("nothing to do").is_empty());
     for name in files(folder.path()) {
         fs::remove_file(folder.path().join(name)).expect("removed");
     }
