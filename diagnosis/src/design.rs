@@ -107,7 +107,7 @@ impl Prepared {
     /// Columns beside the model's own that are nobody's fault: a small shift in time, and how softly friction turns over,
     /// a number that no data sheet has. Their sizes are unknown by [`unknown`].
     pub(crate) fn unnamed(&self, nominal: &Nominal, physics: &Physics) -> Vec<Column> {
-        let mut columns = self.columns(&Form::Lag, physics);
+        let mut columns = self.columns(&Form::Lag { stands: false }, physics);
         let structure = nominal.model.structure;
         let n = self.run.joints();
         let v0 = structure.sign_velocity;

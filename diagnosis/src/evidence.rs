@@ -91,7 +91,7 @@ pub(crate) struct Added {
 }
 
 /// How wrong the nominal values may be, as multiples of the usual widths; which one holds is learnt from the run.
-pub(crate) const PRIOR_SCALES: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 2.0];
+pub(crate) const PRIOR_SCALES: [f64; 8] = [0.03, 0.1, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0];
 
 impl Background {
     pub(crate) fn len(&self) -> usize {

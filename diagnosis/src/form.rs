@@ -16,7 +16,7 @@ pub(crate) enum Form {
     OneSided { joint: usize, forwards: bool },
     /// `s·exp(−(q̇/v)²)`
     Stribeck { joint: usize, velocity: f64 },
-    /// `q̇|q̇|`, `q̇³`
+    /// `q̇`, `q̇|q̇|`, `q̇³`
     ViscousNonlinearity { joint: usize },
     /// `s·|τ_rigid|`
     Load { joint: usize },
@@ -48,8 +48,9 @@ pub(crate) enum Form {
     Coupling { driving: usize, driven: usize, whole: bool },
     /// The model's torque so much later, less itself
     Delay { seconds: f64 },
-    /// Rate of the model's torque
-    Lag,
+    /// Rate of the model's torque; half a sample later where a command `stands` for a sample. With the timing that is free
+    /// beside it this makes a second-order term, which is all that sets a lag apart from a delay
+    Lag { stands: bool },
     /// Measured torque beyond the limit
     Saturation { joint: usize, limit: f64 },
     /// Rigid torque's change with the joint's angle
@@ -96,7 +97,7 @@ impl Form {
             Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } => Effect::Counterbalance,
             Form::Coupling { .. } => Effect::JointCoupling,
             Form::Delay { .. } => Effect::TransportDelay,
-            Form::Lag => Effect::CurrentLoopLag,
+            Form::Lag { .. } => Effect::CurrentLoopLag,
             Form::Saturation { .. } => Effect::TorqueSaturation,
             Form::EncoderOffset { .. } => Effect::EncoderOffset,
             Form::Eccentricity { .. } => Effect::EncoderEccentricity,
@@ -114,7 +115,7 @@ impl Form {
     pub(crate) fn joints(&self) -> Vec<usize> {
         match *self {
             Form::Coupling { driving, driven, .. } => vec![driving, driven],
-            Form::Delay { .. } | Form::Lag | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
+            Form::Delay { .. } | Form::Lag { .. } | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
             Form::LinkScale { link } => vec![link],
             Form::Asymmetry { joint }
             | Form::OneSided { joint, .. }
@@ -161,9 +162,8 @@ impl Form {
         match self {
             Form::Force { .. } => 0,
             Form::Payload => 10,
-            Form::PositionFriction { .. } | Form::Coupling { .. } => 3,
+            Form::PositionFriction { .. } | Form::ViscousNonlinearity { .. } | Form::Coupling { .. } => 3,
             Form::Asymmetry { .. }
-            | Form::ViscousNonlinearity { .. }
             | Form::Temperature { .. }
             | Form::Ripple { .. }
             | Form::TransmissionError { .. }
@@ -199,6 +199,11 @@ impl Form {
         matches!(self, Form::Spring { .. } | Form::Counterbalance { .. } | Form::Counterweight { .. })
     }
 
+    /// Whether it is the same torque, later.
+    pub(crate) fn shifts_time(&self) -> bool {
+        matches!(self, Form::Lag { .. } | Form::Delay { .. })
+    }
+
     /// Whether it is no effect of the list, only what is held against one.
     pub(crate) fn is_nameless(&self) -> bool {
         matches!(self, Form::Pull { .. })
@@ -207,7 +212,7 @@ impl Form {
     /// Forms of one effect on the same joints that are refined apart from each other.
     pub(crate) fn kind(&self) -> usize {
         match self {
-            Form::Counterweight { .. } | Form::Coupling { whole: true, .. } => 1,
+            Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
             Form::Pull { .. } => 2,
             _ => 0,
         }
@@ -216,7 +221,7 @@ impl Form {
     /// Whether coefficients make sense for the effect.
     pub(crate) fn plausible(&self, c: &[f64]) -> bool {
         match self {
-            Form::Stribeck { .. } | Form::Load { .. } | Form::Lag | Form::Spring { .. } => c[0] > 0.0,
+            Form::Stribeck { .. } | Form::Load { .. } | Form::Lag { .. } | Form::Spring { .. } => c[0] > 0.0,
             Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
@@ -224,6 +229,9 @@ impl Form {
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
             Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
             Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
+            // One unit is the delay itself; so is a bristle's share of the sliding friction.
+            Form::Delay { .. } => (0.5..2.0).contains(&c[0]),
+            Form::Presliding { .. } => c[0] > 0.2,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
             Form::LinkScale { .. } => c[0] > -0.9,
             _ => c.iter().all(|c| c.is_finite()),
@@ -249,7 +257,8 @@ impl Form {
                 vec![on(j, &|k| s(j, k) * (-(v(j, k) / velocity).powi(2)).exp())]
             }
             Form::ViscousNonlinearity { joint: j } => {
-                vec![on(j, &|k| v(j, k) * v(j, k).abs()), on(j, &|k| v(j, k).powi(3))]
+                // With the slope at rest: the value in the file is that of another curve.
+                vec![on(j, &|k| v(j, k)), on(j, &|k| v(j, k) * v(j, k).abs()), on(j, &|k| v(j, k).powi(3))]
             }
             Form::Load { joint: j } => vec![on(j, &|k| s(j, k) * p.rigid[j][k].abs())],
             Form::Temperature { joint: j } => match &p.run.temperature {
@@ -318,7 +327,14 @@ impl Form {
                 };
                 vec![p.torque.iter().map(later).collect()]
             }
-            Form::Lag => vec![p.torque.iter().map(|tau| Some(derivative(tau, p.period_s()))).collect()],
+            Form::Lag { stands } => {
+                let late = if stands { HELD } else { 0.0 };
+                let rate = |tau: &Vec<f64>| {
+                    let rate = derivative(tau, p.period_s());
+                    Some((0..samples).map(|k| at(&rate, k as f64 + late)).collect())
+                };
+                vec![p.torque.iter().map(rate).collect()]
+            }
             Form::Saturation { joint: j, limit } => {
                 let tau = &p.run.tau[j];
                 vec![on(j, &|k| tau[k] - tau[k].clamp(-limit, limit))]
@@ -344,6 +360,9 @@ impl Physics<'_> {
         10 * self.joints() + 2 * self.joints() + joint
     }
 }
+
+/// Samples by which a command that stands for one is late on average.
+const HELD: f64 = 0.5;
 
 /// Value between samples, linear; the ends hold.
 fn at(x: &[f64], place: f64) -> f64 {

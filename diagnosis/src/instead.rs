@@ -26,6 +26,9 @@ const PARTLY_ALONG: f64 = 0.5;
 /// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
 /// none is ahead by more than 4.
 const AHEAD: f64 = 10.0;
+/// The same for friction of one direction alone, which is but a wrong level and an offset that happen to go together: one of
+/// some fifty such arms had 11.
+const AHEAD_ONE_SIDED: f64 = 16.0;
 /// Values that are behind by more than this need not be listed: it is what an effect needs over all values free, and what
 /// sets rivals apart.
 const FAR_BEHIND: f64 = LEAST_GAIN[0] + RIVAL_GAP;
@@ -57,6 +60,10 @@ pub(crate) fn of(
         return Some(None);
     }
     let found = find(search, wrong, selected)?;
+    let least = |i: &Instead| match i.candidate.form {
+        Form::OneSided { .. } => AHEAD_ONE_SIDED,
+        _ => AHEAD,
+    };
     let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
     for i in &found {
         let values: Vec<String> = i.replaces.iter().map(|at| name(&wrong.groups[*at])).collect();
@@ -70,7 +77,7 @@ pub(crate) fn of(
             i.cosine
         ));
     }
-    let Some((first, others)) = found.split_first().filter(|(first, _)| first.ahead >= AHEAD) else {
+    let Some((first, others)) = found.split_first().filter(|(first, _)| first.ahead >= least(first)) else {
         return Some(None);
     };
     let (candidate, place) = (&first.candidate, |at: &&usize| first.replaces.contains(at));

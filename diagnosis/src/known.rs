@@ -43,7 +43,10 @@ impl Form {
                 effect(Kind::FrictionAsymmetry, joint, &[push, 0.0])
             }
             Form::Stribeck { joint, velocity } => effect(Kind::StribeckFriction, joint, &[c[0], velocity]),
-            Form::ViscousNonlinearity { joint } => effect(Kind::ViscousNonlinearity, joint, c),
+            Form::ViscousNonlinearity { joint } => {
+                beside.push((11 * joints + joint, c[0]));
+                effect(Kind::ViscousNonlinearity, joint, &c[1..])
+            }
             Form::Load { joint } => effect(Kind::LoadDependentFriction, joint, c),
             Form::Temperature { joint } => {
                 let reference = reference_c.map_or(0.0, |t| t[joint]);
@@ -84,7 +87,7 @@ impl Form {
                 effect(Kind::JointCoupling, driven, c)
             }
             Form::Delay { seconds } => effect(Kind::TransportDelay, 0, &[seconds * c[0]]),
-            Form::Lag => effect(Kind::CurrentLoopLag, 0, c),
+            Form::Lag { .. } => effect(Kind::CurrentLoopLag, 0, c),
             Form::Saturation { joint, limit } => effect(Kind::TorqueSaturation, joint, &[limit]),
             Form::EncoderOffset { joint } => effect(Kind::EncoderOffset, joint, c),
             Form::Eccentricity { joint } => effect(Kind::EncoderEccentricity, joint, c),
@@ -115,7 +118,7 @@ fn form(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Form, f64)> {
             Some((Form::TwoMass { joint, gear: Gear { gap: 0.0, stiffness: a, damping: b } }, c))
         }
         EffectKind::TransportDelay => Some((Form::Delay { seconds: a }, 1.0)),
-        EffectKind::CurrentLoopLag => Some((Form::Lag, a)),
+        EffectKind::CurrentLoopLag => Some((Form::Lag { stands: false }, a)),
         _ => None,
     }
 }
@@ -251,7 +254,7 @@ mod tests {
             (Form::OneSided { joint: 0, forwards: true }, vec![1.4]),
             (Form::OneSided { joint: 3, forwards: false }, vec![-0.6]),
             (Form::Stribeck { joint: 2, velocity: 0.05 }, vec![2.0]),
-            (Form::ViscousNonlinearity { joint: 0 }, vec![-0.7, 0.3]),
+            (Form::ViscousNonlinearity { joint: 0 }, vec![0.4, -0.7, 0.3]),
             (Form::Load { joint: 1 }, vec![0.12]),
             (Form::Temperature { joint: 3 }, vec![-0.05, -0.02]),
             (Form::Presliding { joint: 2, length: 0.01 }, vec![0.9]),
@@ -268,7 +271,7 @@ mod tests {
             (Form::Coupling { driving: 4, driven: 5, whole: false }, vec![0.6, 0.4, 0.02]),
             (Form::Coupling { driving: 4, driven: 5, whole: true }, vec![0.6, 0.4, 0.02]),
             (Form::Delay { seconds: 0.003 }, vec![1.0]),
-            (Form::Lag, vec![0.004]),
+            (Form::Lag { stands: false }, vec![0.004]),
             (Form::EncoderOffset { joint: 1 }, vec![1e-5]),
         ];
         let mut seen = Vec::new();

@@ -36,7 +36,7 @@ const PULLS: usize = 5;
 /// All forms, orders of ripple from `orders[joint]`.
 pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
     let n = physics.joints();
-    let mut forms = vec![Form::Gravity, Form::Payload, Form::Lag];
+    let mut forms = vec![Form::Gravity, Form::Payload, Form::Lag { stands: false }, Form::Lag { stands: true }];
     forms.extend(DELAYS.map(|seconds| Form::Delay { seconds }));
     for joint in 0..n {
         forms.extend([

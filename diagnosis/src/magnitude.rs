@@ -12,7 +12,11 @@ impl Form {
             Form::OneSided { forwards: true, .. } => named(&[("forwards_Nm", c[0])]),
             Form::OneSided { forwards: false, .. } => named(&[("backwards_Nm", c[0])]),
             Form::Stribeck { velocity, .. } => named(&[("excess_Nm", c[0]), ("velocity_rad_s", *velocity)]),
-            Form::ViscousNonlinearity { .. } => named(&[("quadratic_Nms2_rad2", c[0]), ("cubic_Nms3_rad3", c[1])]),
+            Form::ViscousNonlinearity { joint } => named(&[
+                ("linear_Nms_rad", nominal[11 * joints + joint] + c[0]),
+                ("quadratic_Nms2_rad2", c[1]),
+                ("cubic_Nms3_rad3", c[2]),
+            ]),
             Form::Load { .. } => named(&[("ratio", c[0])]),
             Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
             Form::Presliding { joint, length } => {
@@ -41,7 +45,9 @@ impl Form {
                 named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1]), ("rotor_inertia_kgm2", c[2])])
             }
             Form::Delay { seconds } => named(&[("seconds", seconds * c[0])]),
-            Form::Lag => named(&[("time_constant_s", c[0]), ("bandwidth_hz", 1.0 / (std::f64::consts::TAU * c[0]))]),
+            Form::Lag { .. } => {
+                named(&[("time_constant_s", c[0]), ("bandwidth_hz", 1.0 / (std::f64::consts::TAU * c[0]))])
+            }
             Form::Saturation { limit, .. } => named(&[("limit_Nm", *limit)]),
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
             Form::Force { .. } => {
@@ -74,7 +80,7 @@ impl Form {
         self.effect().kind() == Kind::Value
             || matches!(
                 self,
-                Form::Lag
+                Form::Lag { .. }
                     | Form::Delay { .. }
                     | Form::Asymmetry { .. }
                     | Form::OneSided { .. }

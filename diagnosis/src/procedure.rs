@@ -24,7 +24,7 @@ use crate::run::Run;
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
-use crate::stages::{RunColumns, Stages, Steps, sure_mean_square};
+use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
 use crate::values::{self, Group};
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
@@ -32,7 +32,7 @@ const LEAST_SPEED: f64 = 0.02;
 const LEAST_SECONDS: f64 = 3.0;
 /// Share of a single run that is looked at; the rest is sealed.
 const LOOKED_AT: f64 = 0.6;
-/// A cause whose measured shrink is below this share of the predicted one does not transfer.
+/// A cause that is missed by less than this share of its own torque does not transfer.
 const TRANSFERS: f64 = 0.3;
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
@@ -378,7 +378,7 @@ impl Procedure<'_> {
                 indistinguishable_from: rivals,
                 angles: class.iter().map(|(_, angle)| *angle).collect(),
             };
-            let transfers = self.transfers(search, seen, measured, k) || !predictable;
+            let transfers = self.transfers(search, step, measured, k) || !predictable;
             let enough = step.adopted.iter().all(|a| residue.upholds(a));
             // A value that may as well take nothing from motion it has not seen is not worth a name.
             let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
@@ -447,18 +447,19 @@ impl Procedure<'_> {
         (diagnosis, upheld)
     }
 
-    /// Whether what step `k` takes from the runs looked at it takes from the sealed one as well, where friction's direction
-    /// is sure, in units of each joint's noise.
-    fn transfers(&self, search: &Search<'_>, seen: &[Stages], measured: &Stages, k: usize) -> bool {
+    /// Whether the sealed run misses step `k` where it is taken out of the whole model: by a part at least of the torque that
+    /// it has on that motion, on the joints that it is named on, where friction's direction is sure, in units of each joint's
+    /// noise. With what else is wrong in place, since a part of a curve alone may be worse than none.
+    fn transfers(&self, search: &Search<'_>, step: &Step, measured: &Stages, k: usize) -> bool {
         let noise = &search.first_noise;
-        let taken = |run: &Prepared, stages: &Stages| -> f64 {
-            let before = sure_mean_square(run, stages, k, noise);
-            let after = sure_mean_square(run, stages, k + 1, noise);
-            (0..noise.len()).map(|j| (before[j] - after[j]) / noise[j].powi(2)).sum()
-        };
-        let looked_at: f64 =
-            self.look.iter().zip(seen).map(|(run, stages)| taken(run, stages)).sum::<f64>() / seen.len() as f64;
-        taken(self.sealed, measured) >= TRANSFERS * looked_at
+        let [with, without, own] = sure_mean_squares(self.sealed, measured, k, noise);
+        let everywhere = step.joints.is_empty() || step.effect.kind() == Kind::Value;
+        let on = (0..noise.len()).filter(|j| everywhere || step.joints.contains(j));
+        let (missed, due) = on.fold((0.0, 0.0), |(missed, due), j| {
+            let unit = noise[j].powi(2);
+            (missed + (without[j] - with[j]) / unit, due + own[j] / unit)
+        });
+        missed >= TRANSFERS * due
     }
 
     /// Noise of the sealed run's torque relative to it, by joint.

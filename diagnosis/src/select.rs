@@ -13,19 +13,21 @@ use crate::search::{Candidate, Search, Standing};
 pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
 /// Least share of a joint's residual variance, held out, that makes a structural effect material.
 const MATERIAL: f64 = 0.1;
+/// The same on a joint that is near its floor: a sound arm's friction near standstill takes up to a sixth there.
+const MATERIAL_AT_FLOOR: f64 = 0.3;
 /// Least share of the variance a joint began with, for a further effect.
 const MATERIAL_OF_FIRST: f64 = 0.02;
 /// The same on joints where the torque of a simulated gear, delay or bristle is in use already: such forms are never
 /// exact, and what they miss is not another effect.
 const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
-/// A joint whose residual is below this multiple of its noise floor has nothing left to explain.
+/// A joint whose residual is below this multiple of its noise floor has little left to explain.
 const AT_FLOOR: f64 = 1.2;
 /// Folds of blocks for held-out gains.
 const FOLDS: usize = 8;
 /// Candidates of the best that are refined and held against held-out blocks.
 const SHORT_LIST: usize = 6;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
-const RIVAL_SHARE: f64 = 0.85;
+const RIVAL_SHARE: f64 = 0.8;
 /// ... unless the best is ahead of it by this much log evidence.
 pub(crate) const RIVAL_GAP: f64 = 12.0;
 /// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
@@ -36,6 +38,8 @@ const CONTEST_ROUNDS: usize = 4;
 const CLEARLY_MORE: f64 = 0.1;
 /// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
 const OFF_GRID: f64 = 0.4;
+/// Orders that differ by less than this share are the same.
+const SAME_ORDER: f64 = 0.01;
 /// Most effects in one diagnosis.
 pub(crate) const MOST: usize = 4;
 
@@ -150,6 +154,14 @@ pub(crate) fn best(
         if let Form::OneSided { joint, .. } | Form::Pull { joint, .. } = form
             && (0..search.noise.len()).any(|j| j != *joint && residue.is_noisy(j))
         {
+            continue;
+        }
+        // What repeats with the order of an effect that is there already, or shifts torque in time beside one that does, is
+        // what that one's form misses.
+        let again = |a: &Adopted| {
+            a.form.shifts_time() && form.shifts_time() || a.form.joints() == form.joints() && same_order(&a.form, form)
+        };
+        if adopted.iter().any(again) {
             continue;
         }
         let (effect, joints) = (form.effect(), form.joints());
@@ -270,11 +282,16 @@ impl Adopted {
     }
 }
 
+/// Whether two forms repeat with the same order of the angle.
+fn same_order(a: &Form, b: &Form) -> bool {
+    matches!((a.order(), b.order()), (Some(a), Some(b)) if (a - b).abs() <= SAME_ORDER * a)
+}
+
 /// Whether a form that wrong values look like may be named beside another effect: only where little else is left that it may
 /// take up. Values are named after effects; time is not imitated by what a joint keeps.
 fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
     match form {
-        Form::Lag | Form::Delay { .. } => !residue.any_noisy(),
+        _ if form.shifts_time() => !residue.any_noisy(),
         _ => form.effect().kind() == Kind::Structure && residue.at_floor(),
     }
 }
@@ -351,6 +368,7 @@ fn is_material(search: &Search<'_>, shares: &[f64], adopted: &[Adopted]) -> bool
         let simulated = adopted.iter().any(|a| a.form.has_fixed_gain() && a.acts_on[j]);
         let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
         let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
-        shares[j] >= MATERIAL && search.noise[j] > AT_FLOOR * search.floor[j] && enough
+        let above = search.noise[j] > AT_FLOOR * search.floor[j] || shares[j] >= MATERIAL_AT_FLOOR;
+        shares[j] >= MATERIAL && above && enough
     })
 }
