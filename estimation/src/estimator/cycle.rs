@@ -48,6 +48,8 @@ enum Stage {
 pub(super) struct Cycle {
     stage: Stage,
     fresh: bool,
+    /// Rows since the last cycle began.
+    rows: u32,
     judge: Judge,
     /// Copies of the sums. M becomes the memory of `lu` where the judge has mapped it; S, in full, is empty where the judge
     /// keeps its own. The tracked scheme needs neither.
@@ -90,6 +92,7 @@ impl Cycle {
         Cycle {
             stage: Stage::Idle,
             fresh: false,
+            rows: 0,
             judge,
             m: vec![0.0; m],
             s: vec![0.0; s],
@@ -173,12 +176,13 @@ impl Cycle {
     /// New rows came in.
     pub(super) fn fresh(&mut self) {
         self.fresh = true;
+        self.rows = self.rows.saturating_add(1);
     }
 
     /// Begins anew at the scaled parameters `x`.
     pub(super) fn restart(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
         self.begin_anew();
-        self.fresh = false;
+        (self.fresh, self.rows) = (false, 0);
         self.next = 0;
         match whitening {
             Some(whitening) => whitening.coordinates(x, &mut self.x),
