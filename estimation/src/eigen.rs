@@ -148,7 +148,9 @@ impl SymmetricEigen {
             self.beta[k] = beta;
             let p = &mut self.scratch[..size];
             times_from(below, k + 1, v, p);
-            p.iter_mut().for_each(|p| *p *= beta);
+            for p in &mut *p {
+                *p *= beta;
+            }
             let share = 0.5 * beta * dot(p, v);
             axpy(-share, v, p);
             add_two_products(below, k + 1, v, p);

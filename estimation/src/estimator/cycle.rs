@@ -297,7 +297,7 @@ impl Cycle {
         let spread = if matches!(self.judge, Judge::Directions(_)) { size } else { size * size };
         let mut a = row;
         while a < size && !budget.is_spent() {
-            budget.charge((size * size + (size - a).pow(2)) / 2 + spread);
+            budget.charge(usize::midpoint(size * size, (size - a).pow(2)) + spread);
             let mut unit = std::mem::take(&mut self.scratch);
             unit[..size].fill(0.0);
             unit[a] = 1.0;

@@ -230,7 +230,9 @@ impl Oracle {
                 solved = Some((v.select_columns(&index), index, inverse));
                 break;
             }
-            excess.iter().for_each(|&a| self.moves[index[a]] = false);
+            for a in excess {
+                self.moves[index[a]] = false;
+            }
         }
         self.vectors = v;
         if let Some((active, index, inverse)) = solved {
