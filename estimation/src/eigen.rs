@@ -4,7 +4,8 @@
 //! ordering of QL follows EISPACK's tql2). Chosen over Jacobi rotations because it is two to four times cheaper from a
 //! cold start, and because a scheme that tracks the basis by rotations needs a reference that shares nothing with it.
 
-use crate::linear::{STEP_WORK, axpy, dot};
+use crate::kernels::{add_two_products, reflect, rotate_neighbours, times_from};
+use crate::linear::{Budget, axpy, dot};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
@@ -28,7 +29,9 @@ pub struct SymmetricEigen {
     values: Vec<f64>,
     /// Below the diagonal of the tridiagonal matrix; entry k couples k and k + 1.
     e: Vec<f64>,
+    /// Of the reflections, then the cosines of a round of QL.
     beta: Vec<f64>,
+    /// Products, then the sines of a round.
     scratch: Vec<f64>,
     stage: Stage,
     converged: bool,
@@ -77,14 +80,18 @@ impl SymmetricEigen {
 
     /// Does one step of work (about 10⁵ multiply-adds); true when the decomposition is complete.
     pub fn advance(&mut self) -> bool {
-        let mut work = 0;
-        while work < STEP_WORK {
-            match self.stage {
-                Stage::Reduce { k } => work += self.reduce(k),
-                Stage::Accumulate { k } => work += self.accumulate(k),
-                Stage::Iterate { l, rounds } => work += self.iterate(l, rounds),
+        self.advance_within(&mut Budget::step())
+    }
+
+    /// The same with what is left of a step.
+    pub(crate) fn advance_within(&mut self, budget: &mut Budget) -> bool {
+        while !budget.is_spent() {
+            budget.charge(match self.stage {
+                Stage::Reduce { k } => self.reduce(k),
+                Stage::Accumulate { k } => self.accumulate(k),
+                Stage::Iterate { l, rounds } => self.iterate(l, rounds),
                 Stage::Done => return true,
-            }
+            });
         }
         self.stage == Stage::Done
     }
@@ -140,17 +147,13 @@ impl SymmetricEigen {
             self.e[k] = target;
             self.beta[k] = beta;
             let p = &mut self.scratch[..size];
-            for (p, row) in p.iter_mut().zip(below.chunks_exact(n)) {
-                *p = beta * dot(&row[k + 1..], v);
+            times_from(below, k + 1, v, p);
+            for p in &mut *p {
+                *p *= beta;
             }
             let share = 0.5 * beta * dot(p, v);
             axpy(-share, v, p);
-            for (i, row) in below.chunks_exact_mut(n).enumerate() {
-                let (vi, wi) = (v[i], p[i]);
-                for ((x, v), w) in row[k + 1..].iter_mut().zip(v.iter()).zip(p.iter()) {
-                    *x -= vi * w + wi * v;
-                }
-            }
+            add_two_products(below, k + 1, v, p);
         }
         self.stage = Stage::Reduce { k: k + 1 };
         3 * size * size
@@ -162,11 +165,7 @@ impl SymmetricEigen {
         let v = &self.a[k * n + k + 1..(k + 1) * n];
         let beta = self.beta[k];
         if beta != 0.0 {
-            for row in self.rows.chunks_exact_mut(n).skip(k + 1) {
-                let row = &mut row[k + 1..];
-                let s = beta * dot(row, v);
-                axpy(-s, v, row);
-            }
+            reflect(&mut self.rows[(k + 1) * n..], k + 1, beta, v);
         }
         self.stage = if k == 0 { Stage::Iterate { l: 0, rounds: 0 } } else { Stage::Accumulate { k: k - 1 } };
         2 * (n - k) * (n - k)
@@ -224,13 +223,11 @@ impl SymmetricEigen {
             p = s * r;
             d[i + 1] = g + p;
             g = c * r - b;
-            let (low, high) = self.rows.split_at_mut((i + 1) * n);
-            for (x, y) in low[i * n..].iter_mut().zip(&mut high[..n]) {
-                let (a, b) = (*x, *y);
-                *y = s * a + c * b;
-                *x = c * a - s * b;
-            }
+            // The rows follow when the round is done.
+            (self.beta[i], self.scratch[i]) = (c, s);
         }
+        let first = if split { i + 1 } else { i };
+        rotate_neighbours(&mut self.rows[first * n..(m + 1) * n], n, &self.beta[first..m], &self.scratch[first..m]);
         if !split {
             d[l] -= p;
             e[l] = g;

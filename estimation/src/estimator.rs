@@ -595,7 +595,7 @@ impl Estimator {
     }
 
     /// The directions that the supervision judges, and the estimate in their coordinates; `None` where it judges
-    /// parameters.
+    /// parameters, and between two steps of [`work`](Self::work) that decompose or solve.
     #[must_use]
     pub fn directions(&self) -> Option<Directions<'_>> {
         self.cycle.directions()

@@ -82,6 +82,94 @@ pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
     }
 }
 
+/// Products of `x` with the rows of T (row-major, as long as x) that `index` names.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64]) {
+    let n = x.len();
+    for (out, &k) in out.iter_mut().zip(index) {
+        *out = dot(x, &t[k * n..(k + 1) * n]);
+    }
+}
+
+/// `out = T⁻¹·x` for a lower triangle T ([`packed`]).
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn lower_solve(t: &[f64], x: &[f64], out: &mut [f64]) {
+    for (i, x) in x.iter().enumerate() {
+        let row = &t[packed(i)];
+        out[i] = (x - dot(&row[..i], &out[..i])) / row[i];
+    }
+}
+
+/// Step k of a factorisation `A = L·U` of rows of n: row k, and those below it, which are reduced.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn eliminate(row_k: &[f64], k: usize, below: &mut [f64], n: usize) {
+    for row in below.chunks_exact_mut(n) {
+        let factor = row[k] / row_k[k];
+        row[k] = factor;
+        axpy(-factor, &row_k[k + 1..], &mut row[k + 1..]);
+    }
+}
+
+/// `b ← L⁻ᵀ·U⁻ᵀ·b` for factors in one row-major matrix, L with unit diagonal; the first `from` entries of b are zeros.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn solve_transposed(a: &[f64], b: &mut [f64], from: usize) {
+    let n = b.len();
+    for k in from..n {
+        let row = &a[k * n..(k + 1) * n];
+        b[k] /= row[k];
+        let x = b[k];
+        axpy(-x, &row[k + 1..], &mut b[k + 1..n]);
+    }
+    for k in (1..n).rev() {
+        let x = b[k];
+        axpy(-x, &a[k * n..k * n + k], &mut b[..k]);
+    }
+}
+
+/// `out = T·x` for the columns of T from `from` on, T row-major with `from` columns more than x has entries.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn times_from(t: &[f64], from: usize, x: &[f64], out: &mut [f64]) {
+    for (out, row) in out.iter_mut().zip(t.chunks_exact(from + x.len())) {
+        *out = dot(&row[from..], x);
+    }
+}
+
+/// `T ← T − v·wᵀ − w·vᵀ` in the columns from `from` on.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn add_two_products(t: &mut [f64], from: usize, v: &[f64], w: &[f64]) {
+    multiply_adds(2 * v.len() * v.len());
+    for ((row, vi), wi) in t.chunks_exact_mut(from + v.len()).zip(v).zip(w) {
+        for ((x, v), w) in row[from..].iter_mut().zip(v).zip(w) {
+            *x -= vi * w + wi * v;
+        }
+    }
+}
+
+/// `T ← T·(1 − β·v·vᵀ)` in the columns from `from` on.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn reflect(t: &mut [f64], from: usize, beta: f64, v: &[f64]) {
+    for row in t.chunks_exact_mut(from + v.len()) {
+        let row = &mut row[from..];
+        let s = beta * dot(row, v);
+        axpy(-s, v, row);
+    }
+}
+
+/// Turns rows i and i + 1 of `t` (`n` long) by the angle with cosine `c[i]` and sine `s[i]`, from the last pair to the first.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub(crate) fn rotate_neighbours(t: &mut [f64], n: usize, c: &[f64], s: &[f64]) {
+    // Four products and two sums an entry pair are as much as three multiply-adds.
+    multiply_adds(3 * n * c.len());
+    for (i, (c, s)) in c.iter().zip(s).enumerate().rev() {
+        let (low, high) = t[i * n..(i + 2) * n].split_at_mut(n);
+        for (x, y) in low.iter_mut().zip(high) {
+            let (a, b) = (*x, *y);
+            *y = s * a + c * b;
+            *x = c * a - s * b;
+        }
+    }
+}
+
 /// Which entries of a square matrix an update touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {

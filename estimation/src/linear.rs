@@ -2,6 +2,7 @@
 //!
 //! Matrices are row-major slices; inner loops run along rows.
 
+use crate::kernels::{eliminate, solve_transposed};
 use crate::operations::multiply_adds;
 use wide::f64x4;
 
@@ -12,6 +13,37 @@ pub(crate) const STEP_WORK: usize = 100_000;
 /// How many items of `cost` operations each belong in a step; at least one.
 pub(crate) fn items_per_step(cost: usize) -> usize {
     (STEP_WORK / cost.max(1)).max(1)
+}
+
+/// What is left of a step: stages share it, so that a step that ends one begins the next. The last thing that is begun may
+/// cost more than is left.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget(usize);
+
+impl Budget {
+    /// A whole step.
+    pub(crate) fn step() -> Budget {
+        Budget(STEP_WORK)
+    }
+
+    /// Without end, off the real-time path.
+    pub(crate) fn endless() -> Budget {
+        Budget(usize::MAX)
+    }
+
+    pub(crate) fn is_spent(self) -> bool {
+        self.0 == 0
+    }
+
+    /// `cost` multiply-adds are done.
+    pub(crate) fn charge(&mut self, cost: usize) {
+        self.0 = self.0.saturating_sub(cost);
+    }
+
+    /// The step is over.
+    pub(crate) fn end(&mut self) {
+        self.0 = 0;
+    }
 }
 
 #[inline(always)]
@@ -127,6 +159,11 @@ impl Lu {
 
     /// Does one step of work; true when the factors are complete (or the matrix turned out singular).
     pub(crate) fn advance(&mut self) -> bool {
+        self.advance_within(&mut Budget::step())
+    }
+
+    /// The same with what is left of a step.
+    pub(crate) fn advance_within(&mut self, budget: &mut Budget) -> bool {
         let n = self.n;
         let a = &mut self.a[..n * n];
         if self.smallest_allowed < 0.0 {
@@ -135,8 +172,7 @@ impl Lu {
             self.smallest_allowed = largest * n as f64 * f64::EPSILON;
             self.singular = !largest.is_finite() || (n > 0 && largest == 0.0);
         }
-        let mut work = 0;
-        while self.done < n && work < STEP_WORK && !self.singular {
+        while self.done < n && !budget.is_spent() && !self.singular {
             let k = self.done;
             let mut p = k;
             for i in k + 1..n {
@@ -157,13 +193,9 @@ impl Lu {
             }
             let (above, below) = a.split_at_mut((k + 1) * n);
             let row_k = &above[k * n..];
-            for row in below.chunks_exact_mut(n) {
-                let factor = row[k] / pivot;
-                row[k] = factor;
-                axpy(-factor, &row_k[k + 1..], &mut row[k + 1..]);
-            }
+            eliminate(&row_k[..n], k, below, n);
             self.done += 1;
-            work += (n - k) * (n - k);
+            budget.charge((n - k) * (n - k));
         }
         self.singular || self.done == n
     }
@@ -194,17 +226,13 @@ impl Lu {
 
     /// `b ← A⁻ᵀ·b`
     pub(crate) fn solve_transposed(&self, b: &mut [f64]) {
+        self.solve_transposed_from(b, 0);
+    }
+
+    /// The same where the first `from` entries of b are zeros.
+    pub(crate) fn solve_transposed_from(&self, b: &mut [f64], from: usize) {
         let n = self.n;
-        for k in 0..n {
-            let row = &self.a[k * n..(k + 1) * n];
-            b[k] /= row[k];
-            let x = b[k];
-            axpy(-x, &row[k + 1..], &mut b[k + 1..n]);
-        }
-        for k in (1..n).rev() {
-            let x = b[k];
-            axpy(-x, &self.a[k * n..k * n + k], &mut b[..k]);
-        }
+        solve_transposed(&self.a[..n * n], &mut b[..n], from);
         for k in (0..n).rev() {
             b.swap(k, self.swaps[k]);
         }

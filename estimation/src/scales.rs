@@ -4,7 +4,7 @@
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
 //! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
-use crate::kernels::{Lanes, lower_times};
+use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
@@ -213,10 +213,7 @@ impl Whitening {
 
     /// A direction of these coordinates expressed as a covector on parameters: `L·v`, so that `v·x̃ = (L·v)·x`.
     pub(crate) fn covector(&self, v: &[f64], out: &mut [f64]) {
-        for i in 0..self.n {
-            let (row, pivot) = self.row(i);
-            out[i] = (v[i] - dot(row, &out[..i])) / pivot;
-        }
+        lower_solve(&self.t, v, out);
     }
 
     /// Row k of T left of its diagonal, and that.

@@ -13,6 +13,7 @@ pub(crate) use columns::Columns;
 pub(crate) use directions::Directions;
 pub(crate) use tracked::Tracked;
 
+use crate::linear::Budget;
 use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::scales::Whitening;
@@ -82,8 +83,15 @@ impl Judge {
         }
     }
 
-    /// Does one step of work; true when `active` and the verdict are complete.
-    pub(crate) fn advance(&mut self, s: &[f64], known: Known<'_>, active: &mut [bool], verdict: &mut Verdict) -> bool {
+    /// Goes on while `budget` lasts; true when `active` and the verdict are complete.
+    pub(crate) fn advance(
+        &mut self,
+        s: &[f64],
+        known: Known<'_>,
+        active: &mut [bool],
+        verdict: &mut Verdict,
+        budget: &mut Budget,
+    ) -> bool {
         match self {
             Judge::Off => {
                 let n = active.len();
@@ -92,8 +100,12 @@ impl Judge {
                 *verdict = Verdict { active: n, of: n, trace, ..Verdict::NONE };
                 true
             }
-            Judge::Columns(scheme) => scheme.advance(s, known, active, verdict),
-            Judge::Directions(scheme) => scheme.advance(known, active, verdict),
+            Judge::Columns(scheme) => {
+                // Its stages are a step each.
+                budget.end();
+                scheme.advance(s, known, active, verdict)
+            }
+            Judge::Directions(scheme) => scheme.advance(known, active, verdict, budget),
             Judge::Tracked(_) => true,
         }
     }

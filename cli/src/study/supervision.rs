@@ -22,6 +22,9 @@ pub(crate) struct Args {
     /// Number of seeds.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
+    /// Time from row to row \[ms\]: 10 is the daemon's; with 1 the oracle decomposes at every tick.
+    #[arg(long, value_name = "MS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=50))]
+    row_ms: u16,
     /// Rounds of rotations of the tracked scheme from one decision to the next.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=64))]
     rounds: u16,
@@ -44,7 +47,8 @@ pub(crate) struct Args {
 
 /// Runs the study on each arm.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let mut options = Options { seeds: args.seeds, length: args.length, ..Options::default() };
+    let mut options =
+        Options { seeds: args.seeds, length: args.length, row: usize::from(args.row_ms), ..Options::default() };
     options.tracked.rounds = usize::from(args.rounds);
     options.tracked.hysteresis = args.hysteresis;
     options.tracked.dwell = args.dwell;
@@ -73,5 +77,6 @@ fn json(outcome: &Outcome) -> serde_json::Value {
         "same_decisions": outcome.agreement,
         "held_moved": outcome.held,
         "time_ratio": outcome.time,
+        "ticks": outcome.ticks,
     })
 }

@@ -1,25 +1,24 @@
 //! The slow part of the estimator, cut into steps: judge the information, solve, refresh standard deviations.
 //!
 //! A cycle works on a copy of the sums; what comes in meanwhile is for the next one. Its number of steps is bounded, and
-//! each step is bounded by `STEP_WORK`, so no period of the loop pays for more than one of them.
+//! each step is bounded by `STEP_WORK` and what it began last, so no period of the loop pays for more than one of them.
 
-use super::{Directions, Estimator, PRIOR_CAUTION};
-use crate::linear::{Lu, axpy, dot, items_per_step, packed};
+#[cfg(test)]
+mod tests;
+mod work;
+
+use super::{Directions, PRIOR_CAUTION};
+use crate::kernels::{times, times_chosen};
+use crate::linear::{Budget, Lu, axpy, dot};
 use crate::memory::Carry;
-use crate::report::{ParameterState, Verdict};
+use crate::report::Verdict;
 use crate::scales::Whitening;
-use crate::supervision::{Judge, Known, Tracked};
+use crate::supervision::{Judge, Tracked};
 
 /// How often a cycle may find that it promised too much; then it holds everything.
 const MOST_ROUNDS: usize = 4;
-/// A parameter counts as identified when what is held leaves it at most this share of its prior's width (or the
-/// tolerance, or less than the uncertainty of what moves).
-const HELD_SHARE: f64 = 0.25;
 /// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
 const VARIANCE_SLACK: f64 = 2.0;
-
-/// Standard deviations that the tracked scheme refreshes with each of its steps.
-const TRACKED_DEVIATIONS: usize = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
@@ -40,13 +39,17 @@ enum Stage {
         row: usize,
     },
     Move,
-    Deviations,
+    Deviations {
+        done: usize,
+    },
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Cycle {
     stage: Stage,
     fresh: bool,
+    /// Rows since the last cycle began.
+    rows: u32,
     judge: Judge,
     /// Copies of the sums. M becomes the memory of `lu` where the judge has mapped it; S, in full, is empty where the judge
     /// keeps its own. The tracked scheme needs neither.
@@ -89,6 +92,7 @@ impl Cycle {
         Cycle {
             stage: Stage::Idle,
             fresh: false,
+            rows: 0,
             judge,
             m: vec![0.0; m],
             s: vec![0.0; s],
@@ -172,12 +176,13 @@ impl Cycle {
     /// New rows came in.
     pub(super) fn fresh(&mut self) {
         self.fresh = true;
+        self.rows = self.rows.saturating_add(1);
     }
 
     /// Begins anew at the scaled parameters `x`.
     pub(super) fn restart(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
         self.begin_anew();
-        self.fresh = false;
+        (self.fresh, self.rows) = (false, 0);
         self.next = 0;
         match whitening {
             Some(whitening) => whitening.coordinates(x, &mut self.x),
@@ -199,7 +204,10 @@ impl Cycle {
 
     pub(super) fn directions(&self) -> Option<Directions<'_>> {
         let n = self.x.len();
+        let settled = matches!(self.stage, Stage::Idle | Stage::Deviations { .. });
         let directions = match &self.judge {
+            // The next ones are in the making where these were.
+            Judge::Directions(_) if !settled => return None,
             Judge::Directions(scheme) => scheme.vectors().chunks_exact(n).zip(self.active.iter().copied()).collect(),
             Judge::Tracked(scheme) => scheme.directions().collect(),
             Judge::Off | Judge::Columns(_) => return None,
@@ -208,9 +216,10 @@ impl Cycle {
     }
 
     /// Rows of M·v_k from `row` on, into the room that the decomposition leaves, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
-    fn map(&mut self, row: usize) -> usize {
+    fn map(&mut self, row: usize, budget: &mut Budget) -> usize {
         let n = self.x.len();
         if row == 0 {
+            budget.charge(n * n);
             for (out, (m, y)) in self.rest.iter_mut().zip(self.m.chunks_exact(n).zip(&self.y)) {
                 *out = y - dot(m, &self.x);
             }
@@ -218,24 +227,23 @@ impl Cycle {
         let Judge::Directions(scheme) = &mut self.judge else { return n };
         let relevance = scheme.settings().relevance;
         let (vectors, values, room) = scheme.parts();
-        let end = (row + items_per_step(n * n)).min(n);
-        for k in row..end {
-            if !self.active[k] {
-                continue;
+        let mut k = row;
+        while k < n && !budget.is_spent() {
+            if self.active[k] {
+                let v = &vectors[k * n..(k + 1) * n];
+                let mapped = &mut room[k * n..(k + 1) * n];
+                times(&self.m, v, mapped);
+                let ratio = dot(v, mapped) / values[k];
+                self.active[k] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
+                budget.charge(n * n + n);
             }
-            let v = &vectors[k * n..(k + 1) * n];
-            let mapped = &mut room[k * n..(k + 1) * n];
-            for (out, m) in mapped.iter_mut().zip(self.m.chunks_exact(n)) {
-                *out = dot(m, v);
-            }
-            let ratio = dot(v, mapped) / values[k];
-            self.active[k] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
+            k += 1;
         }
-        end
+        k
     }
 
     /// The reduced system from `row` on. Returns the next row.
-    fn reduce(&mut self, row: usize) -> usize {
+    fn reduce(&mut self, row: usize, budget: &mut Budget) -> usize {
         let n = self.x.len();
         if row == 0 {
             self.index.clear();
@@ -250,17 +258,16 @@ impl Cycle {
             }
         }
         let size = self.index.len();
-        let end = (row + items_per_step(n * size)).min(size);
         let Cycle { judge, lu, index, m, step, rest, .. } = self;
         let matrix = if row == 0 { lu.start(size) } else { lu.matrix() };
-        for a in row..end {
+        let mut a = row;
+        while a < size && !budget.is_spent() {
+            budget.charge(n * size + n);
             let out = &mut matrix[a * size..(a + 1) * size];
             if let Judge::Directions(scheme) = &mut *judge {
                 let (vectors, _, mapped) = scheme.parts();
                 let v = &vectors[index[a] * n..(index[a] + 1) * n];
-                for (out, &k) in out.iter_mut().zip(index.iter()) {
-                    *out = dot(v, &mapped[k * n..(k + 1) * n]);
-                }
+                times_chosen(mapped, index, v, out);
                 step[a] = dot(v, rest);
             } else {
                 for (out, &k) in out.iter_mut().zip(index.iter()) {
@@ -268,14 +275,15 @@ impl Cycle {
                 }
                 step[a] = rest[index[a]];
             }
+            a += 1;
         }
-        end
+        a
     }
 
     /// Compares the variance of every direction, `κσₑ²·(A⁻¹SA⁻ᵀ)ₖₖ`, with what it may be, from `row` on; takes out what
     /// exceeds it. The information of the instruments bounds this variance only while M ≈ S: with delayed instruments,
     /// or with few rows, M can be nearly singular where S is not. Returns the next row.
-    fn verify(&mut self, row: usize) -> usize {
+    fn verify(&mut self, row: usize, budget: &mut Budget) -> usize {
         let size = self.index.len();
         if matches!(self.judge, Judge::Off) {
             return size;
@@ -286,14 +294,15 @@ impl Cycle {
             self.active.fill(false);
             return 0;
         }
-        let cost = if matches!(self.judge, Judge::Directions(_)) { size * size } else { 2 * size * size };
-        let end = (row + items_per_step(cost)).min(size);
-        for a in row..end {
+        let spread = if matches!(self.judge, Judge::Directions(_)) { size } else { size * size };
+        let mut a = row;
+        while a < size && !budget.is_spent() {
+            budget.charge(usize::midpoint(size * size, (size - a).pow(2)) + spread);
             let mut unit = std::mem::take(&mut self.scratch);
             unit[..size].fill(0.0);
             unit[a] = 1.0;
             let u = &mut unit[..size];
-            self.lu.solve_transposed(u);
+            self.lu.solve_transposed_from(u, a);
             let variance = self.variance * self.spread(u);
             self.scratch = unit;
             let k = self.index[a];
@@ -306,8 +315,9 @@ impl Cycle {
                 self.active[k] = false;
                 self.excess = true;
             }
+            a += 1;
         }
-        end
+        a
     }
 
     /// `uᵀ·S·u` over the active directions.
@@ -393,252 +403,5 @@ impl Cycle {
             }
         }
         (self.variance * self.spread(&self.step[..size]), held)
-    }
-}
-
-impl Estimator {
-    /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
-    ///
-    /// A cycle (judge, solve, a part of the standard deviations) takes 6 to 20 steps with 60 parameters.
-    pub fn work(&mut self) {
-        if self.unloading() {
-            self.unload();
-            return;
-        }
-        if self.plain_rls() {
-            self.follow_ud();
-            return;
-        }
-        if let Some(tracked) = self.cycle.tracked() {
-            if tracked.turn() {
-                self.follow_tracked(TRACKED_DEVIATIONS);
-            }
-            return;
-        }
-        let next = match self.cycle.stage {
-            Stage::Idle if !self.cycle.fresh => return,
-            Stage::Idle => {
-                self.begin();
-                Stage::Judge
-            }
-            Stage::Judge => {
-                if self.judge() {
-                    Stage::Map { row: 0 }
-                } else {
-                    Stage::Judge
-                }
-            }
-            Stage::Map { row } => {
-                self.cycle.rounds = 0;
-                let next = self.cycle.map(row);
-                if next < self.n { Stage::Map { row: next } } else { Stage::Reduce { row: 0 } }
-            }
-            Stage::Reduce { row } => {
-                let next = self.cycle.reduce(row);
-                if next < self.cycle.index.len() { Stage::Reduce { row: next } } else { Stage::Factor }
-            }
-            Stage::Factor => {
-                if self.cycle.lu.advance() {
-                    self.cycle.excess = false;
-                    Stage::Verify { row: 0 }
-                } else {
-                    Stage::Factor
-                }
-            }
-            Stage::Verify { row } => {
-                let next = self.cycle.verify(row);
-                if next < self.cycle.index.len() {
-                    Stage::Verify { row: next }
-                } else if self.cycle.excess {
-                    self.cycle.rounds += 1;
-                    Stage::Reduce { row: 0 }
-                } else {
-                    Stage::Move
-                }
-            }
-            Stage::Move => {
-                self.finish_step();
-                Stage::Deviations
-            }
-            Stage::Deviations => {
-                let count = items_per_step(6 * self.n * self.n).min(self.n);
-                self.deviations(count);
-                Stage::Idle
-            }
-        };
-        self.cycle.stage = next;
-    }
-
-    /// Runs a whole cycle on all rows so far, and refreshes every standard deviation. For use off the real-time path.
-    pub fn settle(&mut self) {
-        while self.unloading() {
-            self.unload();
-        }
-        if self.plain_rls() {
-            for _ in 0..self.n {
-                self.follow_ud();
-            }
-            return;
-        }
-        if let Judge::Tracked(_) = self.cycle.judge {
-            for _ in 0..2 {
-                let variance = self.row_variance();
-                let Cycle { judge, belief, width, .. } = &mut self.cycle;
-                if let Judge::Tracked(scheme) = judge {
-                    scheme.align(Known { variance, belief, width, whitening: self.whitening.as_ref() });
-                }
-                self.follow_tracked(self.n);
-            }
-            return;
-        }
-        // Twice: the second solution refines the first, and judges with what the first has taught.
-        for _ in 0..2 {
-            self.cycle.stage = Stage::Idle;
-            self.cycle.fresh = true;
-            self.work();
-            while self.cycle.stage != Stage::Deviations {
-                self.work();
-            }
-            self.deviations(self.n);
-            self.cycle.stage = Stage::Idle;
-        }
-    }
-
-    fn plain_rls(&self) -> bool {
-        self.settings.kind.least_squares() && matches!(self.cycle.judge, Judge::Off)
-    }
-
-    fn begin(&mut self) {
-        let variance = self.row_variance();
-        let (n, cycle) = (self.n, &mut self.cycle);
-        cycle.variance = variance;
-        cycle.fresh = false;
-        if cycle.m.is_empty() {
-            cycle.m = cycle.lu.reclaim();
-        }
-        cycle.m.copy_from_slice(&self.m);
-        cycle.y.copy_from_slice(&self.y);
-        if !cycle.s.is_empty() {
-            for i in 0..n {
-                for (j, &value) in self.s[packed(i)].iter().enumerate() {
-                    cycle.s[i * n + j] = value;
-                    cycle.s[j * n + i] = value;
-                }
-            }
-        }
-        cycle.judge.start(&self.s);
-        self.excitations();
-    }
-
-    fn excitations(&mut self) {
-        let cycle = &self.cycle;
-        let tolerance = cycle.judge.tolerance();
-        for (k, (out, information)) in self.excitation.iter_mut().zip(&self.excited).enumerate() {
-            *out = information * tolerance.max(cycle.belief[k]).powi(2) / cycle.variance;
-        }
-    }
-
-    /// One whole period of the tracked scheme: judge, solve, move, and refresh `count` standard deviations.
-    fn follow_tracked(&mut self, count: usize) {
-        self.cycle.variance = self.row_variance();
-        self.cycle.fresh = false;
-        self.excitations();
-        let Cycle { judge, variance, belief, width, x, active, verdict, .. } = &mut self.cycle;
-        let Judge::Tracked(scheme) = judge else { return };
-        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
-        let moved = scheme.solve(known, x, active, verdict);
-        self.cycle.solved = moved;
-        self.verdict = self.cycle.verdict;
-        self.verdict.suspended = !moved && self.verdict.active > 0;
-        if moved {
-            self.publish_values();
-        }
-        self.deviations(count);
-    }
-
-    fn judge(&mut self) -> bool {
-        let Cycle { judge, s, variance, belief, width, active, verdict, .. } = &mut self.cycle;
-        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
-        judge.advance(s, known, active, verdict)
-    }
-
-    fn finish_step(&mut self) {
-        let cycle = &mut self.cycle;
-        let wanted = cycle.active.iter().any(|a| *a);
-        let moved = cycle.take_step();
-        if let Judge::Directions(scheme) = &mut cycle.judge {
-            scheme.remember(&cycle.active);
-        }
-        self.verdict = cycle.verdict;
-        self.verdict.active = cycle.active.iter().filter(|a| **a).count();
-        self.verdict.suspended |= wanted && !moved;
-        if moved {
-            self.publish_values();
-        }
-    }
-
-    /// Values from the working coordinates.
-    fn publish_values(&mut self) {
-        match &self.whitening {
-            Some(whitening) => whitening.parameters(&self.cycle.x, &mut self.rows.scaled),
-            None => self.rows.scaled.copy_from_slice(&self.cycle.x),
-        }
-        for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
-            *out = x / c;
-        }
-    }
-
-    /// Refreshes standard deviation and state of the next `count` parameters.
-    fn deviations(&mut self, count: usize) {
-        let tolerance = self.cycle.judge.tolerance().powi(2);
-        let share = self.window_share();
-        for _ in 0..count {
-            let i = self.cycle.next;
-            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
-            let (moving, held) = if self.cycle.solved {
-                self.cycle.variance_of(i, self.whitening.as_ref())
-            } else {
-                (0.0, f64::INFINITY)
-            };
-            // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held.
-            let white = (moving + held).sqrt();
-            let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
-            let std = (if moving > 0.0 { long_run } else { 0.0 } + held).sqrt();
-            let small = tolerance.max((HELD_SHARE * self.prior[i]).powi(2));
-            if held <= moving.max(small) && std.is_finite() {
-                self.state[i] = ParameterState::Active;
-                // Only ever downwards: else a window that runs dry would loosen its own threshold.
-                self.cycle.belief[i] = self.cycle.belief[i].min(white);
-                self.cycle.width[i] = std;
-                self.std[i] = std / self.column[i];
-            } else if self.state[i] == ParameterState::Unidentified {
-                // Partly seen: better known than before, if not well.
-                self.std[i] = std.min(self.prior[i]) / self.column[i];
-            } else {
-                self.state[i] = ParameterState::Held;
-            }
-        }
-    }
-
-    /// Unsupervised least squares: the UD filter's values and a few of its deviations.
-    fn follow_ud(&mut self) {
-        if !self.cycle.fresh && self.updates == 0 {
-            return;
-        }
-        self.values.copy_from_slice(&self.rls_values);
-        let variance = self.row_variance();
-        for _ in 0..8.min(self.n) {
-            let i = self.cycle.next;
-            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
-            let std = (variance * self.ud.variance(i)).sqrt();
-            self.excitation[i] = self.excited[i] * self.prior[i].powi(2) / variance;
-            if std < 0.5 * self.prior[i] {
-                self.state[i] = ParameterState::Active;
-            } else if self.state[i] == ParameterState::Active {
-                self.state[i] = ParameterState::Held;
-            }
-            self.std[i] = std.min(self.prior[i]) / self.column[i];
-        }
-        self.verdict.active = self.state.iter().filter(|s| **s == ParameterState::Active).count();
     }
 }

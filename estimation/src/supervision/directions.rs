@@ -2,8 +2,9 @@
 
 use super::Known;
 use crate::eigen::SymmetricEigen;
-use crate::linear::items_per_step;
+use crate::linear::Budget;
 use crate::memory::Carry;
+use crate::operations::multiply_adds;
 use crate::report::Verdict;
 use crate::settings::EigenSettings;
 
@@ -30,6 +31,7 @@ pub(crate) struct Directions {
     /// do to recognise them.
     moved: Vec<f32>,
     moved_count: usize,
+    /// How much of each eigenvector's square lies in them, where that matters.
     moved_share: Vec<f64>,
 }
 
@@ -94,11 +96,18 @@ impl Directions {
         self.belief[k]
     }
 
-    pub(crate) fn advance(&mut self, known: Known<'_>, active: &mut [bool], verdict: &mut Verdict) -> bool {
+    /// Goes on while `budget` lasts; true when `active` and the verdict are complete.
+    pub(crate) fn advance(
+        &mut self,
+        known: Known<'_>,
+        active: &mut [bool],
+        verdict: &mut Verdict,
+        budget: &mut Budget,
+    ) -> bool {
         let n = active.len();
         match self.stage {
             Stage::Decompose => {
-                if !self.eigen.advance() {
+                if !self.eigen.advance_within(budget) {
                     return false;
                 }
                 if !self.eigen.converged() {
@@ -110,8 +119,8 @@ impl Directions {
                 false
             }
             Stage::Weigh { row } => {
-                let end = (row + items_per_step(n * n)).min(n);
-                for k in row..end {
+                let mut k = row;
+                while k < n && !budget.is_spent() {
                     let v = &self.eigen.vectors()[k * n..(k + 1) * n];
                     if let Some(whitening) = known.whitening {
                         whitening.covector(v, &mut self.covector);
@@ -120,22 +129,34 @@ impl Directions {
                     }
                     let variance: f64 = self.covector.iter().zip(known.belief).map(|(c, b)| (c * b).powi(2)).sum();
                     self.belief[k] = variance.max(self.settings.tolerance.powi(2));
+                    budget.charge(n * n / 2 + 2 * n);
+                    k += 1;
                 }
-                self.stage = if end < n { Stage::Weigh { row: end } } else { Stage::Recognise { row: 0 } };
+                self.stage = if k < n { Stage::Weigh { row: k } } else { Stage::Recognise { row: 0 } };
                 false
             }
             Stage::Recognise { row } => {
-                let end = (row + items_per_step(n * n)).min(n);
-                for k in row..end {
-                    let v = &self.eigen.vectors()[k * n..(k + 1) * n];
-                    let moved = self.moved.chunks_exact(n).take(self.moved_count);
-                    self.moved_share[k] = moved.map(|old| share(old, v)).sum();
+                let mut k = row;
+                while k < n && !budget.is_spent() {
+                    // Only within the hysteresis does it matter whether a direction moved before.
+                    let threshold = known.variance / self.belief[k];
+                    let value = self.eigen.values()[k];
+                    let mut moved_share = 0.0;
+                    if value > self.settings.hysteresis * threshold && value <= threshold {
+                        let v = &self.eigen.vectors()[k * n..(k + 1) * n];
+                        let moved = self.moved.chunks_exact(n).take(self.moved_count);
+                        moved_share = moved.map(|old| share(old, v)).sum();
+                        budget.charge(self.moved_count * n);
+                    }
+                    self.moved_share[k] = moved_share;
+                    k += 1;
                 }
-                self.stage = Stage::Recognise { row: end };
-                if end == n {
+                self.stage = Stage::Recognise { row: k };
+                if k == n {
                     self.decide(known.variance, active, verdict);
+                    budget.charge(n);
                 }
-                end == n
+                k == n
             }
         }
     }
@@ -178,6 +199,7 @@ impl Directions {
 
 /// `(old·v)²`
 fn share(old: &[f32], v: &[f64]) -> f64 {
+    multiply_adds(v.len());
     let mut sums = [0.0; 8];
     let (x, y) = (old.chunks_exact(8), v.chunks_exact(8));
     let rest: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| f64::from(*x) * y).sum();

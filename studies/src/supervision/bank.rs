@@ -1,7 +1,7 @@
 //! A bank of models beside the full model on the staged workload (paper, 3.2.4, third proposal).
 
-use super::workload::{PHASES, Rows, Workload};
-use super::{ROW, WHOLE, WINDOW, estimator};
+use super::workload::{DECIMATION, PHASES, Rows, Workload};
+use super::{WHOLE, WINDOW, estimator};
 use rivet_config::Robot;
 use rivet_estimation::bank::{Bank, BankSettings, Member};
 use rivet_estimation::{EigenSettings, Estimator, EstimatorKind, Instrument, Scales, Supervision};
@@ -99,12 +99,12 @@ fn schemes(robot: &Robot, workload: &Workload, options: &Options) -> Vec<(&'stat
     let full = || vec![Member::full(n)];
     let bank = |members: Vec<Member>, tolerance: f64| {
         let settings = BankSettings {
-            forgetting: (-ROW / WINDOW).exp(),
+            forgetting: (-workload.row / WINDOW).exp(),
             correlation: workload.correlation.factor,
             tolerance,
-            memory: (options.memory_s / ROW) as u32,
+            memory: (options.memory_s / workload.row) as u32,
             margin: options.margin,
-            dwell: (options.dwell_s / ROW).ceil() as u32,
+            dwell: (options.dwell_s / workload.row).ceil() as u32,
         };
         Scheme::Bank(Box::new(Bank::new(&workload.nominal, &scales, members, settings)))
     };
@@ -146,7 +146,7 @@ impl Record {
 /// Runs every scheme on the same rows, seed by seed; they differ in motion and noise, not in the true parameters.
 #[must_use]
 pub fn study(robot: &Robot, options: &Options) -> Vec<Outcome> {
-    let workload = Workload::new(robot);
+    let workload = Workload::new(robot, DECIMATION);
     // Phase and true parameters of each look.
     let mut looks: Vec<(usize, Vec<f64>)> = Vec::new();
     let mut records: Vec<(&'static str, Vec<Record>)> = Vec::new();
@@ -182,7 +182,7 @@ pub fn study(robot: &Robot, options: &Options) -> Vec<Outcome> {
                 }
             }
         });
-        seconds += row as f64 * ROW;
+        seconds += row as f64 * workload.row;
         for (k, (name, _, record)) in running.into_iter().enumerate() {
             match records.get_mut(k) {
                 Some((_, seeds)) => seeds.push(record),

@@ -8,9 +8,9 @@ use rivet_dynamics::Workspace;
 use rivet_estimation::filter::{Bank, Butterworth, correlation_factor, neighbour_correlation};
 use rivet_estimation::{Correlation, Scales};
 
-/// Sample period \[s\], and samples from one row to the next.
+/// Sample period \[s\]: a tick.
 const PERIOD: f64 = 1e-3;
-/// Samples from row to row.
+/// Samples from row to row in the daemon, unless its robot file says otherwise.
 pub const DECIMATION: usize = 10;
 /// Bandwidth with which the arm follows \[rad/s\].
 const LOOP: f64 = 60.0;
@@ -98,13 +98,16 @@ pub struct Workload {
     pub correlation: Correlation,
     /// Parameters to start from: up to 30 % off.
     pub nominal: Vec<f64>,
+    /// Time between rows \[s\].
+    pub row: f64,
+    decimation: usize,
     filter: Butterworth,
 }
 
 impl Workload {
-    /// Of one arm.
+    /// Of one arm, with a row at every `decimation`-th sample.
     #[must_use]
-    pub fn new(robot: &Robot) -> Workload {
+    pub fn new(robot: &Robot, decimation: usize) -> Workload {
         let scales = Scales::of_model(&robot.model, &robot.base, &robot.nominal_base, None);
         let filter = Butterworth::low_pass(4, CUTOFF, 1.0 / PERIOD);
         let response = filter.impulse_response(4000);
@@ -112,10 +115,10 @@ impl Workload {
         let noise = scales.torque_noise.iter().map(|s| NOISE * s * gain).collect();
         let nominal = robot.nominal_base.iter().enumerate().map(|(i, x)| x * [0.7, 1.3, 0.85, 1.1][i % 4]).collect();
         let correlation = Correlation {
-            factor: correlation_factor(&response, DECIMATION),
-            neighbour: neighbour_correlation(&response, DECIMATION),
+            factor: correlation_factor(&response, decimation),
+            neighbour: neighbour_correlation(&response, decimation),
         };
-        Workload { scales, noise, correlation, nominal, filter }
+        Workload { scales, noise, correlation, nominal, row: PERIOD * decimation as f64, decimation, filter }
     }
 
     /// Torque error of `x` on the reference workload \[noise sigma, rms a row\].
@@ -219,7 +222,7 @@ impl Workload {
             z_out.copy_from_slice(&z);
             measured.step(&mut d_out);
             exact.step(&mut z_out);
-            if sample > 100 && sample % DECIMATION == 0 {
+            if sample > 100 && sample.is_multiple_of(self.decimation) {
                 let (regressor, tau) = d_out.split_at(dof * n);
                 rows.d.clear();
                 rows.d.extend_from_slice(regressor);

@@ -1,0 +1,69 @@
+//! What a step costs.
+
+use super::super::{Correlation, Estimator, EstimatorSettings};
+use super::Stage;
+use crate::linear::{STEP_WORK, tests::Random};
+use crate::operations::counted;
+use crate::report::Instrument;
+use crate::scales::Scales;
+use crate::settings::{EigenSettings, EstimatorKind, Prior, Supervision};
+
+/// Parameters and joints of an arm of six axes.
+const N: usize = 61;
+const P: usize = 6;
+/// What a step may do beyond `STEP_WORK`: the last thing that it began, at most a standard deviation.
+const LAST: usize = 5 * N * N;
+
+fn estimator() -> Estimator {
+    let settings = EstimatorSettings {
+        kind: EstimatorKind::Riv,
+        forgetting: 0.99,
+        deviation: None,
+        supervision: Supervision::Eigen(EigenSettings::default()),
+        prior: Prior { relative_std: 1.0 },
+        noise_known: true,
+        noise_memory: 100.0,
+        outlier: f64::INFINITY,
+        residual_memory: 100.0,
+        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
+        change_row_s: None,
+        block: 20,
+    };
+    Estimator::new(&[1.0; N], &Scales::unit(P, N), &settings)
+}
+
+/// With a row before every step, whatever the rows say: no step costs more than its bound, and a cycle has ended after 30.
+/// Instruments that have little to do with the motion are found out only when the solution is verified, again and again.
+#[test]
+fn no_step_of_the_eigen_scheme_exceeds_its_bound() {
+    for (name, size, columns, against) in [
+        ("rich motion", 1.0, N, 0.0),
+        ("standstill", 0.0, N, 0.0),
+        ("few columns", 1e-3, 5, 0.0),
+        ("small", 1e-100, N, 0.0),
+        ("large", 1e50, N, 0.0),
+        ("noisy instruments", 1.0, N, 1.5),
+    ] {
+        let mut random = Random(92);
+        let mut estimator = estimator();
+        let (mut most, mut steps, mut longest, mut cycles) = (0, 0, 0, 0);
+        for _ in 0..600 {
+            let d: Vec<f64> = (0..P * N).map(|i| if i % N < columns { size * random.normal() } else { 0.0 }).collect();
+            let z: Vec<f64> = d.iter().map(|d| d + against * size * random.normal()).collect();
+            let tau: Vec<f64> = (0..P).map(|_| size * random.normal()).collect();
+            estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[1.0; P]).expect("sound rows");
+            most = most.max(counted(|| estimator.work())[0]);
+            steps += 1;
+            if estimator.cycle.stage == Stage::Idle {
+                (longest, steps, cycles) = (longest.max(steps), 0, cycles + 1);
+            }
+        }
+        let active = estimator.estimate().verdict.active;
+        println!("{name}: a step at most {most}, {cycles} cycles of at most {longest} steps, {active} move in the end");
+        assert!(most <= STEP_WORK + LAST, "{name}: {most}");
+        assert!(
+            cycles >= 20 && longest <= 30 && steps <= 30,
+            "{name}: {cycles} cycles of {longest} steps, {steps} more"
+        );
+    }
+}

@@ -1,0 +1,303 @@
+//! The turns of the slow work, and what its end publishes.
+
+use super::super::Estimator;
+use super::{Cycle, Stage};
+use crate::linear::{Budget, items_per_step, packed};
+use crate::report::ParameterState;
+use crate::supervision::{Judge, Known};
+
+/// A parameter counts as identified when what is held leaves it at most this share of its prior's width (or the
+/// tolerance, or less than the uncertainty of what moves).
+const HELD_SHARE: f64 = 0.25;
+/// Decisions about directions in a time constant of the window, at most. Sooner, the first rows of a window decide one by one
+/// what may move, and what they let in explains the errors of all that is held: on a measured arm (TX40, no desired motion) the
+/// residual of its wrist then rose to eight times that of the nominal parameters, on the staged workload nothing was gained.
+const MOST_DECISIONS: f64 = 400.0;
+/// Standard deviations that the tracked scheme refreshes with each of its steps.
+const TRACKED_DEVIATIONS: usize = 4;
+
+impl Estimator {
+    /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
+    ///
+    /// A cycle (judge, solve, a part of the standard deviations) takes up to 25 steps with 60 parameters, the fewer the fewer
+    /// of them move.
+    pub fn work(&mut self) {
+        if self.unloading() {
+            self.unload();
+            return;
+        }
+        if self.plain_rls() {
+            self.follow_ud();
+            return;
+        }
+        if let Some(tracked) = self.cycle.tracked() {
+            if tracked.turn() {
+                self.follow_tracked(TRACKED_DEVIATIONS);
+            }
+            return;
+        }
+        let mut budget = Budget::step();
+        while !budget.is_spent() {
+            if self.cycle.stage == Stage::Idle && !self.is_due() {
+                return;
+            }
+            self.advance(&mut budget);
+            if self.cycle.stage == Stage::Idle {
+                // The next cycle begins with a step of its own.
+                return;
+            }
+        }
+    }
+
+    /// Whether there is something new to decide by.
+    fn is_due(&self) -> bool {
+        let lambda = self.settings.forgetting;
+        let least = match self.cycle.judge {
+            Judge::Directions(_) if lambda < 1.0 => 1.0 / ((1.0 - lambda) * MOST_DECISIONS),
+            _ => 0.0,
+        };
+        self.cycle.fresh && f64::from(self.cycle.rows) >= least
+    }
+
+    /// Goes on with the cycle while `budget` lasts, at most to the end of a stage.
+    fn advance(&mut self, budget: &mut Budget) {
+        let n = self.n;
+        let next = match self.cycle.stage {
+            Stage::Idle => {
+                self.begin();
+                budget.charge(n * n);
+                Stage::Judge
+            }
+            Stage::Judge => {
+                if self.judge(budget) {
+                    Stage::Map { row: 0 }
+                } else {
+                    Stage::Judge
+                }
+            }
+            Stage::Map { row } => {
+                self.cycle.rounds = 0;
+                let next = self.cycle.map(row, budget);
+                if next < n { Stage::Map { row: next } } else { Stage::Reduce { row: 0 } }
+            }
+            Stage::Reduce { row } => {
+                let next = self.cycle.reduce(row, budget);
+                if next < self.cycle.index.len() { Stage::Reduce { row: next } } else { Stage::Factor }
+            }
+            Stage::Factor => {
+                if self.cycle.lu.advance_within(budget) {
+                    self.cycle.excess = false;
+                    Stage::Verify { row: 0 }
+                } else {
+                    Stage::Factor
+                }
+            }
+            Stage::Verify { row } => {
+                let next = self.cycle.verify(row, budget);
+                if next < self.cycle.index.len() {
+                    Stage::Verify { row: next }
+                } else if self.cycle.excess {
+                    self.cycle.rounds += 1;
+                    Stage::Reduce { row: 0 }
+                } else {
+                    Stage::Move
+                }
+            }
+            Stage::Move => {
+                self.finish_step();
+                budget.charge(3 * n * n);
+                Stage::Deviations { done: 0 }
+            }
+            Stage::Deviations { done } => {
+                let (cost, mut done) = (self.deviation_cost(), done);
+                let all = items_per_step(6 * n * n).min(n);
+                while done < all && !budget.is_spent() {
+                    self.deviations(1);
+                    budget.charge(cost);
+                    done += 1;
+                }
+                if done < all { Stage::Deviations { done } } else { Stage::Idle }
+            }
+        };
+        self.cycle.stage = next;
+    }
+
+    /// Multiply-adds of one standard deviation, at most.
+    fn deviation_cost(&self) -> usize {
+        let (n, size) = (self.n, self.cycle.index.len());
+        3 * n * size + size * size + n * n + 4 * n
+    }
+
+    /// Runs a whole cycle on all rows so far, and refreshes every standard deviation. For use off the real-time path.
+    pub fn settle(&mut self) {
+        while self.unloading() {
+            self.unload();
+        }
+        if self.plain_rls() {
+            for _ in 0..self.n {
+                self.follow_ud();
+            }
+            return;
+        }
+        if let Judge::Tracked(_) = self.cycle.judge {
+            for _ in 0..2 {
+                let variance = self.row_variance();
+                let Cycle { judge, belief, width, .. } = &mut self.cycle;
+                if let Judge::Tracked(scheme) = judge {
+                    scheme.align(Known { variance, belief, width, whitening: self.whitening.as_ref() });
+                }
+                self.follow_tracked(self.n);
+            }
+            return;
+        }
+        // Twice: the second solution refines the first, and judges with what the first has taught.
+        for _ in 0..2 {
+            self.cycle.stage = Stage::Idle;
+            self.cycle.fresh = true;
+            self.advance(&mut Budget::endless());
+            while !matches!(self.cycle.stage, Stage::Deviations { .. }) {
+                self.advance(&mut Budget::endless());
+            }
+            self.deviations(self.n);
+            self.cycle.stage = Stage::Idle;
+        }
+    }
+
+    fn plain_rls(&self) -> bool {
+        self.settings.kind.least_squares() && matches!(self.cycle.judge, Judge::Off)
+    }
+
+    fn begin(&mut self) {
+        let variance = self.row_variance();
+        let (n, cycle) = (self.n, &mut self.cycle);
+        cycle.variance = variance;
+        (cycle.fresh, cycle.rows) = (false, 0);
+        if cycle.m.is_empty() {
+            cycle.m = cycle.lu.reclaim();
+        }
+        cycle.m.copy_from_slice(&self.m);
+        cycle.y.copy_from_slice(&self.y);
+        if !cycle.s.is_empty() {
+            for i in 0..n {
+                for (j, &value) in self.s[packed(i)].iter().enumerate() {
+                    cycle.s[i * n + j] = value;
+                    cycle.s[j * n + i] = value;
+                }
+            }
+        }
+        cycle.judge.start(&self.s);
+        self.excitations();
+    }
+
+    fn excitations(&mut self) {
+        let cycle = &self.cycle;
+        let tolerance = cycle.judge.tolerance();
+        for (k, (out, information)) in self.excitation.iter_mut().zip(&self.excited).enumerate() {
+            *out = information * tolerance.max(cycle.belief[k]).powi(2) / cycle.variance;
+        }
+    }
+
+    /// One whole period of the tracked scheme: judge, solve, move, and refresh `count` standard deviations.
+    fn follow_tracked(&mut self, count: usize) {
+        self.cycle.variance = self.row_variance();
+        self.cycle.fresh = false;
+        self.excitations();
+        let Cycle { judge, variance, belief, width, x, active, verdict, .. } = &mut self.cycle;
+        let Judge::Tracked(scheme) = judge else { return };
+        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
+        let moved = scheme.solve(known, x, active, verdict);
+        self.cycle.solved = moved;
+        self.verdict = self.cycle.verdict;
+        self.verdict.suspended = !moved && self.verdict.active > 0;
+        if moved {
+            self.publish_values();
+        }
+        self.deviations(count);
+    }
+
+    fn judge(&mut self, budget: &mut Budget) -> bool {
+        let Cycle { judge, s, variance, belief, width, active, verdict, .. } = &mut self.cycle;
+        let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
+        judge.advance(s, known, active, verdict, budget)
+    }
+
+    fn finish_step(&mut self) {
+        let cycle = &mut self.cycle;
+        let wanted = cycle.active.iter().any(|a| *a);
+        let moved = cycle.take_step();
+        if let Judge::Directions(scheme) = &mut cycle.judge {
+            scheme.remember(&cycle.active);
+        }
+        self.verdict = cycle.verdict;
+        self.verdict.active = cycle.active.iter().filter(|a| **a).count();
+        self.verdict.suspended |= wanted && !moved;
+        if moved {
+            self.publish_values();
+        }
+    }
+
+    /// Values from the working coordinates.
+    fn publish_values(&mut self) {
+        match &self.whitening {
+            Some(whitening) => whitening.parameters(&self.cycle.x, &mut self.rows.scaled),
+            None => self.rows.scaled.copy_from_slice(&self.cycle.x),
+        }
+        for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
+            *out = x / c;
+        }
+    }
+
+    /// Refreshes standard deviation and state of the next `count` parameters.
+    fn deviations(&mut self, count: usize) {
+        let tolerance = self.cycle.judge.tolerance().powi(2);
+        let share = self.window_share();
+        for _ in 0..count {
+            let i = self.cycle.next;
+            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
+            let (moving, held) = if self.cycle.solved {
+                self.cycle.variance_of(i, self.whitening.as_ref())
+            } else {
+                (0.0, f64::INFINITY)
+            };
+            // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held.
+            let white = (moving + held).sqrt();
+            let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
+            let std = (if moving > 0.0 { long_run } else { 0.0 } + held).sqrt();
+            let small = tolerance.max((HELD_SHARE * self.prior[i]).powi(2));
+            if held <= moving.max(small) && std.is_finite() {
+                self.state[i] = ParameterState::Active;
+                // Only ever downwards: else a window that runs dry would loosen its own threshold.
+                self.cycle.belief[i] = self.cycle.belief[i].min(white);
+                self.cycle.width[i] = std;
+                self.std[i] = std / self.column[i];
+            } else if self.state[i] == ParameterState::Unidentified {
+                // Partly seen: better known than before, if not well.
+                self.std[i] = std.min(self.prior[i]) / self.column[i];
+            } else {
+                self.state[i] = ParameterState::Held;
+            }
+        }
+    }
+
+    /// Unsupervised least squares: the UD filter's values and a few of its deviations.
+    fn follow_ud(&mut self) {
+        if !self.cycle.fresh && self.updates == 0 {
+            return;
+        }
+        self.values.copy_from_slice(&self.rls_values);
+        let variance = self.row_variance();
+        for _ in 0..8.min(self.n) {
+            let i = self.cycle.next;
+            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
+            let std = (variance * self.ud.variance(i)).sqrt();
+            self.excitation[i] = self.excited[i] * self.prior[i].powi(2) / variance;
+            if std < 0.5 * self.prior[i] {
+                self.state[i] = ParameterState::Active;
+            } else if self.state[i] == ParameterState::Active {
+                self.state[i] = ParameterState::Held;
+            }
+            self.std[i] = std.min(self.prior[i]) / self.column[i];
+        }
+        self.verdict.active = self.state.iter().filter(|s| **s == ParameterState::Active).count();
+    }
+}
