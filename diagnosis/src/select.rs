@@ -196,7 +196,7 @@ pub(crate) fn best(
             Form::Force { .. } => true,
             _ => {
                 candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue))
-                    || is_material(search, &shares, adopted)
+                    || is_material(search, &candidate.form, &shares, adopted)
             }
         };
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
@@ -362,13 +362,15 @@ fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64
     Some((0..joints).map(share).collect())
 }
 
-fn is_material(search: &Search<'_>, shares: &[f64], adopted: &[Adopted]) -> bool {
+fn is_material(search: &Search<'_>, form: &Form, shares: &[f64], adopted: &[Adopted]) -> bool {
     (0..shares.len()).any(|j| {
         let left = search.noise[j].powi(2);
         let simulated = adopted.iter().any(|a| a.form.has_fixed_gain() && a.acts_on[j]);
         let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
         let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
-        let above = search.noise[j] > AT_FLOOR * search.floor[j] || shares[j] >= MATERIAL_AT_FLOOR;
+        // A command that is cut explains the noise of the torque by itself.
+        let little = !form.has_fixed_gain() && shares[j] >= MATERIAL_AT_FLOOR;
+        let above = search.noise[j] > AT_FLOOR * search.floor[j] || little;
         shares[j] >= MATERIAL && above && enough
     })
 }
