@@ -26,8 +26,8 @@ const PARTLY_ALONG: f64 = 0.5;
 /// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
 /// none is ahead by more than 4.
 const AHEAD: f64 = 10.0;
-/// The same for friction of one direction alone, which is but a wrong level and an offset that happen to go together: one of
-/// some fifty such arms had 11.
+/// The same for friction of one direction alone, which is but a wrong level and an offset that happen to go together: on one
+/// sound arm it was ahead by 11.
 const AHEAD_ONE_SIDED: f64 = 16.0;
 /// Values that are behind by more than this need not be listed: it is what an effect needs over all values free, and what
 /// sets rivals apart.

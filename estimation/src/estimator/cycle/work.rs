@@ -11,7 +11,7 @@ use crate::supervision::{Judge, Known};
 const HELD_SHARE: f64 = 0.25;
 /// Decisions about directions in a time constant of the window, at most. Sooner, the first rows of a window decide one by one
 /// what may move, and what they let in explains the errors of all that is held: on a measured arm (TX40, no desired motion) the
-/// residual of its wrist then rose to eight times that of the nominal parameters, on the staged workload nothing was gained.
+/// residual of its wrist then rose to eight times that of the nominal parameters.
 const MOST_DECISIONS: f64 = 400.0;
 /// Standard deviations that the tracked scheme refreshes with each of its steps.
 const TRACKED_DEVIATIONS: usize = 4;
