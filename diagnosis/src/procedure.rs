@@ -417,13 +417,16 @@ impl Procedure<'_> {
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
         let nameless = steps.iter().flat_map(|s| &s.adopted).any(|a| a.form.is_nameless());
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
+        // Where the floor is reached with what was withdrawn after all, that is no answer.
+        let refused = steps.iter().zip(&upheld).filter(|(s, upheld)| !**upheld && s.effect.kind() == Kind::Structure);
+        let lacking = refused.flat_map(|(s, _)| &s.joints).any(|j| residue.was_noisy(*j));
         let verdict = match (structure, causes.is_empty()) {
             // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
             (0, true) if left_over => Verdict::Unexplained,
             // Taken up, but by nothing that has a name.
             (0, _) if nameless => Verdict::Unexplained,
             (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
-            (0, _) if withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
+            (0, _) if lacking || withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
             (0, true) => Verdict::NoGap,
             (0, false) => Verdict::Parameter,
             (1, _) => Verdict::Effect,

@@ -35,6 +35,11 @@ impl<'a> Residue<'a> {
         self.left[j] > UNEXPLAINED * self.floor[j]
     }
 
+    /// Whether joint `j` kept more than noise before any effect was adopted.
+    pub(crate) fn was_noisy(&self, j: usize) -> bool {
+        self.first[j] > UNEXPLAINED * self.floor[j]
+    }
+
     pub(crate) fn any_noisy(&self) -> bool {
         (0..self.left.len()).any(|j| self.is_noisy(j))
     }

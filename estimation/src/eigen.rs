@@ -2,7 +2,7 @@
 //!
 //! Householder tridiagonalisation and the implicit QL iteration (Golub & Van Loan, Matrix Computations, 8.3; the
 //! ordering of QL follows EISPACK's tql2). Chosen over Jacobi rotations because it is two to four times cheaper from a
-//! cold start, and because a scheme that tracks the basis by rotations needs a reference that shares nothing with it.
+//! cold start, and because a scheme that tracks the basis by rotations is judged beside it and shares nothing with it.
 
 use crate::kernels::{add_two_products, reflect, rotate_neighbours, times_from};
 use crate::linear::{Budget, axpy, dot};

@@ -238,9 +238,9 @@ pub enum Supervision {
     Off,
     /// Column norms, angles, trace and condition number (3.2.3).
     Columns(ColumnsSettings),
-    /// Eigenvalues and eigenvectors (3.2.2): the reference that other schemes are measured by.
+    /// Eigenvalues and eigenvectors (3.2.2), spread over the periods.
     Eigen(EigenSettings),
-    /// Tracked directions (3.2.4): what the reference decides, at a fraction of its cost.
+    /// Tracked directions (3.2.4): the same decisions from a basis that follows the information.
     Tracked(TrackedSettings),
 }
 

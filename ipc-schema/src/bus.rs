@@ -147,9 +147,11 @@ pub(crate) fn retry<R, E>(
         match attempt() {
             Err(e) if passing(&e) => {
                 if begin.elapsed() >= OPENING_PATIENCE {
-                    if healed || remove_half_made(config) == 0 {
+                    if healed {
                         return Err(e);
                     }
+                    // Where there is none, another party may have removed it a moment ago and be about to make it anew.
+                    remove_half_made(config);
                     (begin, healed) = (Instant::now(), true);
                 }
                 std::thread::sleep(Duration::from_millis(2));

@@ -174,17 +174,20 @@ fn is_old(data: &fs::Metadata) -> bool {
 }
 
 /// Removes descriptions of services that their maker did not finish, since he was killed: the library writes a file and then
-/// makes it read-only, and waits for that for ever. How many there were.
-pub(crate) fn remove_half_made(config: &Config) -> usize {
+/// makes it read-only, and waits for that for ever.
+pub(crate) fn remove_half_made(config: &Config) {
     let prefix = config.global.prefix.to_string();
     let services = config.global.service_dir();
-    let Ok(entries) = fs::read_dir(services.to_string()) else { return 0 };
+    let Ok(entries) = fs::read_dir(services.to_string()) else { return };
     let half_made = |entry: &fs::DirEntry| {
         let name = entry.file_name();
         let ours = belongs(name.as_encoded_bytes(), &prefix) && name.as_encoded_bytes().ends_with(b".service");
         ours && entry.metadata().is_ok_and(|data| data.permissions().mode() & 0o200 != 0 && is_old(&data))
     };
-    entries.flatten().filter(half_made).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+    for entry in entries.flatten().filter(half_made) {
+        // Who else starts now may have been faster.
+        let _ = fs::remove_file(entry.path());
+    }
 }
 
 /// Bytes of the counter that all parties share.

@@ -1,4 +1,4 @@
-//! The paper's reference (3.2.2): every direction of the parameter space judged by its eigenvalue.
+//! The paper's scheme of 3.2.2: every direction of the parameter space judged by its eigenvalue.
 
 use super::Known;
 use crate::eigen::SymmetricEigen;

@@ -5,7 +5,7 @@
 //! information: a pivot says what a direction adds to those before it, so promises that M does not keep (instruments that
 //! describe another motion, delayed ones above all) are found out in the same pass. Directions are known by their place
 //! in the basis: it turns by small angles, so they keep their history. Nothing here shares code with the decomposition of
-//! [`Directions`](super::Directions), the reference.
+//! [`Directions`](super::Directions).
 //!
 //! No operation of order n³ beyond the elimination (n³/3), no iteration, no branch that changes the number of operations.
 

@@ -11,8 +11,8 @@ pub(super) fn trust(scores: &[Score]) -> String {
     let mut out = String::from(
         "<p>The same procedure on simulated arms with effects it was not told (<code>rivet blind run</code>, then \
          <code>rivet blind score --json</code>). The practice sets are another program's, the others arms of \
-         <code>rivet blind make</code>, whose physics is not what a diagnosis fits. Practice and the larger drawn set were looked at \
-         while the procedure was built; <code>never seen</code> was not. Expect that on your arms, or less.</p>\n",
+         <code>rivet blind make</code>, whose physics is not what a diagnosis fits. Practice was looked at while the procedure was \
+         built, <code>never seen</code> was not. Expect the latter on your arms, or less.</p>\n",
     );
     if scores.is_empty() {
         return "<p>No score of this build is at hand.</p>\n".to_owned();

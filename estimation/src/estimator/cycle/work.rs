@@ -13,6 +13,8 @@ const HELD_SHARE: f64 = 0.25;
 /// what may move, and what they let in explains the errors of all that is held: on a measured arm (TX40, no desired motion) the
 /// residual of its wrist then rose to eight times that of the nominal parameters.
 const MOST_DECISIONS: f64 = 400.0;
+/// Rows that a decision waits for, at most, however long the window.
+const MOST_ROWS: f64 = 25.0;
 /// Standard deviations that the tracked scheme refreshes with each of its steps.
 const TRACKED_DEVIATIONS: usize = 4;
 
@@ -53,7 +55,7 @@ impl Estimator {
     fn is_due(&self) -> bool {
         let lambda = self.settings.forgetting;
         let least = match self.cycle.judge {
-            Judge::Directions(_) if lambda < 1.0 => 1.0 / ((1.0 - lambda) * MOST_DECISIONS),
+            Judge::Directions(_) if lambda < 1.0 => (1.0 / ((1.0 - lambda) * MOST_DECISIONS)).min(MOST_ROWS),
             _ => 0.0,
         };
         self.cycle.fresh && f64::from(self.cycle.rows) >= least
