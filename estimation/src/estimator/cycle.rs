@@ -171,7 +171,6 @@ impl Cycle {
     /// Goes on from what was carried in: with a cycle of its own.
     pub(super) fn resume(&mut self) {
         (self.stage, self.fresh, self.solved) = (Stage::Idle, true, false);
-        self.rows = u32::MAX;
     }
 
     /// New rows came in.
