@@ -229,7 +229,7 @@ impl Form {
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
             Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
             Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
-            // One unit is the delay itself; so is a bristle's share of the sliding friction.
+            // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
             Form::Delay { .. } => (0.5..2.0).contains(&c[0]),
             Form::Presliding { .. } => c[0] > 0.2,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),

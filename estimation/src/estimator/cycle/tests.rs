@@ -1,12 +1,13 @@
 //! What a step costs.
 
-use super::super::{Correlation, Estimator, EstimatorSettings};
+use super::super::Estimator;
 use super::Stage;
 use crate::linear::{STEP_WORK, tests::Random};
 use crate::operations::counted;
 use crate::report::Instrument;
 use crate::scales::Scales;
-use crate::settings::{EigenSettings, EstimatorKind, Prior, Supervision};
+use crate::settings::tests::whitened;
+use crate::settings::{EigenSettings, Supervision};
 
 /// Parameters and joints of an arm of six axes.
 const N: usize = 61;
@@ -15,20 +16,7 @@ const P: usize = 6;
 const LAST: usize = 5 * N * N;
 
 fn estimator() -> Estimator {
-    let settings = EstimatorSettings {
-        kind: EstimatorKind::Riv,
-        forgetting: 0.99,
-        deviation: None,
-        supervision: Supervision::Eigen(EigenSettings::default()),
-        prior: Prior { relative_std: 1.0 },
-        noise_known: true,
-        noise_memory: 100.0,
-        outlier: f64::INFINITY,
-        residual_memory: 100.0,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-        change_row_s: None,
-        block: 20,
-    };
+    let settings = whitened(Supervision::Eigen(EigenSettings::default()));
     Estimator::new(&[1.0; N], &Scales::unit(P, N), &settings)
 }
 

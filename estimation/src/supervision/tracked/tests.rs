@@ -1,12 +1,13 @@
 //! The scheme's work is the same whatever the rows say.
 
 use super::*;
-use crate::estimator::{Correlation, Estimator, EstimatorSettings};
+use crate::estimator::Estimator;
 use crate::linear::tests::Random;
 use crate::operations::counted;
 use crate::report::Instrument;
 use crate::scales::Scales;
-use crate::settings::{EstimatorKind, Prior, Supervision};
+use crate::settings::Supervision;
+use crate::settings::tests::whitened;
 
 const N: usize = 23;
 const P: usize = 3;
@@ -106,20 +107,7 @@ fn the_number_of_operations_does_not_depend_on_the_data() {
 /// A whole period of the estimator: standard deviations are refreshed only where something moved, nothing else differs.
 #[test]
 fn a_period_of_the_estimator_never_costs_more_than_with_rich_motion() {
-    let settings = EstimatorSettings {
-        kind: EstimatorKind::Riv,
-        forgetting: 0.99,
-        deviation: None,
-        supervision: Supervision::Tracked(TrackedSettings::default()),
-        prior: Prior { relative_std: 1.0 },
-        noise_known: true,
-        noise_memory: 100.0,
-        outlier: f64::INFINITY,
-        residual_memory: 100.0,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-        change_row_s: None,
-        block: 20,
-    };
+    let settings = whitened(Supervision::Tracked(TrackedSettings::default()));
     let run = |size: f64, columns: usize| {
         let mut random = Random(92);
         let mut estimator = Estimator::new(&[1.0; N], &Scales::unit(P, N), &settings);
