@@ -166,15 +166,21 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let (runs, rows) = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
-    let least_squares = fit(&equations, &robot.nominal_base, prior, Method::LeastSquares)?;
-    let instrumental = fit(&equations, &robot.nominal_base, prior, Method::Instrumental)?;
+    let by = |method| fit(&equations, &robot.nominal_base, prior, method);
+    let (least_squares, instrumental) = rayon::join(|| by(Method::LeastSquares), || by(Method::Instrumental));
+    let (least_squares, instrumental) = (least_squares?, instrumental?);
     let residuals =
         [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| equations.residual_percent(x));
     let chosen = choose(robot, &least_squares, &instrumental);
-    let bias = bias(&equations, &robot.nominal_base, prior, chosen)?;
-    let delays = torque_delay(&equations, &robot.nominal_base, prior, chosen)?;
     let reference = equations.reference();
-    let consistent = project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference);
+    let ((bias, delays), consistent) = rayon::join(
+        || {
+            let nominal = &robot.nominal_base;
+            (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen))
+        },
+        || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
+    );
+    let (bias, delays) = (bias?, delays?);
     let held_out = held_out(robot, &chosen.values, hold_out)?;
     Ok(Findings { runs, rows, least_squares, instrumental, residuals, bias, delays, reference, consistent, held_out })
 }
@@ -417,7 +423,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         let report = &run.piece.report;
         let range = &rows.moving;
         json!({
-            "file": run.piece.logged.path.display().to_string(),
+            "file": run.piece.grid.path.display().to_string(),
             "rows": report.rows_in,
             "mean_rate_hz": report.mean_rate_hz,
             "jitter_s": report.jitter_s,

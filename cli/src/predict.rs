@@ -43,7 +43,7 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     for piece in whole_pieces(log)? {
         let predicted = predict_piece(robot, &piece)?;
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
-            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged.t));
+            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
     }
     Ok(tau)
@@ -62,7 +62,7 @@ pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
 /// The pieces of a log between holes; no row is left over.
 fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
     let pieces = runs::pieces(log, log.median_step_s())?;
-    let rows: usize = pieces.iter().map(|p| p.logged.len()).sum();
+    let rows: usize = pieces.iter().map(|p| p.logged_t.len()).sum();
     if rows != log.len() {
         bail!(
             "{}: {} rows stand alone between holes in time; nothing can be said about motion there",
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             compare(&robot, piece, &predicted, sums)?;
         }
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
-            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged.t));
+            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
     }
     let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
@@ -111,7 +111,7 @@ fn predict_piece(robot: &Robot, piece: &Piece) -> Result<Vec<Vec<f64>>> {
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
     let motion = Trajectory::from_positions(&piece.grid.q, period);
     let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
-        .with_context(|| piece.logged.path.display().to_string())?;
+        .with_context(|| piece.grid.path.display().to_string())?;
     if let Some(beside) = memory_torque(&robot.model, &robot.nominal, &runs::motion_of(piece)) {
         for (tau, mut beside) in tau.iter_mut().zip(beside) {
             smooth.apply(&mut beside);

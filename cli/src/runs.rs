@@ -36,8 +36,8 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
 
 /// A stretch of a log without holes, on a uniform grid.
 pub(crate) struct Piece {
-    /// The rows as logged.
-    pub(crate) logged: Log,
+    /// Time of the rows as logged \[s\].
+    pub(crate) logged_t: Vec<f64>,
     /// The same stretch on the grid.
     pub(crate) grid: Log,
     /// What resampling did.
@@ -58,7 +58,7 @@ pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
     cut.into_iter()
         .map(|logged| {
             let (grid, report) = logged.resample(period)?;
-            Ok(Piece { logged, grid, report })
+            Ok(Piece { logged_t: logged.t.clone(), grid, report })
         })
         .collect()
 }
@@ -67,12 +67,15 @@ pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
 pub(crate) fn record(piece: &Piece) -> Result<Record> {
     let (log, period_s) = (&piece.grid, piece.report.period_s);
     let measured = Trajectory::from_positions(&log.q, period_s);
-    let desired = log.q_des.as_ref().map(|q| {
-        let differences = Trajectory::from_positions(q, period_s);
-        Trajectory {
-            q: differences.q,
-            qd: log.qd_des.clone().unwrap_or(differences.qd),
-            qdd: log.qdd_des.clone().unwrap_or(differences.qdd),
+    let desired = log.q_des.as_ref().map(|q| match (&log.qd_des, &log.qdd_des) {
+        (Some(qd), Some(qdd)) => Trajectory { q: q.clone(), qd: qd.clone(), qdd: qdd.clone() },
+        (qd, qdd) => {
+            let differences = Trajectory::from_positions(q, period_s);
+            Trajectory {
+                q: differences.q,
+                qd: qd.clone().unwrap_or(differences.qd),
+                qdd: qdd.clone().unwrap_or(differences.qdd),
+            }
         }
     });
     let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
@@ -97,7 +100,7 @@ pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
 /// The piece as a run without torque.
 pub(crate) fn motion_of(piece: &Piece) -> Run {
     Run {
-        name: piece.logged.path.display().to_string(),
+        name: piece.grid.path.display().to_string(),
         period_s: piece.report.period_s,
         q: piece.grid.q.clone(),
         tau: vec![vec![0.0; piece.grid.len()]; piece.grid.q.len()],

@@ -42,8 +42,11 @@ impl Slip {
         self.z = [0.0; MAX_JOINTS + 1];
     }
 
-    /// The motion has come to `q` \[rad\].
-    pub(crate) fn advance(&mut self, q: &[f64]) {
+    /// The motion has come to `q` \[rad\], one entry a joint.
+    pub fn advance(&mut self, q: &[f64]) {
+        if self.travel <= 0.0 {
+            return;
+        }
         let mut now = [0.0; MAX_JOINTS + 1];
         now[..self.dof].copy_from_slice(&q[..self.dof]);
         if let Some(WristCoupling { driving, driven }) = self.pair {

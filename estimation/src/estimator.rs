@@ -107,6 +107,8 @@ pub struct Estimator {
     n: usize,
     settings: EstimatorSettings,
     column: Vec<f64>,
+    /// 1 / `column`: every row is multiplied by it.
+    inverse_column: Vec<f64>,
     whitening: Option<Whitening>,
     nominal: Vec<f64>,
     /// Prior standard deviation of each scaled parameter \[torque-noise sigma\].
@@ -188,6 +190,7 @@ impl Estimator {
             n,
             settings: settings.clone(),
             column: scales.column.clone(),
+            inverse_column: scales.column.iter().map(|c| 1.0 / c).collect(),
             whitening,
             nominal: nominal.to_vec(),
             prior,
@@ -410,9 +413,7 @@ impl Estimator {
             return Err(Skip::Standstill);
         }
         let z = if self.settings.kind.least_squares() { Some((d, Instrument::Regressor)) } else { z };
-        let size = largest(d).max(largest(tau)).max(z.map_or(0.0, |(z, _)| largest(z)));
-        let usable = size < LARGEST_ROW;
-        if !usable {
+        if ![d, tau, z.map_or(&[], |(z, _)| z)].into_iter().all(usable) {
             return Err(Skip::NotFinite);
         }
         let changed = self.watch(d, tau, share);
@@ -433,19 +434,19 @@ impl Estimator {
         let rows = &mut self.rows;
         for j in 0..tau.len() {
             rows.tau[j] = tau[j] * rows.weight[j];
-            scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.d[j * n..(j + 1) * n]);
+            scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.inverse_column, &mut rows.d[j * n..(j + 1) * n]);
         }
         self.ud.forget(self.lambda);
         for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             self.ud.update(row, rows.tau[j]);
         }
-        for ((out, x), c) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.column) {
-            *out = x / c;
+        for ((out, x), scale) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.inverse_column) {
+            *out = x * scale;
         }
         let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
         self.instrument = instrument;
         for j in 0..tau.len() {
-            scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.column, &mut rows.z[j * n..(j + 1) * n]);
+            scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.inverse_column, &mut rows.z[j * n..(j + 1) * n]);
         }
         self.compare(d, z, share);
         self.accumulate(share);
@@ -629,13 +630,13 @@ impl Estimator {
     }
 }
 
-fn scale_row(row: &[f64], weight: f64, column: &[f64], out: &mut [f64]) {
-    for ((out, x), c) in out.iter_mut().zip(row).zip(column) {
-        *out = x * weight / c;
+fn scale_row(row: &[f64], weight: f64, scale: &[f64], out: &mut [f64]) {
+    for ((out, x), scale) in out.iter_mut().zip(row).zip(scale) {
+        *out = x * weight * scale;
     }
 }
 
-/// Largest magnitude; NaN if any is NaN.
-fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(0.0, |m, x| if x.abs() <= m { m } else { x.abs() })
+/// Whether all entries are numbers of a size that can be squared and summed.
+fn usable(row: &[f64]) -> bool {
+    row.iter().fold(true, |all, x| all & (x.abs() < LARGEST_ROW))
 }

@@ -1,9 +1,12 @@
 //! A checked log.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
 
 use crate::columns::{Group, Table, is_known};
 use crate::error::{LogError, LogFault};
@@ -147,19 +150,22 @@ impl Log {
     }
 
     /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
-    /// Pieces too short to work with are dropped.
-    pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Log> {
+    /// Pieces too short to work with are dropped; a log without a hole is its own piece.
+    pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Cow<'_, Log>> {
         let mut cuts = vec![0];
         cuts.extend((1..self.len()).filter(|k| self.t[*k] - self.t[k - 1] > gap_s));
         cuts.push(self.len());
+        if cuts.len() == 2 && self.len() >= LEAST_ROWS {
+            return vec![Cow::Borrowed(self)];
+        }
         let pieces = cuts.windows(2).filter(|c| c[1] - c[0] >= LEAST_ROWS);
-        pieces.map(|c| self.slice(c[0]..c[1])).collect()
+        pieces.map(|c| Cow::Owned(self.slice(c[0]..c[1]))).collect()
     }
 
     /// A log with the time `t` and every signal passed through `change`, which is told the group.
-    pub(crate) fn map(&self, t: Vec<f64>, change: impl Fn(Group, &[f64]) -> Vec<f64>) -> Log {
+    pub(crate) fn map(&self, t: Vec<f64>, change: impl Fn(Group, &[f64]) -> Vec<f64> + Sync) -> Log {
         let all =
-            |group, signals: &Signals| -> Signals { signals.iter().map(|signal| change(group, signal)).collect() };
+            |group, signals: &Signals| -> Signals { signals.par_iter().map(|signal| change(group, signal)).collect() };
         let some = |group, signals: &Option<Signals>| signals.as_ref().map(|s| all(group, s));
         Log {
             path: self.path.clone(),

@@ -6,6 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bytes::Bytes;
 use parquet::basic::{Compression, Repetition, Type as PhysicalType, ZstdLevel};
 use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
@@ -16,6 +17,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
+use rayon::prelude::*;
 
 use crate::columns::Table;
 use crate::error::{LogError, LogFault};
@@ -30,50 +32,58 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
 }
 
 fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
-    let file = File::open(path).map_err(|e| LogFault::Io(e).at(path))?;
-    let bytes = file.metadata().map_err(|e| LogFault::Io(e).at(path))?.len();
+    // Whole, since columns are read side by side and a file has one cursor; what is made of it is larger.
+    let file = Bytes::from(std::fs::read(path).map_err(|e| LogFault::Io(e).at(path))?);
+    let bytes = file.len() as u64;
     let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     ensure_plausible(reader.metadata(), bytes).map_err(|e| fault(&e).at(path))?;
-    let mut table = Table::default();
-    for (k, column) in schema.columns().iter().enumerate() {
+    let (picked, unused): (Vec<_>, Vec<_>) =
+        schema.columns().iter().enumerate().partition(|(_, column)| wanted(&column.path().string()));
+    let mut table = Table { unused: unused.iter().map(|(_, c)| c.path().string()).collect(), ..Table::default() };
+    // All of them first: which error is told does not depend on who is done first.
+    let read: Vec<_> = picked.par_iter().map(|(k, _)| read_column(path, &reader, *k)).collect();
+    for ((_, column), values) in picked.iter().zip(read) {
         let name = column.path().string();
-        if !wanted(&name) {
-            table.unused.push(name);
-            continue;
-        }
-        let mut values = Vec::new();
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).map_err(|e| fault(&e).at(path))?;
-            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let chunk = group.metadata().column(k);
-            let begin = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
-            if begin < 0 || chunk.compressed_size() < 0 {
-                // The library would panic.
-                let why = format!("column \"{name}\" lies before the beginning of the file");
-                return Err(fault(&ParquetError::General(why)).at(path));
-            }
-            let pages = group.get_column_page_reader(k).map_err(|e| fault(&e).at(path))?;
-            let size = if matches!(column.physical_type(), PhysicalType::FLOAT | PhysicalType::INT32) { 4 } else { 8 };
-            let cells = get_column_reader(column.clone(), Box::new(Checked { pages, size }));
-            let levels = column.max_def_level();
-            let done = match cells {
-                ColumnReader::DoubleColumnReader(r) => append(r, rows, levels, |v| *v, &mut values),
-                ColumnReader::FloatColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
-                ColumnReader::Int32ColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
-                ColumnReader::Int64ColumnReader(r) => append(r, rows, levels, |v| *v as f64, &mut values),
-                _ => {
-                    let kind = column.physical_type().to_string();
-                    return Err(LogFault::ColumnType { column: name, kind }.at(path));
-                }
-            };
-            done.map_err(|e| fault(&e).at(path))?;
-        }
-        if table.columns.insert(name.clone(), values).is_some() {
+        if table.columns.insert(name.clone(), values?).is_some() {
             return Err(LogFault::TwiceColumn { column: name }.at(path));
         }
     }
     Ok(table)
+}
+
+/// Column `k` of all row groups.
+fn read_column(path: &Path, reader: &SerializedFileReader<Bytes>, k: usize) -> Result<Vec<f64>, LogError> {
+    let column = reader.metadata().file_metadata().schema_descr().column(k);
+    let name = column.path().string();
+    let mut values = Vec::new();
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group).map_err(|e| fault(&e).at(path))?;
+        let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        let chunk = group.metadata().column(k);
+        let begin = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+        if begin < 0 || chunk.compressed_size() < 0 {
+            // The library would panic.
+            let why = format!("column \"{name}\" lies before the beginning of the file");
+            return Err(fault(&ParquetError::General(why)).at(path));
+        }
+        let pages = group.get_column_page_reader(k).map_err(|e| fault(&e).at(path))?;
+        let size = if matches!(column.physical_type(), PhysicalType::FLOAT | PhysicalType::INT32) { 4 } else { 8 };
+        let cells = get_column_reader(column.clone(), Box::new(Checked { pages, size }));
+        let levels = column.max_def_level();
+        let done = match cells {
+            ColumnReader::DoubleColumnReader(r) => append(r, rows, levels, |v| *v, &mut values),
+            ColumnReader::FloatColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
+            ColumnReader::Int32ColumnReader(r) => append(r, rows, levels, |v| f64::from(*v), &mut values),
+            ColumnReader::Int64ColumnReader(r) => append(r, rows, levels, |v| *v as f64, &mut values),
+            _ => {
+                let kind = column.physical_type().to_string();
+                return Err(LogFault::ColumnType { column: name, kind }.at(path));
+            }
+        };
+        done.map_err(|e| fault(&e).at(path))?;
+    }
+    Ok(values)
 }
 
 /// Cells that a byte of the file may stand for. Values that never change take next to none, but time goes on.

@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use rivet_benches::{Kernel, Workload, kernel};
 
 use table::{Item, print};
@@ -71,11 +72,14 @@ fn main() -> Result<()> {
     }
     let own = std::env::current_exe().context("path of this program")?;
     let seconds = args.seconds.to_string();
+    let all = sched_getaffinity(None).context("the cores to work on")?;
+    let mut one = CpuSet::new();
+    one.set(args.cpu);
     let (mut rust, mut other) = (Vec::new(), Vec::new());
     for _ in 0..args.repeats.max(1) {
-        rust.push(run(Command::new(&own).args(["--measure", "--seconds", &seconds]), args.cpu)?);
+        rust.push(run(Command::new(&own).args(["--measure", "--seconds", &seconds]), &one)?);
         if let Ok(peer) = &peer {
-            other.push(run(Command::new(peer).arg(&problem).arg(&seconds), args.cpu)?);
+            other.push(run(Command::new(peer).arg(&problem).arg(&seconds), &one)?);
         }
     }
     let (rust, other) = (median(&rust), median(&other));
@@ -89,8 +93,8 @@ fn main() -> Result<()> {
     }
     print("item [ns]", &items(&workload, &rust, &other));
     if !args.no_offline {
-        let items = offline::compare(args.venv.as_deref(), args.cpu, args.repeats.min(3), folder)?;
-        print("60 s at 1 kHz, off-line [CPU ms]", &items);
+        let items = offline::compare(args.venv.as_deref(), [&one, &all], args.repeats.min(3), folder)?;
+        print("60 s at 1 kHz, off-line [ms]", &items);
     }
     Ok(())
 }
@@ -150,9 +154,9 @@ fn time(seconds: f64, call: &mut dyn FnMut()) -> f64 {
     times[batches / 2]
 }
 
-/// Runs a side on one core and reads its figures.
-fn run(command: &mut Command, cpu: usize) -> Result<Figures> {
-    pin(cpu)?;
+/// Runs a side on some cores and reads its figures.
+fn run(command: &mut Command, cpus: &CpuSet) -> Result<Figures> {
+    pin(cpus)?;
     let output = command.output().with_context(|| format!("{}", command.get_program().display()))?;
     if !output.status.success() {
         let name = command.get_program().display();
@@ -166,21 +170,18 @@ fn run(command: &mut Command, cpu: usize) -> Result<Figures> {
     Ok(text.lines().filter_map(figure).collect())
 }
 
-/// This process, and those it starts, on one core.
-fn pin(cpu: usize) -> Result<()> {
-    let mut set = rustix::thread::CpuSet::new();
-    set.set(cpu);
-    rustix::thread::sched_setaffinity(None, &set).with_context(|| format!("core {cpu}"))
+/// This process, and those it starts, on some cores.
+fn pin(cpus: &CpuSet) -> Result<()> {
+    sched_setaffinity(None, cpus).context("the cores to work on")
 }
 
 fn median(runs: &[Figures]) -> Figures {
-    let Some(first) = runs.first() else { return Figures::new() };
     let each = |name: &String| {
         let mut values: Vec<f64> = runs.iter().filter_map(|run| run.get(name).copied()).collect();
         values.sort_by(f64::total_cmp);
         (name.clone(), values[values.len() / 2])
     };
-    first.keys().map(each).collect()
+    runs.iter().flat_map(BTreeMap::keys).map(each).collect()
 }
 
 fn target() -> &'static str {

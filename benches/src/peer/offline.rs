@@ -1,13 +1,16 @@
 //! Off-line identification of a minute: `rivet identify` as a user runs it, beside numpy and Pinocchio.
 //!
-//! Both work on one thread; what counts is processor time, which other load on the machine leaves alone.
+//! Twice: by the clock, both on all processors as they come (rivet shares records out, numpy its matrix products); and by
+//! processor time on one of them, which other load on the machine leaves alone.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use rivet_benches::Workload;
 use rivet_logs::write_columns;
+use rustix::thread::CpuSet;
 
 use crate::cpp::python;
 use crate::table::Item;
@@ -17,7 +20,7 @@ use crate::{Figures, median, problem, run};
 const SECONDS: f64 = 60.0;
 
 /// Runs both sides `repeats` times, one after the other.
-pub(crate) fn compare(venv: Option<&Path>, cpu: usize, repeats: usize, folder: &Path) -> Result<Vec<Item>> {
+pub(crate) fn compare(venv: Option<&Path>, [one, all]: [&CpuSet; 2], repeats: usize, folder: &Path) -> Result<Vec<Item>> {
     let workload = Workload::long(SECONDS)?;
     let (log, data) = (folder.join("log.parquet"), folder.join("long.txt"));
     write_log(&workload, &log)?;
@@ -27,31 +30,47 @@ pub(crate) fn compare(venv: Option<&Path>, cpu: usize, repeats: usize, folder: &
     let rivet = rivet()?;
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..repeats.max(1) {
-        crate::pin(cpu)?;
-        let start = children_ms()?;
-        let output = Command::new(&rivet).arg("identify").arg(&robot).arg(&log).output()?;
-        if !output.status.success() {
-            bail!("rivet identify: {}", String::from_utf8_lossy(&output.stderr));
-        }
-        ours.push(Figures::from([("identify".to_owned(), children_ms()? - start)]));
-        let threads = [("OPENBLAS_NUM_THREADS", "1"), ("OMP_NUM_THREADS", "1")];
-        match run(Command::new(python(venv)).arg(&script).arg(&data).envs(threads), cpu) {
-            Ok(figures) => theirs.push(figures),
-            Err(why) => println!("no Python peer: {why:#}\n(pip install pin numpy scipy, then --venv)"),
+        for (cpus, one) in [(one, true), (all, false)] {
+            crate::pin(cpus)?;
+            let (start, clock) = (children_ms()?, Instant::now());
+            let output = Command::new(&rivet).arg("identify").arg(&robot).arg(&log).output()?;
+            if !output.status.success() {
+                bail!("rivet identify: {}", String::from_utf8_lossy(&output.stderr));
+            }
+            let passed = clock.elapsed().as_secs_f64() * 1e3;
+            let (name, cost) = if one { ("one", children_ms()? - start) } else { ("all", passed) };
+            ours.push(Figures::from([(name.to_owned(), cost)]));
+            let threads = [("OPENBLAS_NUM_THREADS", "1"), ("OMP_NUM_THREADS", "1")];
+            let threads = threads.into_iter().filter(|_| one);
+            match run(Command::new(python(venv)).arg(&script).arg(&data).envs(threads), cpus) {
+                Ok(figures) => theirs.push(named(&figures, one)),
+                Err(why) => println!("no Python peer: {why:#}\n(pip install pin numpy scipy, then --venv)"),
+            }
         }
     }
     let (ours, theirs) = (median(&ours), median(&theirs));
-    let identify = ours.get("identify").copied();
-    let row = |name: &str, peer: &str, goal: Option<(f64, f64)>| Item {
+    let row = |name: &str, ours_as: &str, peer: &str, goal: Option<(f64, f64)>| Item {
         name: name.to_owned(),
-        rivet: identify,
+        rivet: ours.get(ours_as).copied(),
         peer: theirs.get(peer).copied(),
         goal,
     };
     Ok(vec![
-        row("rivet identify / bare lstsq", "bare", Some((15.0, 30.0))),
-        row("rivet identify / filtered lstsq", "filtered", None),
+        row("by the clock / bare lstsq", "all", "bare-all", Some((15.0, 30.0))),
+        row("by the clock / filtered lstsq", "all", "filtered-all", None),
+        row("processor time / bare lstsq", "one", "bare-one", None),
+        row("processor time / filtered lstsq", "one", "filtered-one", None),
     ])
+}
+
+/// The figures that belong to one processor, or to all of them.
+fn named(figures: &Figures, one: bool) -> Figures {
+    let pick = |(name, value): (&String, &f64)| match (name.strip_suffix("_passed"), one) {
+        (None, true) => Some((format!("{name}-one"), *value)),
+        (Some(job), false) => Some((format!("{job}-all"), *value)),
+        _ => None,
+    };
+    figures.iter().filter_map(pick).collect()
 }
 
 /// Processor time of all children that have ended [ms], in the kernel's ticks of 10 ms.

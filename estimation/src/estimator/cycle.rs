@@ -326,7 +326,10 @@ impl Cycle {
         if let Judge::Directions(scheme) = &self.judge {
             return u.iter().zip(&self.index).map(|(u, &k)| u * u * scheme.values()[k]).sum();
         }
-        let row = |&k: &usize| -> f64 { u.iter().zip(&self.index).map(|(u, &l)| u * self.s[k * n + l]).sum() };
+        let row = |&k: &usize| -> f64 {
+            let row = &self.s[k * n..(k + 1) * n];
+            if u.len() == n { dot(u, row) } else { u.iter().zip(&self.index).map(|(u, &l)| u * row[l]).sum() }
+        };
         u.iter().zip(&self.index).map(|(u, k)| u * row(k)).sum()
     }
 

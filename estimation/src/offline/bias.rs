@@ -106,7 +106,7 @@ mod tests {
         let x = vec![3.0, -1.0, 0.5, 2.0, 1.0];
         let mut joints = Vec::new();
         for _ in 0..2 {
-            let mut joint = JointRows::default();
+            let mut joint = JointRows { columns: (0..5).collect(), ..JointRows::default() };
             for at in 0..300 {
                 joint.place.push(at);
                 let exact: Vec<f64> = (0..5).map(|_| random.normal()).collect();

@@ -12,12 +12,13 @@
 //! third order, a share (ωT)²/6 of T for content at ω.
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use super::fit::{Fit, Method, Solution};
 use super::record::OfflineError;
-use super::rows::{Compact, JointRows};
+use super::rows::JointRows;
 use super::sums::{Equations, JointSums, Normal, Stretch};
-use crate::linear::{axpy, dot};
+use crate::linear::axpy;
 
 /// How often the torque is taken back and the rest fitted.
 const ROUNDS: usize = 3;
@@ -50,7 +51,7 @@ pub fn torque_delay(
     let (k, n) = (nominal.len(), equations.joints.len());
     let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(std::iter::repeat_n(0.0, n)));
     let weights: Vec<f64> = found.noise.iter().zip(&found.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-    let rates: Vec<Vec<Rates>> = (0..n).map(|j| rates(equations, j, &found.values)).collect();
+    let rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| rates(equations, j, &found.values)).collect();
     let mut delays = vec![Delay { seconds: 0.0, std: 0.0 }; n];
     for round in 1..=ROUNDS {
         let widened = |j: usize| widen(&equations.joints[j], &rates[j], k + j, delays[j].seconds);
@@ -78,19 +79,19 @@ struct Rates {
 /// Sums with the rates of joint `j`, stretch by stretch.
 fn rates(equations: &Equations<'_>, j: usize, x: &[f64]) -> Vec<Rates> {
     let mut found = Vec::new();
-    let own: Vec<f64> = equations.joints[j].columns.iter().map(|c| x[*c]).collect();
-    let zeros = || [(); 3].map(|()| vec![0.0; own.len()]);
-    for (record, compact) in equations.rows.iter().zip(equations.compact(j)) {
+    let width = equations.joints[j].columns.len();
+    let zeros = || [(); 3].map(|()| vec![0.0; width]);
+    for record in equations.rows {
         let joint = &record.joints[j];
-        let expected = expected_rates(joint, compact, &own, record.row_period_s);
+        let expected = expected_rates(joint, x, record.row_period_s);
         for range in equations.ranges(record, j) {
             let mut sums = Rates { d: zeros(), z: zeros(), own: [[0.0; 4]; 4] };
             for row in range {
                 let all = [joint.tau[row], joint.tau_rate[row], joint.tau_bend[row], expected[row]];
-                let at = row * compact.width..(row + 1) * compact.width;
+                let at = row * width..(row + 1) * width;
                 for (k, value) in all[1..].iter().enumerate() {
-                    axpy(*value, &compact.d[at.clone()], &mut sums.d[k]);
-                    axpy(*value, &compact.z[at.clone()], &mut sums.z[k]);
+                    axpy(*value, &joint.d[at.clone()], &mut sums.d[k]);
+                    axpy(*value, &joint.z[at.clone()], &mut sums.z[k]);
                 }
                 for (own, a) in sums.own.iter_mut().zip(all) {
                     own.iter_mut().zip(all).for_each(|(sum, b)| *sum += a * b);
@@ -138,8 +139,8 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
 
 /// Rate of the model's torque, from the rows before and after where both are there, else zero: an instrument need not be
 /// exact.
-fn expected_rates(rows: &JointRows, compact: &Compact, x: &[f64], row_period_s: f64) -> Vec<f64> {
-    let torque: Vec<f64> = compact.d.chunks_exact(x.len().max(1)).map(|d| dot(d, x)).collect();
+fn expected_rates(rows: &JointRows, x: &[f64], row_period_s: f64) -> Vec<f64> {
+    let torque = rows.torque(x);
     let rate = |k: usize| {
         let whole = k > 0 && k + 1 < torque.len() && rows.place[k + 1] - rows.place[k - 1] == 2;
         if whole { (torque[k + 1] - torque[k - 1]) / (2.0 * row_period_s) } else { 0.0 }

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::covariance::{Whole, long_run};
 use super::record::OfflineError;
-use super::rows::{JointRows, Rows};
+use super::rows::Rows;
 use super::sums::{Equations, JointSums, Normal};
 use crate::linear::dot;
 
@@ -131,7 +131,7 @@ pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
 pub fn residual_squares(rows: &[Rows], x: &[f64]) -> Vec<[f64; 2]> {
     let n = rows.first().map_or(0, |r| r.joints.len());
     let of = |j: usize| {
-        let error: f64 = rows.iter().flat_map(|r| residual(&r.joints[j], x)).map(|e| e * e).sum();
+        let error: f64 = rows.iter().flat_map(|r| r.joints[j].residual(x)).map(|e| e * e).sum();
         [error, rows.iter().flat_map(|r| &r.joints[j].tau).map(|t| t * t).sum()]
     };
     (0..n).map(of).collect()
@@ -140,20 +140,20 @@ pub fn residual_squares(rows: &[Rows], x: &[f64]) -> Vec<[f64; 2]> {
 /// What an error of each parameter of the size `size` does to torque: its rms over these rows, as a share of the rms
 /// torque, at the joint where that is largest \[%\].
 pub fn torque_percent(rows: &[Rows], size: &[f64]) -> Vec<f64> {
-    let k = size.len();
-    let joints = rows.first().map_or(0, |r| r.joints.len());
-    let of = |i: usize, j: usize| {
-        let all = || rows.iter().map(move |r| &r.joints[j]);
-        let column: f64 = all().flat_map(|r| r.d.iter().skip(i).step_by(k)).map(|d| d * d).sum();
-        let torque: f64 = all().flat_map(|r| &r.tau).map(|t| t * t).sum();
-        100.0 * size[i].abs() * (column / torque.max(f64::MIN_POSITIVE)).sqrt()
-    };
-    (0..k).map(|i| (0..joints).map(|j| of(i, j)).fold(0.0, f64::max)).collect()
-}
-
-fn residual(rows: &JointRows, x: &[f64]) -> Vec<f64> {
-    let each = rows.d.chunks_exact(x.len()).zip(&rows.tau);
-    each.map(|(d, tau)| tau - dot(d, x)).collect()
+    let mut percent = vec![0.0_f64; size.len()];
+    for j in 0..rows.first().map_or(0, |r| r.joints.len()) {
+        let (mut squares, mut torque) = (vec![0.0; size.len()], 0.0);
+        for rows in rows.iter().map(|r| &r.joints[j]) {
+            torque += dot(&rows.tau, &rows.tau);
+            for row in rows.d.chunks_exact(rows.columns.len().max(1)) {
+                rows.columns.iter().zip(row).for_each(|(c, d)| squares[*c] += d * d);
+            }
+        }
+        for ((percent, size), square) in percent.iter_mut().zip(size).zip(squares) {
+            *percent = percent.max(100.0 * size.abs() * (square / torque.max(f64::MIN_POSITIVE)).sqrt());
+        }
+    }
+    percent
 }
 
 /// `1 + 2 Σ ρ_k` of the residuals, summed while the autocorrelation ρ_k is positive; records are not joined.

@@ -1,9 +1,13 @@
 //! One pass over a record: regressors, zero-phase filter, the rows that are wanted. What it holds beside its results does
 //! not grow with the record.
 //!
-//! The filter runs forwards over the whole record and backwards over one block after the other. Before a block's own
-//! samples the backward pass runs over as many of the next ones as it takes for its start to be forgotten.
+//! The record is cut into spans, whose number depends on its length alone, so that processors can share them. In each the
+//! filter runs forwards over the whole span and backwards over one block after the other. Before its own samples a pass runs
+//! over as many of those before (or behind) as it takes for its start to be forgotten.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model, Slip, State, Workspace};
 
 use super::record::Trajectory;
@@ -13,16 +17,36 @@ use crate::signals::structural_entries;
 
 /// Samples of a block, as a multiple of those that the backward pass needs to forget its start.
 const BLOCK: usize = 4;
+/// Samples of a span, likewise: a record of a minute has four of them at 20 Hz.
+const SPAN: usize = 20;
 
-/// Filtered rows of one joint: regressor and instruments.
+/// Filtered rows of one joint: regressor and instruments, row-major, of the base columns that are named.
 #[derive(Clone, Debug)]
 pub(super) struct Pair {
+    pub(super) columns: Vec<usize>,
     pub(super) d: Vec<f64>,
     pub(super) z: Vec<f64>,
 }
 
-/// Rows of every joint at the samples `used` (in order). Instruments are the regressor along `second` or, without one,
-/// the regressor itself `delay` samples before.
+impl Pair {
+    fn new(columns: Vec<usize>, rows: usize) -> Pair {
+        let empty = vec![0.0; rows * columns.len()];
+        Pair { columns, d: empty.clone(), z: empty }
+    }
+}
+
+/// Where rows are written: of one joint, the samples they belong to and regressor or instruments.
+struct Wanted<'a> {
+    joint: usize,
+    /// Instruments stand in another lane where they are of another motion, and are so many samples late.
+    lane: usize,
+    late: usize,
+    used: &'a [usize],
+    rows: &'a mut [f64],
+}
+
+/// Rows of every joint at the samples `used` (in order), of the columns that its entries name. Instruments are the
+/// regressor along `second` or, without one, the regressor itself `delay` samples before.
 pub(super) fn filtered_rows(
     model: &Model,
     base: &BaseSet,
@@ -31,62 +55,37 @@ pub(super) fn filtered_rows(
     delay: usize,
     used: &[Vec<usize>],
 ) -> Vec<Pair> {
-    let (n, k) = (model.arm.dof(), base.len());
-    let mut source = Source::new(model, base, measured, second, filter.padding(measured.len()));
-    let width = source.width();
-    let mut rows: Vec<Pair> =
-        used.iter().map(|used| Pair { d: vec![0.0; used.len() * k], z: vec![0.0; used.len() * k] }).collect();
-    let settle = filter.settling();
-    let (block, total) = (BLOCK * settle, source.len());
-    let (mut forwards, mut backwards) =
-        (Bank::new(filter.butterworth(), width), Bank::new(filter.butterworth(), width));
-    let mut buffer = vec![0.0; (block + settle).min(total) * width];
-    let mut scratch = vec![0.0; width];
-    let (mut first, mut filled, mut next) = (0, 0, 0);
-    while first < total {
-        while next < total && (filled + 1) * width <= buffer.len() {
-            let sample = &mut buffer[filled * width..(filled + 1) * width];
-            source.sample(next, sample);
-            forwards.step(sample);
-            (filled, next) = (filled + 1, next + 1);
+    let source = Source::new(model, base, measured, second, filter.padding(measured.len()));
+    let columns = |j: usize| source.entries.iter().filter(|e| e.joint == j).map(|e| e.column).collect();
+    let mut pairs: Vec<Pair> = (0..used.len()).map(|j| Pair::new(columns(j), used[j].len())).collect();
+    let spans = spans(source.len(), filter);
+    let mut shares: Vec<Vec<Wanted<'_>>> = spans.iter().map(|_| Vec::new()).collect();
+    for (joint, (pair, used)) in pairs.iter_mut().zip(used).enumerate() {
+        let width = pair.columns.len();
+        let (lane, late) = if second.is_some() { (1, 0) } else { (0, delay) };
+        for (lane, late, mut rows) in [(0, 0, &mut pair.d[..]), (lane, late, &mut pair.z[..])] {
+            let mut from = 0;
+            for (span, share) in spans.iter().zip(&mut shares) {
+                let until = used.partition_point(|k| k + source.padding - late < span.end);
+                let own = rows.split_off_mut(..(until - from) * width).unwrap_or_default();
+                share.push(Wanted { joint, lane, late, used: &used[from..until], rows: own });
+                from = until;
+            }
         }
-        let done = if next == total { filled } else { block };
-        let (own, later) = buffer[..filled * width].split_at_mut(done * width);
-        backwards.restart();
-        for sample in later.chunks_exact(width).rev() {
-            scratch.copy_from_slice(sample);
-            backwards.step(&mut scratch);
-        }
-        for sample in own.chunks_exact_mut(width).rev() {
-            backwards.step(sample);
-        }
-        for j in 0..n {
-            let Pair { d, z } = &mut rows[j];
-            let entries = source.entries.iter().enumerate().filter(|(_, e)| e.joint == j);
-            let entries: Vec<(usize, usize)> = entries.map(|(at, e)| (at * source.lanes, e.column)).collect();
-            let write = |to: &mut [f64], late: usize, lane: usize| {
-                // The block in samples of the record, and the wanted ones that see it `late` samples after.
-                let at = |k: usize| k + source.padding - late;
-                let from = used[j].partition_point(|k| at(*k) < first);
-                let until = used[j].partition_point(|k| at(*k) < first + done);
-                for (row, sample) in to.chunks_exact_mut(k).zip(&used[j]).take(until).skip(from) {
-                    let sample = &own[(at(*sample) - first) * width..];
-                    for &(channel, column) in &entries {
-                        row[column] = sample[channel + lane];
-                    }
-                }
-            };
-            write(d, 0, 0);
-            if second.is_some() { write(z, 0, 1) } else { write(z, delay, 0) }
-        }
-        buffer.copy_within(done * width..filled * width, 0);
-        (first, filled) = (first + done, filled - done);
     }
-    rows
+    spans.into_par_iter().zip(shares).for_each(|(span, share)| source.clone().run(filter, span, share));
+    pairs
+}
+
+/// The continued record of `total` samples, cut into spans that are filtered each on its own.
+fn spans(total: usize, filter: &ZeroPhase) -> Vec<Range<usize>> {
+    let count = (total / (SPAN * filter.settling())).max(1);
+    (0..count).map(|i| i * total / count..(i + 1) * total / count).collect()
 }
 
 /// Entries of the regressors, sample after sample; the record is continued beyond its ends by turning it about its end
 /// points, as [`ZeroPhase::apply`] does.
+#[derive(Clone)]
 struct Source<'a> {
     model: &'a Model,
     measured: &'a Trajectory,
@@ -138,12 +137,79 @@ impl<'a> Source<'a> {
         source
     }
 
+    /// Filters a span of the continued record and writes the rows that are wanted of it.
+    fn run(mut self, filter: &ZeroPhase, span: Range<usize>, mut wanted: Vec<Wanted<'_>>) {
+        let width = self.width();
+        let settle = filter.settling();
+        let block = BLOCK * settle;
+        let (mut forwards, mut backwards) =
+            (Bank::new(filter.butterworth(), width), Bank::new(filter.butterworth(), width));
+        let end = (span.end + settle).min(self.len());
+        let mut scratch = vec![0.0; width];
+        let begin = span.start.saturating_sub(settle);
+        self.begin(begin);
+        for at in begin..span.start {
+            self.sample(at, &mut scratch);
+            forwards.step(&mut scratch);
+        }
+        let mut buffer = vec![0.0; (block + settle).min(end - span.start) * width];
+        let (mut first, mut filled, mut next) = (span.start, 0, span.start);
+        while first < span.end {
+            while next < end && (filled + 1) * width <= buffer.len() {
+                let sample = &mut buffer[filled * width..(filled + 1) * width];
+                self.sample(next, sample);
+                forwards.step(sample);
+                (filled, next) = (filled + 1, next + 1);
+            }
+            let done = if next == end { span.end - first } else { block };
+            let (own, later) = buffer[..filled * width].split_at_mut(done * width);
+            backwards.restart();
+            for sample in later.chunks_exact(width).rev() {
+                scratch.copy_from_slice(sample);
+                backwards.step(&mut scratch);
+            }
+            for sample in own.chunks_exact_mut(width).rev() {
+                backwards.step(sample);
+            }
+            for wanted in &mut wanted {
+                self.write(wanted, own, first..first + done);
+            }
+            buffer.copy_within(done * width..filled * width, 0);
+            (first, filled) = (first + done, filled - done);
+        }
+    }
+
+    /// Writes the rows of a block of filtered samples, which is `at` in the continued record.
+    fn write(&self, wanted: &mut Wanted<'_>, block: &[f64], at: Range<usize>) {
+        let place = |k: usize| k + self.padding - wanted.late;
+        let from = wanted.used.partition_point(|k| place(*k) < at.start);
+        let until = wanted.used.partition_point(|k| place(*k) < at.end);
+        let channels = self.entries.iter().enumerate().filter(|(_, e)| e.joint == wanted.joint);
+        let channels: Vec<usize> = channels.map(|(k, _)| k * self.lanes + wanted.lane).collect();
+        let rows = wanted.rows.chunks_exact_mut(channels.len().max(1)).zip(wanted.used);
+        for (row, k) in rows.take(until).skip(from) {
+            let sample = &block[(place(*k) - at.start) * self.width()..];
+            row.iter_mut().zip(&channels).for_each(|(to, channel)| *to = sample[*channel]);
+        }
+    }
+
     fn width(&self) -> usize {
         self.entries.len() * self.lanes
     }
 
     fn len(&self) -> usize {
         self.measured.len() + 2 * self.padding
+    }
+
+    /// The next sample of the continued record will be `at`: friction has slid as far as before it.
+    fn begin(&mut self, at: usize) {
+        let mut q = vec![0.0; self.model.arm.dof()];
+        for k in self.padding + 1..at.saturating_sub(self.padding) {
+            for (slip, motion) in self.slips.iter_mut().zip([self.measured, self.second]) {
+                q.iter_mut().zip(&motion.q).for_each(|(to, from)| *to = from[k]);
+                slip.advance(&q);
+            }
+        }
     }
 
     /// Sample `at` of the continued record; to be asked for in order.

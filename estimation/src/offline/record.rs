@@ -1,5 +1,6 @@
 //! A uniform record, its derivatives, and the torque a model predicts for it.
 
+use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model, Slip, Workspace};
 
 use super::zero_phase::ZeroPhase;
@@ -54,22 +55,11 @@ impl Trajectory {
     /// Central differences of positions: `(q₊ - q₋)/2h` and `(q₊ - 2q + q₋)/h²`, the latter noisy and meant to be
     /// filtered in the model's columns. The end samples repeat their neighbours.
     pub fn from_positions(q: &[Vec<f64>], period_s: f64) -> Trajectory {
-        let each = |f: &dyn Fn(f64, f64, f64) -> f64| -> Vec<Vec<f64>> {
-            let of = |q: &Vec<f64>| {
-                let last = q.len().saturating_sub(2);
-                let at = |k: usize| {
-                    let k = k.clamp(1, last.max(1));
-                    if q.len() < 3 { 0.0 } else { f(q[k - 1], q[k], q[k + 1]) }
-                };
-                (0..q.len()).map(at).collect()
-            };
-            q.iter().map(of).collect()
-        };
         let (h, hh) = (2.0 * period_s, period_s * period_s);
         Trajectory {
             q: q.to_vec(),
-            qd: each(&|before, _, after| (after - before) / h),
-            qdd: each(&|before, at, after| (after - 2.0 * at + before) / hh),
+            qd: differences(q, |before, _, after| (after - before) / h),
+            qdd: differences(q, |before, at, after| (after - 2.0 * at + before) / hh),
         }
     }
 
@@ -96,6 +86,16 @@ impl Trajectory {
         }
         Ok(())
     }
+}
+
+/// `f` of every sample with those before and after it; at the ends, of their neighbours.
+fn differences(signals: &[Vec<f64>], f: impl Fn(f64, f64, f64) -> f64 + Sync) -> Vec<Vec<f64>> {
+    let of = |q: &Vec<f64>| {
+        let inner: Vec<f64> = q.windows(3).map(|w| f(w[0], w[1], w[2])).collect();
+        let (Some(first), Some(last)) = (inner.first(), inner.last()) else { return vec![0.0; q.len()] };
+        [&[*first], &inner[..], &[*last]].concat()
+    };
+    signals.par_iter().map(of).collect()
 }
 
 pub(super) fn check(what: &'static str, signals: &[Vec<f64>], joints: usize, rows: usize) -> Result<(), OfflineError> {

@@ -2,6 +2,7 @@
 
 use crate::dead_zone::slides;
 use crate::linear::dot;
+use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model, Workspace};
 use std::borrow::Cow;
 
@@ -38,7 +39,9 @@ pub struct OfflineSettings {
 /// Rows of one joint.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct JointRows {
-    /// Regressor, row-major, one row of base columns each.
+    /// The base columns that have anything to do with the joint, ascending: about half of them.
+    pub(super) columns: Vec<usize>,
+    /// Regressor, row-major, one row of these columns each.
     pub(super) d: Vec<f64>,
     /// Instruments, likewise.
     pub(super) z: Vec<f64>,
@@ -51,26 +54,24 @@ pub(super) struct JointRows {
     pub(super) place: Vec<usize>,
 }
 
-/// Rows of one joint with some columns only.
-#[derive(Debug)]
-pub(super) struct Compact {
-    /// Columns that are left.
-    pub(super) width: usize,
-    pub(super) d: Vec<f64>,
-    pub(super) z: Vec<f64>,
-}
-
 impl JointRows {
-    /// These rows of `k` columns, of which `columns` are kept.
-    pub(super) fn compact(&self, k: usize, columns: &[usize]) -> Compact {
-        let pick = |m: &[f64]| {
-            let mut picked = Vec::with_capacity(m.len() / k.max(1) * columns.len());
-            for row in m.chunks_exact(k) {
-                picked.extend(columns.iter().map(|c| row[*c]));
-            }
-            picked
-        };
-        Compact { width: columns.len(), d: pick(&self.d), z: pick(&self.z) }
+    /// Values of the joint's columns among all of them.
+    fn own(&self, x: &[f64]) -> Vec<f64> {
+        self.columns.iter().map(|c| x[*c]).collect()
+    }
+
+    /// Torque of the base parameters `x`, row by row \[N m\].
+    pub(super) fn torque(&self, x: &[f64]) -> Vec<f64> {
+        let own = self.own(x);
+        if own.is_empty() {
+            return vec![0.0; self.tau.len()];
+        }
+        self.d.chunks_exact(own.len()).map(|d| dot(d, &own)).collect()
+    }
+
+    /// What the base parameters `x` leave of the torque \[N m\].
+    pub(super) fn residual(&self, x: &[f64]) -> Vec<f64> {
+        self.tau.iter().zip(self.torque(x)).map(|(tau, of)| tau - of).collect()
     }
 }
 
@@ -108,17 +109,19 @@ impl Rows {
         }
         let torque = without_effects(model, record);
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
-        let mut speed = record.measured.qd.clone();
-        for speed in &mut speed {
-            filter.apply(speed);
-        }
+        let filtered = |x: &Vec<f64>| {
+            let mut x = x.clone();
+            filter.apply(&mut x);
+            x
+        };
+        let speed: Vec<Vec<f64>> = record.measured.qd.par_iter().map(filtered).collect();
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
         let (instrument, delay, lag_s) = match (settings.instrument, &record.desired) {
             (InstrumentSource::Desired, Some(desired)) => {
                 desired.check(n, rows)?;
-                let lags: Vec<f64> =
-                    (0..n).map(|j| lag(&record.measured.qd[j], &desired.qd[j], record.period_s)).collect();
+                let of = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
+                let lags: Vec<f64> = (0..n).into_par_iter().map(of).collect();
                 let late = (0..n).map(|j| (lags[j] * record.period_s * 1e9).round() / 1e9).collect();
                 (Some(delayed(desired, &lags)), 0, late)
             }
@@ -154,12 +157,12 @@ impl Rows {
             (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
+        let torque: Vec<Vec<f64>> = torque.par_iter().map(filtered).collect();
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
-        for (j, (Pair { d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
+        for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
-            let mut tau = torque[j].clone();
-            filter.apply(&mut tau);
+            let tau = &torque[j];
             let rate = |k: usize| {
                 let (before, after) = (k.saturating_sub(1), (k + 1).min(tau.len() - 1));
                 (tau[after] - tau[before]) / ((after - before).max(1) as f64 * record.period_s)
@@ -171,7 +174,7 @@ impl Rows {
             };
             let tau_bend = used.iter().map(|k| bend(*k)).collect();
             let tau = used.iter().map(|k| tau[*k]).collect();
-            result.joints.push(JointRows { d, z, tau, tau_rate, tau_bend, place });
+            result.joints.push(JointRows { columns, d, z, tau, tau_rate, tau_bend, place });
         }
         Ok(result)
     }
@@ -181,11 +184,12 @@ impl Rows {
     pub fn part(&self, part: usize, parts: usize) -> Rows {
         let parts = parts.max(1);
         let (first, end) = (part * self.kept / parts, (part + 1) * self.kept / parts);
-        let k = self.columns;
         let cut = |rows: &JointRows| {
+            let k = rows.columns.len();
             let at = |place: usize| rows.place.partition_point(|p| *p < place);
             let (from, until) = (at(first), at(end));
             JointRows {
+                columns: rows.columns.clone(),
                 d: rows.d[from * k..until * k].to_vec(),
                 z: rows.z[from * k..until * k].to_vec(),
                 tau: rows.tau[from..until].to_vec(),
@@ -267,14 +271,17 @@ fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
     let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
     let inner = &actual[most..actual.len() - most];
     // Entry k belongs to a lag of most - k samples. The motion of an arm does not turn within COARSE_S: the largest of
-    // every so many entries has the largest of all beside it.
+    // every so many entries has the largest of all beside it, and so many samples say as much as one of them.
     let product = |k: usize| dot(inner, &commanded[k..k + inner.len()]);
     let stride = ((COARSE_S / period_s) as usize).max(1);
-    let mut products = vec![f64::NEG_INFINITY; 2 * most + 1];
+    let thin = |x: &[f64]| -> Vec<f64> { x.iter().step_by(stride).copied().collect() };
+    let (thin_inner, thin_commanded) = (thin(inner), thin(commanded));
     let largest =
         |products: &[f64]| (0..products.len()).max_by(|a, b| products[*a].total_cmp(&products[*b])).unwrap_or(most);
-    (0..products.len()).step_by(stride).for_each(|k| products[k] = product(k));
-    let near = largest(&products);
+    let coarse: Vec<f64> =
+        (0..=2 * most / stride).map(|k| dot(&thin_inner, &thin_commanded[k..k + thin_inner.len()])).collect();
+    let near = largest(&coarse) * stride;
+    let mut products = vec![f64::NEG_INFINITY; 2 * most + 1];
     for k in near.saturating_sub(stride)..=(near + stride).min(2 * most) {
         products[k] = product(k);
     }
@@ -290,18 +297,15 @@ fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
 
 /// The motion, each joint later by its lag in samples (straight lines between samples; end values hold).
 fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
-    let shift = |signals: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let each = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
-            let at = |k: usize| {
-                let place = (k as f64 - lag).clamp(0.0, (x.len() - 1) as f64);
-                let before = (place.floor() as usize).min(x.len() - 1);
-                let after = (before + 1).min(x.len() - 1);
-                x[before] + (place - before as f64) * (x[after] - x[before])
-            };
-            (0..x.len()).map(at).collect()
-        };
-        signals.iter().zip(lags).map(each).collect()
+    let shift = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
+        let (Some(first), Some(last)) = (x.first(), x.last()) else { return Vec::new() };
+        // Entry k lies `share` of the way from entry k - whole to the one after it.
+        let (whole, share) = ((-lag).floor(), -lag - (-lag).floor());
+        let at = |k: isize| if k < 0 { *first } else { *x.get(k as usize).unwrap_or(last) };
+        let between = |k: isize| at(k) + share * (at(k + 1) - at(k));
+        (0..x.len()).map(|k| between(k as isize + whole as isize)).collect()
     };
+    let shift = |signals: &[Vec<f64>]| signals.par_iter().zip(lags).map(shift).collect();
     Trajectory { q: shift(&motion.q), qd: shift(&motion.qd), qdd: shift(&motion.qdd) }
 }
 

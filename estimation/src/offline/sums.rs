@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::fit::Method;
-use super::rows::{Compact, Rows};
+use super::rows::{JointRows, Rows};
 use crate::consistency::Reference;
 use crate::kernels::{Part, add_products};
 use crate::linear::{axpy, dot};
@@ -31,7 +32,7 @@ pub(super) struct Stretch {
 /// Sums of one joint.
 #[derive(Clone, Debug)]
 pub(super) struct JointSums {
-    /// The columns that have anything to do with the joint: about half of them.
+    /// Those of its rows.
     pub(super) columns: Vec<usize>,
     /// As many for every joint: the same stretches of time.
     pub(super) stretches: Vec<Stretch>,
@@ -68,8 +69,6 @@ impl JointSums {
 pub struct Equations<'a> {
     pub(super) rows: &'a [Rows],
     pub(super) joints: Vec<JointSums>,
-    /// Rows without the columns that have nothing to do with the joint, `[joint][record]`.
-    compact: Vec<Vec<Compact>>,
     /// Of a stretch \[s\].
     length: f64,
 }
@@ -80,19 +79,12 @@ impl<'a> Equations<'a> {
         let n = rows.iter().map(|r| r.joints.len()).min().unwrap_or(0);
         let seconds: f64 = rows.iter().map(Rows::seconds).sum();
         let length = STRETCH_S.min(seconds / LEAST_STRETCHES);
-        let (mut joints, mut compact) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for j in 0..n {
-            let columns = used_columns(rows, j);
-            let records: Vec<Compact> = rows.iter().map(|r| r.joints[j].compact(r.columns, &columns)).collect();
-            let mut stretches = Vec::new();
-            for (record, own) in rows.iter().zip(&records) {
-                stretches
-                    .extend(ranges(record, j, length).map(|range| Stretch::new(own, &record.joints[j].tau, range)));
-            }
-            joints.push(JointSums { columns, stretches });
-            compact.push(records);
-        }
-        Equations { rows, joints, compact, length }
+        let of = |j: usize| {
+            let columns = rows.first().map_or_else(Vec::new, |r| r.joints[j].columns.clone());
+            let of = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::new(&r.joints[j], range));
+            JointSums { columns, stretches: rows.iter().flat_map(of).collect() }
+        };
+        Equations { rows, joints: (0..n).into_par_iter().map(of).collect(), length }
     }
 
     /// Rows of joint `j` of a record in each of its stretches.
@@ -102,18 +94,7 @@ impl<'a> Equations<'a> {
 
     /// Residuals of parameters `x` over the rows of joint `j`, record by record.
     pub(super) fn residuals(&self, j: usize, x: &[f64]) -> Vec<Vec<f64>> {
-        let columns = &self.joints[j].columns;
-        let own: Vec<f64> = columns.iter().map(|c| x[*c]).collect();
-        let of = |(record, compact): (&Rows, &Compact)| {
-            let each = compact.d.chunks_exact(own.len().max(1)).zip(&record.joints[j].tau);
-            each.map(|(d, tau)| tau - dot(d, &own)).collect()
-        };
-        self.rows.iter().zip(&self.compact[j]).map(of).collect()
-    }
-
-    /// Rows of joint `j` without the columns that have nothing to do with it, record by record.
-    pub(super) fn compact(&self, j: usize) -> &[Compact] {
-        &self.compact[j]
+        self.rows.iter().map(|record| record.joints[j].residual(x)).collect()
     }
 
     /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\], to about 1e-4 %.
@@ -146,22 +127,11 @@ fn ranges(record: &Rows, j: usize, length_s: f64) -> impl Iterator<Item = Range<
     (0..parts).map(move |part| at(part)..at(part + 1))
 }
 
-/// Columns that are not zero everywhere in the rows of joint `j`.
-fn used_columns(rows: &[Rows], j: usize) -> Vec<usize> {
-    let mut used = vec![false; rows.iter().map(|r| r.columns).max().unwrap_or(0)];
-    for record in rows {
-        let joint = &record.joints[j];
-        for row in joint.d.chunks_exact(record.columns).chain(joint.z.chunks_exact(record.columns)) {
-            used.iter_mut().zip(row).for_each(|(used, x)| *used |= *x != 0.0);
-        }
-    }
-    (0..used.len()).filter(|c| used[*c]).collect()
-}
-
 impl Stretch {
-    fn new(own: &Compact, tau: &[f64], range: Range<usize>) -> Stretch {
-        let n = own.width;
-        let (d, z, tau) = (&own.d[range.start * n..range.end * n], &own.z[range.start * n..range.end * n], &tau[range]);
+    fn new(rows: &JointRows, range: Range<usize>) -> Stretch {
+        let n = rows.columns.len();
+        let entries = range.start * n..range.end * n;
+        let (d, z, tau) = (&rows.d[entries.clone()], &rows.z[entries], &rows.tau[range]);
         let mut sums = Stretch {
             dd: vec![0.0; n * n],
             zd: vec![0.0; n * n],
