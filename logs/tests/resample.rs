@@ -84,7 +84,7 @@ fn gaps_and_stairs_are_reported_and_gaps_cut_the_log() {
     assert!((report.gaps[0].length_s - 0.5).abs() < 1e-9);
     assert!(report.to_string().contains("1 gap, the longest 500.0 ms before row 201"), "{report}");
     let pieces = log.split_at_gaps(0.1);
-    assert_eq!(pieces.iter().map(Log::len).collect::<Vec<_>>(), [200, 200]);
+    assert_eq!(pieces.iter().map(|piece| piece.len()).collect::<Vec<_>>(), [200, 200]);
 
     let mut stairs = log.clone();
     for k in (5..400).step_by(5) {

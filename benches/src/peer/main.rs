@@ -15,8 +15,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use rivet_benches::{Kernel, Workload, kernel};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use table::{Item, print};
 

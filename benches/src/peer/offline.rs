@@ -20,7 +20,12 @@ use crate::{Figures, median, problem, run};
 const SECONDS: f64 = 60.0;
 
 /// Runs both sides `repeats` times, one after the other.
-pub(crate) fn compare(venv: Option<&Path>, [one, all]: [&CpuSet; 2], repeats: usize, folder: &Path) -> Result<Vec<Item>> {
+pub(crate) fn compare(
+    venv: Option<&Path>,
+    [one, all]: [&CpuSet; 2],
+    repeats: usize,
+    folder: &Path,
+) -> Result<Vec<Item>> {
     let workload = Workload::long(SECONDS)?;
     let (log, data) = (folder.join("log.parquet"), folder.join("long.txt"));
     write_log(&workload, &log)?;
