@@ -8,8 +8,10 @@ use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
-/// States of the reference workload.
-const STATES: usize = 300;
+/// Poses of the reference workload, each passed in both directions: friction turns with the motion and all else does not, so
+/// neither has anything of the other.
+const POSES: usize = 300;
+const STATES: usize = 2 * POSES;
 /// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
 const SPEED_SHARE: f64 = 0.5;
 const DEFAULT_SPEED: f64 = 2.0;
@@ -237,7 +239,7 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
     let dof = model.arm.dof();
     let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     let mut seed = 0x7269_7665_7465_7374;
-    for _ in 0..STATES {
+    for _ in 0..POSES {
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
             let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
@@ -246,6 +248,8 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
             qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
             qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
         }
+        each(&q, &qd, &qdd);
+        qd.iter_mut().for_each(|v| *v = -*v);
         each(&q, &qd, &qdd);
     }
 }
