@@ -249,7 +249,9 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
             qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
         }
         each(&q, &qd, &qdd);
-        qd.iter_mut().for_each(|v| *v = -*v);
+        for v in &mut qd {
+            *v = -*v;
+        }
         each(&q, &qd, &qdd);
     }
 }

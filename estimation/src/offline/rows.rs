@@ -299,11 +299,11 @@ fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
 fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
     let shift = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
         let (Some(first), Some(last)) = (x.first(), x.last()) else { return Vec::new() };
-        // Entry k lies `share` of the way from entry k - whole to the one after it.
+        // Entry k lies `share` of the way from entry k + whole to the one after it.
         let (whole, share) = ((-lag).floor(), -lag - (-lag).floor());
-        let at = |k: isize| if k < 0 { *first } else { *x.get(k as usize).unwrap_or(last) };
+        let at = |k: isize| usize::try_from(k).map_or(*first, |k| *x.get(k).unwrap_or(last));
         let between = |k: isize| at(k) + share * (at(k + 1) - at(k));
-        (0..x.len()).map(|k| between(k as isize + whole as isize)).collect()
+        (0..x.len()).map(|k| between(k.cast_signed() + whole as isize)).collect()
     };
     let shift = |signals: &[Vec<f64>]| signals.par_iter().zip(lags).map(shift).collect();
     Trajectory { q: shift(&motion.q), qd: shift(&motion.qd), qdd: shift(&motion.qdd) }
