@@ -131,12 +131,12 @@ fn arm() -> Robot {
 }
 
 /// Heat that would warm joint `j` by so many kelvins, stayed its friction that of a cold one.
-fn heat(robot: &Robot, j: usize, kelvins: f64, time_s: f64) -> Option<Heat> {
+fn heat(robot: &Robot, j: usize, kelvins: f64, time_s: f64) -> Heat {
     let n = robot.dof();
     let [viscous, coulomb] = [11 * n + j, 12 * n + j].map(|at| robot.nominal[at]);
     // Mean size of the work's speed, and mean of its square over that squared.
     let v = 0.43 * (1.0 + 0.13 * j as f64);
-    Some(Heat { resistance: kelvins / (coulomb * v + 1.47 * viscous * v * v), time_s })
+    Heat { resistance: kelvins / (coulomb * v + 1.47 * viscous * v * v), time_s }
 }
 
 fn found(robot: &Robot, runs: Vec<Run>) -> Diagnosis {
@@ -170,7 +170,7 @@ fn within_five_points(cause: &Cause) -> bool {
 fn the_joint_that_warms_up_is_named_with_what_its_friction_loses() {
     let robot = arm();
     let mut work = Work::new(&robot, 1);
-    work.heats[1] = heat(&robot, 1, 40.0, 150.0);
+    work.heats[1] = Some(heat(&robot, 1, 40.0, 150.0));
     let mut run = work.log(288.0, even);
     let warm = work.warm[1];
     assert!((20.0..32.0).contains(&warm), "{warm}");
@@ -196,7 +196,7 @@ fn the_joint_that_warms_up_is_named_with_what_its_friction_loses() {
 fn all_joints_warm_up_and_one_cools_down_in_between() {
     let robot = arm();
     let mut work = Work::new(&robot, 2);
-    work.heats = (0..2).map(|j| heat(&robot, j, 40.0, 100.0 + 60.0 * j as f64)).collect();
+    work.heats = (0..2).map(|j| Some(heat(&robot, j, 40.0, 100.0 + 60.0 * j as f64))).collect();
     let rests = |t: f64| {
         let part = |at: f64| {
             let x = ((t - at) / 4.0).clamp(0.0, 1.0);
@@ -237,7 +237,7 @@ fn what_does_not_warm_up_is_not_said_to() {
 fn a_short_log_has_no_time_to_warm_up() {
     let robot = arm();
     let mut work = Work::new(&robot, 6);
-    work.heats[0] = heat(&robot, 0, 40.0, 150.0);
+    work.heats[0] = Some(heat(&robot, 0, 40.0, 150.0));
     let found = found(&robot, vec![work.log(120.0, even)]);
     assert!(found.causes.is_empty() && !considered(&found), "{:?}", found.causes);
 }
@@ -248,7 +248,7 @@ fn a_short_log_has_no_time_to_warm_up() {
 fn a_log_goes_on_as_warm_as_the_one_before_ended() {
     let robot = arm();
     let mut work = Work::new(&robot, 7);
-    work.heats[0] = heat(&robot, 0, 40.0, 150.0);
+    work.heats[0] = Some(heat(&robot, 0, 40.0, 150.0));
     let runs = [work.log(240.0, even), work.log(120.0, |_| 0.8)];
     let mut clocked = runs.clone();
     of_one_clock(&mut clocked, &[1000.0, 1240.0]);
@@ -269,7 +269,7 @@ fn a_log_goes_on_as_warm_as_the_one_before_ended() {
 fn a_thermometer_goes_before_power() {
     let robot = arm();
     let mut work = Work::new(&robot, 8);
-    work.heats[0] = heat(&robot, 0, 40.0, 150.0);
+    work.heats[0] = Some(heat(&robot, 0, 40.0, 150.0));
     let mut run = Run { temperature: Some(vec![Vec::new(); 2]), ..work.log(0.0, even) };
     for _ in 0..240 {
         let part = work.log(2.0, even);
@@ -288,7 +288,7 @@ fn a_thermometer_goes_before_power() {
 fn what_is_handed_on_warms_up_along_a_log() {
     let robot = arm();
     let mut work = Work::new(&robot, 9);
-    work.heats[0] = heat(&robot, 0, 40.0, 150.0);
+    work.heats[0] = Some(heat(&robot, 0, 40.0, 150.0));
     work.viscous = 1.2;
     let run = work.log(480.0, even);
     let folder = tempfile::tempdir().expect("a folder");
