@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch};
+use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
 use rivet_report::{Document, Power, SelfCheck, formats, page};
 
@@ -144,6 +144,8 @@ fn runs_of(sources: &[Source<'_>]) -> Result<Vec<Run>> {
     for source in sources {
         all.extend(runs::runs(source.path, &source.pieces)?);
     }
+    let starts: Vec<f64> = sources.iter().flat_map(|source| runs::starts(&source.pieces)).collect();
+    of_one_clock(&mut all, &starts);
     Ok(all)
 }
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
-use rivet_diagnosis::{memory_torque, unseen};
+use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, write_columns};
 
@@ -40,8 +40,9 @@ struct Sums {
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
-    for piece in whole_pieces(log)? {
-        let predicted = predict_piece(robot, &piece)?;
+    let pieces = whole_pieces(log)?;
+    for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
+        let predicted = predict_piece(robot, piece, &motion)?;
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
             tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
@@ -52,9 +53,10 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
 pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    for piece in whole_pieces(log)? {
-        let predicted = predict_piece(robot, &piece)?;
-        compare(robot, &piece, &predicted, &mut sums)?;
+    let pieces = whole_pieces(log)?;
+    for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
+        let predicted = predict_piece(robot, piece, &motion)?;
+        compare(robot, piece, &predicted, &mut sums)?;
     }
     Ok(sums.iter().map(|s| percent(s.filtered)).collect())
 }
@@ -85,8 +87,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
-    for piece in &pieces {
-        let predicted = predict_piece(&robot, piece)?;
+    for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
+        let predicted = predict_piece(&robot, piece, &motion)?;
         if let Some(sums) = &mut sums {
             compare(&robot, piece, &predicted, sums)?;
         }
@@ -106,13 +108,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn predict_piece(robot: &Robot, piece: &Piece) -> Result<Vec<Vec<f64>>> {
+fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>>> {
     let (signal, period) = (&robot.config.signal, piece.report.period_s);
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
     let motion = Trajectory::from_positions(&piece.grid.q, period);
     let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
         .with_context(|| piece.grid.path.display().to_string())?;
-    if let Some(beside) = memory_torque(&robot.model, &robot.nominal, &runs::motion_of(piece)) {
+    if let Some(beside) = memory_torque(&robot.model, &robot.nominal, run) {
         for (tau, mut beside) in tau.iter_mut().zip(beside) {
             smooth.apply(&mut beside);
             tau.iter_mut().zip(&beside).for_each(|(tau, v)| *tau += v);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 use rivet_config::{Instruments, Robot};
-use rivet_diagnosis::Run;
+use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
 use rivet_logs::{Log, ReadOptions, ResampleReport, read};
 
@@ -92,19 +92,34 @@ pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
             q: piece.grid.q.clone(),
             tau: piece.grid.torque()?.clone(),
             temperature: piece.grid.temperature.clone(),
+            past: Past::default(),
         })
     };
-    pieces.iter().map(run).collect()
+    let mut runs: Vec<Run> = pieces.iter().map(run).collect::<Result<_>>()?;
+    of_one_clock(&mut runs, &starts(pieces));
+    Ok(runs)
 }
 
-/// The piece as a run without torque.
-pub(crate) fn motion_of(piece: &Piece) -> Run {
+/// When pieces began, by their log's clock \[s\].
+pub(crate) fn starts(pieces: &[Piece]) -> Vec<f64> {
+    pieces.iter().map(|piece| piece.grid.t.first().copied().unwrap_or(0.0)).collect()
+}
+
+/// The pieces of a log as runs without torque.
+pub(crate) fn motions(pieces: &[Piece]) -> Vec<Run> {
+    let mut runs: Vec<Run> = pieces.iter().map(motion_of).collect();
+    of_one_clock(&mut runs, &starts(pieces));
+    runs
+}
+
+fn motion_of(piece: &Piece) -> Run {
     Run {
         name: piece.grid.path.display().to_string(),
         period_s: piece.report.period_s,
         q: piece.grid.q.clone(),
         tau: vec![vec![0.0; piece.grid.len()]; piece.grid.q.len()],
         temperature: piece.grid.temperature.clone(),
+        past: Past::default(),
     }
 }
 

@@ -177,7 +177,7 @@ pub const SECTIONS: &[(&str, &str)] = &[
     ),
     (
         "effects.temperature_dependent_friction",
-        "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`.",
+        "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`. T is the temperature of the log; with a `time_constant` it is the power of `[friction]` through a first-order lag, `reference` where a log begins, and all that is per K is per W.",
     ),
     (
         "effects.presliding_friction",
@@ -457,6 +457,8 @@ pub const KEYS: &[Key] = &[
         "Change of Coulomb friction per kelvin."),
     key("effects.temperature_dependent_friction", "reference", PerJointOrOne, "degC", Magnitude(1e3), Fallback::Number(0.0),
         "Temperature at which `[friction]` holds."),
+    key("effects.temperature_dependent_friction", "time_constant", PerJointOrOne, "s", Within(0.0, 1e5), Fallback::Number(0.0),
+        "Time in which the joint warms up; 0: temperatures are measured."),
     key("effects.presliding_friction", "level", PerJointOrOne, "N m", Magnitude(1e5), Fallback::Number(0.0),
         "Friction that the spring takes over, about `friction.coulomb`."),
     key("effects.presliding_friction", "length", PerJointOrOne, "rad", Within(0.0, 1.0), Fallback::Number(0.0),

@@ -52,6 +52,8 @@ pub enum Variable {
     Temperature,
     /// Time since the run began.
     Time,
+    /// The same; residuals count along the motion.
+    WarmingTime,
 }
 
 impl Variable {
@@ -70,13 +72,14 @@ impl Variable {
             Variable::Phase => ("place in one cycle", "rad"),
             Variable::Acceleration => ("joint acceleration", "rad/s^2"),
             Variable::Temperature => ("motor temperature", "degC"),
-            Variable::Time => ("time", "s"),
+            Variable::Time | Variable::WarmingTime => ("time", "s"),
         }
     }
 
     /// Whether residuals are counted along the motion: positive where they brake.
     pub fn along_motion(self) -> bool {
-        matches!(self, Variable::TravelSinceReversal | Variable::Load | Variable::Temperature)
+        use Variable::{Load, Temperature, TravelSinceReversal, WarmingTime};
+        matches!(self, TravelSinceReversal | Load | Temperature | WarmingTime)
     }
 
     fn of(effect: Effect, run: &Prepared) -> Variable {
@@ -96,7 +99,8 @@ impl Variable {
             Effect::TorqueRipple | Effect::TransmissionError => Variable::Phase,
             Effect::RotorInertia | Effect::JointElasticity | Effect::BaseFlexibility => Variable::Acceleration,
             Effect::TemperatureDependentFriction if run.run.temperature.is_some() => Variable::Temperature,
-            Effect::TemperatureDependentFriction | Effect::ExternalForce => Variable::Time,
+            Effect::TemperatureDependentFriction => Variable::WarmingTime,
+            Effect::ExternalForce => Variable::Time,
             Effect::LinkInertia
             | Effect::Payload
             | Effect::GravityDirection
@@ -223,8 +227,8 @@ pub(crate) fn curves(
                     Row { at: at[k], without: left + own, with: left, cause: own }
                 })
                 .collect();
-            let points =
-                if variable == Variable::Phase || variable == Variable::Time { even(rows) } else { crowded(rows) };
+            let even_bins = matches!(variable, Variable::Phase | Variable::Time | Variable::WarmingTime);
+            let points = if even_bins { even(rows) } else { crowded(rows) };
             Curve { joint: names[j].clone(), variable, rms_nm: size, points }
         })
         .collect()
@@ -299,7 +303,9 @@ fn signal(
             Some(temperature) => motion(temperature),
             None => vec![f64::NAN; run.rows()],
         },
-        Variable::Time => (0..run.rows()).map(|k| run.chain.sample_of(k) as f64 * run.run.period_s).collect(),
+        Variable::Time | Variable::WarmingTime => {
+            (0..run.rows()).map(|k| run.chain.sample_of(k) as f64 * run.run.period_s).collect()
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use crate::effect::Effect;
 use crate::physics::{Physics, bodies, displaced};
 use crate::run::derivative;
 use crate::two_mass::{self, Gear};
+use crate::warming::Warmth;
 
 /// An effect on a joint with its inner values; its coefficients are found by the fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +23,8 @@ pub(crate) enum Form {
     Load { joint: usize },
     /// `q̇·ΔT`, `s·ΔT`
     Temperature { joint: usize },
+    /// The same without a temperature, from what friction's own power makes of it
+    Warming { joint: usize, warmth: Warmth },
     /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
     Presliding { joint: usize, length: f64 },
     /// `s·cos(kq)`, `s·sin(kq)`, `s`: a part of a turn has a mean
@@ -84,7 +87,7 @@ impl Form {
             Form::Stribeck { .. } => Effect::StribeckFriction,
             Form::ViscousNonlinearity { .. } => Effect::ViscousNonlinearity,
             Form::Load { .. } => Effect::LoadDependentFriction,
-            Form::Temperature { .. } => Effect::TemperatureDependentFriction,
+            Form::Temperature { .. } | Form::Warming { .. } => Effect::TemperatureDependentFriction,
             Form::Presliding { .. } => Effect::PreslidingFriction,
             Form::PositionFriction { .. } => Effect::PositionDependentFriction,
             Form::Gain { .. } => Effect::TorqueConstant,
@@ -123,6 +126,7 @@ impl Form {
             | Form::ViscousNonlinearity { joint }
             | Form::Load { joint }
             | Form::Temperature { joint }
+            | Form::Warming { joint, .. }
             | Form::Presliding { joint, .. }
             | Form::PositionFriction { joint, .. }
             | Form::Gain { joint }
@@ -165,6 +169,7 @@ impl Form {
             Form::PositionFriction { .. } | Form::ViscousNonlinearity { .. } | Form::Coupling { .. } => 3,
             Form::Asymmetry { .. }
             | Form::Temperature { .. }
+            | Form::Warming { .. }
             | Form::Ripple { .. }
             | Form::TransmissionError { .. }
             | Form::Eccentricity { .. }
@@ -189,6 +194,7 @@ impl Form {
             | Form::TransmissionError { .. }
             | Form::Pull { .. } => 1,
             Form::Counterbalance { .. } => 2,
+            Form::Warming { warmth, .. } => 2 + usize::from(warmth.at_work),
             Form::TwoMass { gear, .. } => 2 + usize::from(gear.gap > 0.0),
             _ => 0,
         }
@@ -197,6 +203,11 @@ impl Form {
     /// Whether its torque hangs on the angle alone: nothing of how friction turns over spoils it.
     pub(crate) fn of_angle_alone(&self) -> bool {
         matches!(self, Form::Spring { .. } | Form::Counterbalance { .. } | Form::Counterweight { .. })
+    }
+
+    /// Whether its size is told against fitted values, not against those given.
+    pub(crate) fn is_of_fitted(&self) -> bool {
+        matches!(self, Form::Warming { .. })
     }
 
     /// Whether it is the same torque, later.
@@ -214,6 +225,7 @@ impl Form {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
             Form::Pull { .. } => 2,
+            Form::Warming { warmth, .. } => usize::from(warmth.at_work),
             _ => 0,
         }
     }
@@ -224,6 +236,7 @@ impl Form {
             Form::Stribeck { .. } | Form::Load { .. } | Form::Lag { .. } | Form::Spring { .. } => c[0] > 0.0,
             Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
+            Form::Warming { warmth, .. } => warmth.plausible(c),
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
             Form::Gain { .. } => c[0].abs() < 0.5,
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
@@ -269,6 +282,10 @@ impl Form {
                 }
                 None => Vec::new(),
             },
+            Form::Warming { joint: j, warmth } => {
+                let warm = warmth.state(p, j);
+                vec![on(j, &|k| v(j, k) * warm[k]), on(j, &|k| s(j, k) * warm[k])]
+            }
             Form::Presliding { joint: j, length } => {
                 let level = p.x[p.coulomb(j)].abs();
                 let z = dahl(&p.motion.q[j], length);

@@ -14,7 +14,7 @@ use crate::parallel;
 use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Found, LEAST_GAIN, MOST, RIVAL_GAP, Rival, Selected};
+use crate::select::{Adopted, Found, LEAST_GAIN, RIVAL_GAP, Rival, Selected, is_full};
 use crate::values::{Group, WORTH, Wrong};
 
 /// Effects of which each is tried as a whole explanation.
@@ -56,7 +56,7 @@ pub(crate) fn of(
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     // Where more than noise is left, as on measured arms, what sets two explanations apart may be what neither explains.
-    if selected.adopted.len() >= MOST || Residue::of(search).any_noisy() {
+    if is_full(&selected.adopted) || Residue::of(search).any_noisy() {
         return Some(None);
     }
     let found = find(search, wrong, selected)?;
@@ -215,7 +215,9 @@ fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
         Effect::LinkInertia | Effect::RotorInertia | Effect::CoulombFriction | Effect::ViscousFriction
     );
     let taken = adopted.iter().any(|a| a.form.effect() == form.effect() && a.form.joints() == form.joints());
-    !value && !taken && !form.has_fixed_gain() && !form.is_nameless() && form.coefficients() > 0
+    // Values hold throughout; what comes and goes over minutes is left by them.
+    let slow = matches!(form, Form::Warming { .. });
+    !value && !taken && !slow && !form.has_fixed_gain() && !form.is_nameless() && form.coefficients() > 0
 }
 
 /// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.

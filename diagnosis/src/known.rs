@@ -7,6 +7,7 @@ use crate::form::Form;
 use crate::physics::Physics;
 use crate::run::{Motion, Run};
 use crate::two_mass::Gear;
+use crate::warming;
 
 /// What becomes of an adopted form in a robot file.
 pub(crate) enum Carried {
@@ -51,6 +52,13 @@ impl Form {
             Form::Temperature { joint } => {
                 let reference = reference_c.map_or(0.0, |t| t[joint]);
                 effect(Kind::TemperatureDependentFriction, joint, &[c[0], c[1], reference])
+            }
+            Form::Warming { joint, warmth } => {
+                // A file's friction holds at the beginning, and its state is in watts.
+                let (power, early) = (warmth.mean_power(x, joints, joint), warmth.start - warmth.reference());
+                beside.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
+                let values = [c[0] / power, c[1] / power, warmth.start * power, warmth.time_s];
+                effect(Kind::TemperatureDependentFriction, joint, &values)
             }
             Form::Presliding { joint, length } => {
                 effect(Kind::PreslidingFriction, joint, &[c[0] * x[coulomb(joint)].abs(), length])
@@ -126,7 +134,7 @@ fn form(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Form, f64)> {
 /// Torque of effects of `model` along a run that need more than one instant \[N·m\], `[joint][sample]`; none when it has no
 /// such effect. `x` is its standard vector.
 ///
-/// Friction that follows the temperature is nothing without a temperature in the run, and what is not delivered of a
+/// Friction that follows a measured temperature is nothing without one in the run, and what is not delivered of a
 /// commanded torque is not known from the motion: see [`unseen`].
 pub fn memory_torque(model: &Model, x: &[f64], run: &Run) -> Option<Vec<Vec<f64>>> {
     let effects = model.effects().list();
@@ -140,12 +148,17 @@ fn memory(nominal: &Nominal, effects: &[KnownEffect], run: &Run, motion: &Motion
     let n = motion.joints();
     let mut sum = vec![vec![0.0; motion.len()]; n];
     for effect in effects.iter().filter(|e| e.kind == EffectKind::TemperatureDependentFriction) {
-        let (j, [viscous, coulomb, reference, _]) = (effect.joint, effect.values);
-        let Some(temperature) = &run.temperature else { continue };
+        let (j, [viscous, coulomb, reference, time_s]) = (effect.joint, effect.values);
+        let warm = if time_s > 0.0 {
+            warming::lagged(run, motion, &nominal.x, j, [time_s, reference])
+        } else {
+            let Some(temperature) = &run.temperature else { continue };
+            temperature[j].clone()
+        };
         let v0 = nominal.model.structure.sign_velocity;
         for (k, to) in sum[j].iter_mut().enumerate() {
             let v = motion.qd[j][k];
-            *to += (viscous * v + coulomb * friction_sign(v, v0)) * (temperature[j][k] - reference);
+            *to += (viscous * v + coulomb * friction_sign(v, v0)) * (warm[k] - reference);
         }
     }
     let forms: Vec<(Form, f64)> = effects.iter().filter_map(|e| form(e, &nominal.x, n)).collect();
@@ -169,7 +182,7 @@ pub fn unseen(model: &Model, has_temperature: bool) -> Vec<String> {
         let name = format!("[effects.{}]", e.kind.name());
         let joint = || model.arm.joints[e.joint].name.clone();
         match e.kind {
-            EffectKind::TemperatureDependentFriction if !has_temperature => {
+            EffectKind::TemperatureDependentFriction if !has_temperature && e.values[3] == 0.0 => {
                 Some(format!("{name} of {}: the log has no temperature", joint()))
             }
             EffectKind::TorqueSaturation => {
@@ -216,6 +229,8 @@ pub(crate) fn torque(nominal: &Nominal, effects: &[KnownEffect], run: &Run, moti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::past::Past;
+    use crate::warming::Warmth;
     use rivet_dynamics::{Arm, Structure};
 
     /// The forms of this crate and the effects of a robot file are two implementations: whatever a diagnosis hands on must
@@ -244,10 +259,12 @@ mod tests {
             q: signal(&wave),
             tau: signal(&|_, _| 0.0),
             temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
+            past: Past::default(),
         };
         let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
         let physics = Physics::new(&run, &motion, &nominal, &x, None);
         let start: Vec<f64> = run.temperature.iter().flatten().map(|t| t[0]).collect();
+        let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [2e-4, 6e-8], power: 1.0, span_s: 2.5 };
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
         let cases: Vec<(Form, Vec<f64>)> = vec![
             (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
@@ -257,6 +274,8 @@ mod tests {
             (Form::ViscousNonlinearity { joint: 0 }, vec![0.4, -0.7, 0.3]),
             (Form::Load { joint: 1 }, vec![0.12]),
             (Form::Temperature { joint: 3 }, vec![-0.05, -0.02]),
+            (Form::Warming { joint: 1, warmth }, vec![-0.3, -0.9]),
+            (Form::Warming { joint: 4, warmth: Warmth { start: 2.0, ..warmth } }, vec![-0.3, -0.9]),
             (Form::Presliding { joint: 2, length: 0.01 }, vec![0.9]),
             (Form::PositionFriction { joint: 4, order: 2.0 }, vec![0.5, -0.8, 0.0]),
             (Form::Gain { joint: 1 }, vec![0.08]),

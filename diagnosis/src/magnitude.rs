@@ -3,7 +3,8 @@
 use crate::form::Form;
 
 impl Form {
-    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector.
+    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector, that which was
+    /// fitted where the form says so.
     pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
         let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
         let wave = |c: &[f64]| c[0].hypot(c[1]);
@@ -19,6 +20,25 @@ impl Form {
             ]),
             Form::Load { .. } => named(&[("ratio", c[0])]),
             Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
+            Form::Warming { joint, warmth } => {
+                let beside = [nominal[11 * joints + joint], nominal[12 * joints + joint]];
+                let [first, last] = warmth.ends(c, beside);
+                let change = |first: f64, last: f64| 100.0 * (last - first) / first;
+                let all = |at: [f64; 2]| at[0] * warmth.work[1] + at[1] * warmth.work[0];
+                let mut size = named(&[
+                    ("over_s", warmth.span_s),
+                    ("time_constant_s", warmth.time_s),
+                    ("friction_change_percent", change(all(first), all(last))),
+                    ("viscous_change_Nms_rad", last[0] - first[0]),
+                    ("coulomb_change_Nm", last[1] - first[1]),
+                ]);
+                for (k, name) in ["viscous_change_percent", "coulomb_change_percent"].into_iter().enumerate() {
+                    if first[k] > 0.0 {
+                        size.push((name.to_owned(), change(first[k], last[k])));
+                    }
+                }
+                size
+            }
             Form::Presliding { joint, length } => {
                 let level = nominal[12 * joints + joint].abs();
                 named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])

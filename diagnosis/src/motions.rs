@@ -20,6 +20,7 @@ use crate::effect::Effect;
 use crate::form::Form;
 use crate::library;
 use crate::parallel;
+use crate::past::Past;
 use crate::physics::Physics;
 use crate::rows::{Chain, Column};
 use crate::run::{Motion, Run};
@@ -285,7 +286,7 @@ pub(crate) fn best(
         let Some(extent) = admissible(plan, joint, &home, bounds, model, x) else { continue };
         let [q, ..] = setpoints(plan, joint, &home, bounds, extent, COARSE_S);
         let tau = vec![vec![0.0; q[0].len()]; q.len()];
-        let run = Run { name: String::new(), period_s: COARSE_S, q, tau, temperature: None };
+        let run = Run { name: String::new(), period_s: COARSE_S, q, tau, temperature: None, past: Past::default() };
         let motion = Motion::of(&run);
         let chain = Chain::new(COARSE_S);
         let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);

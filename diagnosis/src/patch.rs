@@ -14,6 +14,7 @@ use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
 use crate::rows::Column;
 use crate::search::Search;
 use crate::select::Adopted;
+use crate::warming;
 
 /// The corrected model.
 #[derive(Clone, Debug)]
@@ -132,6 +133,11 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     let consistent = project(&model, &base_set, &base, &covariance, &nominal_now, &reference);
     // Where no arm that can be built comes near, files keep the bodies and drives that were given.
     let written = consistent.as_ref().map_or(&nominal.x, |found| &found.standard).clone();
+    for adopted in &found.upheld {
+        let own = nominal.model.effects().list().len();
+        warming::in_watts_of(&adopted.form, &mut effects[own..], n, &adopted.values, &written);
+    }
+    let model = model.with_effects(KnownEffects::new(effects.clone(), &drives));
 
     let of_values = |values: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
         let mut torque = vec![Vec::new(); n];

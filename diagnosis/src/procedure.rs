@@ -13,6 +13,7 @@ use crate::instead;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
+use crate::past::Past;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
@@ -153,9 +154,12 @@ fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
             q: of(&last.q),
             tau: of(&last.tau),
             temperature: last.temperature.as_ref().map(of),
+            past: last.past.clone(),
         }
     };
-    Some((vec![part(0..cut, "first part")], part(cut..last.len(), "rest")))
+    let first = part(0..cut, "first part");
+    let rest = Run { past: Past::after(&first, 0.0), ..part(cut..last.len(), "rest") };
+    Some((vec![first], rest))
 }
 
 fn moves(run: &Run) -> bool {
@@ -518,7 +522,8 @@ impl Procedure<'_> {
         for adopted in &step.adopted {
             let c: Vec<f64> =
                 (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect();
-            for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &self.nominal.x) {
+            let values = if adopted.form.is_of_fitted() { search.values(&x) } else { self.nominal.x.clone() };
+            for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
                 sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));

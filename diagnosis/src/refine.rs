@@ -24,6 +24,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
             Form::Counterbalance { joint, arm: arm * a, phase: phase + b.ln() }
         }
         Form::Pull { joint, from, above } => Form::Pull { joint, from: from + a.ln(), above },
+        Form::Warming { joint, warmth } => Form::Warming { joint, warmth: warmth.moved(a, b.ln()) },
         Form::TwoMass { joint, gear } => {
             let gear = Gear { stiffness: gear.stiffness * a, damping: gear.damping * b, gap: gear.gap * c };
             Form::TwoMass { joint, gear }
@@ -39,6 +40,7 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
         Form::Presliding { .. } => vec![(0, 1.6)],
         Form::Ripple { order, .. } | Form::TransmissionError { order, .. } => vec![(0, 1.0 + 0.2 / order)],
         Form::Saturation { .. } => vec![(0, 1.04)],
+        Form::Warming { .. } => vec![(0, 1.5), (1, 1.65)],
         Form::Counterbalance { .. } => vec![(1, 1.3), (0, 1.3)],
         Form::Pull { .. } => vec![(0, 1.15)],
         Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],

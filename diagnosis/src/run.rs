@@ -2,6 +2,8 @@
 
 use rivet_estimation::offline::ZeroPhase;
 
+use crate::past::Past;
+
 /// One uniformly sampled run, `[joint][sample]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
@@ -15,6 +17,8 @@ pub struct Run {
     pub tau: Vec<Vec<f64>>,
     /// Motor temperatures \[°C\].
     pub temperature: Option<Vec<Vec<f64>>>,
+    /// What the joints did before.
+    pub past: Past,
 }
 
 impl Run {

@@ -10,6 +10,7 @@ use crate::library;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::Column;
+use crate::warming;
 
 /// Prior standard deviation of a free coefficient: it may contribute this share of its joint's torque.
 const FREE: f64 = 0.3;
@@ -296,7 +297,8 @@ impl<'a> Search<'a> {
     pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
         let Some(first) = physics.first() else { return Vec::new() };
         let force = (!bursts.iter().all(Vec::is_empty)).then(|| Form::Force { windows: bursts.clone() });
-        let forms: Vec<Form> = library::forms(first, orders).into_iter().chain(force).collect();
+        let forms: Vec<Form> =
+            library::forms(first, orders).into_iter().chain(warming::forms(physics)).chain(force).collect();
         parallel::map(&forms, |form| self.candidate(form.clone(), physics)).into_iter().flatten().collect()
     }
 }

@@ -40,8 +40,8 @@ const CLEARLY_MORE: f64 = 0.1;
 const OFF_GRID: f64 = 0.4;
 /// Orders that differ by less than this share are the same.
 const SAME_ORDER: f64 = 0.01;
-/// Most effects in one diagnosis.
-pub(crate) const MOST: usize = 4;
+/// Most effects in one diagnosis; joints that warm up together count once.
+const MOST: usize = 4;
 
 /// An effect that was adopted.
 #[derive(Clone, Debug)]
@@ -90,7 +90,7 @@ impl<'a> Selected<'a> {
 
     /// Adopts effects one after another until none is worth it. `say` is told what happens.
     pub(crate) fn select(&mut self, search: &mut Search<'a>, say: &mut dyn FnMut(&str)) -> Option<()> {
-        while self.adopted.len() < MOST {
+        while !is_full(&self.adopted) {
             let orders = orders::find(&self.physics);
             self.candidates.clear();
             self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?);
@@ -123,6 +123,12 @@ impl<'a> Selected<'a> {
         self.physics = search.physics()?;
         Some(())
     }
+}
+
+/// Whether as many effects as may be were adopted.
+pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
+    let warming = adopted.iter().filter(|a| matches!(a.form, Form::Warming { .. })).count();
+    adopted.len() - warming.saturating_sub(1) >= MOST
 }
 
 /// A candidate to adopt, if any.

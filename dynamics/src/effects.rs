@@ -41,8 +41,8 @@ kinds! {
     StribeckFriction "stribeck_friction" 1 [excess velocity] "`excess·s·exp(−(v/velocity)²)`",
     ViscousNonlinearity "viscous_nonlinearity" 2 [quadratic cubic] "`quadratic·v·|v| + cubic·v³`",
     LoadDependentFriction "load_dependent_friction" 1 [ratio] "`ratio·s·|torque of the links|`",
-    TemperatureDependentFriction "temperature_dependent_friction" 2 [viscous coulomb reference]
-        "`(viscous·v + coulomb·s)·(T − reference)`",
+    TemperatureDependentFriction "temperature_dependent_friction" 2 [viscous coulomb reference time_constant]
+        "`(viscous·v + coulomb·s)·(T − reference)`, T measured, or friction power through a lag where there is a time constant",
     PreslidingFriction "presliding_friction" 1 [level length] "`level·(z − s)`, z a Dahl spring of this length",
     PositionDependentFriction "position_dependent_friction" 2 [cosine sine order]
         "`s·(cosine·cos(order·q) + sine·sin(order·q))`",
@@ -74,7 +74,7 @@ impl EffectKind {
     /// Why its torque does not follow from position, speed and acceleration of one instant; none if it does.
     pub fn not_instant(self) -> Option<&'static str> {
         match self {
-            EffectKind::TemperatureDependentFriction => Some("it needs the motor's temperature"),
+            EffectKind::TemperatureDependentFriction => Some("it needs to know how warm the joint is"),
             EffectKind::PreslidingFriction => Some("it remembers where the motion turned"),
             EffectKind::Backlash | EffectKind::JointElasticity => {
                 Some("the link behind the gear has a state of its own")

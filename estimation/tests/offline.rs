@@ -167,7 +167,7 @@ fn noise_free_records_give_the_truth() {
 fn long_records_are_filtered_span_by_span_as_they_would_be_whole() {
     let (sound, ..) = setup();
     for presliding_travel in [0.0, 0.02] {
-        let model = Model::new(sound.arm.clone(), Structure { presliding_travel, ..sound.structure.clone() });
+        let model = Model::new(sound.arm.clone(), Structure { presliding_travel, ..sound.structure });
         let base = BaseSet::new(&model).expect("clear rank");
         let truth: Vec<f64> = (0..base.len()).map(|i| 1.0 + 0.1 * i as f64).collect();
         let desired = motion(40.0, 0.0, 0.3);

@@ -2,7 +2,7 @@
 //! which nothing is wrong.
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Effect, Run, diagnose, probe};
+use rivet_diagnosis::{Effect, Past, Run, diagnose, probe};
 use rivet_logs::{ReadOptions, read};
 use rivet_simulation::{Injected, Injector, Recorded};
 use rivet_tests::shared;
@@ -14,7 +14,14 @@ fn undisturbed() -> Option<(Robot, [Run; 2])> {
         let log = read(case.join(name), &ReadOptions::new(robot.dof())).expect("a log");
         let (log, report) = log.resample(0.001).expect("an even clock");
         let tau = log.torque().expect("torque").clone();
-        Run { name: name.to_owned(), period_s: report.period_s, q: log.q, tau, temperature: log.temperature }
+        Run {
+            name: name.to_owned(),
+            period_s: report.period_s,
+            q: log.q,
+            tau,
+            temperature: log.temperature,
+            past: Past::default(),
+        }
     };
     let runs = ["log-a.parquet", "log-b.parquet"].map(run);
     Some((robot, runs))
