@@ -18,6 +18,7 @@
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
 mod background;
+mod body;
 mod bursts;
 mod design;
 mod details;
