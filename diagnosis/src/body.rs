@@ -6,9 +6,10 @@
 //! it is asked how much of what the links take one body takes alone: it loads every joint before it by its weight, so
 //! several must lose most of their gap at once.
 
+use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::evidence::joint_errors_with;
+use crate::evidence::{Belief, joint_errors_with};
 use crate::form::Form;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
@@ -22,6 +23,8 @@ const OF_JOINT: f64 = 0.5;
 const JOINTS: usize = 3;
 /// How much worse it may leave any joint, as a share of its gap.
 const WORSE: f64 = 0.1;
+/// How far the body's centre is from the last link's origin, as a share of the arm's reach.
+const OFF_FLANGE: f64 = 0.15;
 /// What is left to values of links that are held, as a share of their usual error.
 const HELD: f64 = 0.03;
 
@@ -35,7 +38,9 @@ pub(crate) fn at_flange(
     if !Residue::of(search).any_noisy() {
         return Some(None);
     }
-    let Some(candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
+    let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
+    let Some(belief) = one_body(search, &candidate) else { return Some(None) };
+    candidate.belief = belief;
     let free = search.solved(search.scale)?;
     let usual = search.design.background.std.clone();
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
@@ -73,4 +78,20 @@ pub(crate) fn at_flange(
     }
     let adoption = Adopted::new(search, &candidate, &selected.physics, gain)?;
     Some(Some((candidate, adoption)))
+}
+
+/// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
+/// others may be. Each of them free, they would take up what no body has: a negative mass far away.
+fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
+    let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
+    let reach: f64 = search.nominal.model.arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum();
+    let far = OFF_FLANGE * reach;
+    let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
+    let entry = |c: usize| match c {
+        0 => mass,
+        1..=3 => mass * far,
+        _ => mass * far * far,
+    };
+    let count = candidate.belief.std.len();
+    Some(Belief { mean: DVector::zeros(count), std: DVector::from_iterator(count, (0..count).map(entry)) })
 }

@@ -17,8 +17,6 @@ const FREE: f64 = 0.3;
 const FIXED: f64 = 0.15;
 /// Of a link's scale: a link several times as heavy as drawn is a payload.
 const LINK: f64 = 0.3;
-/// How far a body at the flange has its centre from the last link's origin, as a share of the arm's reach.
-const OFF_FLANGE: f64 = 0.15;
 
 /// Log evidence that an inner value costs: it was chosen among some twenty.
 const INNER_VALUE: f64 = 3.0;
@@ -182,14 +180,6 @@ impl<'a> Search<'a> {
         if matches!(form, Form::LinkScale { .. }) {
             return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
         }
-        // Ten columns, but one body: where its centre is says how large the others may be.
-        let far = OFF_FLANGE * self.reach();
-        if matches!(form, Form::Payload) && far > 0.0 {
-            let mass = self.free(columns, 0)?;
-            let powers = (0..count).map(|c| if c == 0 { 0 } else { 1 + i32::from(c > 3) });
-            let std = DVector::from_iterator(count, powers.map(|power| mass * far.powi(power)));
-            return Some(Belief { mean: DVector::zeros(count), std });
-        }
         for c in 0..count {
             std[c] = self.free(columns, c)?;
         }
@@ -197,7 +187,7 @@ impl<'a> Search<'a> {
     }
 
     /// Size at which a column is a share of the torque of the joint that feels it most.
-    fn free(&self, columns: &[Vec<Column>], c: usize) -> Option<f64> {
+    pub(crate) fn free(&self, columns: &[Vec<Column>], c: usize) -> Option<f64> {
         let mut least = f64::INFINITY;
         for j in 0..self.noise.len() {
             let values = columns.iter().filter_map(|own| own[c][j].as_ref()).flatten();
@@ -210,12 +200,6 @@ impl<'a> Search<'a> {
             least = least.min(ratio);
         }
         least.is_finite().then_some(FREE * least)
-    }
-
-    /// From the first joint to the last, stretched \[m\].
-    fn reach(&self) -> f64 {
-        let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
-        self.nominal.model.arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum()
     }
 
     /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of
