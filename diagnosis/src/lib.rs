@@ -8,6 +8,7 @@
 //!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
 //!         direction of friction weigh less
 //!      -> background: all values of the model, wrong by as much as CAD and data sheets usually are
+//!      -> one body at the flange, where links would take it up among them
 //!      -> candidates: every effect on every joint, inner values on a grid, then refined
 //!      -> log evidence of background + candidate; held-out blocks; what is physically possible
 //!      -> the best is adopted, again until none is worth it; those that explain the same are one class
@@ -18,6 +19,7 @@
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
 mod background;
+mod body;
 mod bursts;
 mod design;
 mod details;

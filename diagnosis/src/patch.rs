@@ -62,17 +62,12 @@ pub(crate) struct Found<'a> {
     pub(crate) upheld: Vec<&'a Adopted>,
     /// What the arm may do, for motions.
     pub(crate) bounds: &'a MotionBounds,
-    /// Forms that were withdrawn.
-    pub(crate) withdrawn: Vec<&'a Adopted>,
 }
 
-/// Makes the patch; the design loses what was withdrawn, and everything else is solved anew.
+/// Makes the patch: everything is solved anew in a design that has lost what was withdrawn.
 pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> {
     let Found { nominal, runs, .. } = found;
     let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
-    for adopted in &found.withdrawn {
-        search.design.forget(adopted.place, &adopted.mean);
-    }
     let solved = search.solved(search.scale)?;
     let mut standard = search.values(&solved.x);
     let mut gravity = nominal.model.arm.gravity;

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
+use crate::body;
 use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
@@ -26,7 +27,7 @@ use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
 use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
-use crate::values::{self, Group};
+use crate::values::{self, Group, Wrong};
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
 const LEAST_SPEED: f64 = 0.02;
@@ -190,6 +191,9 @@ impl Procedure<'_> {
         let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let mut selected = Selected::new(&search)?;
+        if let Some((candidate, adoption)) = body::at_flange(&mut search, &selected, say)? {
+            selected.adopt(&mut search, &candidate, adoption, say)?;
+        }
         selected.select(&mut search, say)?;
         let mut unsure = details::unsure(&search)?;
         let mut wrong = values::wrong(&mut search)?;
@@ -209,11 +213,11 @@ impl Procedure<'_> {
             over.join(" "),
             first.join(" ")
         ));
-        let wrong = wrong.groups;
-        let groups = wrong.clone();
+        let groups = wrong.groups.clone();
         let x = search.solved(search.scale)?.x;
         let residue = Residue::of(&search);
-        let (doubtful, sound): (Vec<Group>, Vec<Group>) = wrong.into_iter().partition(|g| residue.is_nameless(g.joint));
+        let (doubtful, sound): (Vec<Group>, Vec<Group>) =
+            groups.iter().cloned().partition(|g| residue.is_nameless(g.joint));
         let steps = Self::steps(&search, &adopted, sound, doubtful);
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
@@ -232,22 +236,22 @@ impl Procedure<'_> {
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &means, log);
+        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &x, &means, log);
         let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
         report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
+        for adopted in steps.iter().zip(&upheld).filter(|(_, u)| !**u).flat_map(|(s, _)| &s.adopted) {
+            search.design.forget(adopted.place, &adopted.mean);
+        }
+        self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means)?;
         let Some(bounds) = patch else { return Some((report, None)) };
         say("the model with what was found");
-        let of = |wanted: bool| -> Vec<&Adopted> {
-            steps.iter().zip(&upheld).filter(|(_, u)| **u == wanted).flat_map(|(s, _)| &s.adopted).collect()
-        };
         let all = || seen.iter().chain([&hidden]);
         let found = patch::Found {
             nominal: self.nominal,
             runs: all().map(|r| r.run).collect(),
             timing: all().filter_map(|r| r.extra.first()).collect(),
             bounds,
-            upheld: of(true),
-            withdrawn: of(false),
+            upheld: steps.iter().zip(&upheld).filter(|(_, u)| **u).flat_map(|(s, _)| &s.adopted).collect(),
         };
         let patch = patch::make(&mut search, &found);
         Some((report, patch))
@@ -342,6 +346,7 @@ impl Procedure<'_> {
         prediction: &Prediction,
         measured: &Stages,
         seen: &[Stages],
+        x: &DVector<f64>,
         means: &[f64],
         log: Vec<LogFinding>,
     ) -> (Diagnosis, Vec<bool>) {
@@ -375,7 +380,7 @@ impl Procedure<'_> {
                 effect: step.effect,
                 curves: exhibit::curves(self.sealed, measured, &load, &names, &shown),
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
-                magnitude: self.magnitude(search, step, means),
+                magnitude: self.magnitude(search, step, x, means),
                 shrink,
                 confidence: confidence(step, shrink, rivals.len()),
                 separating_motion: separate::motion(step.effect, &rivals),
@@ -511,9 +516,32 @@ impl Procedure<'_> {
         cells
     }
 
-    /// Sizes of all that a step adds; `means` are those of the design's columns.
-    fn magnitude(&self, search: &Search<'_>, step: &Step, means: &[f64]) -> Vec<(String, f64)> {
-        let Some(x) = search.solved(search.scale).map(|s| s.x) else { return Vec::new() };
+    /// Sizes of the causes that stand, where no other may carry a part of them: the design has lost the effects that were
+    /// withdrawn, and values that were are held as the file has them.
+    fn size(
+        &self,
+        report: &mut Diagnosis,
+        search: &mut Search<'_>,
+        wrong: &Wrong,
+        steps: &[Step],
+        upheld: &[bool],
+        means: &[f64],
+    ) -> Option<()> {
+        let withdrawn = |group: &Group| {
+            let mut fallen = steps.iter().zip(upheld).filter(|(_, upheld)| !**upheld);
+            fallen.any(|(step, _)| group.columns.iter().all(|c| step.columns.contains(c)))
+        };
+        let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| withdrawn(&wrong.groups[*at])).collect();
+        let x = wrong.without(search, &held)?.x;
+        let standing = steps.iter().zip(upheld).filter(|(_, upheld)| **upheld);
+        for (cause, (step, _)) in report.causes.iter_mut().zip(standing) {
+            cause.magnitude = self.magnitude(search, step, &x, means);
+        }
+        Some(())
+    }
+
+    /// Sizes of all that a step adds with coefficients `x`; `means` are those of the design's columns.
+    fn magnitude(&self, search: &Search<'_>, step: &Step, x: &DVector<f64>, means: &[f64]) -> Vec<(String, f64)> {
         let model = &self.nominal.model;
         let own = step.columns.iter().filter(|c| **c < self.nominal.x.len());
         let mut sizes: Vec<(String, f64)> =

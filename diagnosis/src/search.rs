@@ -182,20 +182,25 @@ impl<'a> Search<'a> {
             return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
         }
         for c in 0..count {
-            let mut least = f64::INFINITY;
-            for j in 0..self.noise.len() {
-                let values = columns.iter().filter_map(|own| own[c][j].as_ref()).flatten();
-                let (square, rows) = values.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
-                if rows == 0 || square == 0.0 {
-                    continue;
-                }
-                let torque: f64 = self.runs.iter().flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
-                let ratio = (torque / square).sqrt();
-                least = least.min(ratio);
-            }
-            std[c] = if least.is_finite() { FREE * least } else { return None };
+            std[c] = self.free(columns, c)?;
         }
         Some(Belief { mean: DVector::zeros(count), std })
+    }
+
+    /// Size at which a column is a share of the torque of the joint that feels it most.
+    pub(crate) fn free(&self, columns: &[Vec<Column>], c: usize) -> Option<f64> {
+        let mut least = f64::INFINITY;
+        for j in 0..self.noise.len() {
+            let values = columns.iter().filter_map(|own| own[c][j].as_ref()).flatten();
+            let (square, rows) = values.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+            if rows == 0 || square == 0.0 {
+                continue;
+            }
+            let torque: f64 = self.runs.iter().flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
+            let ratio = (torque / square).sqrt();
+            least = least.min(ratio);
+        }
+        least.is_finite().then_some(FREE * least)
     }
 
     /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of

@@ -43,6 +43,10 @@ fn joints(cause: &Value) -> Vec<&str> {
     cause["joints"].as_array().expect("joints").iter().filter_map(Value::as_str).collect()
 }
 
+fn magnitude(cause: &Value, name: &str) -> f64 {
+    cause["magnitude"][name].as_f64().unwrap_or_else(|| panic!("no {name} in {cause:#}"))
+}
+
 /// Gap of each joint [%], before and after.
 fn gaps(found: &Value) -> Vec<(f64, f64)> {
     let number = |v: &Value| 100.0 * v.as_f64().expect("a gap");
@@ -65,6 +69,11 @@ fn friction_that_the_file_lacks_is_named_on_all_joints_of_a_ur10e() {
     let limits = [20.0, 8.0, 8.0, 18.0, 28.0, 28.0];
     for ((before, after), limit) in gaps(&found).into_iter().zip(limits) {
         assert!(after < limit && after < 0.5 * before, "{before} -> {after} % (at most {limit} %)");
+    }
+    // Current is ahead of position in these logs, by 7 to 11 ms joint by joint where each is fitted alone at other shifts.
+    for delay in found["causes"].as_array().expect("causes").iter().filter(|c| c["effect"] == "transport_delay") {
+        let seconds = magnitude(delay, "seconds");
+        assert!((0.004..0.014).contains(&seconds), "{seconds} s");
     }
 }
 
@@ -123,9 +132,9 @@ fn a_payload_is_named_and_weighed() {
     let found = diagnose(&unloaded.join("model.toml"), &[logs.join("20_02_19_14harm50secLoad.parquet")]);
     let payload = cause(&found, "payload");
     assert!(payload["shrink"]["measured"].as_f64() > Some(0.5), "{payload}");
-    // Measured: 2.37 kg, 15.4 % light; the drive gains of this arm are known no better.
-    let mass = payload["magnitude"]["mass_kg"].as_f64().expect("a mass");
-    assert!((mass / 2.805 - 1.0).abs() < 0.2, "{mass} kg");
+    // Measured: 2.46 kg, 12.4 % light; least squares over both runs at once give 2.43 to 2.49 kg with these gains.
+    let mass = magnitude(payload, "mass_kg");
+    assert!((mass / 2.805 - 1.0).abs() < 0.15, "{mass} kg");
 }
 
 /// Torque that runs against motion: axis 6 in both runs, axes 4 and 5 in the second only, whose signs differ from the
@@ -167,4 +176,64 @@ fn the_second_payload_is_named_as_well() {
     let found = diagnose(&unloaded.join("model.toml"), &[logs.join("20_01_31-load.parquet")]);
     let payload = cause(&found, "payload");
     assert!(payload["shrink"]["measured"].as_f64() > Some(0.5), "{payload}");
+}
+
+/// Half a kilogram near the last links of a small arm whose joints all move in step: links that are each somewhat heavier
+/// explain it as well, one body is the simpler explanation. Without the load the same model lacks no body.
+#[test]
+fn a_payload_is_named_where_links_could_take_it_up() {
+    let Some(logs) = shared("data/real/airbot_play") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let unloaded = logs.join("chirp_motion_real.parquet");
+    let mut identify = rivet();
+    let file = rivet_tests::root().join("tests/robots/airbot-play/robot.toml");
+    identify.arg("identify").arg(file).arg(&unloaded).arg("--export").arg(folder.path());
+    succeed(&mut identify);
+    let model = folder.path().join("model.toml");
+    let found = diagnose(&model, &[logs.join("chirp_motion_real_loaded.parquet")]);
+    let payload = cause(&found, "payload");
+    assert!(payload["shrink"]["measured"].as_f64() > Some(0.25), "{payload}");
+    // Measured: 0.42 kg; 0.48 kg is stated.
+    let mass = magnitude(payload, "mass_kg");
+    assert!((mass / 0.48 - 1.0).abs() < 0.3, "{mass} kg");
+    let without = diagnose(&model, &[unloaded]);
+    let named: Vec<&str> =
+        without["causes"].as_array().expect("causes").iter().filter_map(|c| c["effect"].as_str()).collect();
+    assert!(!named.contains(&"payload"), "{named:?}");
+}
+
+/// Torque of the KR300's gas spring on axis 2 \[N·m\] at the log's angle q2 \[rad\], by its maker's closed form
+/// (`data/real/kuka_kr300/README.md`).
+fn gas_spring(q2: f64) -> f64 {
+    let (distance, crank, angle) = (0.8, 0.2, q2 + 5.0_f64.to_radians());
+    let length = f64::sqrt(distance * distance + crank * crank - 2.0 * distance * crank * angle.cos());
+    let area = std::f64::consts::PI * (0.055_f64.powi(2) - 0.030_f64.powi(2)) / 4.0;
+    let pressure = 1.01 * 296.8 * 328.0 * 0.159 / (0.00096 - (length - 0.6) * area);
+    distance * crank * angle.sin() / length * pressure * area
+}
+
+/// A heavy arm whose URDF has neither the payload nor the counterbalance of axis 2. Both are named, and over the angles that
+/// axis 2 visits the law found is the published one.
+#[test]
+fn payload_and_counterbalance_of_a_kr300_are_named() {
+    let Some(logs) = shared("data/real/kuka_kr300") else { return };
+    let found =
+        diagnose(&robot("kuka-kr300-r2500"), &["traj_A_10s.parquet", "traj_B_10s.parquet"].map(|r| logs.join(r)));
+    let effects: Vec<&str> =
+        found["causes"].as_array().expect("causes").iter().filter_map(|c| c["effect"].as_str()).collect();
+    assert_eq!(effects, ["payload", "counterbalance"], "{found:#}");
+    // Measured: 157 kg; 135 to 150 kg by other means.
+    let mass = magnitude(cause(&found, "payload"), "mass_kg");
+    assert!((mass / 142.0 - 1.0).abs() < 0.15, "{mass} kg");
+    let counterbalance = cause(&found, "counterbalance");
+    assert_eq!(joints(counterbalance), ["joint_a2"]);
+    let (torque, zero) = (magnitude(counterbalance, "torque_Nm"), magnitude(counterbalance, "zero_at_rad"));
+    // The model's axis 2 is the log's less a quarter of a turn; the log's runs from 0 to 0.51 rad.
+    let angles = (0..=51).map(|k| 0.01 * f64::from(k));
+    let (missed, all) = angles.fold((0.0, 0.0), |(missed, all), q2| {
+        let (law, published) = (torque * (q2 - std::f64::consts::FRAC_PI_2 - zero).sin(), gas_spring(q2));
+        (missed + (law - published).powi(2), all + published.powi(2))
+    });
+    let share = f64::sqrt(missed / all);
+    assert!(share < 0.15, "the law found misses the published one by {:.1} %", 100.0 * share);
 }

@@ -1,0 +1,97 @@
+//! A body at the flange where values of many links explain the same.
+//!
+//! All values are free beside every effect, and ten columns of a body are columns that the last link has already: on an arm
+//! that leaves far more than noise whatever is done, as measured ones do, its links take a payload up among them, each by a
+//! little more than it may be wrong. Evidence counts what they take of the model's own errors as well and prefers them. There
+//! it is asked how much of what the links take one body takes alone: it loads every joint before it by its weight, so
+//! several must lose most of their gap at once.
+
+use nalgebra::DVector;
+use rivet_dynamics::Parameter;
+
+use crate::evidence::{Belief, joint_errors_with};
+use crate::form::Form;
+use crate::residue::Residue;
+use crate::search::{Candidate, Search};
+use crate::select::{Adopted, Selected};
+
+/// Share of what the values of all links take that the body must take alone.
+const ALONE: f64 = 0.8;
+/// Share of a joint's gap that it must take ...
+const OF_JOINT: f64 = 0.5;
+/// ... on so many joints.
+const JOINTS: usize = 3;
+/// How much worse it may leave any joint, as a share of its gap.
+const WORSE: f64 = 0.1;
+/// How far the body's centre is from the last link's origin, as a share of the arm's reach.
+const OFF_FLANGE: f64 = 0.15;
+/// What is left to values of links that are held, as a share of their usual error.
+const HELD: f64 = 0.03;
+
+/// The body, where it is the simpler explanation.
+pub(crate) fn at_flange(
+    search: &mut Search<'_>,
+    selected: &Selected<'_>,
+    say: &mut dyn FnMut(&str),
+) -> Option<Option<(Candidate, Adopted)>> {
+    // Down at the noise evidence says all there is to say.
+    if !Residue::of(search).any_noisy() {
+        return Some(None);
+    }
+    let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
+    let Some(belief) = one_body(search, &candidate) else { return Some(None) };
+    candidate.belief = belief;
+    let free = search.solved(search.scale)?;
+    let usual = search.design.background.std.clone();
+    for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
+        if matches!(parameter, Parameter::Link { .. }) {
+            search.design.background.std[at] *= HELD / search.scale;
+        }
+    }
+    let held = search.solved(search.scale);
+    search.design.background.std = usual;
+    let held = held?;
+    let background = &search.design.background;
+    let joints = search.noise.len();
+    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let sum = |of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+        let blocks: Vec<Vec<f64>> = (0..background.blocks()).map(of).collect();
+        (0..joints).map(|j| blocks.iter().map(|b| b[j]).sum()).collect()
+    };
+    let before = sum(&|b| background.joint_errors(b, &held.x));
+    let links = sum(&|b| background.joint_errors(b, &free.x));
+    let body = sum(&|b| joint_errors_with(background, &candidate.cells, b, &added));
+    let taken = |left: &[f64]| -> f64 { (0..joints).map(|j| search.weights[j] * (before[j] - left[j])).sum() };
+    let share = taken(&body) / taken(&links).max(f64::MIN_POSITIVE);
+    let falls: Vec<f64> = (0..joints).map(|j| 1.0 - body[j] / before[j].max(f64::MIN_POSITIVE)).collect();
+    let gain = added.log_evidence - held.log_evidence;
+    say(&format!(
+        "a body at the flange {:.3?} takes {share:.2} of what all links take; by joint {falls:.2?}",
+        added.c.as_slice()
+    ));
+    let stands = candidate.form.plausible(added.c.as_slice())
+        && share >= ALONE
+        && falls.iter().all(|fall| *fall >= -WORSE)
+        && falls.iter().filter(|fall| **fall >= OF_JOINT).count() >= JOINTS;
+    if !stands {
+        return Some(None);
+    }
+    let adoption = Adopted::new(search, &candidate, &selected.physics, gain)?;
+    Some(Some((candidate, adoption)))
+}
+
+/// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
+/// others may be. Each of them free, they would take up what no body has: a negative mass far away.
+fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
+    let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
+    let reach: f64 = search.nominal.model.arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum();
+    let far = OFF_FLANGE * reach;
+    let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
+    let entry = |c: usize| match c {
+        0 => mass,
+        1..=3 => mass * far,
+        _ => mass * far * far,
+    };
+    let count = candidate.belief.std.len();
+    Some(Belief { mean: DVector::zeros(count), std: DVector::from_iterator(count, (0..count).map(entry)) })
+}
