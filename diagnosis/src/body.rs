@@ -13,7 +13,7 @@ use crate::evidence::{Belief, joint_errors_with};
 use crate::form::Form;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Selected};
+use crate::select::{Adopted, Found, Selected};
 
 /// Share of what the values of all links take that the body must take alone.
 const ALONE: f64 = 0.8;
@@ -29,11 +29,7 @@ const OFF_FLANGE: f64 = 0.15;
 const HELD: f64 = 0.03;
 
 /// The body, where it is the simpler explanation.
-pub(crate) fn at_flange(
-    search: &mut Search<'_>,
-    selected: &Selected<'_>,
-    say: &mut dyn FnMut(&str),
-) -> Option<Option<(Candidate, Adopted)>> {
+pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
     if !Residue::of(search).any_noisy() {
         return Some(None);

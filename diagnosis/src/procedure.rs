@@ -550,7 +550,7 @@ impl Procedure<'_> {
         for adopted in &step.adopted {
             let c: Vec<f64> =
                 (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect();
-            let values = if adopted.form.is_of_fitted() { search.values(&x) } else { self.nominal.x.clone() };
+            let values = if adopted.form.is_of_fitted() { search.values(x) } else { self.nominal.x.clone() };
             for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
