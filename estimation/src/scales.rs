@@ -8,10 +8,8 @@ use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
-/// Poses of the reference workload, each passed in both directions: friction turns with the motion and all else does not, so
-/// neither has anything of the other.
-const POSES: usize = 300;
-const STATES: usize = 2 * POSES;
+/// States of the reference workload.
+const STATES: usize = 300;
 /// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
 const SPEED_SHARE: f64 = 0.5;
 const DEFAULT_SPEED: f64 = 2.0;
@@ -239,7 +237,7 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
     let dof = model.arm.dof();
     let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     let mut seed = 0x7269_7665_7465_7374;
-    for _ in 0..POSES {
+    for _ in 0..STATES {
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
             let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
@@ -247,10 +245,6 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
             let speed = SPEED_SHARE * speed_limit(joint);
             qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
             qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
-        }
-        each(&q, &qd, &qdd);
-        for v in &mut qd {
-            *v = -*v;
         }
         each(&q, &qd, &qdd);
     }

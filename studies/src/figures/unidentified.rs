@@ -60,8 +60,8 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         title: "Poor identifiability of one parameter".into(),
         caption: "Joint 2 rests for eight seconds, trembling by a count of its encoder: the function d1 of its viscous friction x1 is zero. \
                   Unsupervised least squares with a window of 1 s drifts on noise until the joint moves. All parameters start half too high. Where coordinates are held, x1 stays \
-                  exactly, and goes on being held beside dry friction, whose column is too much like its own; where directions are held, it stays as well, and is found \
-                  within a second."
+                  exactly, and goes on being held; where directions are held, it is the torque of the reference workload that \
+                  stays: x1 gives way a little while the others find their values, and settles within a second."
             .into(),
         panels: vec![
             panel("model function d1", "time [s]", "velocity of joint 2 [rad/s]", None, vec![line("", 1, function)]),
@@ -71,8 +71,8 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         ],
         checks: vec![
             Check::most("coordinates held: x1 moves in the first 8 s by", departure(&held, start[at], 0.0, REST_S), 1e-9, Unit::Plain),
-            Check::least(
-                "coordinates held: error of x1 from 1 s after the motion begins (the loss)",
+            Check::most(
+                "coordinates held: error of x1 from 1 s after the motion begins",
                 departure(&held, truth, REST_S + 1.0, END_S),
                 0.05,
                 Unit::Percent,
