@@ -4,8 +4,9 @@ use crate::run::Run;
 
 /// Motion is told over this \[s\]: long enough for coarse encoders, short enough for reversals.
 const WINDOW_S: f64 = 0.02;
-/// Longest time between two runs that is remembered \[s\]: whatever warmed up before has cooled down.
-const LONGEST_PAUSE_S: f64 = 36_000.0;
+/// Longest time between two runs that is remembered \[s\]. What comes later is a run of its own: nobody saw what the arm did
+/// meanwhile, nor whether somebody changed it.
+const LONGEST_PAUSE_S: f64 = 60.0;
 
 /// Second by second before a run, `[joint][second]`: mean size of the speed \[rad/s\] and mean of its square \[rad²/s²\].
 /// Empty where nothing is known.
@@ -15,7 +16,10 @@ pub struct Past(Vec<Vec<[f64; 2]>>);
 impl Past {
     /// Of whoever comes `pause_s` after the end of `run`.
     pub(crate) fn after(run: &Run, pause_s: f64) -> Past {
-        let pause = pause_s.clamp(0.0, LONGEST_PAUSE_S).round() as usize;
+        if pause_s > LONGEST_PAUSE_S {
+            return Past::default();
+        }
+        let pause = pause_s.max(0.0).round() as usize;
         let each = |(j, q): (usize, &Vec<f64>)| -> Vec<[f64; 2]> {
             let mut seconds = run.past.0.get(j).cloned().unwrap_or_default();
             seconds.extend(work(q, run.period_s));
@@ -90,6 +94,13 @@ mod tests {
         for (is, due) in past.iter().zip(expected) {
             assert!(is.iter().zip(due).all(|(a, b)| (a - b).abs() < 1e-9), "{is:?} {due:?}");
         }
+    }
+
+    #[test]
+    fn after_a_long_pause_nothing_is_known() {
+        let mut runs = [run(2.0, 3), run(-0.5, 4)];
+        of_one_clock(&mut runs, &[0.0, 3.0 + 2.0 * LONGEST_PAUSE_S]);
+        assert!(runs.iter().all(|r| r.past == Past::default()));
     }
 
     /// Two logs that both begin at 0 say nothing about which was first.

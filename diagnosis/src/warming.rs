@@ -138,11 +138,13 @@ pub(crate) fn in_watts_of(form: &Form, effects: &mut [KnownEffect], joints: usiz
     }
 }
 
-/// Candidates of runs without temperatures that are long enough for something to warm up.
+/// Candidates of runs without temperatures, one of which is long enough by itself for something to warm up: a joint that is
+/// not what it was in another short log has been changed as likely as warmed.
 pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
     let Some(first) = physics.first() else { return Vec::new() };
+    let longest_s = physics.iter().map(|p| p.run.seconds()).fold(0.0, f64::max);
     let span_s = physics.iter().map(|p| p.run.past.seconds() + p.run.seconds()).fold(0.0, f64::max);
-    if span_s < LEAST_S || physics.iter().any(|p| p.run.temperature.is_some()) {
+    if longest_s < LEAST_S || physics.iter().any(|p| p.run.temperature.is_some()) {
         return Vec::new();
     }
     let n = first.joints();

@@ -242,6 +242,21 @@ fn a_short_log_has_no_time_to_warm_up() {
     assert!(found.causes.is_empty() && !considered(&found), "{:?}", found.causes);
 }
 
+/// A joint that was another one in the first of several short logs was changed, or it was another day: no log shows it warming.
+#[test]
+fn short_logs_that_differ_do_not_make_a_long_one() {
+    let robot = arm();
+    let mut work = Work { viscous: 0.8, ..Work::new(&robot, 9) };
+    let mut runs = vec![work.log(40.0, even)];
+    work.viscous = 1.0;
+    runs.extend((0..3).map(|_| work.log(40.0, even)));
+    for apart in [60.0, 160.0, 86_400.0] {
+        let mut runs = runs.clone();
+        of_one_clock(&mut runs, &[0.0, apart, 2.0 * apart, 3.0 * apart]);
+        assert!(!considered(&found(&robot, runs)), "{apart} s apart");
+    }
+}
+
 /// A second log that follows at once begins as warm as the first one ended, and slower work lets the joint cool down. Without
 /// a clock that tells, what was found in a cold joint does not hold in a warm one.
 #[test]

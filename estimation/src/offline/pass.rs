@@ -203,6 +203,9 @@ impl<'a> Source<'a> {
 
     /// The next sample of the continued record will be `at`: friction has slid as far as before it.
     fn begin(&mut self, at: usize) {
+        if self.model.structure.presliding_travel <= 0.0 {
+            return;
+        }
         let mut q = vec![0.0; self.model.arm.dof()];
         for k in self.padding + 1..at.saturating_sub(self.padding) {
             for (slip, motion) in self.slips.iter_mut().zip([self.measured, self.second]) {
