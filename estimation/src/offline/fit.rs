@@ -239,14 +239,21 @@ impl Solution {
     ///
     /// Least squares: (Σ w DᵀD + P⁻¹)⁻¹. Instruments: A⁻¹ (Σ w ZᵀZ + P⁻¹) A⁻ᵀ with A = Σ w ZᵀD + P⁻¹.
     pub(super) fn covariance(&self, method: Method) -> DMatrix<f64> {
+        // As B·Bᵀ: rounding in what the data hardly see then leaves every variance positive.
+        let squared = |b: DMatrix<f64>| &b * b.transpose();
         if method == Method::LeastSquares {
-            return self.inverse.clone();
+            let eigen = self.left.clone().symmetric_eigen();
+            let least = f64::EPSILON * eigen.eigenvalues.len() as f64 * eigen.eigenvalues.max();
+            let std = eigen.eigenvalues.map(|value| 1.0 / value.max(least).sqrt());
+            return squared(eigen.eigenvectors * DMatrix::from_diagonal(&std));
         }
         let mut middle = self.spread.clone();
         for i in 0..self.x.len() {
             middle[(i, i)] += self.prior[i];
         }
-        &self.inverse * middle * self.inverse.transpose()
+        let eigen = middle.symmetric_eigen();
+        let root = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+        squared(&self.inverse * eigen.eigenvectors * DMatrix::from_diagonal(&root))
     }
 
     /// Covariance, scaled, with what the colour of the residuals makes of it.
