@@ -40,7 +40,7 @@ struct Sums {
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
-    let pieces = whole_pieces(log)?;
+    let pieces = whole_pieces(robot, log)?;
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
@@ -53,7 +53,7 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
 pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    let pieces = whole_pieces(log)?;
+    let pieces = whole_pieces(robot, log)?;
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         compare(robot, piece, &predicted, &mut sums)?;
@@ -61,9 +61,11 @@ pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
     Ok(sums.iter().map(|s| percent(s.filtered)).collect())
 }
 
-/// The pieces of a log between holes; no row is left over.
-fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
-    let pieces = runs::pieces(log, log.median_step_s())?;
+/// The pieces of a log between holes; no row is left over. On the grid of identification: friction under load has the size of the
+/// links' torque, and second differences of quantised positions at five times the rate are noise twenty-five times as large,
+/// which no filter takes out of an absolute value.
+fn whole_pieces(robot: &Robot, log: &Log) -> Result<Vec<Piece>> {
+    let pieces = runs::pieces(log, robot.config.sample_period_s)?;
     let rows: usize = pieces.iter().map(|p| p.logged_t.len()).sum();
     if rows != log.len() {
         bail!(
@@ -83,7 +85,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
     let log = runs::read_log(&robot, &args.log)?;
-    let pieces = whole_pieces(&log)?;
+    let pieces = whole_pieces(&robot, &log)?;
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);

@@ -10,21 +10,24 @@
 //! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
 //! ```
 //!
-//! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
+//! P is the [`Prior`] around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
 mod covariance;
 mod delay;
 mod fit;
 mod pass;
+mod prior;
 mod record;
 mod rows;
 mod sums;
+mod trust;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
 pub use delay::{Delay, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
+pub use prior::{Belief, Prior, Trust};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sums::Equations;

@@ -1,0 +1,127 @@
+//! How far nominal values are trusted, chosen by the evidence of the rows.
+//!
+//! ```text
+//! −2 ln p(τ|P) = Σ w‖τ − D·x₀‖² − bᵀA⁻¹b + ln det A + const
+//! A = LᵀΣw DᵀD·L + 1,   b = LᵀΣw Dᵀ(τ − D·x₀),   P = L·Lᵀ
+//! ```
+//!
+//! A narrow prior around wrong values leaves torque unexplained, a wide one spends its probability on arms that are not this
+//! one; the most probable lies between (empirical Bayes). Rows are weighed by the noise and the colour of a fit that the data
+//! alone decide, as in [`fit`](super::fit()). Nothing is left out and nothing is drawn, so the choice costs a few solutions
+//! of the equations and hangs on no cut of the record.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use rivet_dynamics::{BaseSet, Model};
+
+use super::fit::{Method, Noise, normals};
+use super::prior::{Belief, Prior, Trust};
+use super::record::OfflineError;
+use super::sums::{Equations, Normal};
+
+/// What is tried of bodies and of friction. No file is believed to be right to better than a tenth: friction changes by more
+/// from morning to noon, and one number for all joints is the wrong one for some.
+const BELIEFS: [Belief; 11] = [
+    Belief::Nominal(0.1),
+    Belief::Nominal(0.3),
+    Belief::Nominal(1.0),
+    Belief::Nominal(3.0),
+    Belief::Nominal(10.0),
+    Belief::Nominal(30.0),
+    Belief::Nothing(0.03),
+    Belief::Nothing(0.1),
+    Belief::Nothing(0.3),
+    Belief::Nothing(1.0),
+    Belief::Nothing(3.0),
+];
+/// Turns of bodies and friction.
+const TURNS: usize = 3;
+
+impl Trust {
+    /// The most probable trust. Bodies and friction are chosen in turns.
+    ///
+    /// * `nominal`: standard parameters
+    /// * `wide`: by how much less than usual nominal values are trusted
+    ///
+    /// # Errors
+    /// When shapes differ, a joint stands still, or the equations have no solution.
+    pub fn evident(
+        equations: &Equations<'_>,
+        model: &Model,
+        base: &BaseSet,
+        nominal: &[f64],
+        wide: f64,
+    ) -> Result<Trust, OfflineError> {
+        let prior = |trust: Trust| Prior::new(model, base, nominal, trust, wide);
+        let mut best = Trust::default();
+        let weights = Noise::new(equations, &prior(best))?.weights();
+        let joints = normals(equations, base.len(), Method::LeastSquares);
+        let sums = Sums::new(&joints, &weights);
+        let mut most = sums.evidence(&prior(best), &joints);
+        for _ in 0..TURNS {
+            let before = best;
+            for choose in [Trust::with_bodies, Trust::with_friction] {
+                let found: Vec<(Trust, f64)> = BELIEFS
+                    .par_iter()
+                    .map(|belief| choose(best, *belief))
+                    .map(|trust| (trust, sums.evidence(&prior(trust), &joints)))
+                    .collect();
+                for (trust, evidence) in found {
+                    if evidence > most {
+                        (best, most) = (trust, evidence);
+                    }
+                }
+            }
+            if best == before {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    fn with_bodies(self, bodies: Belief) -> Trust {
+        Trust { bodies, ..self }
+    }
+
+    fn with_friction(self, friction: Belief) -> Trust {
+        Trust { friction, ..self }
+    }
+}
+
+/// Weighed sums over all joints: Σw DᵀD, Σw Dᵀτ, Σw τ².
+struct Sums {
+    dd: DMatrix<f64>,
+    dt: DVector<f64>,
+    tt: f64,
+}
+
+impl Sums {
+    fn new(joints: &[Normal], weights: &[f64]) -> Sums {
+        let k = joints.first().map_or(0, |joint| joint.zt.len());
+        let mut sums = Sums { dd: DMatrix::zeros(k, k), dt: DVector::zeros(k), tt: 0.0 };
+        for (joint, w) in joints.iter().zip(weights) {
+            sums.dd += &joint.dd * *w;
+            sums.dt += &joint.zt * *w;
+            sums.tt += joint.torque_square * w;
+        }
+        sums
+    }
+
+    /// ln p of the rows, but for what all priors share; −∞ where it cannot be told.
+    fn evidence(&self, prior: &Prior, joints: &[Normal]) -> f64 {
+        let x0 = DVector::from_column_slice(&prior.centre);
+        let Some(root) = prior.root(joints) else { return f64::NEG_INFINITY };
+        let mut left = root.tr_mul(&(&self.dd * &root));
+        for i in 0..x0.len() {
+            left[(i, i)] += 1.0;
+        }
+        let bent = &self.dd * &x0;
+        let right = root.tr_mul(&(&self.dt - &bent));
+        let Some(factor) = left.cholesky() else { return f64::NEG_INFINITY };
+        let Some(half) = factor.l().solve_lower_triangular(&right) else { return f64::NEG_INFINITY };
+        let unexplained = self.tt - 2.0 * self.dt.dot(&x0) + bent.dot(&x0) - half.norm_squared();
+        let determinant: f64 = factor.l().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+        let evidence = -0.5 * (unexplained.max(0.0) + determinant);
+        if evidence.is_finite() { evidence } else { f64::NEG_INFINITY }
+    }
+}
