@@ -9,9 +9,11 @@ use crate::background::{Nominal, standard_columns};
 use crate::evidence::{Background, CandidateCell, Cell};
 use crate::form::Form;
 use crate::known;
+use crate::local::{Stretch, StretchCell};
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
+use crate::search::Candidate;
 
 /// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
@@ -225,6 +227,8 @@ impl Design {
             blocks: Vec::new(),
             background: Background {
                 cells: Vec::new(),
+                folds: Vec::new(),
+                local: Vec::new(),
                 std: DVector::from_iterator(k, nominal.std.iter().chain(extra_std).copied()),
                 scaled: nominal
                     .model
@@ -333,17 +337,39 @@ impl Design {
                 cell.yy = y.norm_squared();
             }
         }
+        self.background.fold_up();
+        let mut local = std::mem::take(&mut self.background.local);
+        self.aim(&mut local);
+        self.background.local = local;
     }
 
     /// A candidate's products with the left-hand side anew.
-    pub(crate) fn retarget(&self, columns: &[Vec<Column>], cells: &mut [CandidateCell]) {
-        for cell in cells {
-            let block = &self.blocks[cell.block];
-            let y = &self.y[block.run][cell.joint];
-            let root = &self.root[block.run][cell.joint];
-            for (c, column) in columns[block.run].iter().enumerate() {
-                let Some(values) = &column[cell.joint] else { continue };
-                cell.cy[c] = block.rows.clone().map(|k| values[k] * root[k] * y[k]).sum();
+    pub(crate) fn retarget(&self, candidate: &mut Candidate) {
+        for cell in &mut candidate.cells {
+            for (c, cy) in cell.cy.iter_mut().enumerate() {
+                let blocks = self.blocks.iter().enumerate().filter(|(b, _)| self.background.fold(*b) == cell.fold);
+                *cy = blocks
+                    .map(|(_, block)| {
+                        let Some(values) = &candidate.columns[block.run][c][cell.joint] else { return 0.0 };
+                        let (y, root) = (&self.y[block.run][cell.joint], &self.root[block.run][cell.joint]);
+                        block.rows.clone().map(|k| values[k] * root[k] * y[k]).sum::<f64>()
+                    })
+                    .sum();
+            }
+        }
+        self.aim(&mut candidate.local);
+    }
+
+    /// Products of stretches with the left-hand side anew.
+    fn aim(&self, stretches: &mut [Stretch]) {
+        for stretch in stretches {
+            for cell in &mut stretch.cells {
+                let (rows, own) = overlap(&stretch.rows, &self.blocks[cell.block].rows);
+                let y = &self.y[stretch.run][cell.joint].as_slice()[rows.clone()];
+                let root = &self.root[stretch.run][cell.joint][rows];
+                for (cy, column) in cell.cy.iter_mut().zip(&stretch.columns) {
+                    *cy = dot(&weighted(&column[cell.joint][own.clone()], root), y);
+                }
             }
         }
     }
@@ -364,48 +390,119 @@ impl Design {
         self.present = self.d.iter().map(|run| run.iter().map(present).collect()).collect();
         let cells = self.blocks.iter().map(|b| (0..self.joints()).map(|j| cell(b, j)).collect()).collect();
         self.background.cells = cells;
+        self.background.fold_up();
+        let mut local = std::mem::take(&mut self.background.local);
+        for stretch in &mut local {
+            stretch.cells = self.stretch(stretch);
+        }
+        self.background.local = local;
+    }
+
+    /// Products of a stretch's columns, by block and joint.
+    pub(crate) fn stretch(&self, stretch: &Stretch) -> Vec<StretchCell> {
+        let mut cells = Vec::new();
+        for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.run == stretch.run) {
+            let (rows, own) = overlap(&stretch.rows, &block.rows);
+            if rows.is_empty() {
+                continue;
+            }
+            for joint in 0..self.joints() {
+                let root = &self.root[block.run][joint][rows.clone()];
+                let columns = stretch.columns.iter().map(|column| Some(weighted(&column[joint][own.clone()], root)));
+                let columns: Vec<Option<Vec<f64>>> = columns.collect();
+                let count = columns.len();
+                let (mut cd, mut cc) = (DMatrix::zeros(count, self.background.std.len()), DMatrix::zeros(count, count));
+                let mut cy = DVector::zeros(count);
+                self.products(&columns, block.run, joint, &rows, (&mut cd, &mut cc, &mut cy));
+                cells.push(StretchCell { block: b, joint, cd, cc, cy });
+            }
+        }
+        cells
+    }
+
+    /// Adds products of weighted columns over `rows` to sums.
+    fn products(
+        &self,
+        columns: &[Option<Vec<f64>>],
+        run: usize,
+        joint: usize,
+        rows: &Range<usize>,
+        (cd, cc, cy): (&mut DMatrix<f64>, &mut DMatrix<f64>, &mut DVector<f64>),
+    ) {
+        // Columns lie one behind the other.
+        let (d, height) = (self.d[run][joint].as_slice(), self.root[run][joint].len());
+        let y = &self.y[run][joint].as_slice()[rows.clone()];
+        for (c, column) in columns.iter().enumerate() {
+            let Some(column) = column else { continue };
+            for k in &self.present[run][joint] {
+                cd[(c, *k)] += dot(column, &d[k * height..][rows.clone()]);
+            }
+            for (other, values) in columns.iter().enumerate().take(c + 1) {
+                let product = values.as_ref().map_or(0.0, |values| dot(column, values));
+                cc[(c, other)] += product;
+                if other < c {
+                    cc[(other, c)] += product;
+                }
+            }
+            cy[c] += dot(column, y);
+        }
     }
 
     /// Products of a candidate, `columns[run][column]`.
     pub(crate) fn candidate(&self, columns: &[Vec<Column>]) -> Vec<CandidateCell> {
-        let mut cells = Vec::new();
+        let mut cells: Vec<CandidateCell> = Vec::new();
+        let count = columns.first().map_or(0, Vec::len);
         for (b, block) in self.blocks.iter().enumerate() {
+            let fold = self.background.fold(b);
             for joint in 0..self.joints() {
                 let own = &columns[block.run];
                 if own.iter().all(|column| column[joint].is_none()) {
                     continue;
                 }
-                let rows = block.rows.clone();
-                let root = &self.root[block.run][joint][rows.clone()];
-                let weighted: Vec<Option<Vec<f64>>> = own
-                    .iter()
-                    .map(|column| {
-                        let values = &column[joint].as_ref()?[rows.clone()];
-                        Some(values.iter().zip(root).map(|(v, w)| v * w).collect())
-                    })
-                    .collect();
-                // Columns lie one behind the other.
-                let (d, height) = (self.d[block.run][joint].as_slice(), self.root[block.run][joint].len());
-                let y = &self.y[block.run][joint].as_slice()[rows.clone()];
-                let mut cd = DMatrix::zeros(own.len(), self.background.std.len());
-                let mut cc = DMatrix::zeros(own.len(), own.len());
-                let mut cy = DVector::zeros(own.len());
-                for (c, column) in weighted.iter().enumerate() {
-                    let Some(column) = column else { continue };
-                    for k in &self.present[block.run][joint] {
-                        cd[(c, *k)] = dot(column, &d[k * height..][rows.clone()]);
+                let root = &self.root[block.run][joint][block.rows.clone()];
+                let of = |column: &Column| Some(weighted(&column[joint].as_ref()?[block.rows.clone()], root));
+                let columns: Vec<Option<Vec<f64>>> = own.iter().map(of).collect();
+                let at = cells.iter().rposition(|cell| (cell.fold, cell.joint) == (fold, joint)).unwrap_or_else(|| {
+                    let (cd, cc) = (DMatrix::zeros(count, self.background.std.len()), DMatrix::zeros(count, count));
+                    cells.push(CandidateCell { fold, joint, cd, cc, cy: DVector::zeros(count), cross: Vec::new() });
+                    cells.len() - 1
+                });
+                let CandidateCell { cd, cc, cy, cross, .. } = &mut cells[at];
+                self.products(&columns, block.run, joint, &block.rows, (cd, cc, cy));
+                for (at, stretch) in self.background.local.iter().enumerate().filter(|(_, s)| s.run == block.run) {
+                    let (rows, local) = overlap(&stretch.rows, &block.rows);
+                    if rows.is_empty() {
+                        continue;
                     }
-                    for (other, values) in weighted.iter().enumerate().take(c + 1) {
-                        let product = values.as_ref().map_or(0.0, |values| dot(column, values));
-                        cc[(c, other)] = product;
-                        cc[(other, c)] = product;
+                    if cross.last().is_none_or(|(last, _)| *last != at) {
+                        cross.push((at, DMatrix::zeros(stretch.columns.len(), count)));
                     }
-                    cy[c] = dot(column, y);
+                    let Some((_, sum)) = cross.last_mut() else { continue };
+                    let root = &self.root[block.run][joint][rows.clone()];
+                    let inside = rows.start - block.rows.start..rows.end - block.rows.start;
+                    for (i, own) in stretch.columns.iter().enumerate() {
+                        let own = weighted(&own[joint][local.clone()], root);
+                        for (c, column) in columns.iter().enumerate() {
+                            let Some(column) = column else { continue };
+                            sum[(i, c)] += dot(&own, &column[inside.clone()]);
+                        }
+                    }
                 }
-                cells.push(CandidateCell { block: b, joint, cd, cc, cy });
             }
         }
         cells
+    }
+
+    /// Torque of the background's stretches \[N·m\] with their coefficients, `[run][joint][row]`.
+    pub(crate) fn local_torque(&self, coefficients: &[DVector<f64>]) -> Vec<Vec<Vec<f64>>> {
+        let mut torque: Vec<Vec<Vec<f64>>> =
+            self.root.iter().map(|run| run.iter().map(|root| vec![0.0; root.len()]).collect()).collect();
+        for (stretch, c) in self.background.local.iter().zip(coefficients) {
+            for (j, to) in torque[stretch.run].iter_mut().enumerate() {
+                to[stretch.rows.clone()].copy_from_slice(&stretch.torque(j, c));
+            }
+        }
+        torque
     }
 
     /// Makes a candidate part of the background: a mean other than zero moves to the left-hand side.
@@ -435,7 +532,10 @@ impl Design {
     }
 
     /// Undoes [`adopt`](Self::adopt): the columns from `place` on, as many as means, are nothing from now on.
-    pub(crate) fn forget(&mut self, place: usize, mean: &[f64]) {
+    pub(crate) fn forget(&mut self, form: &Form, place: usize, mean: &[f64]) {
+        if matches!(form, Form::Force { .. }) {
+            self.background.local.clear();
+        }
         for (d, y) in self.d.iter_mut().flatten().zip(self.y.iter_mut().flatten()) {
             for (c, mean) in mean.iter().enumerate() {
                 let column = d.column(place + c).into_owned();
@@ -446,11 +546,31 @@ impl Design {
         self.multiply();
     }
 
-    /// Weighted residual of coefficients, `[run][joint]`.
-    pub(crate) fn residuals(&self, x: &DVector<f64>) -> Vec<Vec<DVector<f64>>> {
+    /// Weighted residual of coefficients and of those of stretches, `[run][joint]`.
+    pub(crate) fn residuals(&self, x: &DVector<f64>, stretches: &[DVector<f64>]) -> Vec<Vec<DVector<f64>>> {
         let of = |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
-        self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect()
+        let mut all: Vec<Vec<DVector<f64>>> = self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect();
+        for (stretch, c) in self.background.local.iter().zip(stretches) {
+            for (j, left) in all[stretch.run].iter_mut().enumerate() {
+                let root = &self.root[stretch.run][j];
+                for (k, torque) in stretch.rows.clone().zip(stretch.torque(j, c)) {
+                    left[k] -= root[k] * torque;
+                }
+            }
+        }
+        all
     }
+}
+
+/// Rows that a stretch and a block share: of the run, and of the stretch.
+fn overlap(stretch: &Range<usize>, block: &Range<usize>) -> (Range<usize>, Range<usize>) {
+    let rows = stretch.start.max(block.start)..stretch.end.min(block.end);
+    let own = rows.start.saturating_sub(stretch.start)..rows.end.saturating_sub(stretch.start);
+    (rows, own)
+}
+
+fn weighted(values: &[f64], root: &[f64]) -> Vec<f64> {
+    values.iter().zip(root).map(|(v, w)| v * w).collect()
 }
 
 /// Sum of products, in lanes that processors add side by side.
@@ -474,6 +594,8 @@ fn doubt_weights(doubt: &[f64], noise: f64) -> Vec<f64> {
 
 /// Most rows per independent row: a longer memory is an effect, not noise, and must not hide itself.
 const LONGEST_MEMORY: f64 = 6.0;
+/// Most lags that are looked at: of a longer log more of them would be a cost of its square.
+const LAGS: usize = 500;
 
 /// `1 + 2 Σ ρ_k` while the autocorrelation is positive: rows per independent row, at most [`LONGEST_MEMORY`].
 pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
@@ -484,7 +606,7 @@ pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
     if power <= 0.0 {
         return 1.0;
     }
-    let longest = records.iter().map(|e| e.len()).min().unwrap_or(0) / 8;
+    let longest = (records.iter().map(|e| e.len()).min().unwrap_or(0) / 8).min(LAGS);
     let mut sum = 1.0;
     for lag in 1..longest {
         let share = product(lag) / power;

@@ -21,6 +21,7 @@
 mod background;
 mod body;
 mod bursts;
+mod contact;
 mod design;
 mod details;
 mod effect;
@@ -34,6 +35,7 @@ mod known;
 mod ladder;
 mod leftover;
 mod library;
+mod local;
 mod log_check;
 mod magnitude;
 mod motions;

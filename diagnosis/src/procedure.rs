@@ -9,6 +9,7 @@ use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::exhibit::{self, Shown};
+use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
@@ -214,7 +215,9 @@ impl Procedure<'_> {
             first.join(" ")
         ));
         let groups = wrong.groups.clone();
-        let x = search.solved(search.scale)?.x;
+        let solved = search.solved(search.scale)?;
+        let contact = search.design.local_torque(&solved.stretches);
+        let x = solved.x;
         let residue = Residue::of(&search);
         let (doubtful, sound): (Vec<Group>, Vec<Group>) =
             groups.iter().cloned().partition(|g| residue.is_nameless(g.joint));
@@ -222,7 +225,7 @@ impl Procedure<'_> {
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
             .collect();
-        let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));
+        let seen = self.look.iter().zip(&contact).map(|(run, contact)| self.columns(run, &adopted, Some(contact)));
         let seen: Vec<RunColumns<'_>> = seen.collect();
         let hidden = self.columns(self.sealed, &adopted, None);
         let remainder = remainder(&search, &steps, self.nominal.x.len());
@@ -240,7 +243,7 @@ impl Procedure<'_> {
         let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
         report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
         for adopted in steps.iter().zip(&upheld).filter(|(_, u)| !**u).flat_map(|(s, _)| &s.adopted) {
-            search.design.forget(adopted.place, &adopted.mean);
+            search.design.forget(&adopted.form, adopted.place, &adopted.mean);
         }
         self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means)?;
         let Some(bounds) = patch else { return Some((report, None)) };
@@ -325,12 +328,22 @@ impl Procedure<'_> {
         steps
     }
 
-    /// A run with the columns that were added to the model's own, in the order of the design.
-    fn columns<'b>(&'b self, run: &'b Prepared, adopted: &[Adopted], index: Option<usize>) -> RunColumns<'b> {
-        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index).beside(&run.known);
+    /// A run with the columns that were added to the model's own, in the order of the design. `contact`: its torque, where
+    /// the run was looked at.
+    fn columns<'b>(
+        &'b self,
+        run: &'b Prepared,
+        adopted: &[Adopted],
+        contact: Option<&Vec<Vec<f64>>>,
+    ) -> RunColumns<'b> {
+        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x).beside(&run.known);
         let mut extra: Vec<Column> = run.unnamed(self.nominal, &nominal);
         for adopted in adopted {
-            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index).beside(&run.known);
+            if let (Form::Force { .. }, Some(contact)) = (&adopted.form, contact) {
+                extra.push(contact.iter().cloned().map(Some).collect());
+                continue;
+            }
+            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values).beside(&run.known);
             let mut columns = run.columns(&adopted.form, &physics);
             // A run without the signal that the form needs is not changed by it.
             columns.resize(adopted.mean.len(), vec![None; run.tau.len()]);
@@ -548,8 +561,11 @@ impl Procedure<'_> {
             own.map(|c| (model.parameters[*c].name(&model.arm), self.nominal.x[*c] + x[*c])).collect();
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
-            let c: Vec<f64> =
-                (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect();
+            let contact = matches!(adopted.form, Form::Force { .. }).then(|| search.solved(search.scale)).flatten();
+            let c: Vec<f64> = match contact {
+                Some(solved) => solved.stretches.iter().flatten().copied().collect(),
+                None => (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect(),
+            };
             let values = if adopted.form.is_of_fitted() { search.values(x) } else { self.nominal.x.clone() };
             for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =
