@@ -416,9 +416,12 @@ mod tests {
             let c = DMatrix::from_fn(1, rows, |_, k| (0.6 * at(k)).sin());
             let y = &d * DVector::from_column_slice(&truth[..2]) + c.transpose() * DVector::from_element(1, truth[2]);
             cells.push(vec![Cell { dd: d.transpose() * &d, dy: d.transpose() * &y, yy: y.norm_squared(), rows: 40.0 }]);
-            own.push(CandidateCell { block, joint: 0, cd: &c * &d, cc: &c * c.transpose(), cy: &c * &y });
+            let (cd, cc, cy) = (&c * &d, &c * c.transpose(), &c * &y);
+            own.push(CandidateCell { fold: block * FOLDS / 3, joint: 0, cd, cc, cy, cross: Vec::new() });
         }
-        let background = Background { cells, std: DVector::from_element(2, 10.0), scaled: vec![true, false] };
+        let (std, scaled) = (DVector::from_element(2, 10.0), vec![true, false]);
+        let mut background = Background { cells, folds: Vec::new(), local: Vec::new(), std, scaled };
+        background.fold_up();
         (background, own)
     }
 
@@ -432,7 +435,7 @@ mod tests {
         let (background, own) = example([1.0, -2.0, 0.5]);
         let (weights, scale) = ([4.0], 0.5);
         let added = background
-            .solve(&weights, scale, 0..3)
+            .solve(&weights, scale, &[0, 1, 2])
             .and_then(|s| s.add(&own, &belief(), &weights, |_| true))
             .expect("well conditioned");
         let mut whole = background.clone();
@@ -449,12 +452,13 @@ mod tests {
             let dy = DVector::from_fn(3, |i, _| if i == 2 { c.cy[0] } else { old.dy[i] });
             cell[0] = Cell { dd, dy, yy: old.yy, rows: old.rows };
         }
-        let at_once = whole.solve(&weights, scale, 0..3).expect("well conditioned");
+        whole.fold_up();
+        let at_once = whole.solve(&weights, scale, &[0, 1, 2]).expect("well conditioned");
         assert!((at_once.log_evidence - added.log_evidence).abs() < 1e-8);
         assert!((at_once.x[2] - added.c[0]).abs() < 1e-10);
         assert!((at_once.x.rows(0, 2) - &added.x).norm() < 1e-10);
-        let errors: f64 = (0..3).map(|b| joint_errors_with(&background, &own, b, &added)[0]).sum();
-        let direct: f64 = (0..3).map(|b| whole.joint_errors(b, &at_once.x)[0]).sum();
+        let errors: f64 = (0..FOLDS).map(|f| background.fold_errors_with(&own, &[], f, &added)[0]).sum();
+        let direct: f64 = (0..FOLDS).map(|f| whole.fold_errors(f, &at_once)[0]).sum();
         assert!((errors - direct).abs() < 1e-9, "{errors} {direct}");
     }
 
@@ -462,7 +466,7 @@ mod tests {
     fn evidence_prefers_what_is_there_and_only_that() {
         for (coefficient, better) in [(0.5, true), (0.0, false)] {
             let (background, own) = example([1.0, -2.0, coefficient]);
-            let solved = background.solve(&[4.0], 1.0, 0..3).expect("well conditioned");
+            let solved = background.solve(&[4.0], 1.0, &[0, 1, 2]).expect("well conditioned");
             let added = solved.add(&own, &belief(), &[4.0], |_| true).expect("well conditioned");
             assert_eq!(added.log_evidence > solved.log_evidence, better, "coefficient {coefficient}");
         }
@@ -472,7 +476,7 @@ mod tests {
     #[test]
     fn a_known_gain_beats_a_free_one() {
         let (background, own) = example([1.0, -2.0, 1.0]);
-        let solved = background.solve(&[4.0], 1.0, 0..3).expect("well conditioned");
+        let solved = background.solve(&[4.0], 1.0, &[0, 1, 2]).expect("well conditioned");
         let known = Belief { mean: DVector::from_element(1, 1.0), std: DVector::from_element(1, 0.1) };
         let free = solved.add(&own, &belief(), &[4.0], |_| true).expect("well conditioned");
         let fixed = solved.add(&own, &known, &[4.0], |_| true).expect("well conditioned");

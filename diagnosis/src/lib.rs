@@ -47,6 +47,7 @@ mod physics;
 mod power;
 mod predict;
 mod procedure;
+mod products;
 mod refine;
 mod regimes;
 mod report;
