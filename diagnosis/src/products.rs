@@ -102,10 +102,13 @@ impl Design {
                 });
                 let CandidateCell { cd, cc, cy, cross, .. } = &mut cells[at];
                 self.products(&columns, block.run, joint, &block.rows, (cd, cc, cy));
-                for (at, stretch) in self.background.local.iter().enumerate().filter(|(_, s)| s.run == block.run) {
+                // Stretches stand in the order of time, and no two share a row.
+                let all = &self.background.local;
+                let first = all.partition_point(|s| (s.run, s.rows.end) <= (block.run, block.rows.start));
+                for (at, stretch) in all.iter().enumerate().skip(first) {
                     let (rows, local) = overlap(&stretch.rows, &block.rows);
-                    if rows.is_empty() {
-                        continue;
+                    if stretch.run != block.run || rows.is_empty() {
+                        break;
                     }
                     if cross.last().is_none_or(|(last, _)| *last != at) {
                         cross.push((at, DMatrix::zeros(stretch.columns.len(), count)));
