@@ -383,10 +383,18 @@ impl Solved {
         let c = deviation + m;
         // x = A⁻¹(b − Dᵀc) = L⁻ᵀ(L⁻¹b − v c)
         let x = self.factor.l_dirty().tr_solve_lower_triangular(&(&self.forward - &v * &c))?;
-        let with = |at: usize| sums.cross.get(at).and_then(Option::as_ref).map(|cross| cross * &c);
-        let stretches =
-            self.local.iter().enumerate().map(|(at, own)| own.coefficients(&x, with(at).as_ref())).collect();
+        let stretches = self.stretches_beside(&x, Some((sums, &c)));
         Some(Added { c, x, stretches, log_evidence })
+    }
+
+    /// Coefficients of stretches beside others than those that were solved for, and beside a candidate of these sums.
+    pub(crate) fn stretches_beside(
+        &self,
+        x: &DVector<f64>,
+        candidate: Option<(&CandidateSums, &DVector<f64>)>,
+    ) -> Vec<DVector<f64>> {
+        let with = |at: usize| candidate.and_then(|(sums, c)| Some(sums.cross.get(at)?.as_ref()? * c));
+        self.local.iter().enumerate().map(|(at, own)| own.coefficients(x, with(at).as_ref())).collect()
     }
 
     /// As a candidate whose stretches this was solved with, behind the `before` of the background.

@@ -310,16 +310,24 @@ impl<'a> Search<'a> {
     /// background leaves less what it leaves with the candidate, both fitted without the fold.
     pub(crate) fn held_out(&self, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
         let (background, local) = (&self.design.background, &candidate.local);
+        // Contact is told by what holds beside it, also in the fold: no other blocks felt it, and what is left of it would be
+        // to the credit of whatever bends there.
+        let whole = self.solved(self.scale)?;
+        let sums = whole.sums(&candidate.cells, &self.weights, |_| true);
         let mut gains = Vec::with_capacity(FOLDS);
         for fold in 0..FOLDS {
             let keep = |other: usize| other != fold;
-            let solved = background.solve_folds(&self.weights, self.scale, &[], keep)?;
-            let added = if local.is_empty() {
+            let mut solved = background.solve_folds(&self.weights, self.scale, &[], keep)?;
+            let mut added = if local.is_empty() {
                 solved.add(&candidate.cells, &candidate.belief, &self.weights, keep)?
             } else {
                 let with = background.solve_folds(&self.weights, self.scale, local, keep)?;
                 with.with_stretches(background.local.len())
             };
+            if let Some(sums) = &sums {
+                solved.stretches = whole.stretches_beside(&solved.x, None);
+                added.stretches = whole.stretches_beside(&added.x, Some((sums, &added.c)));
+            }
             let without = background.fold_errors(fold, &solved);
             let with = background.fold_errors_with(&candidate.cells, local, fold, &added);
             gains.push(without.iter().zip(with).map(|(without, with)| without - with).collect());
