@@ -76,7 +76,7 @@ pub(crate) fn eliminated<'a>(
             half.solve_lower_triangular_mut(&mut v);
             half.solve_lower_triangular_mut(&mut u);
             let cost = half.diagonal().iter().chain(stretch.std.iter()).map(|l| l.ln()).sum();
-            Some(Eliminated { v, u, cost, factor })
+            Some(Eliminated { factor, v, u, cost })
         })
         .collect()
 }

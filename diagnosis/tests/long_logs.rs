@@ -89,7 +89,7 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
         // A unit mass at the tip in this field is held like this force.
         let turn = (t / EVERY_S).floor();
         let size =
-            if (0.0..PUSH_S).contains(&phase) { 60.0 * (std::f64::consts::PI * phase / PUSH_S).sin() } else { 0.0 };
+            if (0.0..PUSH_S).contains(&phase) { 120.0 * (std::f64::consts::PI * phase / PUSH_S).sin() } else { 0.0 };
         pushed.gravity = [size * turn.cos(), size * turn.sin(), 0.7 * size * (2.0 * turn).cos()];
         inverse_dynamics(&pushed, &tip, &mut ws, &at, &still, &still, &mut push);
         for j in 0..n {
@@ -103,7 +103,8 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
     Run { name: "pushed".into(), period_s: PERIOD_S, q, tau, temperature, past: Past::default() }
 }
 
-/// Bytes held at once at most and bytes asked for in all, of a diagnosis that finds the pushes.
+/// Bytes held at once at most and bytes asked for in all, of a diagnosis that finds the pushes and nothing else: what hats
+/// leave of them looks like a command that is cut.
 fn cost(seconds: f64) -> [f64; 2] {
     let arm = Arm::from_urdf(URDF, [0.0, 0.0, -9.81]).expect("a sound arm");
     let n = arm.dof();
