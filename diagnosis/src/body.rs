@@ -9,7 +9,7 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::evidence::{Belief, joint_errors_with};
+use crate::evidence::{Belief, FOLDS};
 use crate::form::Form;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
@@ -51,12 +51,12 @@ pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &
     let joints = search.noise.len();
     let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let sum = |of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
-        let blocks: Vec<Vec<f64>> = (0..background.blocks()).map(of).collect();
-        (0..joints).map(|j| blocks.iter().map(|b| b[j]).sum()).collect()
+        let folds: Vec<Vec<f64>> = (0..FOLDS).map(of).collect();
+        (0..joints).map(|j| folds.iter().map(|f| f[j]).sum()).collect()
     };
-    let before = sum(&|b| background.joint_errors(b, &held.x));
-    let links = sum(&|b| background.joint_errors(b, &free.x));
-    let body = sum(&|b| joint_errors_with(background, &candidate.cells, b, &added));
+    let before = sum(&|f| background.fold_errors(f, &held));
+    let links = sum(&|f| background.fold_errors(f, &free));
+    let body = sum(&|f| background.fold_errors_with(&candidate.cells, &[], f, &added));
     let taken = |left: &[f64]| -> f64 { (0..joints).map(|j| search.weights[j] * (before[j] - left[j])).sum() };
     let share = taken(&body) / taken(&links).max(f64::MIN_POSITIVE);
     let falls: Vec<f64> = (0..joints).map(|j| 1.0 - body[j] / before[j].max(f64::MIN_POSITIVE)).collect();

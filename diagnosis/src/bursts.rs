@@ -33,8 +33,8 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
     let mut found = None;
     // Least trimmed squares: contact must not bend the values that it is told by.
     for _ in 0..TRIMMINGS {
-        let x = background.solve(&weights, TRIM_SCALE, kept.iter().copied())?.x;
-        let residuals = search.design.residuals(&x);
+        let solved = background.solve(&weights, TRIM_SCALE, &kept)?;
+        let residuals = search.design.residuals(&solved.x, &solved.stretches);
         let usual: Vec<f64> = (0..joints)
             .map(|j| {
                 let mut size: Vec<f64> = residuals.iter().flat_map(|r| r[j].iter().map(|e| e.abs())).collect();
@@ -43,7 +43,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
             })
             .collect();
         weights = usual.iter().map(|u| 1.0 / (u * u)).collect();
-        let mut errors: Vec<(f64, usize)> = (0..blocks).map(|b| (background.error(&weights, b, &x), b)).collect();
+        let mut errors: Vec<(f64, usize)> = (0..blocks).map(|b| (background.error(&weights, b, &solved), b)).collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
         kept = errors.iter().take((blocks as f64 * KEPT).ceil() as usize).map(|e| e.1).collect();
         found = Some((residuals, usual));

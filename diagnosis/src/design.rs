@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::{Workspace, friction_sign, mass_matrix};
 
 use crate::background::{Nominal, standard_columns};
-use crate::evidence::{Background, CandidateCell, Cell};
+use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
 use crate::physics::{Physics, bodies};
@@ -194,13 +194,13 @@ pub(crate) struct Block {
 /// The equations of several runs.
 pub(crate) struct Design {
     /// `d[run][joint]`: rows x columns, each row times the root of its weight.
-    d: Vec<Vec<DMatrix<f64>>>,
+    pub(crate) d: Vec<Vec<DMatrix<f64>>>,
     /// Likewise the torque that the nominal model leaves.
-    y: Vec<Vec<DVector<f64>>>,
+    pub(crate) y: Vec<Vec<DVector<f64>>>,
     /// Root of each row's weight, `[run][joint][row]`.
-    root: Vec<Vec<Vec<f64>>>,
+    pub(crate) root: Vec<Vec<Vec<f64>>>,
     /// Columns that are not nothing, `[run][joint]`: a joint does not feel the links before it, nor others' friction.
-    present: Vec<Vec<Vec<usize>>>,
+    pub(crate) present: Vec<Vec<Vec<usize>>>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) background: Background,
 }
@@ -225,6 +225,8 @@ impl Design {
             blocks: Vec::new(),
             background: Background {
                 cells: Vec::new(),
+                folds: Vec::new(),
+                local: Vec::new(),
                 std: DVector::from_iterator(k, nominal.std.iter().chain(extra_std).copied()),
                 scaled: nominal
                     .model
@@ -323,89 +325,20 @@ impl Design {
         self.remultiply();
     }
 
-    /// Products with the left-hand side anew; those of the columns stay.
-    fn remultiply(&mut self) {
-        for (block, cells) in self.blocks.iter().zip(&mut self.background.cells) {
-            for (j, cell) in cells.iter_mut().enumerate() {
-                let (from, len) = (block.rows.start, block.rows.len());
-                let y = self.y[block.run][j].rows(from, len);
-                cell.dy = self.d[block.run][j].rows(from, len).tr_mul(&y);
-                cell.yy = y.norm_squared();
-            }
-        }
-    }
-
-    /// A candidate's products with the left-hand side anew.
-    pub(crate) fn retarget(&self, columns: &[Vec<Column>], cells: &mut [CandidateCell]) {
-        for cell in cells {
-            let block = &self.blocks[cell.block];
-            let y = &self.y[block.run][cell.joint];
-            let root = &self.root[block.run][cell.joint];
-            for (c, column) in columns[block.run].iter().enumerate() {
-                let Some(values) = &column[cell.joint] else { continue };
-                cell.cy[c] = block.rows.clone().map(|k| values[k] * root[k] * y[k]).sum();
-            }
-        }
-    }
-
     pub(crate) fn joints(&self) -> usize {
         self.root.first().map_or(0, Vec::len)
     }
 
-    fn multiply(&mut self) {
-        let cell = |block: &Block, j: usize| {
-            let (from, len) = (block.rows.start, block.rows.len());
-            let d = self.d[block.run][j].rows(from, len);
-            let y = self.y[block.run][j].rows(from, len);
-            let transposed = d.transpose();
-            Cell { dd: &transposed * d, dy: &transposed * y, yy: y.norm_squared(), rows: len as f64 }
-        };
-        let present = |d: &DMatrix<f64>| (0..d.ncols()).filter(|c| d.column(*c).iter().any(|v| *v != 0.0)).collect();
-        self.present = self.d.iter().map(|run| run.iter().map(present).collect()).collect();
-        let cells = self.blocks.iter().map(|b| (0..self.joints()).map(|j| cell(b, j)).collect()).collect();
-        self.background.cells = cells;
-    }
-
-    /// Products of a candidate, `columns[run][column]`.
-    pub(crate) fn candidate(&self, columns: &[Vec<Column>]) -> Vec<CandidateCell> {
-        let mut cells = Vec::new();
-        for (b, block) in self.blocks.iter().enumerate() {
-            for joint in 0..self.joints() {
-                let own = &columns[block.run];
-                if own.iter().all(|column| column[joint].is_none()) {
-                    continue;
-                }
-                let rows = block.rows.clone();
-                let root = &self.root[block.run][joint][rows.clone()];
-                let weighted: Vec<Option<Vec<f64>>> = own
-                    .iter()
-                    .map(|column| {
-                        let values = &column[joint].as_ref()?[rows.clone()];
-                        Some(values.iter().zip(root).map(|(v, w)| v * w).collect())
-                    })
-                    .collect();
-                // Columns lie one behind the other.
-                let (d, height) = (self.d[block.run][joint].as_slice(), self.root[block.run][joint].len());
-                let y = &self.y[block.run][joint].as_slice()[rows.clone()];
-                let mut cd = DMatrix::zeros(own.len(), self.background.std.len());
-                let mut cc = DMatrix::zeros(own.len(), own.len());
-                let mut cy = DVector::zeros(own.len());
-                for (c, column) in weighted.iter().enumerate() {
-                    let Some(column) = column else { continue };
-                    for k in &self.present[block.run][joint] {
-                        cd[(c, *k)] = dot(column, &d[k * height..][rows.clone()]);
-                    }
-                    for (other, values) in weighted.iter().enumerate().take(c + 1) {
-                        let product = values.as_ref().map_or(0.0, |values| dot(column, values));
-                        cc[(c, other)] = product;
-                        cc[(other, c)] = product;
-                    }
-                    cy[c] = dot(column, y);
-                }
-                cells.push(CandidateCell { block: b, joint, cd, cc, cy });
+    /// Torque of the background's stretches \[N·m\] with their coefficients, `[run][joint][row]`.
+    pub(crate) fn local_torque(&self, coefficients: &[DVector<f64>]) -> Vec<Vec<Vec<f64>>> {
+        let mut torque: Vec<Vec<Vec<f64>>> =
+            self.root.iter().map(|run| run.iter().map(|root| vec![0.0; root.len()]).collect()).collect();
+        for (stretch, c) in self.background.local.iter().zip(coefficients) {
+            for (j, to) in torque[stretch.run].iter_mut().enumerate() {
+                to[stretch.rows.clone()].copy_from_slice(&stretch.torque(j, c));
             }
         }
-        cells
+        torque
     }
 
     /// Makes a candidate part of the background: a mean other than zero moves to the left-hand side.
@@ -435,7 +368,10 @@ impl Design {
     }
 
     /// Undoes [`adopt`](Self::adopt): the columns from `place` on, as many as means, are nothing from now on.
-    pub(crate) fn forget(&mut self, place: usize, mean: &[f64]) {
+    pub(crate) fn forget(&mut self, form: &Form, place: usize, mean: &[f64]) {
+        if matches!(form, Form::Force { .. }) {
+            self.background.local.clear();
+        }
         for (d, y) in self.d.iter_mut().flatten().zip(self.y.iter_mut().flatten()) {
             for (c, mean) in mean.iter().enumerate() {
                 let column = d.column(place + c).into_owned();
@@ -446,25 +382,20 @@ impl Design {
         self.multiply();
     }
 
-    /// Weighted residual of coefficients, `[run][joint]`.
-    pub(crate) fn residuals(&self, x: &DVector<f64>) -> Vec<Vec<DVector<f64>>> {
+    /// Weighted residual of coefficients and of those of stretches, `[run][joint]`.
+    pub(crate) fn residuals(&self, x: &DVector<f64>, stretches: &[DVector<f64>]) -> Vec<Vec<DVector<f64>>> {
         let of = |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
-        self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect()
-    }
-}
-
-/// Sum of products, in lanes that processors add side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 8;
-    let mut sums = [0.0; LANES];
-    let (left, right) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in left.zip(right) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
+        let mut all: Vec<Vec<DVector<f64>>> = self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect();
+        for (stretch, c) in self.background.local.iter().zip(stretches) {
+            for (j, left) in all[stretch.run].iter_mut().enumerate() {
+                let root = &self.root[stretch.run][j];
+                for (k, torque) in stretch.rows.clone().zip(stretch.torque(j, c)) {
+                    left[k] -= root[k] * torque;
+                }
+            }
         }
+        all
     }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Roots of rows' weights: one over the standard deviation of noise and doubt together, in units of the noise.
@@ -474,6 +405,8 @@ fn doubt_weights(doubt: &[f64], noise: f64) -> Vec<f64> {
 
 /// Most rows per independent row: a longer memory is an effect, not noise, and must not hide itself.
 const LONGEST_MEMORY: f64 = 6.0;
+/// Most lags that are looked at: of a longer log more of them would be a cost of its square.
+const LAGS: usize = 500;
 
 /// `1 + 2 Σ ρ_k` while the autocorrelation is positive: rows per independent row, at most [`LONGEST_MEMORY`].
 pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
@@ -484,7 +417,7 @@ pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
     if power <= 0.0 {
         return 1.0;
     }
-    let longest = records.iter().map(|e| e.len()).min().unwrap_or(0) / 8;
+    let longest = (records.iter().map(|e| e.len()).min().unwrap_or(0) / 8).min(LAGS);
     let mut sum = 1.0;
     for lag in 1..longest {
         let share = product(lag) / power;

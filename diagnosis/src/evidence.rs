@@ -10,7 +10,15 @@
 //!
 //! Weights w_j count the residual's correlation: one over its long-run variance, not its variance.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::local::{Eliminated, Stretch, eliminated};
+
+/// Folds of successive blocks for held-out gains. What a candidate is asked it is asked fold by fold, so that its products
+/// are as many for a long log as for a short one.
+pub(crate) const FOLDS: usize = 8;
 
 /// Products of the background's columns and of `y` over one block and one joint.
 #[derive(Clone, Debug)]
@@ -25,11 +33,11 @@ pub(crate) struct Cell {
     pub(crate) rows: f64,
 }
 
-/// Products of a candidate's columns over one block and one joint; absent where they are zero.
+/// Products of a candidate's columns over one fold and one joint; absent where they are zero.
 #[derive(Clone, Debug)]
 pub(crate) struct CandidateCell {
-    /// Which block.
-    pub(crate) block: usize,
+    /// Which fold.
+    pub(crate) fold: usize,
     /// Which joint.
     pub(crate) joint: usize,
     /// CᵀD
@@ -38,6 +46,8 @@ pub(crate) struct CandidateCell {
     pub(crate) cc: DMatrix<f64>,
     /// Cᵀy
     pub(crate) cy: DVector<f64>,
+    /// Products of the columns of stretches with C, by place of the stretch.
+    pub(crate) cross: Vec<(usize, DMatrix<f64>)>,
 }
 
 /// What is believed of a candidate's coefficients before.
@@ -53,6 +63,10 @@ pub(crate) struct Belief {
 #[derive(Clone, Debug)]
 pub(crate) struct Background {
     pub(crate) cells: Vec<Vec<Cell>>,
+    /// The same by fold: `folds[fold][joint]`.
+    pub(crate) folds: Vec<Vec<Cell>>,
+    /// Columns that are nothing outside their stretches of time.
+    pub(crate) local: Vec<Stretch>,
     /// Prior standard deviation of each column.
     pub(crate) std: DVector<f64>,
     /// Whether the common scale of the nominal's error applies to a column's prior.
@@ -65,6 +79,9 @@ struct Sums {
     dd: DMatrix<f64>,
     dy: DVector<f64>,
     yy: f64,
+    /// What columns of stretches cost in log evidence.
+    cost: f64,
+    local: Arc<Vec<Eliminated>>,
 }
 
 /// A background solved for given weights and prior scale.
@@ -75,6 +92,9 @@ pub(crate) struct Solved {
     forward: DVector<f64>,
     /// Coefficients.
     pub(crate) x: DVector<f64>,
+    /// Those of stretches.
+    pub(crate) stretches: Vec<DVector<f64>>,
+    local: Arc<Vec<Eliminated>>,
     /// log E without candidates.
     pub(crate) log_evidence: f64,
 }
@@ -86,6 +106,8 @@ pub(crate) struct Added {
     pub(crate) c: DVector<f64>,
     /// Coefficients of the background.
     pub(crate) x: DVector<f64>,
+    /// Those of stretches, of the candidate's own behind the background's.
+    pub(crate) stretches: Vec<DVector<f64>>,
     /// log E with the candidate.
     pub(crate) log_evidence: f64,
 }
@@ -102,27 +124,82 @@ impl Background {
         self.cells.len()
     }
 
-    fn sums(&self, weights: &[f64], blocks: impl Iterator<Item = usize>) -> Sums {
+    /// Fold of a block.
+    pub(crate) fn fold(&self, block: usize) -> usize {
+        block * FOLDS / self.blocks()
+    }
+
+    /// Sums blocks up to folds.
+    pub(crate) fn fold_up(&mut self) {
         let k = self.len();
-        let mut sums = Sums { dd: DMatrix::zeros(k, k), dy: DVector::zeros(k), yy: 0.0 };
-        for block in blocks {
-            for (cell, w) in self.cells[block].iter().zip(weights) {
-                sums.dd.zip_apply(&cell.dd, |s, v| *s += w * v);
-                sums.dy.axpy(*w, &cell.dy, 1.0);
-                sums.yy += w * cell.yy;
+        let joints = self.cells.first().map_or(0, Vec::len);
+        let nothing = Cell { dd: DMatrix::zeros(k, k), dy: DVector::zeros(k), yy: 0.0, rows: 0.0 };
+        let mut folds = vec![vec![nothing; joints]; FOLDS];
+        for (block, cells) in self.cells.iter().enumerate() {
+            for (to, cell) in folds[self.fold(block)].iter_mut().zip(cells) {
+                to.dd += &cell.dd;
+                to.dy += &cell.dy;
+                to.yy += cell.yy;
+                to.rows += cell.rows;
             }
         }
-        sums
+        self.folds = folds;
     }
 
-    /// Solves for the blocks chosen.
-    pub(crate) fn solve(&self, weights: &[f64], scale: f64, blocks: impl Iterator<Item = usize>) -> Option<Solved> {
-        self.solve_sums(self.sums(weights, blocks), scale)
+    /// Sums of `cells`; columns of stretches, the background's and `more`, are taken out, a block as often as `times` says.
+    fn sums<'a>(
+        &'a self,
+        weights: &[f64],
+        cells: impl Iterator<Item = &'a Vec<Cell>>,
+        more: &[Stretch],
+        times: impl Fn(usize) -> f64,
+    ) -> Option<Sums> {
+        let k = self.len();
+        let (mut dd, mut dy, mut yy) = (DMatrix::zeros(k, k), DVector::zeros(k), 0.0);
+        for cells in cells {
+            for (cell, w) in cells.iter().zip(weights) {
+                dd.zip_apply(&cell.dd, |s, v| *s += w * v);
+                dy.axpy(*w, &cell.dy, 1.0);
+                yy += w * cell.yy;
+            }
+        }
+        let local = eliminated(self.local.iter().chain(more), weights, k, times)?;
+        let mut cost = 0.0;
+        for own in &local {
+            dd.gemm_tr(-1.0, &own.v, &own.v, 1.0);
+            dy.gemv_tr(-1.0, &own.v, &own.u, 1.0);
+            yy -= own.u.norm_squared();
+            cost += own.cost;
+        }
+        Some(Sums { dd, dy, yy, cost, local: Arc::new(local) })
     }
 
-    /// Solves for all blocks at each of the scales that can be solved.
-    pub(crate) fn solve_scales(&self, weights: &[f64], scales: &[f64]) -> Vec<(f64, Solved)> {
-        let sums = self.sums(weights, 0..self.blocks());
+    /// Solves for the blocks chosen, each as often as it is.
+    pub(crate) fn solve(&self, weights: &[f64], scale: f64, blocks: &[usize]) -> Option<Solved> {
+        let mut times = vec![0.0; self.blocks()];
+        for block in blocks {
+            times[*block] += 1.0;
+        }
+        let cells = blocks.iter().map(|b| &self.cells[*b]);
+        self.solve_sums(self.sums(weights, cells, &[], |b| times[b])?, scale)
+    }
+
+    /// Solves for the folds that are kept, with `more` stretches.
+    pub(crate) fn solve_folds(
+        &self,
+        weights: &[f64],
+        scale: f64,
+        more: &[Stretch],
+        keep: impl Fn(usize) -> bool,
+    ) -> Option<Solved> {
+        let cells = self.folds.iter().enumerate().filter(|(fold, _)| keep(*fold)).map(|(_, cells)| cells);
+        let times = |block: usize| if keep(self.fold(block)) { 1.0 } else { 0.0 };
+        self.solve_sums(self.sums(weights, cells, more, times)?, scale)
+    }
+
+    /// Solves for all blocks at each of the scales that can be solved, with `more` stretches.
+    pub(crate) fn solve_scales(&self, weights: &[f64], scales: &[f64], more: &[Stretch]) -> Vec<(f64, Solved)> {
+        let Some(sums) = self.sums(weights, self.folds.iter(), more, |_| 1.0) else { return Vec::new() };
         scales.iter().filter_map(|s| Some((*s, self.solve_sums(sums.clone(), *s)?))).collect()
     }
 
@@ -137,47 +214,107 @@ impl Background {
         let forward = factor.l_dirty().solve_lower_triangular(&sums.dy)?;
         let x = factor.solve(&sums.dy);
         let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|l| l.ln()).sum();
-        let log_evidence = -0.5 * (sums.yy - forward.norm_squared()) - half_log_det - log_prior;
-        Some(Solved { factor, forward, x, log_evidence })
+        let log_evidence = -0.5 * (sums.yy - forward.norm_squared()) - half_log_det - log_prior - sums.cost;
+        let stretches = sums.local.iter().map(|own| own.coefficients(&x, None)).collect();
+        Some(Solved { factor, forward, x, stretches, local: sums.local, log_evidence })
     }
 
-    /// Weighted sum of squares that coefficients leave on one block.
-    pub(crate) fn error(&self, weights: &[f64], block: usize, x: &DVector<f64>) -> f64 {
-        self.joint_errors(block, x).iter().zip(weights).map(|(e, w)| e * w).sum()
+    /// Weighted sum of squares that a solution leaves on one block.
+    pub(crate) fn error(&self, weights: &[f64], block: usize, solved: &Solved) -> f64 {
+        let errors = self.left(&self.cells[block], &solved.x, &solved.stretches, &[], |b| b == block);
+        errors.iter().zip(weights).map(|(e, w)| e * w).sum()
     }
 
-    /// Sum of squares that coefficients leave on one block, each joint.
-    pub(crate) fn joint_errors(&self, block: usize, x: &DVector<f64>) -> Vec<f64> {
-        self.cells[block].iter().map(|c| c.yy - 2.0 * c.dy.dot(x) + x.dot(&(&c.dd * x))).collect()
+    /// Sum of squares that coefficients leave on one fold, each joint.
+    pub(crate) fn fold_errors(&self, fold: usize, solved: &Solved) -> Vec<f64> {
+        self.left(&self.folds[fold], &solved.x, &solved.stretches, &[], |b| self.fold(b) == fold)
+    }
+
+    /// The same with a candidate: its cells and its stretches.
+    pub(crate) fn fold_errors_with(
+        &self,
+        cells: &[CandidateCell],
+        more: &[Stretch],
+        fold: usize,
+        added: &Added,
+    ) -> Vec<f64> {
+        let mut errors = self.left(&self.folds[fold], &added.x, &added.stretches, more, |b| self.fold(b) == fold);
+        for cell in cells.iter().filter(|cell| cell.fold == fold) {
+            let cross = added.c.dot(&(&cell.cd * &added.x));
+            let own = added.c.dot(&(&cell.cc * &added.c));
+            let local: f64 = cell.cross.iter().map(|(at, p)| added.stretches[*at].dot(&(p * &added.c))).sum();
+            errors[cell.joint] += own + 2.0 * (cross + local) - 2.0 * added.c.dot(&cell.cy);
+        }
+        errors
+    }
+
+    fn left(
+        &self,
+        cells: &[Cell],
+        x: &DVector<f64>,
+        stretches: &[DVector<f64>],
+        more: &[Stretch],
+        inside: impl Fn(usize) -> bool,
+    ) -> Vec<f64> {
+        let mut errors: Vec<f64> = cells.iter().map(|c| c.yy - 2.0 * c.dy.dot(x) + x.dot(&(&c.dd * x))).collect();
+        for (stretch, c) in self.local.iter().chain(more).zip(stretches) {
+            for cell in stretch.cells.iter().filter(|cell| inside(cell.block)) {
+                errors[cell.joint] += c.dot(&(&cell.cc * c)) + 2.0 * c.dot(&(&cell.cd * x)) - 2.0 * c.dot(&cell.cy);
+            }
+        }
+        errors
     }
 }
 
-/// A candidate's sums over blocks.
+/// A candidate's sums over folds, what columns of stretches explain taken out.
 pub(crate) struct CandidateSums {
-    cd: DMatrix<f64>,
+    pub(crate) cd: DMatrix<f64>,
     cc: DMatrix<f64>,
     cy: DVector<f64>,
+    /// L⁻¹ of each stretch times the products of its columns with the candidate's.
+    cross: Vec<Option<DMatrix<f64>>>,
 }
 
-/// Sums over the blocks that are kept; none for a candidate that is nothing.
-pub(crate) fn candidate_sums(
-    cells: &[CandidateCell],
-    weights: &[f64],
-    keep: impl Fn(usize) -> bool,
-) -> Option<CandidateSums> {
-    let first = cells.first()?;
-    let (c, k) = first.cd.shape();
-    let mut sums = CandidateSums { cd: DMatrix::zeros(c, k), cc: DMatrix::zeros(c, c), cy: DVector::zeros(c) };
-    for cell in cells.iter().filter(|cell| keep(cell.block)) {
-        let w = weights[cell.joint];
-        sums.cd.zip_apply(&cell.cd, |s, v| *s += w * v);
-        sums.cc.zip_apply(&cell.cc, |s, v| *s += w * v);
-        sums.cy.axpy(w, &cell.cy, 1.0);
+/// Products of a whole candidate with the background alone: enough for [`Solved::explained`].
+impl From<DMatrix<f64>> for CandidateSums {
+    fn from(cd: DMatrix<f64>) -> CandidateSums {
+        let c = cd.nrows();
+        CandidateSums { cd, cc: DMatrix::zeros(c, c), cy: DVector::zeros(c), cross: Vec::new() }
     }
-    Some(sums)
 }
 
 impl Solved {
+    /// A candidate's sums over the folds that are kept, those that this was solved with; none for one that is nothing.
+    pub(crate) fn sums(
+        &self,
+        cells: &[CandidateCell],
+        weights: &[f64],
+        keep: impl Fn(usize) -> bool,
+    ) -> Option<CandidateSums> {
+        let first = cells.first()?;
+        let (c, k) = first.cd.shape();
+        let (mut cd, mut cc, mut cy) = (DMatrix::zeros(c, k), DMatrix::zeros(c, c), DVector::zeros(c));
+        let mut cross: Vec<Option<DMatrix<f64>>> = vec![None; self.local.len()];
+        for cell in cells.iter().filter(|cell| keep(cell.fold)) {
+            let w = weights[cell.joint];
+            cd.zip_apply(&cell.cd, |s, v| *s += w * v);
+            cc.zip_apply(&cell.cc, |s, v| *s += w * v);
+            cy.axpy(w, &cell.cy, 1.0);
+            for (at, products) in &cell.cross {
+                let sum = cross[*at].get_or_insert_with(|| DMatrix::zeros(products.nrows(), c));
+                sum.zip_apply(products, |s, v| *s += w * v);
+            }
+        }
+        for (cross, own) in cross.iter_mut().zip(self.local.iter()) {
+            let Some(cross) = cross else { continue };
+            own.halve(cross);
+            cd.gemm_tr(-1.0, cross, &own.v, 1.0);
+            cc.gemm_tr(-1.0, cross, cross, 1.0);
+            cy.gemv_tr(-1.0, cross, &own.u, 1.0);
+        }
+        Some(CandidateSums { cd, cc, cy, cross })
+    }
+
     /// Standard deviation of each coefficient: roots of the diagonal of `A⁻¹ = L⁻ᵀL⁻¹`.
     pub(crate) fn deviations(&self) -> Vec<f64> {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
@@ -191,11 +328,22 @@ impl Solved {
 
     /// Weighted sum of squares that the background leaves of a candidate's torque with coefficients `c`.
     pub(crate) fn own(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
-        Some(c.dot(&(&sums.cc * c)) - self.explained(sums, c)?.norm_squared())
+        Some(c.dot(&(&sums.cc * c)) - self.through(sums, c)?.norm_squared())
     }
 
-    /// `L⁻¹DᵀCc`: its square is what the background explains of a candidate's torque.
+    /// `L⁻¹DᵀCc`, of stretches as well: its square is what the background explains of a candidate's torque.
     pub(crate) fn explained(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<DVector<f64>> {
+        let mut all = self.through(sums, c)?.as_slice().to_vec();
+        for (at, own) in self.local.iter().enumerate() {
+            match sums.cross.get(at).and_then(Option::as_ref) {
+                Some(cross) => all.extend((cross * c).iter()),
+                None => all.resize(all.len() + own.u.len(), 0.0),
+            }
+        }
+        Some(DVector::from_vec(all))
+    }
+
+    fn through(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<DVector<f64>> {
         self.factor.l_dirty().solve_lower_triangular(&sums.cd.tr_mul(c))
     }
 
@@ -207,7 +355,7 @@ impl Solved {
         weights: &[f64],
         keep: impl Fn(usize) -> bool,
     ) -> Option<Added> {
-        self.add_sums(&candidate_sums(cells, weights, keep)?, belief)
+        self.add_sums(&self.sums(cells, weights, keep)?, belief)
     }
 
     /// As [`add`](Self::add), of sums made before.
@@ -235,24 +383,30 @@ impl Solved {
         let c = deviation + m;
         // x = A⁻¹(b − Dᵀc) = L⁻ᵀ(L⁻¹b − v c)
         let x = self.factor.l_dirty().tr_solve_lower_triangular(&(&self.forward - &v * &c))?;
-        Some(Added { c, x, log_evidence })
+        let stretches = self.stretches_beside(&x, Some((sums, &c)));
+        Some(Added { c, x, stretches, log_evidence })
     }
-}
 
-/// Sum of squares that background and candidate leave together on one block, each joint.
-pub(crate) fn joint_errors_with(
-    background: &Background,
-    cells: &[CandidateCell],
-    block: usize,
-    added: &Added,
-) -> Vec<f64> {
-    let mut errors = background.joint_errors(block, &added.x);
-    for cell in cells.iter().filter(|cell| cell.block == block) {
-        let cross = added.c.dot(&(&cell.cd * &added.x));
-        let own = added.c.dot(&(&cell.cc * &added.c));
-        errors[cell.joint] += own + 2.0 * cross - 2.0 * added.c.dot(&cell.cy);
+    /// Coefficients of stretches beside others than those that were solved for, and beside a candidate of these sums.
+    pub(crate) fn stretches_beside(
+        &self,
+        x: &DVector<f64>,
+        candidate: Option<(&CandidateSums, &DVector<f64>)>,
+    ) -> Vec<DVector<f64>> {
+        let with = |at: usize| candidate.and_then(|(sums, c)| Some(sums.cross.get(at)?.as_ref()? * c));
+        self.local.iter().enumerate().map(|(at, own)| own.coefficients(x, with(at).as_ref())).collect()
     }
-    errors
+
+    /// As a candidate whose stretches this was solved with, behind the `before` of the background.
+    pub(crate) fn with_stretches(&self, before: usize) -> Added {
+        let own = self.stretches[before..].iter().flat_map(|c| c.iter().copied());
+        Added {
+            c: DVector::from_iterator(self.stretches[before..].iter().map(DVector::len).sum(), own),
+            x: self.x.clone(),
+            stretches: self.stretches.clone(),
+            log_evidence: self.log_evidence,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -270,9 +424,12 @@ mod tests {
             let c = DMatrix::from_fn(1, rows, |_, k| (0.6 * at(k)).sin());
             let y = &d * DVector::from_column_slice(&truth[..2]) + c.transpose() * DVector::from_element(1, truth[2]);
             cells.push(vec![Cell { dd: d.transpose() * &d, dy: d.transpose() * &y, yy: y.norm_squared(), rows: 40.0 }]);
-            own.push(CandidateCell { block, joint: 0, cd: &c * &d, cc: &c * c.transpose(), cy: &c * &y });
+            let (cd, cc, cy) = (&c * &d, &c * c.transpose(), &c * &y);
+            own.push(CandidateCell { fold: block * FOLDS / 3, joint: 0, cd, cc, cy, cross: Vec::new() });
         }
-        let background = Background { cells, std: DVector::from_element(2, 10.0), scaled: vec![true, false] };
+        let (std, scaled) = (DVector::from_element(2, 10.0), vec![true, false]);
+        let mut background = Background { cells, folds: Vec::new(), local: Vec::new(), std, scaled };
+        background.fold_up();
         (background, own)
     }
 
@@ -286,7 +443,7 @@ mod tests {
         let (background, own) = example([1.0, -2.0, 0.5]);
         let (weights, scale) = ([4.0], 0.5);
         let added = background
-            .solve(&weights, scale, 0..3)
+            .solve(&weights, scale, &[0, 1, 2])
             .and_then(|s| s.add(&own, &belief(), &weights, |_| true))
             .expect("well conditioned");
         let mut whole = background.clone();
@@ -303,12 +460,13 @@ mod tests {
             let dy = DVector::from_fn(3, |i, _| if i == 2 { c.cy[0] } else { old.dy[i] });
             cell[0] = Cell { dd, dy, yy: old.yy, rows: old.rows };
         }
-        let at_once = whole.solve(&weights, scale, 0..3).expect("well conditioned");
+        whole.fold_up();
+        let at_once = whole.solve(&weights, scale, &[0, 1, 2]).expect("well conditioned");
         assert!((at_once.log_evidence - added.log_evidence).abs() < 1e-8);
         assert!((at_once.x[2] - added.c[0]).abs() < 1e-10);
         assert!((at_once.x.rows(0, 2) - &added.x).norm() < 1e-10);
-        let errors: f64 = (0..3).map(|b| joint_errors_with(&background, &own, b, &added)[0]).sum();
-        let direct: f64 = (0..3).map(|b| whole.joint_errors(b, &at_once.x)[0]).sum();
+        let errors: f64 = (0..FOLDS).map(|f| background.fold_errors_with(&own, &[], f, &added)[0]).sum();
+        let direct: f64 = (0..FOLDS).map(|f| whole.fold_errors(f, &at_once)[0]).sum();
         assert!((errors - direct).abs() < 1e-9, "{errors} {direct}");
     }
 
@@ -316,7 +474,7 @@ mod tests {
     fn evidence_prefers_what_is_there_and_only_that() {
         for (coefficient, better) in [(0.5, true), (0.0, false)] {
             let (background, own) = example([1.0, -2.0, coefficient]);
-            let solved = background.solve(&[4.0], 1.0, 0..3).expect("well conditioned");
+            let solved = background.solve(&[4.0], 1.0, &[0, 1, 2]).expect("well conditioned");
             let added = solved.add(&own, &belief(), &[4.0], |_| true).expect("well conditioned");
             assert_eq!(added.log_evidence > solved.log_evidence, better, "coefficient {coefficient}");
         }
@@ -326,7 +484,7 @@ mod tests {
     #[test]
     fn a_known_gain_beats_a_free_one() {
         let (background, own) = example([1.0, -2.0, 1.0]);
-        let solved = background.solve(&[4.0], 1.0, 0..3).expect("well conditioned");
+        let solved = background.solve(&[4.0], 1.0, &[0, 1, 2]).expect("well conditioned");
         let known = Belief { mean: DVector::from_element(1, 1.0), std: DVector::from_element(1, 0.1) };
         let free = solved.add(&own, &belief(), &[4.0], |_| true).expect("well conditioned");
         let fixed = solved.add(&own, &known, &[4.0], |_| true).expect("well conditioned");

@@ -357,7 +357,8 @@ impl Form {
                 vec![on(j, &|k| tau[k] - tau[k].clamp(-limit, limit))]
             }
             Form::EncoderOffset { joint: j } => vec![p.gradient()[j].iter().map(|g| Some(g.clone())).collect()],
-            Form::Force { windows } => force(p, &windows),
+            // Columns of their own: see contact.
+            Form::Force { .. } => Vec::new(),
             Form::Gravity => gravity(p),
             Form::Payload => {
                 let last = p.joints() - 1;
@@ -460,47 +461,6 @@ fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3], still: Option<
         });
     }
     full
-}
-
-/// Distance between the tops of two hats \[s\].
-const HAT_S: f64 = 0.25;
-
-/// Torque of 1 N at the flange along each base axis, times hats over the windows of all runs; zero on other runs.
-fn force(p: &Physics<'_>, windows: &[Vec<(f64, f64)>]) -> Vec<Full> {
-    let (n, samples) = (p.joints(), p.samples());
-    let mut links = vec![[0.0; 10]; n];
-    links[n - 1][0] = 1.0;
-    let mut ws = Workspace::new(&p.nominal.model.arm);
-    let still = vec![0.0; n];
-    let mut columns = Vec::new();
-    let mut tau = vec![0.0; n];
-    for (run, own) in windows.iter().enumerate() {
-        for (from, to) in own {
-            let hats = ((to - from) / HAT_S).ceil().max(1.0) as usize;
-            for hat in 0..=hats {
-                let top = from + (to - from) * hat as f64 / hats as f64;
-                let near = |k: usize| 1.0 - (k as f64 * p.period_s() - top).abs() / ((to - from) / hats as f64);
-                for axis in 0..3 {
-                    if p.index != Some(run) {
-                        columns.push(vec![None; n]);
-                        continue;
-                    }
-                    // A unit mass at the flange, standing still, under a unit acceleration: what the joints must hold.
-                    let mut arm = p.nominal.model.arm.clone();
-                    arm.gravity = [0.0; 3];
-                    arm.gravity[axis] = -1.0;
-                    let mut full = vec![vec![0.0; samples]; n];
-                    for k in (0..samples).filter(|k| near(*k) > 0.0) {
-                        let q: Vec<f64> = p.motion.q.iter().map(|q| q[k]).collect();
-                        inverse_dynamics(&arm, &links, &mut ws, &q, &still, &still, &mut tau);
-                        full.iter_mut().zip(&tau).for_each(|(signal, tau)| signal[k] = near(k) * tau);
-                    }
-                    columns.push(full.into_iter().map(Some).collect());
-                }
-            }
-        }
-    }
-    columns
 }
 
 /// Torque per m/s² of gravity along the base's x and y: that of the arm at rest, since gravity enters linearly.

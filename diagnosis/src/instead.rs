@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 
 use crate::effect::Effect;
-use crate::evidence::{CandidateSums, Solved, candidate_sums};
+use crate::evidence::{CandidateSums, Solved};
 use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
@@ -109,7 +109,7 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
     let weights = search.weights.clone();
     let tried: Vec<&Candidate> = selected.candidates.iter().filter(|c| is_rival(&c.form, &selected.adopted)).collect();
     let best = |candidate: &&Candidate| -> Option<(f64, usize)> {
-        let sums = candidate_sums(&candidate.cells, &weights, |_| true)?;
+        let sums = all.sums(&candidate.cells, &weights, |_| true)?;
         let one = |at: usize| {
             if !touches(&candidate.form, &groups[at]) {
                 return None;
@@ -168,7 +168,7 @@ fn whole(
             candidate = better;
         }
         let weights = &search.weights;
-        let sums = candidate_sums(&candidate.cells, weights, |_| true)?;
+        let sums = held.sums(&candidate.cells, weights, |_| true)?;
         let now = held.add_sums(&sums, &candidate.belief)?.log_evidence;
         let mut next: Option<(f64, usize, Solved)> = None;
         for at in 0..wrong.groups.len() {
@@ -186,10 +186,13 @@ fn whole(
         dropped.push(at);
         held = solved;
     }
-    let sums = candidate_sums(&candidate.cells, &search.weights, |_| true)?;
+    let sums = held.sums(&candidate.cells, &search.weights, |_| true)?;
     let added = held.add_sums(&sums, &candidate.belief)?;
     let evidence = added.log_evidence - candidate.price();
     let all = wrong.without(search, &[])?;
+    if candidate.columns.is_empty() {
+        candidate = search.candidate(candidate.form, physics)?;
+    }
     Some(candidate.form.plausible(added.c.as_slice()).then(|| Instead {
         gain: evidence - held.log_evidence,
         ahead: evidence - all.log_evidence,

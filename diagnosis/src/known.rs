@@ -165,7 +165,7 @@ fn memory(nominal: &Nominal, effects: &[KnownEffect], run: &Run, motion: &Motion
     if forms.is_empty() {
         return sum;
     }
-    let physics = Physics::new(run, motion, nominal, &nominal.x, None);
+    let physics = Physics::new(run, motion, nominal, &nominal.x);
     for (form, factor) in forms {
         for (to, signal) in sum.iter_mut().zip(form.columns(&physics).into_iter().flatten()) {
             if let Some(signal) = signal {
@@ -262,7 +262,7 @@ mod tests {
             past: Past::default(),
         };
         let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
-        let physics = Physics::new(&run, &motion, &nominal, &x, None);
+        let physics = Physics::new(&run, &motion, &nominal, &x);
         let start: Vec<f64> = run.temperature.iter().flatten().map(|t| t[0]).collect();
         let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [2e-4, 6e-8], power: 1.0, span_s: 2.5 };
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };

@@ -212,7 +212,7 @@ fn fitted(train: &[&Prepared], nominal: &Nominal, typical: &Typical, parts: &[Pa
 /// What `values` leave of `held`, block by block.
 fn blocks(design: &Design, held: &[&Prepared], values: &DVector<f64>) -> Vec<Left> {
     let joints = held[0].tau.len();
-    let residuals = design.residuals(values);
+    let residuals = design.residuals(values, &[]);
     let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
     let block = |b: &Block| {
         // Rows near standstill count less: no law says what friction is between its two directions.
@@ -271,7 +271,7 @@ impl Law {
         let extra: Vec<Vec<Column>> = runs
             .iter()
             .map(|run| {
-                let physics = Physics::new(&run.run, &run.motion, nominal, &self.x, None);
+                let physics = Physics::new(&run.run, &run.motion, nominal, &self.x);
                 let mut columns = run.unnamed(nominal, &physics);
                 columns.extend(forms.iter().flat_map(|form| run.columns(form, &physics)));
                 columns
@@ -286,9 +286,9 @@ impl Law {
     fn fit(&self, runs: &[&Prepared], nominal: &Nominal, typical: &Typical, parts: &[Part]) -> Option<Fit> {
         let design = self.design(runs, nominal, typical, parts);
         let weights: Vec<f64> = self.noise.iter().map(|noise| 1.0 / (noise * noise)).collect();
-        let scales = design.background.solve_scales(&weights, &PRIOR_SCALES);
+        let scales = design.background.solve_scales(&weights, &PRIOR_SCALES, &[]);
         let (_, best) = scales.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))?;
-        let residuals = design.residuals(&best.x);
+        let residuals = design.residuals(&best.x, &[]);
         let left = |j: usize| {
             let (square, rows) =
                 residuals.iter().fold((0.0, 0.0), |(s, n), run| (s + run[j].norm_squared(), n + run[j].len() as f64));

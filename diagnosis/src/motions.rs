@@ -276,8 +276,7 @@ pub(crate) fn best(
             middle.clamp(bounds.position[j].0, bounds.position[j].1)
         })
         .collect();
-    let physics: Vec<Physics<'_>> =
-        runs.iter().enumerate().map(|(i, run)| Physics::new(&run.run, &run.motion, &exact, x, Some(i))).collect();
+    let physics: Vec<Physics<'_>> = runs.iter().map(|run| Physics::new(&run.run, &run.motion, &exact, x)).collect();
     let logs: Vec<Record> = runs.iter().map(|run| Record::new(&run.standard, &run.chain, noise)).collect();
     let logs: Vec<(&Record, &Physics<'_>)> = logs.iter().zip(&physics).collect();
     let duels = duels(class, &logs, deviations)?;
@@ -290,7 +289,7 @@ pub(crate) fn best(
         let motion = Motion::of(&run);
         let chain = Chain::new(COARSE_S);
         let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
-        let physics = Physics::new(&run, &motion, &exact, x, Some(runs.len()));
+        let physics = Physics::new(&run, &motion, &exact, x);
         let mut least = f64::INFINITY;
         for duel in &duels {
             least = least.min(duel.with(&record, &physics)?);

@@ -1,5 +1,7 @@
 //! What joints did before a run began, as far as logs tell: how warm a gear is hangs on the minutes before.
 
+use std::sync::Arc;
+
 use crate::run::Run;
 
 /// Motion is told over this \[s\]: long enough for coarse encoders, short enough for reversals.
@@ -8,10 +10,18 @@ const WINDOW_S: f64 = 0.02;
 /// meanwhile, nor whether somebody changed it.
 const LONGEST_PAUSE_S: f64 = 60.0;
 
-/// Second by second before a run, `[joint][second]`: mean size of the speed \[rad/s\] and mean of its square \[rad²/s²\].
-/// Empty where nothing is known.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Past(Vec<Vec<[f64; 2]>>);
+/// Mean size of the speed \[rad/s\] and mean of its square \[rad²/s²\] over a second.
+type Work = [f64; 2];
+
+/// Second by second before a run. Nothing where nothing is known. Runs of one clock share what they have in common: each its
+/// own copy would be as much as the square of their number.
+#[derive(Clone, Debug, Default)]
+pub struct Past {
+    /// `[joint][second]`, the oldest first.
+    clock: Arc<Vec<Vec<Work>>>,
+    /// How many of these were before the run.
+    seconds: usize,
+}
 
 impl Past {
     /// Of whoever comes `pause_s` after the end of `run`.
@@ -19,29 +29,45 @@ impl Past {
         if pause_s > LONGEST_PAUSE_S {
             return Past::default();
         }
-        let pause = pause_s.max(0.0).round() as usize;
-        let each = |(j, q): (usize, &Vec<f64>)| -> Vec<[f64; 2]> {
-            let mut seconds = run.past.0.get(j).cloned().unwrap_or_default();
-            seconds.extend(work(q, run.period_s));
-            seconds.resize(seconds.len() + pause, [0.0; 2]);
-            seconds
-        };
-        Past(run.q.iter().enumerate().map(each).collect())
+        let mut clock = run.past.known(run.joints());
+        let seconds = proceed(&mut clock, run, pause_s);
+        Past { clock: Arc::new(clock), seconds }
     }
 
     /// One joint's seconds, the oldest first.
-    pub(crate) fn of(&self, joint: usize) -> &[[f64; 2]] {
-        self.0.get(joint).map_or(&[], Vec::as_slice)
+    pub(crate) fn of(&self, joint: usize) -> &[Work] {
+        self.clock.get(joint).map_or(&[], |seconds| &seconds[..self.seconds])
     }
 
     /// How long it reaches back \[s\].
     pub(crate) fn seconds(&self) -> f64 {
         self.of(0).len() as f64
     }
+
+    fn known(&self, joints: usize) -> Vec<Vec<Work>> {
+        (0..joints).map(|j| self.of(j).to_vec()).collect()
+    }
+}
+
+impl PartialEq for Past {
+    fn eq(&self, other: &Past) -> bool {
+        let joints = self.clock.len().max(other.clock.len());
+        (0..joints).all(|j| self.of(j) == other.of(j))
+    }
+}
+
+/// Lets a clock go on over a run and the pause behind it; how many seconds it then knows.
+fn proceed(clock: &mut [Vec<Work>], run: &Run, pause_s: f64) -> usize {
+    let pause = pause_s.max(0.0).round() as usize;
+    for (seconds, q) in clock.iter_mut().zip(&run.q) {
+        seconds.extend(work(q, run.period_s));
+        seconds.resize(seconds.len() + pause, [0.0; 2]);
+    }
+    clock.iter().map(Vec::len).min().unwrap_or(0)
 }
 
 /// Mean |q̇| and q̇² of each second; a last part counts as one from half a second on.
-fn work(q: &[f64], period_s: f64) -> Vec<[f64; 2]> {
+fn work(q: &[f64], period_s: f64) -> Vec<Work> {
     let window = ((WINDOW_S / period_s).round() as usize).max(1);
     let second = ((1.0 / period_s).round() as usize).max(window);
     let mut out = Vec::new();
@@ -68,8 +94,18 @@ pub fn of_one_clock(runs: &mut [Run], starts: &[f64]) {
     if order.windows(2).any(|w| pause(runs, w[0], w[1]) < -2.0 * runs[w[0]].period_s) {
         return;
     }
-    for w in order.windows(2) {
-        runs[w[1]].past = Past::after(&runs[w[0]], pause(runs, w[0], w[1]));
+    let clocks: Vec<&[usize]> = order.chunk_by(|a, b| pause(runs, *a, *b) <= LONGEST_PAUSE_S).collect();
+    for (at, own) in clocks.into_iter().enumerate() {
+        if at > 0 {
+            runs[own[0]].past = Past::default();
+        }
+        let mut clock = runs[own[0]].past.known(runs[own[0]].joints());
+        let known: Vec<usize> =
+            own.windows(2).map(|w| proceed(&mut clock, &runs[w[0]], pause(runs, w[0], w[1]))).collect();
+        let clock = Arc::new(clock);
+        for (run, seconds) in own[1..].iter().zip(known) {
+            runs[*run].past = Past { clock: Arc::clone(&clock), seconds };
+        }
     }
 }
 
@@ -94,6 +130,18 @@ mod tests {
         for (is, due) in past.iter().zip(expected) {
             assert!(is.iter().zip(due).all(|(a, b)| (a - b).abs() < 1e-9), "{is:?} {due:?}");
         }
+    }
+
+    /// A log of many holes is many runs, and each knows all that was before it.
+    #[test]
+    fn runs_of_one_clock_share_it() {
+        let mut runs: Vec<Run> = (0..5).map(|_| run(1.0, 2)).collect();
+        of_one_clock(&mut runs, &[0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert!((0..5).all(|k| runs[k].past.of(0).len() == 2 * k));
+        assert!(runs[2..].iter().all(|r| Arc::ptr_eq(&r.past.clock, &runs[1].past.clock)));
+        // What one knows is what it would know alone.
+        assert_eq!(runs[3].past, Past::after(&runs[2], 0.0));
+        assert_ne!(runs[3].past, runs[2].past);
     }
 
     #[test]

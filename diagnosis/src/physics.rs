@@ -13,8 +13,6 @@ const STEP: f64 = 1e-4;
 
 /// What the best values so far say along one run, `[joint][sample]`.
 pub(crate) struct Physics<'a> {
-    /// Which of the runs looked at this is; none for one that is sealed.
-    pub(crate) index: Option<usize>,
     pub(crate) run: &'a Run,
     pub(crate) motion: &'a Motion,
     pub(crate) nominal: &'a Nominal,
@@ -36,13 +34,7 @@ struct Inertial {
 }
 
 impl<'a> Physics<'a> {
-    pub(crate) fn new(
-        run: &'a Run,
-        motion: &'a Motion,
-        nominal: &'a Nominal,
-        x: &[f64],
-        index: Option<usize>,
-    ) -> Physics<'a> {
+    pub(crate) fn new(run: &'a Run, motion: &'a Motion, nominal: &'a Nominal, x: &[f64]) -> Physics<'a> {
         let model = &nominal.model;
         let n = motion.joints();
         let links = bodies(x, n);
@@ -69,7 +61,7 @@ impl<'a> Physics<'a> {
         let mut rigid = joined(parallel::map(&chunks(motion.len()), chunk), 3 * n);
         let sign = rigid.split_off(2 * n);
         let torque = rigid.split_off(n);
-        Physics { index, run, motion, nominal, x: x.to_vec(), rigid, torque, sign, inertial: OnceLock::new() }
+        Physics { run, motion, nominal, x: x.to_vec(), rigid, torque, sign, inertial: OnceLock::new() }
     }
 
     /// `gradient()[j][i]`: change of joint i's rigid torque per change of position j.

@@ -65,6 +65,7 @@ pub fn probe<T>(
 impl<'a> Probe<'a> {
     fn new(runs: &'a [Prepared], nominal: &'a Nominal, say: &mut dyn FnMut(&str)) -> Option<Probe<'a>> {
         let mut search = Search::new(runs.iter().collect(), nominal)?;
+        search.keeps_columns = true;
         let mut selected = Selected::new(&search)?;
         selected.select(&mut search, say)?;
         let Selected { adopted, physics, mut candidates } = selected;
@@ -101,8 +102,8 @@ impl<'a> Probe<'a> {
     /// What is named when the residual of the runs changes sign, block by block: nothing has been added, so a name is a
     /// false alarm. `flipped` says which blocks.
     pub fn false_alarm(&mut self, mut flipped: impl FnMut(usize) -> bool) -> Option<Named> {
-        let x = self.search.best()?.1.x;
-        let residuals = self.search.design.residuals(&x);
+        let solved = self.search.best()?.1;
+        let residuals = self.search.design.residuals(&solved.x, &solved.stretches);
         let mut rows: Vec<Vec<Vec<f64>>> =
             residuals.iter().map(|run| run.iter().map(|r| vec![0.0; r.len()]).collect()).collect();
         for (b, block) in self.search.design.blocks.iter().enumerate() {
@@ -143,7 +144,7 @@ impl<'a> Probe<'a> {
         let kept = self.candidates.len();
         self.candidates.append(own);
         for candidate in &mut self.candidates {
-            self.search.design.retarget(&candidate.columns, &mut candidate.cells);
+            self.search.design.retarget(candidate);
         }
         let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, false, &mut |_| ());
         self.candidates.truncate(kept);

@@ -88,7 +88,7 @@ pub(crate) fn predict(
     let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
-        let again = search.design.background.solve(&search.weights, search.scale, chosen.iter().copied())?.x;
+        let again = search.design.background.solve(&search.weights, search.scale, &chosen)?.x;
         let mut drawn = |count: usize| -> Vec<f64> {
             let of: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
             rest.on_sealed(&of)

@@ -8,13 +8,14 @@ use crate::body;
 use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
+use crate::evidence::Solved;
 use crate::exhibit::{self, Shown};
+use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
-use crate::past::Past;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
@@ -22,7 +23,7 @@ use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
 use crate::residue::Residue;
 use crate::rows::Column;
-use crate::run::Run;
+use crate::run::{Run, split};
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
@@ -32,8 +33,6 @@ use crate::values::{self, Group, Wrong};
 /// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
 const LEAST_SPEED: f64 = 0.02;
 const LEAST_SECONDS: f64 = 3.0;
-/// Share of a single run that is looked at; the rest is sealed.
-const LOOKED_AT: f64 = 0.6;
 /// A cause that is missed by less than this share of its own torque does not transfer.
 const TRANSFERS: f64 = 0.3;
 /// Share of the gap above the floor that may be left beside wrong values.
@@ -140,29 +139,6 @@ pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
     Ok(())
 }
 
-/// Runs to look at and the run to seal.
-fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
-    let last = runs.pop()?;
-    if !runs.is_empty() {
-        return Some((runs, last));
-    }
-    let cut = (last.len() as f64 * LOOKED_AT) as usize;
-    let part = |range: std::ops::Range<usize>, name: &str| {
-        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
-        Run {
-            name: format!("{} ({name})", last.name),
-            period_s: last.period_s,
-            q: of(&last.q),
-            tau: of(&last.tau),
-            temperature: last.temperature.as_ref().map(of),
-            past: last.past.clone(),
-        }
-    };
-    let first = part(0..cut, "first part");
-    let rest = Run { past: Past::after(&first, 0.0), ..part(cut..last.len(), "rest") };
-    Some((vec![first], rest))
-}
-
 fn moves(run: &Run) -> bool {
     let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > LEAST_SPEED * run.period_s);
     run.seconds() >= LEAST_SECONDS && run.q.iter().any(fast)
@@ -214,7 +190,9 @@ impl Procedure<'_> {
             first.join(" ")
         ));
         let groups = wrong.groups.clone();
-        let x = search.solved(search.scale)?.x;
+        let solved = search.solved(search.scale)?;
+        let contact = search.design.local_torque(&solved.stretches);
+        let x = solved.x.clone();
         let residue = Residue::of(&search);
         let (doubtful, sound): (Vec<Group>, Vec<Group>) =
             groups.iter().cloned().partition(|g| residue.is_nameless(g.joint));
@@ -222,7 +200,7 @@ impl Procedure<'_> {
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
             .collect();
-        let seen = self.look.iter().enumerate().map(|(i, run)| self.columns(run, &adopted, Some(i)));
+        let seen = self.look.iter().zip(&contact).map(|(run, contact)| self.columns(run, &adopted, Some(contact)));
         let seen: Vec<RunColumns<'_>> = seen.collect();
         let hidden = self.columns(self.sealed, &adopted, None);
         let remainder = remainder(&search, &steps, self.nominal.x.len());
@@ -236,11 +214,11 @@ impl Procedure<'_> {
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &x, &means, log);
+        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &solved, &means, log);
         let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
         report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
         for adopted in steps.iter().zip(&upheld).filter(|(_, u)| !**u).flat_map(|(s, _)| &s.adopted) {
-            search.design.forget(adopted.place, &adopted.mean);
+            search.design.forget(&adopted.form, adopted.place, &adopted.mean);
         }
         self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means)?;
         let Some(bounds) = patch else { return Some((report, None)) };
@@ -325,12 +303,22 @@ impl Procedure<'_> {
         steps
     }
 
-    /// A run with the columns that were added to the model's own, in the order of the design.
-    fn columns<'b>(&'b self, run: &'b Prepared, adopted: &[Adopted], index: Option<usize>) -> RunColumns<'b> {
-        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x, index).beside(&run.known);
+    /// A run with the columns that were added to the model's own, in the order of the design. `contact`: its torque, where
+    /// the run was looked at.
+    fn columns<'b>(
+        &'b self,
+        run: &'b Prepared,
+        adopted: &[Adopted],
+        contact: Option<&Vec<Vec<f64>>>,
+    ) -> RunColumns<'b> {
+        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x).beside(&run.known);
         let mut extra: Vec<Column> = run.unnamed(self.nominal, &nominal);
         for adopted in adopted {
-            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values, index).beside(&run.known);
+            if let (Form::Force { .. }, Some(contact)) = (&adopted.form, contact) {
+                extra.push(contact.iter().cloned().map(Some).collect());
+                continue;
+            }
+            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values).beside(&run.known);
             let mut columns = run.columns(&adopted.form, &physics);
             // A run without the signal that the form needs is not changed by it.
             columns.resize(adopted.mean.len(), vec![None; run.tau.len()]);
@@ -346,7 +334,7 @@ impl Procedure<'_> {
         prediction: &Prediction,
         measured: &Stages,
         seen: &[Stages],
-        x: &DVector<f64>,
+        solved: &Solved,
         means: &[f64],
         log: Vec<LogFinding>,
     ) -> (Diagnosis, Vec<bool>) {
@@ -380,7 +368,7 @@ impl Procedure<'_> {
                 effect: step.effect,
                 curves: exhibit::curves(self.sealed, measured, &load, &names, &shown),
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
-                magnitude: self.magnitude(search, step, x, means),
+                magnitude: self.magnitude(search, step, solved, means),
                 shrink,
                 confidence: confidence(step, shrink, rivals.len()),
                 separating_motion: separate::motion(step.effect, &rivals),
@@ -532,24 +520,26 @@ impl Procedure<'_> {
             fallen.any(|(step, _)| group.columns.iter().all(|c| step.columns.contains(c)))
         };
         let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| withdrawn(&wrong.groups[*at])).collect();
-        let x = wrong.without(search, &held)?.x;
+        let solved = wrong.without(search, &held)?;
         let standing = steps.iter().zip(upheld).filter(|(_, upheld)| **upheld);
         for (cause, (step, _)) in report.causes.iter_mut().zip(standing) {
-            cause.magnitude = self.magnitude(search, step, &x, means);
+            cause.magnitude = self.magnitude(search, step, &solved, means);
         }
         Some(())
     }
 
-    /// Sizes of all that a step adds with coefficients `x`; `means` are those of the design's columns.
-    fn magnitude(&self, search: &Search<'_>, step: &Step, x: &DVector<f64>, means: &[f64]) -> Vec<(String, f64)> {
-        let model = &self.nominal.model;
+    /// Sizes of all that a step adds as it was `solved`; `means` are those of the design's columns.
+    fn magnitude(&self, search: &Search<'_>, step: &Step, solved: &Solved, means: &[f64]) -> Vec<(String, f64)> {
+        let (model, x) = (&self.nominal.model, &solved.x);
         let own = step.columns.iter().filter(|c| **c < self.nominal.x.len());
         let mut sizes: Vec<(String, f64)> =
             own.map(|c| (model.parameters[*c].name(&model.arm), self.nominal.x[*c] + x[*c])).collect();
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
-            let c: Vec<f64> =
-                (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect();
+            let c: Vec<f64> = match adopted.form {
+                Form::Force { .. } => solved.stretches.iter().flatten().copied().collect(),
+                _ => (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect(),
+            };
             let values = if adopted.form.is_of_fitted() { search.values(x) } else { self.nominal.x.clone() };
             for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =

@@ -14,6 +14,8 @@ const AVERAGED_HZ: f64 = 200.0;
 /// Rows of the end that are left out on either side, in periods of the cut-off: filters and differences are coloured
 /// there.
 const EDGE_PERIODS: f64 = 3.0;
+/// Edges after which the filter has forgotten: its slowest poles lose e^-2.4 in a period of the cut-off.
+const FORGOTTEN: usize = 5;
 
 /// The way from samples to rows for one sampling period.
 #[derive(Clone, Debug)]
@@ -69,6 +71,30 @@ impl Chain {
         pulse[middle] = 1.0;
         self.filter.apply(&mut pulse);
         (pulse.iter().map(|p| p * p).sum::<f64>() / self.average as f64).sqrt()
+    }
+
+    /// Rows whose middle is among samples of a run of so many.
+    pub(crate) fn rows_of(&self, within: Range<usize>, samples: usize) -> Range<usize> {
+        let averaged = samples / self.average;
+        let span = self.span(averaged);
+        let row = |k: usize| k.clamp(span.start, span.end).saturating_sub(span.start).div_ceil(2);
+        row(within.start.div_ceil(self.average))..row(within.end.div_ceil(self.average))
+    }
+
+    /// Samples around others beyond which the filter has forgotten these, and the rows of what is within.
+    pub(crate) fn around(&self, within: Range<usize>, samples: usize) -> (Range<usize>, Range<usize>) {
+        let tail = FORGOTTEN * self.edge;
+        let from = (within.start / self.average).saturating_sub(tail) * self.average;
+        let to = (within.end.div_ceil(self.average) + tail).min(samples / self.average) * self.average;
+        (from..to, self.rows_of(from..to, samples))
+    }
+
+    /// `rows` of a signal that is nothing but for this part of it, which begins at sample `from` of a run of so many.
+    pub(crate) fn part(&self, signal: &[f64], from: usize, rows: &Range<usize>) -> Vec<f64> {
+        let a = self.average as f64;
+        let mut x: Vec<f64> = signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect();
+        self.filter.apply(&mut x);
+        rows.clone().map(|row| x[self.edge + 2 * row - from / self.average]).collect()
     }
 
     fn span(&self, len: usize) -> Range<usize> {

@@ -43,6 +43,32 @@ impl Run {
     }
 }
 
+/// Share of a single run that is looked at; the rest is sealed.
+const LOOKED_AT: f64 = 0.6;
+
+/// Runs to look at and the run to seal.
+pub(crate) fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
+    let last = runs.pop()?;
+    if !runs.is_empty() {
+        return Some((runs, last));
+    }
+    let cut = (last.len() as f64 * LOOKED_AT) as usize;
+    let part = |range: std::ops::Range<usize>, name: &str| {
+        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
+        Run {
+            name: format!("{} ({name})", last.name),
+            period_s: last.period_s,
+            q: of(&last.q),
+            tau: of(&last.tau),
+            temperature: last.temperature.as_ref().map(of),
+            past: last.past.clone(),
+        }
+    };
+    let first = part(0..cut, "first part");
+    let rest = Run { past: Past::after(&first, 0.0), ..part(cut..last.len(), "rest") };
+    Some((vec![first], rest))
+}
+
 /// Cut-off of the positions' smoothing \[Hz\], where the rate allows it.
 const MOTION_HZ: f64 = 80.0;
 

@@ -4,9 +4,10 @@ use nalgebra::DVector;
 
 use crate::background::Nominal;
 use crate::design::{Design, Prepared, correlation, unknown};
-use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, candidate_sums, joint_errors_with};
+use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
 use crate::form::Form;
 use crate::library;
+use crate::local::Stretch;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::Column;
@@ -30,15 +31,24 @@ const SETTLED: f64 = 0.05;
 #[derive(Clone)]
 pub(crate) struct Candidate {
     pub(crate) form: Form,
+    /// By run; none where many candidates are only held against each other.
     pub(crate) columns: Vec<Vec<Column>>,
     pub(crate) cells: Vec<CandidateCell>,
     pub(crate) belief: Belief,
+    /// Of contact, which has no other columns.
+    pub(crate) local: Vec<Stretch>,
 }
 
 impl Candidate {
     /// Log evidence that its inner values cost.
     pub(crate) fn price(&self) -> f64 {
         INNER_VALUE * self.form.inner_values() as f64
+    }
+
+    /// How many numbers it has, inner values among them.
+    pub(crate) fn numbers(&self) -> usize {
+        let own = if self.local.is_empty() { self.belief.mean.len() } else { 0 };
+        own + self.local.iter().map(|s| s.std.len()).sum::<usize>() + self.form.inner_values()
     }
 }
 
@@ -59,6 +69,8 @@ pub(crate) struct Search<'a> {
     /// Noise that the torque signal itself has after the model filter \[N·m\].
     pub(crate) floor: Vec<f64>,
     pub(crate) scale: f64,
+    /// Whether candidates keep their columns: rows of all of them are many times the log.
+    pub(crate) keeps_columns: bool,
 }
 
 /// A candidate's standing.
@@ -80,7 +92,7 @@ impl<'a> Search<'a> {
         let extra: Vec<Vec<Column>> = runs
             .iter()
             .map(|r| {
-                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x, None).beside(&r.known);
+                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x).beside(&r.known);
                 r.unnamed(nominal, &physics)
             })
             .collect();
@@ -98,6 +110,7 @@ impl<'a> Search<'a> {
             first_noise: vec![0.0; n],
             floor,
             scale: 1.0,
+            keeps_columns: false,
         };
         search.weigh()?;
         search.reweigh()?;
@@ -107,7 +120,7 @@ impl<'a> Search<'a> {
 
     /// The background solved at a scale of the nominal's errors.
     pub(crate) fn solved(&self, scale: f64) -> Option<Solved> {
-        self.design.background.solve(&self.weights, scale, 0..self.design.background.blocks())
+        self.design.background.solve_folds(&self.weights, scale, &[], |_| true)
     }
 
     /// The background at its best scale.
@@ -117,7 +130,7 @@ impl<'a> Search<'a> {
 
     /// The background solved at every scale.
     pub(crate) fn scales(&self) -> Vec<(f64, Solved)> {
-        self.design.background.solve_scales(&self.weights, &PRIOR_SCALES)
+        self.design.background.solve_scales(&self.weights, &PRIOR_SCALES, &[])
     }
 
     /// Weights from the residual that the background leaves: one over its long-run variance.
@@ -125,7 +138,7 @@ impl<'a> Search<'a> {
         for _ in 0..4 {
             let (scale, solved) = self.best()?;
             self.scale = scale;
-            let residuals = self.design.residuals(&solved.x);
+            let residuals = self.design.residuals(&solved.x, &solved.stretches);
             for j in 0..self.noise.len() {
                 let records: Vec<&DVector<f64>> = residuals.iter().map(|r| &r[j]).collect();
                 let rows: usize = records.iter().map(|r| r.len()).sum();
@@ -159,6 +172,9 @@ impl<'a> Search<'a> {
 
     /// Makes a candidate of a form.
     pub(crate) fn candidate(&self, form: Form, physics: &[Physics<'_>]) -> Option<Candidate> {
+        if let Form::Force { windows } = &form {
+            return self.contact(windows, physics);
+        }
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();
         let count = columns.first()?.len();
         if count == 0 || columns.iter().all(|own| own.iter().all(|c| c.iter().all(Option::is_none))) {
@@ -170,7 +186,7 @@ impl<'a> Search<'a> {
         }
         let belief = self.belief(&form, &columns, count)?;
         let cells = self.design.candidate(&columns);
-        Some(Candidate { form, columns, cells, belief })
+        Some(Candidate { form, columns, cells, belief, local: Vec::new() })
     }
 
     fn belief(&self, form: &Form, columns: &[Vec<Column>], count: usize) -> Option<Belief> {
@@ -225,10 +241,26 @@ impl<'a> Search<'a> {
                     }
                 }
             }
+            let mut from = 0;
+            for stretch in &candidate.local {
+                let own = c.rows(from, stretch.std.len()).into_owned();
+                from += own.len();
+                let mut start = self.runs[..stretch.run].iter().map(|r| r.rows()).sum::<usize>() * self.weights.len();
+                for (j, weight) in self.weights.iter().enumerate() {
+                    let root = self.design.root(stretch.run, j);
+                    for (k, value) in stretch.rows.clone().zip(stretch.torque(j, &own)) {
+                        torque[start + k] += value * root[k] * weight.sqrt();
+                    }
+                    start += root.len();
+                }
+            }
             DVector::from_vec(torque)
         };
         let explained = |(candidate, c): (&Candidate, &DVector<f64>)| {
-            solved.explained(&candidate_sums(&candidate.cells, &self.weights, |_| true)?, c)
+            if candidate.local.is_empty() {
+                return solved.explained(&solved.sums(&candidate.cells, &self.weights, |_| true)?, c);
+            }
+            solved.explained(&self.contact_sums(candidate, c), &DVector::repeat(1, 1.0))
         };
         let (a, b) = (signal(one), signal(other));
         let (fa, fb) = (explained(one)?, explained(other)?);
@@ -249,42 +281,56 @@ impl<'a> Search<'a> {
 
     /// A candidate's standing over the background as it is [solved](Self::scales); none where it makes no sense.
     pub(crate) fn standing(&self, at: usize, candidate: &Candidate, solved: &[(f64, Solved)]) -> Option<Standing> {
-        let standing = Self::standing_at(at, candidate, &self.weights, solved)?;
+        let standing = Self::standing_at(&self.design.background, at, candidate, &self.weights, solved)?;
         candidate.form.plausible(standing.added.c.as_slice()).then_some(standing)
     }
 
     /// The same at other weights, whether it makes sense or not.
     pub(crate) fn standing_at(
+        background: &Background,
         at: usize,
         candidate: &Candidate,
         weights: &[f64],
         solved: &[(f64, Solved)],
     ) -> Option<Standing> {
         let base = solved.iter().map(|(_, s)| s.log_evidence).max_by(f64::total_cmp)?;
-        let sums = candidate_sums(&candidate.cells, weights, |_| true)?;
-        let added = solved
-            .iter()
-            .filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief))
-            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+        let added: Vec<Added> = if candidate.local.is_empty() {
+            let sums = solved.first()?.1.sums(&candidate.cells, weights, |_| true)?;
+            solved.iter().filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief)).collect()
+        } else {
+            let scales: Vec<f64> = solved.iter().map(|(scale, _)| *scale).collect();
+            let with = background.solve_scales(weights, &scales, &candidate.local);
+            with.iter().map(|(_, s)| s.with_stretches(background.local.len())).collect()
+        };
+        let added = added.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
         Some(Standing { at, gain: added.log_evidence - base - candidate.price(), added })
     }
 
-    /// Held-out gain of a candidate by block, in units of independent rows: the weighted sum of squares that the
-    /// background leaves less what it leaves with the candidate, both fitted without the block's fold.
-    pub(crate) fn held_out(&self, candidate: &Candidate, folds: usize) -> Option<Vec<Vec<f64>>> {
-        let blocks = self.design.background.blocks();
-        let mut gains = vec![vec![0.0; self.noise.len()]; blocks];
-        for fold in 0..folds {
-            let keep = |b: usize| b * folds / blocks != fold;
-            let solved = self.design.background.solve(&self.weights, self.scale, (0..blocks).filter(|b| keep(*b)))?;
-            let added = solved.add(&candidate.cells, &candidate.belief, &self.weights, keep)?;
-            for block in (0..blocks).filter(|b| !keep(*b)) {
-                let without = self.design.background.joint_errors(block, &solved.x);
-                let with = joint_errors_with(&self.design.background, &candidate.cells, block, &added);
-                for j in 0..self.noise.len() {
-                    gains[block][j] = without[j] - with[j];
-                }
+    /// Held-out gain of a candidate by fold, in units of independent rows: the weighted sum of squares that the
+    /// background leaves less what it leaves with the candidate, both fitted without the fold.
+    pub(crate) fn held_out(&self, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
+        let (background, local) = (&self.design.background, &candidate.local);
+        // Contact is told by what holds beside it, also in the fold: no other blocks felt it, and what is left of it would be
+        // to the credit of whatever bends there.
+        let whole = self.solved(self.scale)?;
+        let sums = whole.sums(&candidate.cells, &self.weights, |_| true);
+        let mut gains = Vec::with_capacity(FOLDS);
+        for fold in 0..FOLDS {
+            let keep = |other: usize| other != fold;
+            let mut solved = background.solve_folds(&self.weights, self.scale, &[], keep)?;
+            let mut added = if local.is_empty() {
+                solved.add(&candidate.cells, &candidate.belief, &self.weights, keep)?
+            } else {
+                let with = background.solve_folds(&self.weights, self.scale, local, keep)?;
+                with.with_stretches(background.local.len())
+            };
+            if let Some(sums) = &sums {
+                solved.stretches = whole.stretches_beside(&solved.x, None);
+                added.stretches = whole.stretches_beside(&added.x, Some((sums, &added.c)));
             }
+            let without = background.fold_errors(fold, &solved);
+            let with = background.fold_errors_with(&candidate.cells, local, fold, &added);
+            gains.push(without.iter().zip(with).map(|(without, with)| without - with).collect());
         }
         Some(gains)
     }
@@ -293,17 +339,23 @@ impl<'a> Search<'a> {
     pub(crate) fn physics(&self) -> Option<Vec<Physics<'a>>> {
         let (_, solved) = self.best()?;
         let x = self.values(&solved.x);
-        let made = |(i, r): (usize, &&'a Prepared)| {
-            Physics::new(&r.run, &r.motion, self.nominal, &x, Some(i)).beside(&r.known)
-        };
-        Some(self.runs.iter().enumerate().map(made).collect())
+        let made = |r: &&'a Prepared| Physics::new(&r.run, &r.motion, self.nominal, &x).beside(&r.known);
+        Some(self.runs.iter().map(made).collect())
     }
 
     pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
         let Some(first) = physics.first() else { return Vec::new() };
-        let force = (!bursts.iter().all(Vec::is_empty)).then(|| Form::Force { windows: bursts.clone() });
+        let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
+        let force = new.then(|| Form::Force { windows: bursts.clone() });
         let forms: Vec<Form> =
             library::forms(first, orders).into_iter().chain(warming::forms(physics)).chain(force).collect();
-        parallel::map(&forms, |form| self.candidate(form.clone(), physics)).into_iter().flatten().collect()
+        let made = |form: &Form| {
+            let mut candidate = self.candidate(form.clone(), physics)?;
+            if !self.keeps_columns {
+                candidate.columns = Vec::new();
+            }
+            Some(candidate)
+        };
+        parallel::map(&forms, made).into_iter().flatten().collect()
     }
 }

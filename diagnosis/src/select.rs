@@ -2,7 +2,7 @@
 
 use crate::bursts;
 use crate::effect::{Effect, Kind};
-use crate::evidence::{PRIOR_SCALES, joint_errors_with};
+use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::form::Form;
 use crate::orders;
 use crate::physics::Physics;
@@ -22,8 +22,6 @@ const MATERIAL_OF_FIRST: f64 = 0.02;
 const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
 /// A joint whose residual is below this multiple of its noise floor has little left to explain.
 const AT_FLOOR: f64 = 1.2;
-/// Folds of blocks for held-out gains.
-const FOLDS: usize = 8;
 /// Candidates of the best that are refined and held against held-out blocks.
 const SHORT_LIST: usize = 6;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
@@ -112,6 +110,7 @@ impl<'a> Selected<'a> {
         say: &mut dyn FnMut(&str),
     ) -> Option<()> {
         let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
+        search.design.background.local.extend(candidate.local.iter().cloned());
         search.design.adopt(&candidate.columns, &adoption.mean, &std);
         search.weigh()?;
         search.reweigh()?;
@@ -232,8 +231,8 @@ pub(crate) fn best(
         .filter(|(i, _)| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
         .min_by(|(a, its), (b, others)| {
             let size = |i: usize| {
-                let Candidate { form, belief, .. } = &accepted[i].0;
-                (form.is_nameless(), belief.mean.len() + form.inner_values())
+                let candidate = &accepted[i].0;
+                (candidate.form.is_nameless(), candidate.numbers())
             };
             size(*a).cmp(&size(*b)).then(others.total_cmp(its)).then(a.cmp(b))
         })
@@ -282,7 +281,9 @@ impl Adopted {
             rivals: Vec::new(),
             place: search.design.background.len(),
             values: physics.first()?.x.clone(),
-            acts_on: (0..joints).map(|j| candidate.columns.iter().flatten().any(|c| c[j].is_some())).collect(),
+            acts_on: (0..joints)
+                .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
+                .collect(),
             mean: candidate.belief.mean.iter().copied().collect(),
         })
     }
@@ -320,21 +321,22 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
     }
     let background = &search.design.background;
     let rows: Vec<f64> =
-        (0..search.noise.len()).map(|j| background.cells.iter().map(|block| block[j].rows).sum()).collect();
+        (0..search.noise.len()).map(|j| background.folds.iter().map(|fold| fold[j].rows).sum()).collect();
     let mut weights = search.weights.clone();
     let mut standings: Vec<Standing> = Vec::new();
     let mut noise = search.noise.clone();
     for _ in 0..CONTEST_ROUNDS {
-        let solved = background.solve_scales(&weights, &PRIOR_SCALES);
+        let solved = background.solve_scales(&weights, &PRIOR_SCALES, &[]);
         standings = exact
             .iter()
-            .map(|i| Search::standing_at(*i, forms[*i], &weights, &solved))
+            .map(|i| Search::standing_at(background, *i, forms[*i], &weights, &solved))
             .collect::<Option<Vec<Standing>>>()?;
         let best = standings.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let Candidate { cells, local, .. } = forms[best.at];
+        let errors: Vec<Vec<f64>> =
+            (0..FOLDS).map(|fold| background.fold_errors_with(cells, local, fold, &best.added)).collect();
         for (j, noise) in noise.iter_mut().enumerate() {
-            let cells = &forms[best.at].cells;
-            let left: f64 =
-                (0..background.blocks()).map(|b| joint_errors_with(background, cells, b, &best.added)[j]).sum();
+            let left: f64 = errors.iter().map(|fold| fold[j]).sum();
             *noise = (left / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
             weights[j] = 1.0 / (noise.powi(2) * search.correlations[j]);
         }
@@ -359,10 +361,10 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
 
 /// Share of each joint's residual variance that a candidate removes on blocks it was not fitted to.
 fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64>> {
-    let gains = search.held_out(candidate, FOLDS)?;
+    let gains = search.held_out(candidate)?;
     let joints = search.noise.len();
     let share = |j: usize| {
-        let rows: f64 = search.design.background.cells.iter().map(|b| b[j].rows).sum();
+        let rows: f64 = search.design.background.folds.iter().map(|f| f[j].rows).sum();
         gains.iter().map(|g| g[j]).sum::<f64>() / (rows * search.noise[j].powi(2))
     };
     Some((0..joints).map(share).collect())

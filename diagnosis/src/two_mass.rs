@@ -106,7 +106,7 @@ mod tests {
             Run { name: String::new(), period_s: 1e-3, tau, q: vec![q], temperature: None, past: Past::default() };
         let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);
-        let physics = Physics::new(&run, &motion, &nominal, &nominal.x, None);
+        let physics = Physics::new(&run, &motion, &nominal, &nominal.x);
         let column = column(&physics, 0, gear).remove(0).expect("the joint itself changes");
         (physics.rigid[0].clone(), column)
     }
