@@ -37,6 +37,7 @@ mod library;
 mod log_check;
 mod magnitude;
 mod motions;
+mod mounting;
 mod orders;
 mod parallel;
 mod past;

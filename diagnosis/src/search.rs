@@ -7,6 +7,7 @@ use crate::design::{Design, Prepared, correlation, unknown};
 use crate::evidence::{Added, Belief, CandidateCell, PRIOR_SCALES, Solved, candidate_sums, joint_errors_with};
 use crate::form::Form;
 use crate::library;
+use crate::mounting;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::Column;
@@ -302,8 +303,8 @@ impl<'a> Search<'a> {
     pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
         let Some(first) = physics.first() else { return Vec::new() };
         let force = (!bursts.iter().all(Vec::is_empty)).then(|| Form::Force { windows: bursts.clone() });
-        let forms: Vec<Form> =
-            library::forms(first, orders).into_iter().chain(warming::forms(physics)).chain(force).collect();
+        let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
+        let forms: Vec<Form> = library::forms(first, orders).into_iter().chain(beside).collect();
         parallel::map(&forms, |form| self.candidate(form.clone(), physics)).into_iter().flatten().collect()
     }
 }
