@@ -213,6 +213,10 @@ pub const SECTIONS: &[(&str, &str)] = &[
         "The encoder's reading varies once a turn: motor and link are at `q + cosine*cos(q) + sine*sin(q)`.",
     ),
     (
+        "effects.base_flexibility",
+        "What the arm stands on turns on a spring about a horizontal axis through the base's origin, moved by the moment of the arm.",
+    ),
+    (
         "identified",
         "Written by `rivet identify --export`: identified base parameters. The section as a whole is optional; the hash ties it to \
          kinematics, gravity and structure of the model it was identified with.",
@@ -525,6 +529,14 @@ pub const KEYS: &[Key] = &[
         "Amplitude of the cosine."),
     key("effects.encoder_eccentricity", "sine", PerJointOrOne, "rad", Magnitude(0.1), Fallback::Number(0.0),
         "Amplitude of the sine."),
+    key("effects.base_flexibility", "compliance", Number, "rad/(N m)", Within(0.0, 1.0), Fallback::Number(0.0),
+        "Of the spring; 0 is a base that stands."),
+    key("effects.base_flexibility", "inertia", Number, "kg m^2", Within(0.0, 1e6), Fallback::Number(0.0),
+        "Of what turns, without the arm."),
+    key("effects.base_flexibility", "damping", Number, "N m s/rad", Within(0.0, 1e7), Fallback::Number(0.0),
+        "Beside the spring."),
+    key("effects.base_flexibility", "heading", Number, "rad", Magnitude(10.0), Fallback::Number(0.0),
+        "Direction of the axis, from the base's x towards its y."),
 
     key("identified", "hash", Text, "", Bounds::None, Required,
         "Hash of the model the values belong to, 16 hexadecimal digits."),

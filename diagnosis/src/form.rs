@@ -3,6 +3,7 @@
 use rivet_dynamics::{Workspace, inverse_dynamics};
 
 use crate::effect::Effect;
+use crate::mounting::Mode;
 use crate::physics::{Physics, bodies, displaced};
 use crate::run::derivative;
 use crate::two_mass::{self, Gear};
@@ -37,6 +38,8 @@ pub(crate) enum Form {
     TransmissionError { joint: usize, order: f64 },
     /// Motor and link are joined by a spring, or loosely
     TwoMass { joint: usize, gear: Gear },
+    /// The base turns about a horizontal axis, per share that the arm has of what turns
+    Base { mode: Mode },
     /// `q`, 1: a spring rests anywhere
     Spring { joint: usize },
     /// Spring of free length l0 between points at distances 1 and `arm` from the axis, `phase` between them at q = 0
@@ -95,6 +98,7 @@ impl Form {
             Form::TransmissionError { .. } => Effect::TransmissionError,
             Form::TwoMass { gear, .. } if gear.gap > 0.0 => Effect::Backlash,
             Form::TwoMass { .. } => Effect::JointElasticity,
+            Form::Base { .. } => Effect::BaseFlexibility,
             Form::Spring { .. } => Effect::JointSpring,
             // What a pull would be taken for.
             Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } => Effect::Counterbalance,
@@ -118,7 +122,12 @@ impl Form {
     pub(crate) fn joints(&self) -> Vec<usize> {
         match *self {
             Form::Coupling { driving, driven, .. } => vec![driving, driven],
-            Form::Delay { .. } | Form::Lag { .. } | Form::Gravity | Form::Force { .. } | Form::Payload => Vec::new(),
+            Form::Delay { .. }
+            | Form::Lag { .. }
+            | Form::Base { .. }
+            | Form::Gravity
+            | Form::Force { .. }
+            | Form::Payload => Vec::new(),
             Form::LinkScale { link } => vec![link],
             Form::Asymmetry { joint }
             | Form::OneSided { joint, .. }
@@ -161,6 +170,11 @@ impl Form {
         matches!(self, Form::Presliding { .. } | Form::TwoMass { .. } | Form::Delay { .. } | Form::Saturation { .. })
     }
 
+    /// Whether it is simulated: such forms are never exact, and what they miss is not another effect.
+    pub(crate) fn is_simulated(&self) -> bool {
+        self.has_fixed_gain() || matches!(self, Form::Base { .. })
+    }
+
     /// How many columns it has; contact has as many as its time needs, here 0.
     pub(crate) fn coefficients(&self) -> usize {
         match self {
@@ -196,6 +210,7 @@ impl Form {
             Form::Counterbalance { .. } => 2,
             Form::Warming { warmth, .. } => 2 + usize::from(warmth.at_work),
             Form::TwoMass { gear, .. } => 2 + usize::from(gear.gap > 0.0),
+            Form::Base { .. } => 3,
             _ => 0,
         }
     }
@@ -238,6 +253,7 @@ impl Form {
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Warming { warmth, .. } => warmth.plausible(c),
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
+            Form::Base { .. } => Mode::plausible(c[0]),
             Form::Gain { .. } => c[0].abs() < 0.5,
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
             Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
@@ -305,6 +321,7 @@ impl Form {
             Form::TransmissionError { joint: j, order } => wave(p, j, order, false),
             Form::Eccentricity { joint: j } => wave(p, j, 1.0, true),
             Form::TwoMass { joint, gear } => vec![two_mass::column(p, joint, gear)],
+            Form::Base { mode } => vec![mode.column(p)],
             Form::Spring { joint: j } => vec![on(j, &|k| q(j, k)), on(j, &|_| 1.0)],
             Form::Counterbalance { joint: j, arm, phase } => {
                 // Length l² = 1 + a² − 2a cos(q + φ); its derivative with respect to q times stretch: k (l − l0) a sin/l.

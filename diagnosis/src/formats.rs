@@ -149,6 +149,7 @@ fn mjcf_place(e: &KnownEffect, standard: &[f64], joints: usize) -> Result<String
         EffectKind::Backlash | EffectKind::JointElasticity => {
             return Err("a body behind the gear is not written".into());
         }
+        EffectKind::BaseFlexibility => return Err("a body under the arm is not written".into()),
         _ => return Err("MuJoCo has no such force".to_owned()),
     };
     Ok(place.to_owned())

@@ -220,7 +220,7 @@ fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
     let taken = adopted.iter().any(|a| a.form.effect() == form.effect() && a.form.joints() == form.joints());
     // Values hold throughout; what comes and goes over minutes is left by them.
     let slow = matches!(form, Form::Warming { .. });
-    !value && !taken && !slow && !form.has_fixed_gain() && !form.is_nameless() && form.coefficients() > 0
+    !value && !taken && !slow && !form.is_simulated() && !form.is_nameless() && form.coefficients() > 0
 }
 
 /// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.

@@ -4,6 +4,7 @@ use rivet_dynamics::{EffectKind, KnownEffect, KnownEffects, Model, Workspace, fr
 
 use crate::background::Nominal;
 use crate::form::Form;
+use crate::mounting::Mode;
 use crate::physics::Physics;
 use crate::run::{Motion, Run};
 use crate::two_mass::Gear;
@@ -76,6 +77,7 @@ impl Form {
             Form::TwoMass { joint, gear } => {
                 effect(Kind::JointElasticity, joint, &[gear.stiffness, gear.damping, c[0]])
             }
+            Form::Base { mode } => effect(Kind::BaseFlexibility, 0, &mode.handed_on(c[0])),
             Form::Spring { joint } => {
                 beside.push((13 * joints + joint, c[1]));
                 effect(Kind::JointSpring, joint, &c[..1])
@@ -124,6 +126,10 @@ fn form(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Form, f64)> {
         EffectKind::Backlash => Some((Form::TwoMass { joint, gear: Gear { gap: a, stiffness: b, damping: c } }, d)),
         EffectKind::JointElasticity => {
             Some((Form::TwoMass { joint, gear: Gear { gap: 0.0, stiffness: a, damping: b } }, c))
+        }
+        EffectKind::BaseFlexibility => {
+            let mode = Mode::given([a, b, c, d]);
+            Some((Form::Base { mode }, mode.share))
         }
         EffectKind::TransportDelay => Some((Form::Delay { seconds: a }, 1.0)),
         EffectKind::CurrentLoopLag => Some((Form::Lag { stands: false }, a)),
@@ -265,6 +271,8 @@ mod tests {
         let physics = Physics::new(&run, &motion, &nominal, &x);
         let start: Vec<f64> = run.temperature.iter().flatten().map(|t| t[0]).collect();
         let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [2e-4, 6e-8], power: 1.0, span_s: 2.5 };
+        let mode =
+            Mode { hz: 9.0, damping: 0.04, heading: 0.6, share: 0.7, inertia: [40.0, 3.0, 30.0], highest_hz: 27.0 };
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
         let cases: Vec<(Form, Vec<f64>)> = vec![
             (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
@@ -292,6 +300,7 @@ mod tests {
             (Form::Delay { seconds: 0.003 }, vec![1.0]),
             (Form::Lag { stands: false }, vec![0.004]),
             (Form::EncoderOffset { joint: 1 }, vec![1e-5]),
+            (Form::Base { mode }, vec![mode.share]),
         ];
         let mut seen = Vec::new();
         for (form, c) in cases {

@@ -39,6 +39,7 @@ mod local;
 mod log_check;
 mod magnitude;
 mod motions;
+mod mounting;
 mod orders;
 mod parallel;
 mod past;

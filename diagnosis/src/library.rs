@@ -1,6 +1,8 @@
-//! Every effect on every joint it can act on, with a grid of inner values.
+//! Every effect on every joint it can act on, with a grid of inner values. Those that hang on more than one run have places of their
+//! own: warming joints, a base that gives way.
 
 use crate::form::Form;
+use crate::mounting;
 use crate::physics::Physics;
 use crate::two_mass::Gear;
 
@@ -105,7 +107,8 @@ pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
     let same = |other: &Form| {
         other.effect() == form.effect() && other.joints() == form.joints() && other != form && !other.is_nameless()
     };
-    std::iter::once(form.clone()).chain(forms(physics, &orders).into_iter().filter(same)).collect()
+    let modes = if let Form::Base { .. } = form { mounting::forms(std::slice::from_ref(physics)) } else { Vec::new() };
+    std::iter::once(form.clone()).chain(forms(physics, &orders).into_iter().chain(modes).filter(same)).collect()
 }
 
 /// What repeats with an order of the joint's angle.

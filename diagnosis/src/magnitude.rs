@@ -57,6 +57,12 @@ impl Form {
                 }
                 size
             }
+            Form::Base { mode } => named(&[
+                ("frequency_hz", mode.hz),
+                ("damping_ratio", mode.damping),
+                ("compliance_rad_Nm", mode.compliance(c[0])),
+                ("axis_heading_rad", mode.heading),
+            ]),
             Form::Spring { .. } => named(&[("stiffness_Nm_rad", c[0]), ("rest_angle_rad", -c[1] / c[0])]),
             Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
             Form::Counterweight { .. } => named(&[("torque_Nm", wave(c)), ("zero_at_rad", -c[1].atan2(c[0]))]),

@@ -1,7 +1,9 @@
 //! The simulator's model with what a diagnosis found: values, effects, and what each file format carries of them.
 
 use nalgebra::DMatrix;
-use rivet_dynamics::{BaseSet, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter, ParameterGroup};
+use rivet_dynamics::{
+    BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter, ParameterGroup,
+};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 
 use crate::background::{Nominal, standard_columns};
@@ -89,8 +91,11 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         }
         match carried {
             Carried::Effect(effect) if effects.iter().any(|e| (e.kind, e.joint) == (effect.kind, effect.joint)) => {
-                left_out
-                    .push((adopted.form.effect(), "the file as given has this effect on this joint already".into()));
+                let why = match effect.kind {
+                    EffectKind::BaseFlexibility => "a file holds one axis",
+                    _ => "the file as given has this effect on this joint already",
+                };
+                left_out.push((adopted.form.effect(), why.into()));
             }
             Carried::Effect(effect) => effects.push(effect),
             Carried::Values(changes) => {

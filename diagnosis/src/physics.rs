@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use rivet_dynamics::{Workspace, friction_sign, inverse_dynamics, mass_matrix};
 
 use crate::background::Nominal;
+use crate::mounting::Mounting;
 use crate::parallel::{self, chunks, joined};
 use crate::run::{Motion, Run};
 
@@ -25,6 +26,7 @@ pub(crate) struct Physics<'a> {
     /// Direction of friction.
     pub(crate) sign: Vec<Vec<f64>>,
     inertial: OnceLock<Inertial>,
+    mounting: OnceLock<Option<Mounting>>,
 }
 
 /// What a displaced joint changes, `[moved joint][joint][sample]`.
@@ -61,7 +63,8 @@ impl<'a> Physics<'a> {
         let mut rigid = joined(parallel::map(&chunks(motion.len()), chunk), 3 * n);
         let sign = rigid.split_off(2 * n);
         let torque = rigid.split_off(n);
-        Physics { run, motion, nominal, x: x.to_vec(), rigid, torque, sign, inertial: OnceLock::new() }
+        let (inertial, mounting) = (OnceLock::new(), OnceLock::new());
+        Physics { run, motion, nominal, x: x.to_vec(), rigid, torque, sign, inertial, mounting }
     }
 
     /// `gradient()[j][i]`: change of joint i's rigid torque per change of position j.
@@ -106,6 +109,11 @@ impl<'a> Physics<'a> {
             let mut square = || (0..n).map(|_| signals.by_ref().take(n).collect()).collect();
             Inertial { gradient: square(), mass: square() }
         })
+    }
+
+    /// What moves a base that gives way, and what each joint feels of it; made when first asked for.
+    pub(crate) fn mounting(&self) -> Option<&Mounting> {
+        self.mounting.get_or_init(|| Mounting::of(self)).as_ref()
     }
 
     /// The torque of known effects joins that of the model.

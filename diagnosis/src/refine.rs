@@ -29,6 +29,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
             let gear = Gear { stiffness: gear.stiffness * a, damping: gear.damping * b, gap: gear.gap * c };
             Form::TwoMass { joint, gear }
         }
+        Form::Base { mode } => Form::Base { mode: mode.moved(a, b, c.ln()) },
         other => other,
     }
 }
@@ -45,6 +46,7 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
         Form::Pull { .. } => vec![(0, 1.15)],
         Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],
         Form::TwoMass { .. } => vec![(0, 1.13), (1, 1.6)],
+        Form::Base { .. } => vec![(0, 1.07), (1, 1.6), (2, 1.5)],
         _ => Vec::new(),
     }
 }
@@ -65,7 +67,16 @@ impl Search<'_> {
         let judge = |form: Form| -> Option<(Candidate, Standing)> {
             let candidate = self.candidate(form, physics)?;
             let standing = self.standing(0, &candidate, solved)?;
-            Some((candidate, standing))
+            let settled = match candidate.form {
+                Form::Base { mode } => mode.settled(standing.added.c[0]),
+                _ => None,
+            };
+            let again = settled.and_then(|mode| {
+                let candidate = self.candidate(Form::Base { mode }, physics)?;
+                let standing = self.standing(0, &candidate, solved)?;
+                Some((candidate, standing))
+            });
+            Some(again.unwrap_or((candidate, standing)))
         };
         let mut best = judge(start.clone())?;
         let mut sizes = steps(start);

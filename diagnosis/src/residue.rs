@@ -1,6 +1,8 @@
 //! What is left of each joint's torque, and whether a name may stand on what was taken from it.
 
 use crate::effect::Kind;
+use crate::form::Form;
+use crate::mounting::FELT;
 use crate::search::Search;
 use crate::select::Adopted;
 
@@ -70,7 +72,7 @@ impl<'a> Residue<'a> {
             return false;
         }
         let value = form.effect().kind() == Kind::Value;
-        let least = |j: usize| match (form.has_fixed_gain(), self.is_nameless(j)) {
+        let least = |j: usize| match (form.is_simulated(), self.is_nameless(j)) {
             // A wrong value explains what it explains, unless something is left that it may only imitate.
             (_, false) if value => f64::NEG_INFINITY,
             // Torque over the angle fits to the noise, or it is another law.
@@ -81,14 +83,19 @@ impl<'a> Residue<'a> {
             (false, false) if form.hides() => 0.0,
             (false, false) => EXPLAINED,
         };
-        form.joints().iter().all(|j| self.explained(*j) >= least(*j))
+        match form {
+            // It belongs to no joint, and is believed where it took something.
+            Form::Base { .. } => {
+                (0..adopted.shares.len()).all(|j| adopted.shares[j] < FELT || self.explained(j) >= least(j))
+            }
+            _ => form.joints().iter().all(|j| self.explained(*j) >= least(*j)),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::form::Form;
 
     fn adopted(form: Form) -> Adopted {
         Adopted {

@@ -23,6 +23,7 @@ pub(crate) struct Chain {
     average: usize,
     filter: ZeroPhase,
     edge: usize,
+    cutoff_hz: f64,
     /// Time between rows \[s\].
     pub(crate) row_period_s: f64,
 }
@@ -38,13 +39,24 @@ impl Chain {
         let averaged_s = period_s * average as f64;
         let cutoff = hz.min(0.2 / averaged_s);
         let edge = (EDGE_PERIODS / (cutoff * averaged_s)).ceil() as usize;
-        Chain { average, filter: ZeroPhase::new(cutoff, 4, averaged_s), edge, row_period_s: 2.0 * averaged_s }
+        Chain {
+            average,
+            filter: ZeroPhase::new(cutoff, 4, averaged_s),
+            edge,
+            cutoff_hz: cutoff,
+            row_period_s: 2.0 * averaged_s,
+        }
     }
 
     /// Rows of a full-rate signal.
     pub(crate) fn apply(&self, signal: &[f64]) -> Vec<f64> {
         let a = self.average as f64;
         self.filtered(signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect())
+    }
+
+    /// Cut-off of the filter \[Hz\]: half of what has this frequency is left.
+    pub(crate) fn cutoff_hz(&self) -> f64 {
+        self.cutoff_hz
     }
 
     /// How many samples are averaged first.

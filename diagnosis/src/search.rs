@@ -8,6 +8,7 @@ use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCA
 use crate::form::Form;
 use crate::library;
 use crate::local::Stretch;
+use crate::mounting;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::rows::Column;
@@ -347,8 +348,8 @@ impl<'a> Search<'a> {
         let Some(first) = physics.first() else { return Vec::new() };
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
         let force = new.then(|| Form::Force { windows: bursts.clone() });
-        let forms: Vec<Form> =
-            library::forms(first, orders).into_iter().chain(warming::forms(physics)).chain(force).collect();
+        let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
+        let forms: Vec<Form> = library::forms(first, orders).into_iter().chain(beside).collect();
         let made = |form: &Form| {
             let mut candidate = self.candidate(form.clone(), physics)?;
             if !self.keeps_columns {

@@ -4,6 +4,7 @@ use crate::bursts;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::form::Form;
+use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
 use crate::residue::Residue;
@@ -170,8 +171,16 @@ pub(crate) fn best(
             continue;
         }
         let (effect, joints) = (form.effect(), form.joints());
+        // A base may give way about two axes.
+        let another = match form {
+            Form::Base { mode } => adopted.iter().all(|a| match &a.form {
+                Form::Base { mode: before } => mode.is_other(before),
+                _ => true,
+            }),
+            _ => false,
+        };
         let key = (effect, joints.clone(), form.kind());
-        if taken.contains(&(effect, joints)) || seen.contains(&key) {
+        if taken.contains(&(effect, joints)) && !another || seen.contains(&key) {
             continue;
         }
         seen.push(key);
@@ -205,8 +214,14 @@ pub(crate) fn best(
             }
         };
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || share >= SATURATED;
-        let plausible =
-            candidate.form.plausible(standing.added.c.as_slice()) && cut && !is_part(&candidate.form, &standing);
+        let shown = match &candidate.form {
+            Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
+            _ => true,
+        };
+        let plausible = candidate.form.plausible(standing.added.c.as_slice())
+            && cut
+            && shown
+            && !is_part(&candidate.form, &standing);
         if standing.gain >= least && material && plausible {
             accepted.push((candidate, standing, share, shares));
         }
@@ -314,7 +329,7 @@ fn is_part(form: &Form, standing: &Standing) -> bool {
 /// What a wrong form leaves is small beside a gap but large beside noise. That says something only where the best leaves
 /// nothing else, and of forms that are exact: what a simulated gear or bristle misses is not another effect.
 fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str)) -> Option<Vec<Option<f64>>> {
-    let exact: Vec<usize> = (0..forms.len()).filter(|i| !forms[*i].form.has_fixed_gain()).collect();
+    let exact: Vec<usize> = (0..forms.len()).filter(|i| !forms[*i].form.is_simulated()).collect();
     let mut holds = vec![Some(0.0); forms.len()];
     if exact.len() < 2 {
         return Some(holds);
@@ -373,7 +388,7 @@ fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64
 fn is_material(search: &Search<'_>, form: &Form, shares: &[f64], adopted: &[Adopted]) -> bool {
     (0..shares.len()).any(|j| {
         let left = search.noise[j].powi(2);
-        let simulated = adopted.iter().any(|a| a.form.has_fixed_gain() && a.acts_on[j]);
+        let simulated = adopted.iter().any(|a| a.form.is_simulated() && a.acts_on[j]);
         let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
         let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
         // A command that is cut explains the noise of the torque by itself.

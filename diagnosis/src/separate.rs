@@ -29,6 +29,9 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
         Effect::GravityDirection | Effect::Payload | Effect::LinkInertia | Effect::EncoderOffset => {
             "static poses with the wrist turned, joint 1 at several angles"
         }
+        Effect::BaseFlexibility => {
+            "short moves that start and stop hard, with joint 1 at several angles, and rests after them"
+        }
         Effect::JointCoupling => "each of the two joints alone at constant speed",
         _ => "each joint alone, slow and fast, over its whole range",
     };

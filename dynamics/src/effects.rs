@@ -63,12 +63,13 @@ kinds! {
     TorqueSaturation "torque_saturation" 1 [limit] "reported torque beyond the limit is not delivered",
     EncoderOffset "encoder_offset" 1 [offset] "the link is at `q + offset`",
     EncoderEccentricity "encoder_eccentricity" 2 [cosine sine] "motor and link are at `q + cosine·cos q + sine·sin q`",
+    BaseFlexibility "base_flexibility" 1 [compliance inertia damping heading] "the base turns on a spring about a horizontal axis",
 }
 
 impl EffectKind {
     /// Whether it belongs to no joint.
     pub fn is_global(self) -> bool {
-        matches!(self, EffectKind::TransportDelay | EffectKind::CurrentLoopLag)
+        matches!(self, EffectKind::TransportDelay | EffectKind::CurrentLoopLag | EffectKind::BaseFlexibility)
     }
 
     /// Why its torque does not follow from position, speed and acceleration of one instant; none if it does.
@@ -80,6 +81,7 @@ impl EffectKind {
                 Some("the link behind the gear has a state of its own")
             }
             EffectKind::TransportDelay | EffectKind::CurrentLoopLag => Some("it shifts torque in time"),
+            EffectKind::BaseFlexibility => Some("the base has a state of its own"),
             EffectKind::TorqueSaturation => Some("it depends on the command"),
             _ => None,
         }

@@ -127,9 +127,10 @@ impl Truth {
                 EffectKind::PreslidingFriction => "dry friction sticks hard here",
                 EffectKind::Backlash | EffectKind::JointElasticity => "gears are rigid here",
                 EffectKind::JointCoupling => "there is one coupled motor at most",
+                EffectKind::BaseFlexibility => "the base stands here",
                 _ => return None,
             };
-            let joint = &self.arm.joints[effect.joint].name;
+            let joint = if effect.kind.is_global() { "all joints" } else { &self.arm.joints[effect.joint].name };
             Some(format!("[effects.{}] of {joint} is not simulated: {why}", effect.kind.name()))
         };
         self.effects.iter().filter_map(of).collect()
