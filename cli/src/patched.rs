@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
-use rivet_diagnosis::{Fidelity, Patch, SeparatingMotion, drives, mjcf_coupling_fits};
+use rivet_diagnosis::{Fidelity, FormatReport, Patch, SeparatingMotion, drives, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
 use crate::export::{bodies, place_load};
@@ -58,6 +58,15 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         );
     }
     runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    for report in &patch.formats {
+        if let Some(joints) = worse(report, &runs::joint_names(robot)) {
+            eprintln!(
+                "rivet: {} is further from the logs than the model as given on {joints}: it cannot hold what was found (see {})",
+                folder.join(report.format.file()).display(),
+                notes.display()
+            );
+        }
+    }
     Ok(made)
 }
 
@@ -128,6 +137,12 @@ fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
     out
 }
 
+/// Names of the joints on which a file is worse than the model as given.
+fn worse(report: &FormatReport, names: &[String]) -> Option<String> {
+    let joints: Vec<&str> = report.worse().map(|j| names[j].as_str()).collect();
+    (!joints.is_empty()).then(|| joints.join(", "))
+}
+
 fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let mut out = format!(
         "# {}: what the files of this folder do not carry\n\n\
@@ -152,6 +167,15 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
             let _ = writeln!(out, "| {} | {} | {} | {cost} |", item.what, item.fidelity.name(), item.place);
         }
         let _ = writeln!(out, "| **all that is missing together** | | | {} |", cells(&report.missed));
+        let _ = writeln!(out, "| **gap left to a reader of this file** | | | {} |", cells(&report.gap));
+        let _ = writeln!(out, "| gap of the model as given, in this format | | | {} |", cells(&report.gap_before));
+        if let Some(joints) = worse(report, &names) {
+            let _ = writeln!(
+                out,
+                "\n**Worse than the model as given on {joints}**: what this file cannot hold goes with values that were found beside \
+                 it."
+            );
+        }
     }
     let plain = |rms: &[f64]| cells(rms).replace(" | ", " ");
     let _ = writeln!(out, "\nMeasured torque: {} N m rms.", plain(&patch.torque_rms));

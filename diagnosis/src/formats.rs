@@ -2,6 +2,9 @@
 
 use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup};
 
+/// A gap that is larger by less is the same.
+const WORSE: f64 = 1.02;
+
 /// A file that a model is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -68,6 +71,18 @@ pub struct FormatReport {
     pub items: Vec<FormatItem>,
     /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
     pub missed: Vec<f64>,
+    /// Measured torque without what a reader of this file has: root mean square of each joint \[N·m\].
+    pub gap: Vec<f64>,
+    /// The same with the model as given, written in this format.
+    pub gap_before: Vec<f64>,
+}
+
+impl FormatReport {
+    /// Joints where a reader of this file is further from the runs than one of the model as given: what the file cannot hold goes
+    /// with values that were found beside it.
+    pub fn worse(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.gap.len()).filter(|j| self.gap[*j] > WORSE * self.gap_before[*j])
+    }
 }
 
 /// A part of the model with its torque, `[joint][row]`.
@@ -162,18 +177,52 @@ pub fn mjcf_coupling_fits(effect: &KnownEffect, rotor_inertia: impl Fn(usize) ->
     room && coulomb >= 0.0 && viscous >= 0.0 && inertia >= 0.0
 }
 
+/// A model to be written.
+pub(crate) struct Carrying<'a> {
+    pub(crate) parts: &'a [Part],
+    /// Standard parameters that the file gets.
+    pub(crate) values: &'a [f64],
+}
+
+impl Carrying<'_> {
+    /// `measured` without what a reader of the format has.
+    fn left(&self, format: Format, measured: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut left = measured.to_vec();
+        for part in self.parts {
+            let held = part.kind.place(format, self.values, measured.len()).is_ok();
+            let sign = match part.kind {
+                // Bodies are told under the gravity that was found: where it cannot be written, the change is not there.
+                PartKind::Gravity if held => continue,
+                PartKind::Gravity => 1.0,
+                _ if held => -1.0,
+                _ => continue,
+            };
+            for (left, torque) in left.iter_mut().zip(&part.torque) {
+                left.iter_mut().zip(torque).for_each(|(left, v)| *left += sign * v);
+            }
+        }
+        left
+    }
+}
+
+/// Root mean square of each joint.
+pub(crate) fn rms(torque: &[Vec<f64>]) -> Vec<f64> {
+    torque.iter().map(|t| (t.iter().map(|v| v * v).sum::<f64>() / t.len().max(1) as f64).sqrt()).collect()
+}
+
 /// Reports of all formats.
-pub(crate) fn reports(parts: &[Part], standard: &[f64], joints: usize) -> Vec<FormatReport> {
-    let rms = |torque: &[Vec<f64>]| -> Vec<f64> {
-        torque.iter().map(|t| (t.iter().map(|v| v * v).sum::<f64>() / t.len().max(1) as f64).sqrt()).collect()
-    };
+///
+/// * `found`, `given`: the model to be written, and the one that was given
+/// * `measured`: torque of the runs, `[joint][row]` \[N·m\]
+pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Vec<f64>]) -> Vec<FormatReport> {
+    let joints = measured.len();
     Format::ALL
         .iter()
         .map(|format| {
             let mut items = Vec::new();
             let mut missed: Option<Vec<Vec<f64>>> = None;
-            for part in parts {
-                let place = part.kind.place(*format, standard, joints);
+            for part in found.parts {
+                let place = part.kind.place(*format, found.values, joints);
                 if place.is_err() {
                     let sum = missed.get_or_insert_with(|| part.torque.iter().map(|t| vec![0.0; t.len()]).collect());
                     for (to, from) in sum.iter_mut().zip(&part.torque) {
@@ -187,7 +236,54 @@ pub(crate) fn reports(parts: &[Part], standard: &[f64], joints: usize) -> Vec<Fo
                     torque_rms: rms(&part.torque),
                 });
             }
-            FormatReport { format: *format, items, missed: missed.map_or(vec![0.0; joints], |sum| rms(&sum)) }
+            FormatReport {
+                format: *format,
+                items,
+                missed: missed.map_or(vec![0.0; joints], |sum| rms(&sum)),
+                gap: rms(&found.left(*format, measured)),
+                gap_before: rms(&given.left(*format, measured)),
+            }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::{EffectKind, KnownEffect, ParameterGroup};
+
+    use super::{Carrying, Format, Part, PartKind, reports};
+
+    fn part(kind: PartKind, torque: f64) -> Part {
+        Part { what: String::new(), kind, torque: vec![vec![torque, -torque]] }
+    }
+
+    /// Friction of 5 N m that was split into 3 and 2 which follow temperature: only model.toml can hold the 2, and what was
+    /// found leaves 2 N m to readers of the others, where the model as given left nothing.
+    #[test]
+    fn a_file_that_is_worse_than_what_was_given_says_so() {
+        let warm = KnownEffect::new(EffectKind::TemperatureDependentFriction, 0, &[]);
+        let found = [part(PartKind::Coulomb, 3.0), part(PartKind::Effect(warm), 2.0)];
+        let given = [part(PartKind::Coulomb, 5.0)];
+        let values = [0.0; 20];
+        let carrying = |parts| Carrying { parts, values: &values };
+        for report in reports(&carrying(&found), &carrying(&given), &[vec![5.0, -5.0]]) {
+            let left = if report.format == Format::Model { 0.0 } else { 2.0 };
+            assert!((report.gap[0] - left).abs() < 1e-12 && report.gap_before[0] < 1e-12, "{report:?}");
+            assert_eq!(report.worse().count(), usize::from(report.format != Format::Model), "{report:?}");
+        }
+    }
+
+    /// Bodies that make 4 N m under the gravity that was found, 1 more than under the one given: a URDF holds the 3.
+    #[test]
+    fn bodies_of_a_file_without_gravity_hang_as_given() {
+        let found = [part(PartKind::Group(ParameterGroup::Inertial), 4.0), part(PartKind::Gravity, 1.0)];
+        let values = [0.0; 20];
+        let carrying = |parts| Carrying { parts, values: &values };
+        let given = [part(PartKind::Group(ParameterGroup::Inertial), 3.0)];
+        for report in reports(&carrying(&found), &carrying(&given), &[vec![4.0, -4.0]]) {
+            let left = if report.format == Format::Urdf { 1.0 } else { 0.0 };
+            assert!((report.gap[0] - left).abs() < 1e-12 && (report.gap_before[0] - 1.0).abs() < 1e-12, "{report:?}");
+            assert_eq!(report.worse().count(), 0, "{report:?}");
+        }
+    }
 }

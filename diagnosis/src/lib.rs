@@ -42,6 +42,7 @@ mod motions;
 mod mounting;
 mod orders;
 mod parallel;
+mod parts;
 mod past;
 mod patch;
 mod physics;

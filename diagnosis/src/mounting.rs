@@ -453,7 +453,7 @@ mod tests {
         let run = Run { name: String::new(), period_s, tau, q: vec![q], temperature: None, past: Past::default() };
         let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);
-        f(&Physics::new(&run, &motion, &nominal, &nominal.x, None))
+        f(&Physics::new(&run, &motion, &nominal, &nominal.x))
     }
 
     /// A sine of frequency w is `Ī·(w/ω)²·q̈/(1 − (w/ω)²)` per share, since M_b = Ī q̈ and M_01 = Ī, and hardly anything out of phase

@@ -1,18 +1,17 @@
 //! The simulator's model with what a diagnosis found: values, effects, and what each file format carries of them.
 
 use nalgebra::DMatrix;
-use rivet_dynamics::{
-    BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter, ParameterGroup,
-};
+use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
-use crate::formats::{FormatReport, Part, PartKind, reports};
-use crate::known::{self, Carried};
+use crate::formats::{Carrying, FormatReport, Part, PartKind, reports, rms};
+use crate::known::Carried;
 use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
+use crate::parts::Told;
 use crate::rows::Column;
 use crate::search::Search;
 use crate::select::Adopted;
@@ -75,7 +74,6 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     let mut gravity = nominal.model.arm.gravity;
     let mut effects: Vec<KnownEffect> = nominal.model.effects().list().to_vec();
     let mut left_out = Vec::new();
-    let mut parts: Vec<Part> = Vec::new();
     let mut classes: Vec<Class<'_>> = Vec::new();
     let temperature: Option<Vec<f64>> =
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
@@ -139,73 +137,28 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     }
     let model = model.with_effects(KnownEffects::new(effects.clone(), &drives));
 
-    let of_values = |values: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
-        let mut torque = vec![Vec::new(); n];
-        for (run, columns) in runs.iter().zip(&columns) {
-            for (j, torque) in torque.iter_mut().enumerate() {
-                let mut sum = vec![0.0; run.rows()];
-                for (c, column) in columns.iter().enumerate() {
-                    if let (Some(rows), factor) = (&column[j], values(c))
-                        && factor != 0.0
-                    {
-                        sum.iter_mut().zip(rows).for_each(|(s, v)| *s += factor * v);
-                    }
-                }
-                torque.extend(sum);
-            }
-        }
-        torque
-    };
-    let mut group = |what: &str, kind: PartKind| {
-        let of = |c: usize| if PartKind::of(model.parameters[c]) == kind { written[c] } else { 0.0 };
-        if (0..width).any(|c| of(c) != 0.0) {
-            parts.push(Part { what: what.to_owned(), kind, torque: of_values(&of) });
-        }
-    };
-    group("bodies", PartKind::Group(ParameterGroup::Inertial));
-    group("rotor inertia behind the gear", PartKind::Group(ParameterGroup::RotorInertia));
-    group("viscous friction", PartKind::Group(ParameterGroup::Friction));
-    group("Coulomb friction", PartKind::Coulomb);
-    group("friction with the load", PartKind::LoadFriction);
-    group("friction with the square of speed", PartKind::ViscousQuadratic);
-    group("torque offset", PartKind::Group(ParameterGroup::Offset));
-    group("coupled wrist motor", PartKind::Group(ParameterGroup::Coupling));
+    let told = Told { runs, model: &model, columns: columns.clone(), values: &written };
+    let mut parts = told.groups();
     parts.push(Part {
         what: "values as the data gave them, against bodies that can be built".to_owned(),
         kind: PartKind::Unconstrained,
-        torque: of_values(&|c| standard[c] - written[c]),
+        torque: told.torque(|c| standard[c] - written[c]),
     });
+    let own = nominal.model.effects().list();
+    let given =
+        Told { runs, model: &nominal.model, columns: runs.iter().map(|r| &r.standard).collect(), values: &nominal.x };
     if tilted {
-        let mut torque = vec![Vec::new(); n];
-        for (run, columns) in runs.iter().zip(&columns) {
-            for (j, torque) in torque.iter_mut().enumerate() {
-                let mut sum = vec![0.0; run.rows()];
-                for (c, (new, old)) in columns.iter().zip(&run.standard).enumerate() {
-                    for (rows, factor) in [(&new[j], written[c]), (&old[j], -written[c])] {
-                        if let Some(rows) = rows {
-                            sum.iter_mut().zip(rows).for_each(|(s, v)| *s += factor * v);
-                        }
-                    }
-                }
-                torque.extend(sum);
-            }
+        let level = Told { model: &model, columns: given.columns.clone(), ..told };
+        let mut torque = told.torque(|c| written[c]);
+        for (to, level) in torque.iter_mut().zip(level.torque(|c| written[c])) {
+            to.iter_mut().zip(level).for_each(|(to, level)| *to -= level);
         }
         parts.push(Part { what: "direction of gravity".to_owned(), kind: PartKind::Gravity, torque });
     }
-    let exact = Nominal::exact(&model, &written);
-    for effect in &effects {
-        let mut torque = vec![Vec::new(); n];
-        for run in runs {
-            let full = known::torque(&exact, std::slice::from_ref(effect), &run.run, &run.motion);
-            torque.iter_mut().zip(&full).for_each(|(to, full)| to.extend(run.chain.apply(full)));
-        }
-        let joint = if effect.kind.is_global() { "all joints" } else { &model.arm.joints[effect.joint].name };
-        parts.push(Part {
-            what: format!("{} of {joint}", effect.kind.name().replace('_', " ")),
-            kind: PartKind::Effect(*effect),
-            torque,
-        });
-    }
+    parts.extend(told.effects(&effects));
+    let before: Vec<Part> = given.groups().into_iter().chain(given.effects(own)).collect();
+    let measured: Vec<Vec<f64>> =
+        (0..n).map(|j| runs.iter().flat_map(|r| r.tau[j].iter().copied()).collect()).collect();
     let timing = solved.x[width];
     let timing_rms = (0..n)
         .map(|j| {
@@ -214,13 +167,7 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
             timing.abs() * (square / rows.max(1) as f64).sqrt()
         })
         .collect();
-    let torque_rms = (0..n)
-        .map(|j| {
-            let all = runs.iter().flat_map(|r| &r.tau[j]);
-            let (square, rows) = all.fold((0.0, 0usize), |(s, n), t| (s + t * t, n + 1));
-            (square / rows.max(1) as f64).sqrt()
-        })
-        .collect();
+    let torque_rms = rms(&measured);
     let usual: Vec<f64> = nominal.std.iter().map(|s| s * search.scale.max(0.1)).collect();
     let looked_at: Vec<&Prepared> = search.runs.clone();
     let motions = classes
@@ -228,7 +175,11 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &search.noise, found.bounds))
         .collect();
     let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(0.0).sqrt()).collect();
-    let formats = reports(&parts, &written, n);
+    let formats = reports(
+        &Carrying { parts: &parts, values: &written },
+        &Carrying { parts: &before, values: &nominal.x },
+        &measured,
+    );
     Some(Patch {
         model,
         standard,

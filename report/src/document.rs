@@ -104,6 +104,10 @@ pub struct Format {
     pub items: Vec<FormatItem>,
     /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
     pub missed_nm: Vec<f64>,
+    /// Measured torque without what a reader of this file has: root mean square of each joint \[N·m\].
+    pub gap_nm: Vec<f64>,
+    /// The same with the model as given, written in this format.
+    pub gap_before_nm: Vec<f64>,
 }
 
 /// One thing of the model in one format.

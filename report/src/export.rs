@@ -19,6 +19,8 @@ pub fn formats(patch: &Patch) -> Vec<Format> {
             })
             .collect(),
         missed_nm: report.missed.clone(),
+        gap_nm: report.gap.clone(),
+        gap_before_nm: report.gap_before.clone(),
     };
     patch.formats.iter().map(format).collect()
 }

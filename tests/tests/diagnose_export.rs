@@ -54,9 +54,13 @@ fn export(case: &Path) -> Exported {
 
 /// Torque that a file misses by what was declared, joint by joint \[N m\].
 fn declared(facts: &Value, file: &str) -> Vec<f64> {
+    figures(facts, file, "missed_nm")
+}
+
+fn figures(facts: &Value, file: &str, which: &str) -> Vec<f64> {
     let formats = facts["export"].as_array().expect("formats");
     let format = formats.iter().find(|f| f["file"] == file).expect("a report for each file");
-    format["missed_nm"].as_array().expect("figures").iter().map(|m| m.as_f64().expect("a number")).collect()
+    format[which].as_array().expect("figures").iter().map(|m| m.as_f64().expect("a number")).collect()
 }
 
 /// Root mean squares over joints: the torque that model.toml predicts along a log, and how far another one is from it.
@@ -99,6 +103,13 @@ fn exported_files_say_the_same_but_for_what_is_declared() {
         let robot = &found.model;
         assert!(robot.config.effects.iter().any(|e| e.kind.name() == kind), "{:?}", robot.config.effects);
         assert!(robot.identified.is_some());
+        // The model found is nearer to the logs than the one given, and MuJoCo holds these effects.
+        for file in ["model.toml", "robot.xml"] {
+            let [gap, before] = ["gap_nm", "gap_before_nm"].map(|which| figures(&found.facts, file, which));
+            println!("{case} {file}: gap {gap:.3?} N m, of the model as given {before:.3?}");
+            assert!(gap.iter().zip(&before).all(|(gap, before)| *gap <= 1.02 * before), "{gap:?} {before:?}");
+            assert!(gap.iter().zip(&before).any(|(gap, before)| *gap <= 0.7 * before), "{gap:?} {before:?}");
+        }
         for body in robot.model.arm.links.iter().chain(&found.mjcf.arm.links) {
             assert!(smallest_eigenvalue(body) > 0.0, "{body:?}");
         }

@@ -36,7 +36,13 @@ pub(super) fn patch(document: &Document) -> String {
                 numbers(&item.torque_rms_nm)
             ));
         }
-        table.raw(format!("<th scope=\"row\">missed by a reader</th><td></td><td></td>{}", numbers(&format.missed_nm)));
+        for (what, values) in [
+            ("missed by a reader", &format.missed_nm),
+            ("gap left to a reader", &format.gap_nm),
+            ("gap of the model as given, in this format", &format.gap_before_nm),
+        ] {
+            table.raw(format!("<th scope=\"row\">{what}</th><td></td><td></td>{}", numbers(values)));
+        }
         let exact = format.items.iter().filter(|i| i.fidelity == "exact").count();
         let _ = writeln!(
             out,
