@@ -27,7 +27,7 @@ use crate::table::{Table, number, paragraph, show};
 const COMPARED_PRIOR: f64 = 10.0;
 
 fn prior(robot: &Robot, trust: Trust) -> Prior {
-    Prior::new(&robot.model, &robot.base, &robot.nominal, trust, robot.config.estimator.prior)
+    Prior::new(&robot.model, &robot.base, &robot.nominal, trust)
 }
 
 /// How far the rows say nominal values can be trusted.

@@ -17,6 +17,11 @@ use crate::table::{Table, paragraph, show};
 /// positions are noise above it, and identification has seen nothing of the model there.
 const SMOOTH: f64 = 2.0;
 
+/// A log is faster than the robot file's samples from this ratio of periods on.
+const FASTER: f64 = 1.5;
+/// Cut-off of positions then, in parts of the rate of samples.
+const BAND: f64 = 0.35;
+
 /// Arguments of `rivet predict`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -40,7 +45,7 @@ struct Sums {
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
-    let pieces = whole_pieces(robot, log)?;
+    let pieces = whole_pieces(log)?;
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
@@ -53,7 +58,7 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
 pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    let pieces = whole_pieces(robot, log)?;
+    let pieces = whole_pieces(log)?;
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         compare(robot, piece, &predicted, &mut sums)?;
@@ -61,11 +66,9 @@ pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
     Ok(sums.iter().map(|s| percent(s.filtered)).collect())
 }
 
-/// The pieces of a log between holes; no row is left over. On the grid of identification: friction under load has the size of the
-/// links' torque, and second differences of quantised positions at five times the rate are noise twenty-five times as large,
-/// which no filter takes out of an absolute value.
-fn whole_pieces(robot: &Robot, log: &Log) -> Result<Vec<Piece>> {
-    let pieces = runs::pieces(log, robot.config.sample_period_s)?;
+/// The pieces of a log between holes; no row is left over.
+fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
+    let pieces = runs::pieces(log, log.median_step_s())?;
     let rows: usize = pieces.iter().map(|p| p.logged_t.len()).sum();
     if rows != log.len() {
         bail!(
@@ -85,7 +88,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
     let log = runs::read_log(&robot, &args.log)?;
-    let pieces = whole_pieces(&robot, &log)?;
+    let pieces = whole_pieces(&log)?;
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
@@ -113,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>>> {
     let (signal, period) = (&robot.config.signal, piece.report.period_s);
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
-    let motion = Trajectory::from_positions(&piece.grid.q, period);
+    let motion = Trajectory::from_positions(&positions(robot, piece), period);
     let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
         .with_context(|| piece.grid.path.display().to_string())?;
     if let Some(beside) = memory_torque(&robot.model, &robot.nominal, run) {
@@ -123,6 +126,20 @@ fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>
         }
     }
     Ok(tau)
+}
+
+/// The positions of a piece. Where the log is faster than the robot file's samples they are smoothed to the band of those, in which
+/// parameters were identified: friction under load has the size of the links' torque, accelerations included, and second
+/// differences of quantised positions at five times the rate are noise twenty-five times as large, which no filter takes out of
+/// an absolute value.
+fn positions(robot: &Robot, piece: &Piece) -> Vec<Vec<f64>> {
+    let (own, period) = (robot.config.sample_period_s, piece.report.period_s);
+    let mut q = piece.grid.q.clone();
+    if FASTER * period < own {
+        let band = ZeroPhase::new(BAND / own, robot.config.signal.model_filter_order, period);
+        q.iter_mut().for_each(|q| band.apply(q));
+    }
+    q
 }
 
 /// Adds the squares of a piece, from its first to its last motion and without the ends that the filter colours.

@@ -7,10 +7,11 @@
 //! ```text
 //! D_j x = τ_j + e_j                        rows of joint j, filtered and thinned out
 //! LS:  x = (Σ w DᵀD + P⁻¹)⁻¹ (Σ w Dᵀτ + P⁻¹ x₀)
-//! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
+//! IV:  two-stage least squares with instruments Z, the regressor on motion without the position noise
 //! ```
 //!
-//! P is the [`Prior`] around the nominal parameters x₀: it decides only what the motion leaves open.
+//! P is the [`Prior`] around the nominal parameters x₀: it decides what the motion leaves open, as far as the
+//! evidence says nominal values can be trusted ([`Trust`]).
 
 mod bias;
 mod covariance;

@@ -119,8 +119,8 @@ impl Noise {
             for j in 0..n {
                 let residuals = equations.residuals(j, solution.x.as_slice());
                 left[j] = residuals.iter().flatten().map(|e| e * e).sum();
-                // Parameters that these rows decide: so many of them say nothing of the noise.
-                let taken = weights[j] * joints[j].dd.component_mul(&covariance).sum();
+                // Parameters that these rows decide: so many independent rows say nothing of the noise.
+                let taken = noise.correlation[j] * weights[j] * joints[j].dd.component_mul(&covariance).sum();
                 free[j] = (joints[j].count - taken).max(0.0);
                 noise.correlation[j] = rows_per_independent_row(&residuals);
             }
@@ -334,7 +334,18 @@ fn projected(root: &DMatrix<f64>, zz: &DMatrix<f64>, zd: &DMatrix<f64>) -> Optio
     for i in 0..spread.nrows() {
         spread[(i, i)] += least;
     }
-    Some(root * spread.cholesky()?.solve(&root.tr_mul(&(zd * root))))
+    let right = root.tr_mul(&(zd * root));
+    if let Some(factors) = spread.clone().cholesky() {
+        return Some(root * factors.solve(&right));
+    }
+    if spread.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    // Rounding left a direction negative: it counts as what was added.
+    let eigen = ((&spread + spread.transpose()) * 0.5).symmetric_eigen();
+    let inverse = eigen.eigenvalues.map(|v| 1.0 / v.max(least));
+    let solved = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.tr_mul(&right);
+    Some(root * solved)
 }
 
 /// Inverse of a symmetric matrix that is at least 1 in every direction; where rounding has made it less, it is set right. The

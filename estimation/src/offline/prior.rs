@@ -19,6 +19,12 @@ const TORQUE_SHARE: f64 = 0.005;
 /// centre such a share of the arm's reach from the last link's origin.
 const LOAD_MASS: f64 = 0.1;
 const LOAD_CENTRE: f64 = 0.15;
+/// Bodies may be wrong by themselves; friction, which depends on wear, grease and temperature, by ten times itself.
+pub(super) const USUAL_BODIES: f64 = 1.0;
+pub(super) const USUAL_FRICTION: f64 = 10.0;
+/// Values of nominal zero (offsets above all) are not known to be zero: so many times [`TORQUE_SHARE`], whatever is held of
+/// the others.
+const ZERO: f64 = 10.0;
 /// Standard deviation of what no row sees and nothing is known of.
 const UNSEEN: f64 = 1e-6;
 
@@ -61,10 +67,10 @@ pub struct Trust {
     pub friction: Belief,
 }
 
-impl Default for Trust {
-    /// Bodies may be wrong by themselves; friction, which depends on wear, grease and temperature, by ten times itself.
-    fn default() -> Trust {
-        Trust { bodies: Belief::Nominal(1.0), friction: Belief::Nominal(10.0) }
+impl Trust {
+    /// What is usual, by so many times wider.
+    pub fn usual(wide: f64) -> Trust {
+        Trust { bodies: Belief::Nominal(wide * USUAL_BODIES), friction: Belief::Nominal(wide * USUAL_FRICTION) }
     }
 }
 
@@ -93,8 +99,7 @@ impl Prior {
     /// others in parts of their nominal value.
     ///
     /// * `nominal`: standard parameters
-    /// * `wide`: by how much less than usual nominal values are trusted
-    pub fn new(model: &Model, base: &BaseSet, nominal: &[f64], trust: Trust, wide: f64) -> Prior {
+    pub fn new(model: &Model, base: &BaseSet, nominal: &[f64], trust: Trust) -> Prior {
         let links = model.arm.dof();
         let moved: f64 = nominal.iter().step_by(LINK_PARAMETERS).take(links).map(|m| m.max(0.0)).sum();
         let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
@@ -120,7 +125,8 @@ impl Prior {
             match belief {
                 Belief::Nominal(relative) => {
                     centre[i] = nominal[i];
-                    Source { moves: Vec::new(), size, relative: wide * relative }
+                    let relative = if size > 0.0 { relative } else { relative.max(ZERO) };
+                    Source { moves: Vec::new(), size, relative }
                 }
                 Belief::Nothing(share) => Source { moves: Vec::new(), size: 0.0, relative: share / TORQUE_SHARE },
             }

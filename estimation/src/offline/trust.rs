@@ -15,30 +15,22 @@ use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model};
 
 use super::fit::{Method, Noise, normals};
-use super::prior::{Belief, Prior, Trust};
+use super::prior::{Belief, Prior, Trust, USUAL_BODIES, USUAL_FRICTION};
 use super::record::OfflineError;
 use super::sums::{Equations, Normal};
 
-/// What is tried of bodies and of friction. No file is believed to be right to better than a tenth: friction changes by more
-/// from morning to noon, and one number for all joints is the wrong one for some.
-const BELIEFS: [Belief; 11] = [
-    Belief::Nominal(0.1),
-    Belief::Nominal(0.3),
-    Belief::Nominal(1.0),
-    Belief::Nominal(3.0),
-    Belief::Nominal(10.0),
-    Belief::Nominal(30.0),
-    Belief::Nothing(0.03),
-    Belief::Nothing(0.1),
-    Belief::Nothing(0.3),
-    Belief::Nothing(1.0),
-    Belief::Nothing(3.0),
-];
+/// How wrong nominal values are tried to be, in parts of themselves. No file is believed to be right to better than a tenth:
+/// friction changes by more from morning to noon, and one number for all joints is the wrong one for some.
+const NOMINAL: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// Shares of a joint's torque that are tried where nothing is held of the values.
+const NOTHING: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 3.0];
 /// Turns of bodies and friction.
 const TURNS: usize = 3;
 
 impl Trust {
-    /// The most probable trust. Bodies and friction are chosen in turns.
+    /// The most probable trust. Bodies and friction are chosen in turns. Nominal values count for less than usual, or for nothing,
+    /// only where they leave more torque of these rows than no model at all: on a short record almost any values fit, and those
+    /// nearest to zero say nothing of another motion, where wrong bodies still say something.
     ///
     /// * `nominal`: standard parameters
     /// * `wide`: by how much less than usual nominal values are trusted
@@ -52,16 +44,24 @@ impl Trust {
         nominal: &[f64],
         wide: f64,
     ) -> Result<Trust, OfflineError> {
-        let prior = |trust: Trust| Prior::new(model, base, nominal, trust, wide);
-        let mut best = Trust::default();
+        let prior = |trust: Trust| Prior::new(model, base, nominal, trust);
+        let mut best = Trust::usual(wide);
         let weights = Noise::new(equations, &prior(best))?.weights();
         let joints = normals(equations, base.len(), Method::LeastSquares);
         let sums = Sums::new(&joints, &weights);
         let mut most = sums.evidence(&prior(best), &joints);
+        let left = equations.residual_percent(&base.from_standard(nominal));
+        let worse = left.iter().map(|e| e * e).sum::<f64>() > 1e4 * left.len() as f64;
+        let beliefs = |usual: f64| -> Vec<Belief> {
+            let nominal = NOMINAL.iter().filter(|share| worse || **share <= usual);
+            let nothing = NOTHING.iter().filter(|_| worse);
+            nominal.map(|s| Belief::Nominal(wide * s)).chain(nothing.map(|s| Belief::Nothing(*s))).collect()
+        };
+        let (bodies, friction) = (beliefs(USUAL_BODIES), beliefs(USUAL_FRICTION));
         for _ in 0..TURNS {
             let before = best;
-            for choose in [Trust::with_bodies, Trust::with_friction] {
-                let found: Vec<(Trust, f64)> = BELIEFS
+            for (choose, beliefs) in [(with_bodies as Choose, &bodies), (with_friction, &friction)] {
+                let found: Vec<(Trust, f64)> = beliefs
                     .par_iter()
                     .map(|belief| choose(best, *belief))
                     .map(|trust| (trust, sums.evidence(&prior(trust), &joints)))
@@ -78,14 +78,16 @@ impl Trust {
         }
         Ok(best)
     }
+}
 
-    fn with_bodies(self, bodies: Belief) -> Trust {
-        Trust { bodies, ..self }
-    }
+type Choose = fn(Trust, Belief) -> Trust;
 
-    fn with_friction(self, friction: Belief) -> Trust {
-        Trust { friction, ..self }
-    }
+fn with_bodies(trust: Trust, bodies: Belief) -> Trust {
+    Trust { bodies, ..trust }
+}
+
+fn with_friction(trust: Trust, friction: Belief) -> Trust {
+    Trust { friction, ..trust }
 }
 
 /// Weighed sums over all joints: Σw DᵀD, Σw Dᵀτ, Σw τ².
