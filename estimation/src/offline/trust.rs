@@ -19,9 +19,11 @@ use super::prior::{Belief, Prior, Trust, USUAL_BODIES, USUAL_FRICTION};
 use super::record::OfflineError;
 use super::sums::{Equations, Normal};
 
-/// How wrong nominal values are tried to be, in parts of themselves. No file is believed to be right to better than a tenth:
-/// friction changes by more from morning to noon, and one number for all joints is the wrong one for some.
-const NOMINAL: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// How wrong nominal bodies and drives' inertias are tried to be, in parts of themselves. No file is believed to be right to better
+/// than a tenth: one number for all joints is the wrong one for some.
+const BODIES: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// The same of friction, which is another from morning to noon.
+const FRICTION: [f64; 4] = [1.0, 3.0, 10.0, 30.0];
 /// Shares of a joint's torque that are tried where nothing is held of the values.
 const NOTHING: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 3.0];
 /// Turns of bodies and friction.
@@ -52,12 +54,12 @@ impl Trust {
         let mut most = sums.evidence(&prior(best), &joints);
         let left = equations.residual_percent(&base.from_standard(nominal));
         let worse = left.iter().map(|e| e * e).sum::<f64>() > 1e4 * left.len() as f64;
-        let beliefs = |usual: f64| -> Vec<Belief> {
-            let nominal = NOMINAL.iter().filter(|share| worse || **share <= usual);
+        let beliefs = |nominal: &[f64], usual: f64| -> Vec<Belief> {
+            let nominal = nominal.iter().filter(|share| worse || **share <= usual);
             let nothing = NOTHING.iter().filter(|_| worse);
             nominal.map(|s| Belief::Nominal(wide * s)).chain(nothing.map(|s| Belief::Nothing(*s))).collect()
         };
-        let (bodies, friction) = (beliefs(USUAL_BODIES), beliefs(USUAL_FRICTION));
+        let (bodies, friction) = (beliefs(&BODIES, USUAL_BODIES), beliefs(&FRICTION, USUAL_FRICTION));
         for _ in 0..TURNS {
             let before = best;
             for (choose, beliefs) in [(with_bodies as Choose, &bodies), (with_friction, &friction)] {
