@@ -389,7 +389,7 @@ fn text(robot: &Robot, result: &Findings) -> String {
         base.len() - by_prior,
         by_prior
     );
-    out += &paragraph("prior ", &format!("{} (standard deviations that make these rows most probable)", result.trust));
+    out += &paragraph("prior ", &format!("{} (standard deviations in parts of the values)", result.trust));
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
     out += &crate::evidence::bias_text(&result.bias);
     out += &crate::evidence::delay_text(&result.delays);

@@ -139,7 +139,7 @@ fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
 
 /// Names of the joints on which a file is worse than the model as given.
 fn worse(report: &FormatReport, names: &[String]) -> Option<String> {
-    let joints: Vec<&str> = report.worse().map(|j| names[j].as_str()).collect();
+    let joints: Vec<&str> = report.worse.iter().map(|j| names[*j].as_str()).collect();
     (!joints.is_empty()).then(|| joints.join(", "))
 }
 

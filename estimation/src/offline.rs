@@ -28,7 +28,7 @@ mod zero_phase;
 pub use bias::{Bias, bias};
 pub use delay::{Delay, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
-pub use prior::{Belief, Prior, Trust};
+pub use prior::{Prior, Trust};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sums::Equations;

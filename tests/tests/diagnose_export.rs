@@ -107,7 +107,9 @@ fn exported_files_say_the_same_but_for_what_is_declared() {
         for file in ["model.toml", "robot.xml"] {
             let [gap, before] = ["gap_nm", "gap_before_nm"].map(|which| figures(&found.facts, file, which));
             println!("{case} {file}: gap {gap:.3?} N m, of the model as given {before:.3?}");
-            assert!(gap.iter().zip(&before).all(|(gap, before)| *gap <= 1.02 * before), "{gap:?} {before:?}");
+            // Not joint by joint: all are found together, weighed by their noise.
+            let square = |of: &[f64]| of.iter().map(|v| v * v).sum::<f64>();
+            assert!(square(&gap) < 0.5 * square(&before), "{gap:?} {before:?}");
             assert!(gap.iter().zip(&before).any(|(gap, before)| *gap <= 0.7 * before), "{gap:?} {before:?}");
         }
         for body in robot.model.arm.links.iter().chain(&found.mjcf.arm.links) {

@@ -19,9 +19,9 @@ const TORQUE_SHARE: f64 = 0.005;
 /// centre such a share of the arm's reach from the last link's origin.
 const LOAD_MASS: f64 = 0.1;
 const LOAD_CENTRE: f64 = 0.15;
-/// Bodies may be wrong by themselves; friction, which depends on wear, grease and temperature, by ten times itself.
-pub(super) const USUAL_BODIES: f64 = 1.0;
-pub(super) const USUAL_FRICTION: f64 = 10.0;
+/// Bodies may be wrong by so much of themselves; friction, which depends on wear, grease and temperature, by ten times as much.
+const USUAL_BODIES: f64 = 0.7;
+const USUAL_FRICTION: f64 = 7.0;
 /// Values of nominal zero (offsets above all) are not known to be zero: so many times [`TORQUE_SHARE`], whatever is held of
 /// the others.
 const ZERO: f64 = 10.0;
@@ -39,44 +39,25 @@ struct Source {
     relative: f64,
 }
 
-/// What is held of a kind of parameters before the records speak.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Belief {
-    /// Nominal values, which may be wrong by so many times themselves.
-    Nominal(f64),
-    /// Nothing: every standard parameter is about zero, and alone makes about this share of some joint's torque. What the
-    /// rows leave open is then the set of least torque.
-    Nothing(f64),
-}
-
-impl std::fmt::Display for Belief {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Belief::Nominal(share) => write!(f, "nominal x{share}"),
-            Belief::Nothing(share) => write!(f, "nothing x{share}"),
-        }
-    }
-}
-
 /// How far nominal values are trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trust {
-    /// Bodies and drives' inertias.
-    pub bodies: Belief,
-    /// Friction and offsets.
-    pub friction: Belief,
+    /// Bodies and drives' inertias may be wrong by so many times themselves.
+    pub bodies: f64,
+    /// Friction may.
+    pub friction: f64,
 }
 
 impl Trust {
     /// What is usual, by so many times wider.
     pub fn usual(wide: f64) -> Trust {
-        Trust { bodies: Belief::Nominal(wide * USUAL_BODIES), friction: Belief::Nominal(wide * USUAL_FRICTION) }
+        Trust { bodies: wide * USUAL_BODIES, friction: wide * USUAL_FRICTION }
     }
 }
 
 impl std::fmt::Display for Trust {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "bodies {}, friction {}", self.bodies, self.friction)
+        write!(f, "nominal bodies x{:.2}, friction x{:.2}", self.bodies, self.friction)
     }
 }
 
@@ -112,9 +93,8 @@ impl Prior {
                 _ => far * far,
             }
         };
-        let mut centre = vec![0.0; nominal.len()];
-        let mut source = |(i, parameter): (usize, &Parameter)| {
-            let (size, belief) = match *parameter {
+        let source = |(i, parameter): (usize, &Parameter)| {
+            let (size, relative) = match *parameter {
                 Parameter::Link { link, entry } => {
                     let own = body_size(&nominal[link * LINK_PARAMETERS..], entry);
                     (if link + 1 == links { own.max(load(entry)) } else { own }, trust.bodies)
@@ -122,16 +102,9 @@ impl Prior {
                 Parameter::RotorInertia(_) | Parameter::CouplingInertia => (nominal[i].abs(), trust.bodies),
                 _ => (nominal[i].abs(), trust.friction),
             };
-            match belief {
-                Belief::Nominal(relative) => {
-                    centre[i] = nominal[i];
-                    let relative = if size > 0.0 { relative } else { relative.max(ZERO) };
-                    Source { moves: Vec::new(), size, relative }
-                }
-                Belief::Nothing(share) => Source { moves: Vec::new(), size: 0.0, relative: share / TORQUE_SHARE },
-            }
+            Source { moves: Vec::new(), size, relative: if size > 0.0 { relative } else { relative.max(ZERO) } }
         };
-        let mut sources: Vec<Source> = model.parameters.iter().enumerate().map(&mut source).collect();
+        let mut sources: Vec<Source> = model.parameters.iter().enumerate().map(source).collect();
         for (i, own) in base.independent.iter().enumerate() {
             sources[*own].moves.push((i, 1.0));
             for (other, factor) in base.regrouping(i) {
@@ -139,7 +112,7 @@ impl Prior {
             }
         }
         sources.retain(|s| !s.moves.is_empty());
-        Prior { centre: base.from_standard(&centre), sources }
+        Prior { centre: base.from_standard(nominal), sources }
     }
 
     /// The same, everything wrong by so many times more.

@@ -15,24 +15,22 @@ use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model};
 
 use super::fit::{Method, Noise, normals};
-use super::prior::{Belief, Prior, Trust, USUAL_BODIES, USUAL_FRICTION};
+use super::prior::{Prior, Trust};
 use super::record::OfflineError;
 use super::sums::{Equations, Normal};
 
-/// How wrong nominal bodies and drives' inertias are tried to be, in parts of themselves. No file is believed to be right to better
-/// than a tenth: one number for all joints is the wrong one for some.
-const BODIES: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
-/// The same of friction, which is another from morning to noon.
-const FRICTION: [f64; 4] = [1.0, 3.0, 10.0, 30.0];
-/// Shares of a joint's torque that are tried where nothing is held of the values.
-const NOTHING: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 3.0];
+/// How much further than usual nominal values are tried to be off.
+const WIDER: [f64; 5] = [1.0, 3.0, 10.0, 30.0, 100.0];
+/// By how much ln p must rise for another trust than usual: rows are coloured and the model is not the arm, so that small differences
+/// say nothing.
+const DECISIVE: f64 = 10.0;
 /// Turns of bodies and friction.
 const TURNS: usize = 3;
 
 impl Trust {
-    /// The most probable trust. Bodies and friction are chosen in turns. Nominal values count for less than usual, or for nothing,
-    /// only where they leave more torque of these rows than no model at all: on a short record almost any values fit, and those
-    /// nearest to zero say nothing of another motion, where wrong bodies still say something.
+    /// The usual trust; where nominal values leave more torque of these rows than no model at all, the most probable one that is no
+    /// narrower, bodies and friction chosen in turns. (On a short record almost any values fit, and evidence makes the prior of
+    /// a sound file ever wider; those nearest to zero then say nothing of another motion.)
     ///
     /// * `nominal`: standard parameters
     /// * `wide`: by how much less than usual nominal values are trusted
@@ -51,21 +49,19 @@ impl Trust {
         let weights = Noise::new(equations, &prior(best))?.weights();
         let joints = normals(equations, base.len(), Method::LeastSquares);
         let sums = Sums::new(&joints, &weights);
-        let mut most = sums.evidence(&prior(best), &joints);
+        let usual = sums.evidence(&prior(best), &joints);
+        let mut most = usual;
         let left = equations.residual_percent(&base.from_standard(nominal));
         let worse = left.iter().map(|e| e * e).sum::<f64>() > 1e4 * left.len() as f64;
-        let beliefs = |nominal: &[f64], usual: f64| -> Vec<Belief> {
-            let nominal = nominal.iter().filter(|share| worse || **share <= usual);
-            let nothing = NOTHING.iter().filter(|_| worse);
-            nominal.map(|s| Belief::Nominal(wide * s)).chain(nothing.map(|s| Belief::Nothing(*s))).collect()
-        };
-        let (bodies, friction) = (beliefs(&BODIES, USUAL_BODIES), beliefs(&FRICTION, USUAL_FRICTION));
+        if !worse {
+            return Ok(best);
+        }
         for _ in 0..TURNS {
             let before = best;
-            for (choose, beliefs) in [(with_bodies as Choose, &bodies), (with_friction, &friction)] {
-                let found: Vec<(Trust, f64)> = beliefs
+            for choose in [with_bodies as Choose, with_friction] {
+                let found: Vec<(Trust, f64)> = WIDER
                     .par_iter()
-                    .map(|belief| choose(best, *belief))
+                    .map(|wider| choose(best, wide * wider))
                     .map(|trust| (trust, sums.evidence(&prior(trust), &joints)))
                     .collect();
                 for (trust, evidence) in found {
@@ -78,18 +74,18 @@ impl Trust {
                 break;
             }
         }
-        Ok(best)
+        Ok(if most > usual + DECISIVE { best } else { Trust::usual(wide) })
     }
 }
 
-type Choose = fn(Trust, Belief) -> Trust;
+type Choose = fn(Trust, f64) -> Trust;
 
-fn with_bodies(trust: Trust, bodies: Belief) -> Trust {
-    Trust { bodies, ..trust }
+fn with_bodies(trust: Trust, wide: f64) -> Trust {
+    Trust { bodies: Trust::usual(wide).bodies, ..trust }
 }
 
-fn with_friction(trust: Trust, friction: Belief) -> Trust {
-    Trust { friction, ..trust }
+fn with_friction(trust: Trust, wide: f64) -> Trust {
+    Trust { friction: Trust::usual(wide).friction, ..trust }
 }
 
 /// Weighed sums over all joints: Σw DᵀD, Σw Dᵀτ, Σw τ².
