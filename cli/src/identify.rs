@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Determined, Equations, Fit, InstrumentSource, Method, OfflineError, Prior, Rows, Trust, bias, fit,
-    solve, torque_delay,
+    Bias, Delay, Determined, Equations, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, solve,
+    torque_delay,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
@@ -23,17 +23,9 @@ use crate::refine::refine;
 use crate::runs::{self, Piece};
 use crate::table::{Table, number, paragraph, show};
 
-/// Runs that are compared share a prior so many times wider than on line: they are not to agree because of it.
-const COMPARED_PRIOR: f64 = 10.0;
-
-fn prior(robot: &Robot, trust: Trust) -> Prior {
-    Prior::new(&robot.model, &robot.base, &robot.nominal, trust)
-}
-
-/// How far the rows say nominal values can be trusted.
-pub(crate) fn trust(robot: &Robot, equations: &Equations<'_>) -> Result<Trust> {
-    Ok(Trust::evident(equations, &robot.model, &robot.base, &robot.nominal, robot.config.estimator.prior)?)
-}
+/// The prior counts so many times weaker than on line: a whole record is at hand, and nominal values that are wrong (a
+/// payload that the robot file does not know) must not pull for all of it. It settles what the motion leaves open.
+const WEAKER_PRIOR: f64 = 10.0;
 
 /// Arguments of `rivet identify`.
 #[derive(Debug, clap::Args)]
@@ -84,8 +76,6 @@ struct HeldOut {
 
 /// Everything that was found.
 struct Findings {
-    /// How far nominal values are trusted.
-    trust: Trust,
     runs: Vec<Run>,
     /// Rows of each run.
     rows: Vec<Rows>,
@@ -174,10 +164,9 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>)> {
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
     let (runs, rows) = read_rows(robot, logs)?;
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
-    let trust = trust(robot, &equations)?;
-    let prior = prior(robot, trust);
-    let by = |method| fit(&equations, &prior, method);
+    let by = |method| fit(&equations, &robot.nominal_base, prior, method);
     let (least_squares, instrumental) = rayon::join(|| by(Method::LeastSquares), || by(Method::Instrumental));
     let (least_squares, instrumental) = (least_squares?, instrumental?);
     let residuals =
@@ -185,33 +174,25 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let chosen = choose(robot, &least_squares, &instrumental);
     let reference = equations.reference();
     let ((bias, delays), consistent) = rayon::join(
-        || (bias(&equations, &prior, chosen), torque_delay(&equations, &prior, chosen)),
+        || {
+            let nominal = &robot.nominal_base;
+            (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen))
+        },
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
     let held_out = held_out(robot, &chosen.values, hold_out)?;
-    Ok(Findings {
-        trust,
-        runs,
-        rows,
-        least_squares,
-        instrumental,
-        residuals,
-        bias,
-        delays,
-        reference,
-        consistent,
-        held_out,
-    })
+    Ok(Findings { runs, rows, least_squares, instrumental, residuals, bias, delays, reference, consistent, held_out })
 }
 
 /// Fits every log on its own.
 fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
-    let prior = Prior::alone(&robot.nominal_base, COMPARED_PRIOR * robot.config.estimator.prior);
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let mut alone = Vec::new();
     for path in &args.logs {
         let (_, rows) = read_rows(robot, std::slice::from_ref(path))?;
-        let fit = fit(&Equations::new(&rows), &prior, method(robot)).with_context(|| path.display().to_string())?;
+        let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
+            .with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows });
     }
     show(&compare::text(robot, &alone)?)?;
@@ -262,14 +243,8 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.
 pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
-    let (fit, near, trust) = fit_and_projection(robot, logs)?;
-    Ok(Found {
-        values: fit.values,
-        consistent: near.base,
-        training_cost: near.torque_percent,
-        condition: fit.condition,
-        trust,
-    })
+    let (fit, near) = fit_and_projection(robot, logs)?;
+    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
 }
 
 /// Physically consistent standard parameters near the fit that counts, of logs that were read already.
@@ -277,22 +252,23 @@ pub(crate) fn consistent(robot: &Robot, logs: &[Log]) -> Result<Vec<f64>> {
     Ok(fit_and_projection(robot, logs)?.1.standard)
 }
 
-fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection, Trust)> {
+fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection)> {
     let mut rows = Vec::new();
     for log in logs {
         rows.extend(rows_of(robot, log)?.1);
     }
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
-    let trust = trust(robot, &equations)?;
-    let fit = fit(&equations, &prior(robot, trust), method(robot))?;
+    let fit = fit(&equations, &robot.nominal_base, prior, method(robot))?;
     let reference = equations.reference();
     let near = project(&robot.model, &robot.base, &fit.values, &fit.covariance, &robot.nominal, &reference)?;
-    Ok((fit, near, trust))
+    Ok((fit, near))
 }
 
-/// The values of the fit that counts.
-pub(crate) fn values_of(robot: &Robot, trust: Trust, equations: &Equations<'_>) -> Result<Vec<f64>> {
-    Ok(solve(equations, &prior(robot, trust), method(robot))?)
+/// The values of the fit that counts, of rows.
+pub(crate) fn values_of(robot: &Robot, rows: &[Rows]) -> Result<Vec<f64>> {
+    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    Ok(solve(&Equations::new(rows), &robot.nominal_base, prior, method(robot))?)
 }
 
 fn method(robot: &Robot) -> Method {
@@ -382,14 +358,13 @@ fn text(robot: &Robot, result: &Findings) -> String {
     // Writing to a String cannot fail, here and below.
     let _ = writeln!(
         out,
-        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior",
+        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)",
         chosen.rank,
         base.len(),
         number(chosen.condition, 2),
         base.len() - by_prior,
         by_prior
     );
-    out += &paragraph("prior ", &format!("{} (standard deviations in parts of the values)", result.trust));
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
     out += &crate::evidence::bias_text(&result.bias);
     out += &crate::evidence::delay_text(&result.delays);
@@ -485,7 +460,6 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
         "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
-        "prior": result.trust.to_string(),
         "rank": chosen.rank,
         "base_parameters": base.len(),
         "condition": chosen.condition,

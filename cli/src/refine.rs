@@ -1,14 +1,13 @@
 //! `rivet identify --refine`: the method and the law of friction that predict best what they have not seen.
 //!
 //! No single law of friction is right for all gears, and a term more always lowers the residual of the rows it is fitted
-//! to. Instruments take away the bias of least squares, at a price in variance that a short or slow log may not pay for. Each
-//! candidate is therefore fitted to the logs without one part and judged on that part, every part in turn: whole logs where
-//! there are several (another motion is the harder test), else four stretches of the one. Rows below the dead zone are not
-//! fitted, but they are predicted.
+//! to. Instruments take away the bias of least squares, at a price in variance that a short or slow log may not pay for. Each candidate is therefore fitted to the logs without one part and judged on that part, every part in turn: whole
+//! logs where there are several (another motion is the harder test), else four stretches of the one. Rows below the dead
+//! zone are not fitted, but they are predicted.
 
 use anyhow::{Result, anyhow};
 use rivet_config::{FrictionLaw, Robot};
-use rivet_estimation::offline::{Equations, Rows, residual_squares};
+use rivet_estimation::offline::{Rows, residual_squares};
 use rivet_logs::Log;
 
 use crate::identify;
@@ -28,7 +27,7 @@ const STRETCHES: usize = 4;
 pub(crate) struct Tried {
     pub(crate) law: FrictionLaw,
     pub(crate) instruments: bool,
-    /// `100*|tau - D x|/|tau|` per joint, torque of all parts \[%\].
+    /// `100*|tau - D x|/|tau|` per joint \[%\].
     pub(crate) joints: Vec<f64>,
 }
 
@@ -88,8 +87,7 @@ impl Refined {
 
 /// Tries methods and laws of friction on `logs`.
 pub(crate) fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
-    let start = !robot.config.estimator.kind.least_squares();
-    let first = judge(robot, start, robot.friction_law(), logs)?;
+    let first = judge(robot, !robot.config.estimator.kind.least_squares(), robot.friction_law(), logs)?;
     let mut search = Search { robot, logs, best: first.clone(), tried: vec![first] };
     search.other_method()?;
     let law = search.best.law;
@@ -146,67 +144,45 @@ impl Search<'_> {
 /// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
 fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
     let robot = robot.with_instruments(instruments).with_friction_law(law)?;
-    Ok(Tried { law, instruments, joints: Parts::new(&robot, logs)?.judge(&robot)? })
-}
-
-/// Rows of the logs in parts: those that are fitted, and those by which fits to the other parts are judged.
-struct Parts {
-    fitted: Vec<Vec<Rows>>,
-    judged: Vec<Vec<Rows>>,
-}
-
-impl Parts {
-    fn new(robot: &Robot, logs: &[Log]) -> Result<Parts> {
-        let mut everywhere = robot.clone();
-        everywhere.config.signal.dead_zone.fill(0.0);
-        let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
-        let mut parts = Parts { fitted: Vec::new(), judged: Vec::new() };
-        for log in logs {
-            let rows = identify::rows_of(robot, log)?.1;
-            let all = identify::rows_of(&everywhere, log)?.1;
-            if stretches == 1 {
-                parts.fitted.push(rows);
-                parts.judged.push(all);
-            } else {
-                for part in 0..stretches {
-                    parts.fitted.push(rows.iter().map(|r| r.part(part, stretches)).collect());
-                    parts.judged.push(all.iter().map(|r| r.part(part, stretches)).collect());
-                }
+    let mut everywhere = robot.clone();
+    everywhere.config.signal.dead_zone.fill(0.0);
+    let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
+    // Rows to fit and rows to judge by, part by part.
+    let (mut fitted, mut judged): (Vec<Vec<Rows>>, Vec<Vec<Rows>>) = (Vec::new(), Vec::new());
+    for log in logs {
+        let rows = identify::rows_of(&robot, log)?.1;
+        let all = identify::rows_of(&everywhere, log)?.1;
+        if stretches == 1 {
+            fitted.push(rows);
+            judged.push(all);
+        } else {
+            for part in 0..stretches {
+                fitted.push(rows.iter().map(|r| r.part(part, stretches)).collect());
+                judged.push(all.iter().map(|r| r.part(part, stretches)).collect());
             }
         }
-        Ok(parts)
     }
-
-    /// Fits all parts but one, each in turn, and adds up what is left of that one. Per joint: `100*|tau - D x|/|tau|`, torque of
-    /// all parts: a joint that most of them hardly need must not count most. All parts together say how far nominal values
-    /// are trusted: the same for each, so that parts tell laws apart and not beliefs.
-    fn judge(&self, robot: &Robot) -> Result<Vec<f64>> {
-        let all: Vec<Rows> = self.fitted.iter().flatten().cloned().collect();
-        let trust = identify::trust(robot, &Equations::new(&all))?;
-        let (mut left, mut torque) = (vec![0.0; robot.dof()], vec![0.0; robot.dof()]);
-        let (mut failed, mut any) = (None, false);
-        for (out, judged) in self.judged.iter().enumerate() {
-            let rest = self.fitted.iter().enumerate().filter(|(k, _)| *k != out);
-            let rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
-            // A part that alone moves a joint cannot be left out.
-            let x = match identify::values_of(robot, trust, &Equations::new(&rest)) {
-                Ok(x) => x,
-                Err(why) => {
-                    failed = Some(why);
-                    continue;
-                }
-            };
-            any = true;
-            for ((left, torque), [error, square]) in left.iter_mut().zip(&mut torque).zip(residual_squares(judged, &x))
-            {
-                *left += error;
-                *torque += square;
+    let mut sums = vec![[0.0; 2]; robot.dof()];
+    let mut failed = None;
+    for (out, judged) in judged.iter().enumerate() {
+        let rest = fitted.iter().enumerate().filter(|(k, _)| *k != out);
+        let rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
+        // A part that alone moves a joint cannot be left out.
+        let x = match identify::values_of(&robot, &rest) {
+            Ok(x) => x,
+            Err(why) => {
+                failed = Some(why);
+                continue;
             }
+        };
+        for (sum, found) in sums.iter_mut().zip(residual_squares(judged, &x)) {
+            sum[0] += found[0];
+            sum[1] += found[1];
         }
-        if !any {
-            return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
-        }
-        let percent = |(error, torque): (&f64, &f64)| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt();
-        Ok(left.iter().zip(&torque).map(percent).collect())
     }
+    if sums.iter().all(|[_, torque]| *torque == 0.0) {
+        return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
+    }
+    let joints = sums.iter().map(|[error, torque]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()).collect();
+    Ok(Tried { law, instruments, joints })
 }

@@ -7,28 +7,24 @@
 //! ```text
 //! D_j x = τ_j + e_j                        rows of joint j, filtered and thinned out
 //! LS:  x = (Σ w DᵀD + P⁻¹)⁻¹ (Σ w Dᵀτ + P⁻¹ x₀)
-//! IV:  two-stage least squares with instruments Z, the regressor on motion without the position noise
+//! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
 //! ```
 //!
-//! P is the [`Prior`] around the nominal parameters x₀: it decides what the motion leaves open, as far as the
-//! evidence says nominal values can be trusted ([`Trust`]).
+//! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
 mod covariance;
 mod delay;
 mod fit;
 mod pass;
-mod prior;
 mod record;
 mod rows;
 mod sums;
-mod trust;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
 pub use delay::{Delay, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
-pub use prior::{Prior, Trust};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sums::Equations;

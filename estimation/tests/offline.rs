@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-use rivet_dynamics::{Arm, BaseSet, Joints, Model, Parameter, Structure};
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 use rivet_estimation::offline::{
-    Determined, Equations, InstrumentSource, Method, OfflineError, OfflineSettings, Prior, Record, Rows, Trajectory,
-    Trust, ZeroPhase, fit, predict, residual_percent,
+    Determined, Equations, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows, Trajectory,
+    ZeroPhase, fit, predict, residual_percent,
 };
 
 const PERIOD: f64 = 0.002;
@@ -35,22 +35,18 @@ fn arm() -> Arm {
     Arm::from_urdf(&text, [0.0, 0.0, -9.81]).expect("a sound arm")
 }
 
-/// Drives of the truth, times a factor; offsets only with a factor of one.
-fn joints(factor: f64) -> Joints {
-    Joints {
+/// Model, base, base parameters of the truth, and of a nominal arm whose drives are off by a third.
+fn setup() -> (Model, BaseSet, Vec<f64>, Vec<f64>) {
+    let model = Model::new(arm(), Structure { offset: true, sign_velocity: 0.05, ..Structure::default() });
+    let base = BaseSet::new(&model).expect("clear rank");
+    let joints = |factor: f64| Joints {
         rotor_inertia: [0.6, 0.5, 0.2].map(|v| v * factor).to_vec(),
         viscous: [4.0, 3.0, 1.0].map(|v| v * factor).to_vec(),
         coulomb: [3.0, 4.0, 1.5].map(|v| v * factor).to_vec(),
         offset: if factor == 1.0 { vec![0.3, -0.2, 0.1] } else { vec![0.0; 3] },
         coupling: [0.0; 3],
         ..Joints::default()
-    }
-}
-
-/// Model, base, base parameters of the truth, and of a nominal arm whose drives are off by a third.
-fn setup() -> (Model, BaseSet, Vec<f64>, Vec<f64>) {
-    let model = Model::new(arm(), Structure { offset: true, sign_velocity: 0.05, ..Structure::default() });
-    let base = BaseSet::new(&model).expect("clear rank");
+    };
     let truth = base.from_standard(&model.nominal(&joints(1.0)));
     let nominal = base.from_standard(&model.nominal(&joints(1.3)));
     (model, base, truth, nominal)
@@ -152,7 +148,7 @@ fn noise_free_records_give_the_truth() {
             .collect();
         assert!(rows[0].moving.start > 440 && rows[0].moving.end < 5560, "{:?}", rows[0].moving);
         for method in [Method::LeastSquares, Method::Instrumental] {
-            let fit = fit(&Equations::new(&rows), &Prior::alone(&nominal, 1e3), method).expect("fit");
+            let fit = fit(&Equations::new(&rows), &nominal, 1e3, method).expect("fit");
             for (i, (value, true_value)) in fit.values.iter().zip(&truth).enumerate() {
                 let error = (value - true_value).abs() / true_value.abs().max(0.1);
                 assert!(error < 1e-8, "{method:?} {}: {value} vs {true_value}", base.name(&model, i));
@@ -182,8 +178,7 @@ fn long_records_are_filtered_span_by_span_as_they_would_be_whole() {
             let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
             let left = residual_percent(&rows, &truth);
             assert!(left.iter().all(|percent| *percent < 1e-9), "{presliding_travel}: {left:?}");
-            let fit = fit(&Equations::new(&rows), &Prior::alone(&vec![0.0; base.len()], 1e6), Method::Instrumental)
-                .expect("fit");
+            let fit = fit(&Equations::new(&rows), &vec![0.0; base.len()], 1e6, Method::Instrumental).expect("fit");
             let far = fit.values.iter().zip(&truth).fold(0.0_f64, |far, (x, t)| far.max((x / t - 1.0).abs()));
             assert!(far < 1e-6, "{presliding_travel} {instrument:?}: {far}");
         }
@@ -202,8 +197,8 @@ fn instruments_remove_the_bias_of_least_squares_and_std_is_honest() {
     for seed in 1..=4 {
         let record = record(&model, &base, &truth, seed as f64, 2e-4, 0.5, seed);
         let rows = [Rows::new(&model, &base, &settings, &record).expect("rows")];
-        let ls = fit(&Equations::new(&rows), &Prior::alone(&nominal, 1e3), Method::LeastSquares).expect("fit");
-        let iv = fit(&Equations::new(&rows), &Prior::alone(&nominal, 1e3), Method::Instrumental).expect("fit");
+        let ls = fit(&Equations::new(&rows), &nominal, 1e3, Method::LeastSquares).expect("fit");
+        let iv = fit(&Equations::new(&rows), &nominal, 1e3, Method::Instrumental).expect("fit");
         for i in &rotor {
             bias_ls += (ls.values[*i] - truth[*i]) / truth[*i];
             bias_iv += (iv.values[*i] - truth[*i]) / truth[*i];
@@ -239,7 +234,7 @@ fn what_the_motion_leaves_open_stays_nominal_and_says_so() {
     tau.iter_mut().flatten().for_each(|tau| *tau += 0.3 * noise.next());
     let record = Record { period_s: PERIOD, measured: still, tau, desired: None, second: None };
     let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
-    let fit = fit(&Equations::new(&rows), &Prior::alone(&nominal, 0.2), Method::Instrumental).expect("fit");
+    let fit = fit(&Equations::new(&rows), &nominal, 0.2, Method::Instrumental).expect("fit");
     let open = fit.determined.iter().filter(|d| **d == Determined::ByPrior).count();
     assert!(open > 3, "{open} of {}", base.len());
     for i in 0..base.len() {
@@ -248,155 +243,6 @@ fn what_the_motion_leaves_open_stays_nominal_and_says_so() {
             assert!(off < 3.0 * 0.2 * nominal[i].abs().max(1.0), "{}: {off}", base.name(&model, i));
         }
     }
-}
-
-/// Two joints that hardly move, priors from narrow to so wide that only rounding holds what the motion leaves open: values stay
-/// finite, variances positive and no larger than the prior's, and a wider prior never fits worse.
-#[test]
-fn wider_priors_fit_better_and_leave_variances_positive() {
-    let (model, base, truth, nominal) = setup();
-    let mut slow = motion(12.0, 1.0, 0.0);
-    for j in 1..3 {
-        for k in 0..slow.len() {
-            let t = k as f64 * PERIOD;
-            (slow.q[j][k], slow.qd[j][k], slow.qdd[j][k]) =
-                (0.3 * (0.3 * t).sin(), 0.09 * (0.3 * t).cos(), -0.027 * (0.3 * t).sin());
-        }
-    }
-    let mut tau = torque(&model, &base, &truth, &slow);
-    let mut noise = Noise(7);
-    tau.iter_mut().flatten().for_each(|tau| *tau += 0.3 * noise.next());
-    let record = Record { period_s: PERIOD, measured: slow, tau, desired: None, second: None };
-    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.5)), &record).expect("rows")];
-    let equations = Equations::new(&rows);
-    for method in [Method::LeastSquares, Method::Instrumental] {
-        let mut before = f64::INFINITY;
-        for wide in [0.2, 20.0, 2e3, 2e5, 2e7] {
-            let found = fit(&equations, &Prior::alone(&nominal, wide), method).expect("fit");
-            let left = equations.residual_percent(&found.values).iter().map(|e| e * e).sum::<f64>().sqrt();
-            println!("{method:?}, prior {wide:e}: {left:.4} %");
-            assert!(found.covariance.iter().chain(&found.values).all(|x| x.is_finite()), "{method:?} {wide:e}");
-            assert!(found.std.iter().all(|std| *std > 0.0), "{method:?} {wide:e}: {:?}", found.std);
-            // Instruments need not have the smallest residual.
-            if method == Method::LeastSquares {
-                // A robot file can ask for 1e4; at 2e7 the square of the prior is beyond what a double resolves beside the data.
-                let rounding = if wide > 1e6 { 1.05 } else { 1.001 };
-                assert!(left <= rounding * before, "{wide:e}: {left} after {before}");
-                before = left;
-            }
-            assert!(left < 30.0, "{method:?} {wide:e}: {left} %");
-        }
-    }
-}
-
-/// Nominal values that are wrong by far: however narrow the prior, twenty thousand rows are believed. (Noise that is taken from
-/// a fit which the prior pulls away from the rows counts that pull as noise.)
-#[test]
-fn a_wrong_prior_does_not_become_noise() {
-    let (model, base, truth, _) = setup();
-    let record = record(&model, &base, &truth, 0.5, 0.0, 0.3, 1);
-    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Desired), &record).expect("rows")];
-    let wrong: Vec<f64> = truth.iter().map(|x| 3.0 * x).collect();
-    let equations = Equations::new(&rows);
-    let (far, near) = (Prior::alone(&wrong, 0.1), Prior::alone(&truth, 0.1));
-    for method in [Method::LeastSquares, Method::Instrumental] {
-        let [far, near] = [&far, &near].map(|prior| fit(&equations, prior, method).expect("fit"));
-        for j in 0..3 {
-            println!("{method:?} joint {j}: noise {:.4} and {:.4} N m", far.noise[j], near.noise[j]);
-            assert!(far.noise[j] < 1.2 * near.noise[j], "{method:?} joint {j}");
-        }
-    }
-}
-
-/// Standard parameters of the truth with bodies and friction off by what a nominal arm may be off by.
-fn off(model: &Model, bodies: f64, friction: f64, seed: u64) -> Vec<f64> {
-    let mut noise = Noise(seed);
-    let mut nominal = model.nominal(&joints(1.0));
-    for (value, parameter) in nominal.iter_mut().zip(&model.parameters) {
-        let share = match parameter {
-            Parameter::Link { .. } | Parameter::RotorInertia(_) => bodies,
-            _ => friction,
-        };
-        *value *= 1.0 + share * noise.next();
-    }
-    nominal
-}
-
-/// Six seconds of two quiet joints, noise that leaves much open. Nominal bodies that are roughly right are trusted as usual; those
-/// of an arm ten times as heavy, which leave more torque than no model, are not, and another motion is then predicted better.
-#[test]
-fn a_file_that_is_worse_than_none_is_trusted_less() {
-    let (model, base, truth, _) = setup();
-    let mut slow = motion(6.0, 0.0, 0.3);
-    for j in 1..3 {
-        slow.q[j].iter_mut().chain(&mut slow.qd[j]).chain(&mut slow.qdd[j]).for_each(|x| *x *= 0.1);
-    }
-    let mut tau = torque(&model, &base, &truth, &slow);
-    let mut noise = Noise(17);
-    tau.iter_mut().flatten().for_each(|tau| *tau += 2.0 * noise.next());
-    let record = Record { period_s: PERIOD, measured: slow, tau, desired: None, second: None };
-    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
-    let equations = Equations::new(&rows);
-    let chosen = |nominal: &[f64]| Trust::evident(&equations, &model, &base, nominal, 1.0).expect("a trust");
-    let other = motion(6.0, 0.0, 1.9);
-    let wanted = torque(&model, &base, &truth, &other);
-    let misses = |nominal: &[f64], trust: Trust| -> f64 {
-        let prior = Prior::new(&model, &base, nominal, trust);
-        let found = fit(&equations, &prior, Method::LeastSquares).expect("a fit");
-        let predicted = torque(&model, &base, &found.values, &other);
-        let squares = predicted.iter().flatten().zip(wanted.iter().flatten()).map(|(p, w)| (p - w).powi(2));
-        squares.sum::<f64>().sqrt()
-    };
-    let usual = Trust::usual(1.0);
-    for seed in 0..6 {
-        assert_eq!(chosen(&off(&model, 0.2, 0.2, seed)), usual, "seed {seed}");
-        let mut heavy = off(&model, 0.2, 0.05, seed);
-        let links = 10 * model.arm.dof();
-        heavy[..links].iter_mut().for_each(|x| *x *= -10.0);
-        let trust = chosen(&heavy);
-        let (with, without) = (misses(&heavy, trust), misses(&heavy, usual));
-        println!("{seed}: {trust} {with:.1}, as usual {without:.1}");
-        assert!(trust.bodies > usual.bodies, "seed {seed}: {trust}");
-        assert!(with < without, "seed {seed}: {with} {without}");
-    }
-}
-
-/// Offsets of a tenth of a joint's torque that a file does not know, beside friction that it knows well: found, however far the
-/// rest is trusted. (A width in parts of a nominal value of zero would hold them at zero.)
-#[test]
-fn offsets_are_found_beside_trusted_friction() {
-    let (model, base, _, _) = setup();
-    let mut standard = model.nominal(&joints(1.0));
-    let at = |j: usize| model.parameters.iter().position(|p| *p == Parameter::Offset(j)).expect("an offset");
-    let nominal: Vec<f64> =
-        (0..standard.len()).map(|i| if (0..3).any(|j| at(j) == i) { 0.0 } else { standard[i] }).collect();
-    (0..3).for_each(|j| standard[at(j)] = [-1.5, 2.0, 0.8][j]);
-    let truth = base.from_standard(&standard);
-    let record = record(&model, &base, &truth, 0.5, 0.0, 0.3, 1);
-    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Desired), &record).expect("rows")];
-    let equations = Equations::new(&rows);
-    let trust = Trust { bodies: 0.1, friction: 0.1 };
-    let found = fit(&equations, &Prior::new(&model, &base, &nominal, trust), Method::Instrumental).expect("a fit");
-    for j in 0..3 {
-        let i = base.independent.iter().position(|p| *p == at(j)).expect("in the base");
-        let off = (found.values[i] - truth[i]).abs();
-        println!("offset {j}: {:.3} +- {:.3}, truth {:.3}", found.values[i], found.std[i], truth[i]);
-        assert!(off < 4.0 * found.std[i] && off < 0.1, "joint {j}: {off}");
-    }
-}
-
-/// Rows that fit without noise decide whatever is trusted.
-#[test]
-fn trust_needs_no_noise() {
-    let (model, base, truth, _) = setup();
-    let nominal = off(&model, 0.3, 0.3, 3);
-    let record = record(&model, &base, &truth, 0.5, 0.0, 0.0, 1);
-    let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Desired), &record).expect("rows")];
-    let equations = Equations::new(&rows);
-    let trust = Trust::evident(&equations, &model, &base, &nominal, 1.0).expect("a trust");
-    let found = fit(&equations, &Prior::new(&model, &base, &nominal, trust), Method::Instrumental).expect("a fit");
-    let left = equations.residual_percent(&found.values);
-    assert!(left.iter().all(|percent| *percent < 1e-3), "{trust}: {left:?}");
 }
 
 #[test]
@@ -443,8 +289,7 @@ fn standard_deviations_cover() {
                 }
             }
             let rows = Rows::new(&model, &base, &settings(InstrumentSource::Desired), &sample).expect("rows");
-            let found =
-                fit(&Equations::new(&[rows]), &Prior::alone(&nominal, 1e3), Method::Instrumental).expect("a solution");
+            let found = fit(&Equations::new(&[rows]), &nominal, 1e3, Method::Instrumental).expect("a solution");
             for i in (0..truth.len()).filter(|i| found.determined[*i] == Determined::ByData) {
                 let off = (found.values[i] - truth[i]).abs() / found.std[i];
                 inside += usize::from(off <= 2.0);
@@ -480,11 +325,9 @@ fn torque_delay_is_found() {
             }
         }
         let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Desired), &sample).expect("rows")];
-        let found =
-            fit(&Equations::new(&rows), &Prior::alone(&nominal, 1e3), Method::Instrumental).expect("a solution");
+        let found = fit(&Equations::new(&rows), &nominal, 1e3, Method::Instrumental).expect("a solution");
         let delays =
-            rivet_estimation::offline::torque_delay(&Equations::new(&rows), &Prior::alone(&nominal, 1e3), &found)
-                .expect("delays");
+            rivet_estimation::offline::torque_delay(&Equations::new(&rows), &nominal, 1e3, &found).expect("delays");
         for (joint, delay) in delays.iter().enumerate() {
             let (samples, std) = (delay.seconds / PERIOD, delay.std / PERIOD);
             println!("late by {late}: joint {} {samples:.2} +- {std:.2} samples", joint + 1);

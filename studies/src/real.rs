@@ -6,7 +6,6 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use rivet_config::{FrictionLaw, Identified, Robot};
-use rivet_estimation::offline::Trust;
 use rivet_logs::Log;
 use serde_json::{Value, json};
 
@@ -19,12 +18,8 @@ pub struct Found {
     pub values: Vec<f64>,
     /// Physically consistent ones near them.
     pub consistent: Vec<f64>,
-    /// Torque between the two on the training rows, all joints \[%\].
-    pub training_cost: f64,
     /// Condition of the equations.
     pub condition: f64,
-    /// How far nominal values were trusted.
-    pub trust: Trust,
 }
 
 /// The robot with the law of friction that predicts left-out parts of the logs best.
@@ -141,8 +136,6 @@ pub struct Outcome {
     pub law: FrictionLaw,
     /// Whether they chose instruments, not least squares.
     pub instruments: bool,
-    /// How far they trust nominal values.
-    pub trust: Trust,
     /// Plain batch least squares, friction of the robot file.
     pub plain: Vec<f64>,
     /// Plain batch least squares, friction chosen.
@@ -155,8 +148,6 @@ pub struct Outcome {
     pub consistent: Vec<f64>,
     /// Torque between the two on the test run, all joints \[%\].
     pub consistency_cost: f64,
-    /// The same on the training rows \[%\].
-    pub training_cost: f64,
     /// Condition of the refined equations.
     pub condition: f64,
 }
@@ -216,14 +207,12 @@ fn one(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<O
         name: split.name,
         law: chosen.friction_law(),
         instruments: !chosen.config.estimator.kind.least_squares(),
-        trust: found.trust,
         plain: plain(split, &robot, &train, &test),
         plain_chosen: plain(split, &chosen, &train, &test),
         same,
         refined: errors(split, &chosen, &found.values, &test, engine)?,
         consistent: errors(split, &chosen, &found.consistent, &test, engine)?,
         consistency_cost: cost(split, &chosen, &found, &test, engine)?,
-        training_cost: found.training_cost,
         condition: found.condition,
     })
 }
@@ -284,15 +273,12 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             let joints = e.iter().map(|e| format!("{e:.1}")).collect::<Vec<_>>().join(" ");
             let _ = writeln!(out, "| {} | {method} | {joints} | {:.1} | {law} | {condition} |", o.name, rms(e));
         };
-        let law = format!("{}, {}", law_text(o.law, o.instruments), o.trust);
+        let law = law_text(o.law, o.instruments);
         row("plain least squares", &o.plain, "robot file", "");
         row("plain least squares", &o.plain_chosen, "chosen", "");
         row("rivet identify", &o.same, "robot file", "");
         row("**rivet identify --refine**", &o.refined, &law, &format!("{:.0}", o.condition));
-        let text = format!(
-            "consistent set ({:.2} % of torque away, {:.2} % in training)",
-            o.consistency_cost, o.training_cost
-        );
+        let text = format!("consistent set ({:.2} % of torque away)", o.consistency_cost);
         row(&text, &o.consistent, &law, "");
     }
     out
@@ -306,12 +292,10 @@ pub fn to_json(outcomes: &[Outcome]) -> Value {
             "friction": {"friction_velocity": o.law.sign_velocity, "presliding_travel": o.law.presliding_travel,
                          "load_dependent": o.law.load_dependent, "viscous_quadratic": o.law.viscous_quadratic},
             "instruments": o.instruments,
-            "trust": o.trust.to_string(),
             "condition": o.condition,
             "error_percent": {"plain": o.plain, "plain_chosen_friction": o.plain_chosen, "same_friction": o.same,
                               "rivet": o.refined, "consistent": o.consistent},
             "consistency_cost_percent": o.consistency_cost,
-            "consistency_cost_training_percent": o.training_cost,
         })
     };
     json!({"splits": outcomes.iter().map(each).collect::<Vec<_>>()})

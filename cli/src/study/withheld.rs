@@ -18,8 +18,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let text = |e: anyhow::Error| format!("{e:#}");
     let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
     let identify = |robot: &Robot, logs: &[Log]| {
-        let found = refine::refine(robot, logs).map_err(text)?;
-        let chosen = found.robot;
+        let chosen = refine::refine(robot, logs).map_err(text)?.robot;
         let standard = identify::consistent(&chosen, logs).map_err(text)?;
         Ok(Known { model: (*chosen.model).clone(), standard })
     };

@@ -12,7 +12,6 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Method, Solution};
-use super::prior::Prior;
 use super::record::OfflineError;
 use super::sums::{Equations, JointSums, Normal};
 
@@ -37,18 +36,19 @@ pub struct Bias {
 
 /// Compares both methods on the same rows, weighed by the noise of `fit`.
 ///
-/// * `prior`: as for [`fit`](super::fit())
+/// * `nominal`, `prior`: as for [`fit`](super::fit())
 ///
 /// # Errors
 /// When the equations of one method have no solution.
-pub fn bias(equations: &Equations<'_>, prior: &Prior, fit: &Fit) -> Result<Bias, OfflineError> {
-    let k = prior.centre.len();
+pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bias, OfflineError> {
+    let k = nominal.len();
+    let x0 = DVector::from_column_slice(nominal);
     let weights: Vec<f64> = fit.noise.iter().zip(&fit.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
     let solve = |method| -> Result<(DVector<f64>, DMatrix<f64>), OfflineError> {
         let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
-        let solution = Solution::new(&joints, &weights, prior, method)?;
-        let covariance = solution.covariance(method);
-        Ok((solution.s, covariance))
+        let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
+        // The scale is that of the regressor, so it is the same for both.
+        Ok((solution.x.component_div(&solution.scale), solution.covariance(method)))
     };
     let (least_squares, own) = solve(Method::LeastSquares)?;
     let (instrumental, other) = solve(Method::Instrumental)?;
@@ -125,8 +125,8 @@ mod tests {
     fn judge(noise: f64, seed: u64) -> Bias {
         let (rows, x) = rows(noise, &mut Random(seed));
         let equations = Equations::new(&rows);
-        let found = fit(&equations, &Prior::alone(&x, 10.0), Method::Instrumental).expect("solved");
-        bias(&equations, &Prior::alone(&x, 10.0), &found).expect("judged")
+        let found = fit(&equations, &x, 10.0, Method::Instrumental).expect("solved");
+        bias(&equations, &x, 10.0, &found).expect("judged")
     }
 
     #[test]

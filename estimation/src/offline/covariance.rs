@@ -5,9 +5,9 @@
 //! rows are worth. Leaving out one stretch of time after the other says it for every direction of the parameter space.
 //!
 //! ```text
-//! A = HᵀΣw ZᵀD·L + 1,  u_b = HᵀΣ_b w Zᵀ(τ − D x)           scores of block b, all joints
-//! s₍b₎ − s = −(A − A_b)⁻¹ u_b                               the fit without block b
-//! J = (B − 1)/B Σ_b (s₍b₎ − s)(s₍b₎ − s)ᵀ + A⁻¹ A⁻ᵀ         (Künsch 1989, Ann. Statist. 17(3); the prior is never left out)
+//! A = Σ w ZᵀD + P⁻¹,  u_b = Σ_b w Zᵀ(τ − D x)              scores of block b, all joints
+//! x₍b₎ − x = −(A − A_b)⁻¹ u_b                               the fit without block b
+//! J = (B − 1)/B Σ_b (x₍b₎ − x)(x₍b₎ − x)ᵀ + A⁻¹ P⁻¹ A⁻ᵀ     (Künsch 1989, Ann. Statist. 17(3); P is never left out)
 //! ```
 //!
 //! Few blocks know the variance of many parameters badly and their covariance not at all (J has at most rank B), so J is
@@ -24,22 +24,22 @@ use crate::linear::dot;
 /// (95 % either way); 0.5 keeps the matrix well conditioned.
 const SHRINKAGE: f64 = 0.5;
 
-/// The solved equations that the blocks are taken out of, in coordinates s of the prior, x = x₀ + L·s.
+/// The solved equations that the blocks are taken out of, in scaled columns.
 pub(super) struct Whole<'a> {
-    /// A.
+    /// Σ w ZᵀD + P⁻¹.
     pub(super) left: &'a DMatrix<f64>,
     /// Its inverse.
     pub(super) inverse: &'a DMatrix<f64>,
-    /// L.
-    pub(super) root: &'a DMatrix<f64>,
-    /// H.
-    pub(super) hand: &'a DMatrix<f64>,
-    /// The fit.
+    /// Diagonal of P⁻¹.
+    pub(super) prior: &'a DVector<f64>,
+    /// What a scaled value is multiplied by to be a value.
+    pub(super) scale: &'a DVector<f64>,
+    /// The fit, not scaled.
     pub(super) x: &'a DVector<f64>,
 }
 
-/// The covariance of x, given what that of s were (`plain`) if the residuals of a joint were coloured alike for all
-/// parameters. That of `plain` again where leaving out a block leaves no solution.
+/// The covariance of a fit, scaled, given what it were (`plain`) if the residuals of a joint were coloured alike for all
+/// parameters. `plain` again where leaving out a block leaves no solution.
 pub(super) fn long_run(
     joints: &[JointSums],
     weights: &[f64],
@@ -47,9 +47,7 @@ pub(super) fn long_run(
     plain: DMatrix<f64>,
     method: Method,
 ) -> DMatrix<f64> {
-    let of_x = |m: DMatrix<f64>| whole.root * m * whole.root.transpose();
-    let plain = of_x(plain);
-    let Some(found) = jackknife(joints, weights, whole, method).map(of_x) else { return plain };
+    let Some(found) = jackknife(joints, weights, whole, method) else { return plain };
     let k = plain.nrows();
     let inflation = (0..k).map(|i| found[(i, i)] / plain[(i, i)]).sum::<f64>() / k as f64;
     if !(inflation.is_finite() && inflation > 0.0) {
@@ -73,7 +71,8 @@ fn jackknife(joints: &[JointSums], weights: &[f64], whole: &Whole<'_>, method: M
         blocks += 1.0;
     }
     let share = (blocks - 1.0).max(0.0) / blocks.max(1.0);
-    Some(sum * share + whole.inverse * whole.inverse.transpose())
+    let prior = whole.inverse * DMatrix::from_diagonal(whole.prior) * whole.inverse.transpose();
+    Some(sum * share + prior)
 }
 
 /// `A_b` and `u_b` of block `b`, a stretch of time; `None` without rows.
@@ -100,5 +99,6 @@ fn block_sums(
             score[*c] += w * (zt - dot(row, &x));
         }
     }
-    any.then(|| (whole.hand.tr_mul(&(left * whole.root)), whole.hand.tr_mul(&score)))
+    let scale = whole.scale;
+    any.then(|| (DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]), score.component_mul(scale)))
 }

@@ -11,10 +11,10 @@
 //! Then the torque is taken back by what was found, to second order, and the rest is fitted again: what is left is the
 //! third order, a share (ωT)²/6 of T for content at ω.
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::fit::{Fit, Method, Solution};
-use super::prior::Prior;
 use super::record::OfflineError;
 use super::rows::JointRows;
 use super::sums::{Equations, JointSums, Normal, Stretch};
@@ -22,8 +22,6 @@ use crate::linear::axpy;
 
 /// How often the torque is taken back and the rest fitted.
 const ROUNDS: usize = 3;
-/// How open a delay is, relative to the smallest one that shows.
-const OPEN: f64 = 10.0;
 
 /// How late a joint's torque is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +34,7 @@ pub struct Delay {
 
 /// Estimates the delay of every joint's torque together with the parameters.
 ///
-/// * `prior`: as for [`fit`](super::fit())
+/// * `nominal`, `prior`: as for [`fit`](super::fit())
 /// * `found`: the fit without delays
 ///
 /// An effect that is out of phase with the torque and that the model lacks (friction that depends on the past, a second
@@ -44,9 +42,14 @@ pub struct Delay {
 ///
 /// # Errors
 /// When the equations have no solution.
-pub fn torque_delay(equations: &Equations<'_>, prior: &Prior, found: &Fit) -> Result<Vec<Delay>, OfflineError> {
-    let (k, n) = (prior.centre.len(), equations.joints.len());
-    let prior = prior.widened(n, OPEN);
+pub fn torque_delay(
+    equations: &Equations<'_>,
+    nominal: &[f64],
+    prior: f64,
+    found: &Fit,
+) -> Result<Vec<Delay>, OfflineError> {
+    let (k, n) = (nominal.len(), equations.joints.len());
+    let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(std::iter::repeat_n(0.0, n)));
     let weights: Vec<f64> = found.noise.iter().zip(&found.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
     let rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| rates(equations, j, &found.values)).collect();
     let mut delays = vec![Delay { seconds: 0.0, std: 0.0 }; n];
@@ -54,7 +57,7 @@ pub fn torque_delay(equations: &Equations<'_>, prior: &Prior, found: &Fit) -> Re
         let widened = |j: usize| widen(&equations.joints[j], &rates[j], k + j, delays[j].seconds);
         let joints: Vec<JointSums> = (0..n).map(widened).collect();
         let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
-        let solution = Solution::new(&normals, &weights, &prior, Method::Instrumental)?;
+        let solution = Solution::new(&normals, &weights, &start, prior, Method::Instrumental)?;
         delays.iter_mut().enumerate().for_each(|(j, delay)| delay.seconds += solution.x[k + j]);
         if round == ROUNDS {
             let covariance = solution.long_run_covariance(&joints, &weights, Method::Instrumental);
