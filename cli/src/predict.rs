@@ -137,7 +137,9 @@ fn positions(robot: &Robot, piece: &Piece) -> Vec<Vec<f64>> {
     let mut q = piece.grid.q.clone();
     if FASTER * period < own {
         let band = ZeroPhase::new(BAND / own, robot.config.signal.model_filter_order, period);
-        q.iter_mut().for_each(|q| band.apply(q));
+        for q in &mut q {
+            band.apply(q);
+        }
     }
     q
 }
