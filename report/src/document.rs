@@ -105,8 +105,10 @@ pub struct Format {
     /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
     pub missed_nm: Vec<f64>,
     /// Measured torque without what a reader of this file has: root mean square of each joint \[N·m\].
+    #[serde(default)]
     pub gap_nm: Vec<f64>,
     /// The same with the model as given, written in this format.
+    #[serde(default)]
     pub gap_before_nm: Vec<f64>,
 }
 

@@ -40,7 +40,10 @@ pub(super) fn patch(document: &Document) -> String {
             ("missed by a reader", &format.missed_nm),
             ("gap left to a reader", &format.gap_nm),
             ("gap of the model as given, in this format", &format.gap_before_nm),
-        ] {
+        ]
+        .into_iter()
+        .filter(|(_, values)| !values.is_empty())
+        {
             table.raw(format!("<th scope=\"row\">{what}</th><td></td><td></td>{}", numbers(values)));
         }
         let exact = format.items.iter().filter(|i| i.fidelity == "exact").count();
