@@ -1,4 +1,7 @@
 //! The same work on many items, on the processors there are; results in the items' order, so nothing depends on how many.
+//!
+//! Threads of their own, not a pool's: work may make a signal that others wait for (`OnceLock`) and share that out in turn. A
+//! pool's worker would meanwhile take up other work, which may wait for the very signal that it is making.
 
 use std::num::NonZero;
 

@@ -41,10 +41,13 @@ pub(crate) struct Findings {
 impl Args {
     /// Shows the findings and writes the files that were asked for.
     pub(crate) fn tell(&self, findings: &Findings) -> Result<ExitCode> {
-        if findings.table.is_none() && findings.failed.is_empty() {
-            bail!("{}: none of the data sets is there", self.data.display());
-        }
-        let table = findings.table.as_deref().unwrap_or_default();
+        // Files of an earlier run stay where nothing came of this one.
+        let Some(table) = findings.table.as_deref() else {
+            if findings.failed.is_empty() {
+                bail!("{}: none of the data sets is there", self.data.display());
+            }
+            bail!("{}", findings.failed.join("\n"));
+        };
         show(table)?;
         for name in &findings.skipped {
             show(&format!("skipped, no data: {name}\n"))?;
