@@ -21,6 +21,7 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let options = ReadOptions {
         joints: robot.dof(),
         drive_gain: config.drive.drive_gain.as_deref(),
+        torque_from_current: config.log.torque_from_current,
         joint_zero: Some(&config.log.joint_zero),
     };
     let log = read(path, &options)?;
@@ -67,7 +68,15 @@ pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
 pub(crate) fn record(piece: &Piece) -> Result<Record> {
     let (log, period_s) = (&piece.grid, piece.report.period_s);
     let measured = Trajectory::from_positions(&log.q, period_s);
-    let desired = log.q_des.as_ref().map(|q| match (&log.qd_des, &log.qdd_des) {
+    let desired = desired(log, period_s);
+    let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
+    let second = second.map(|q| Trajectory::from_positions(&q, period_s));
+    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
+}
+
+/// The desired motion; what the log does not carry of it is differentiated.
+fn desired(log: &Log, period_s: f64) -> Option<Trajectory> {
+    log.q_des.as_ref().map(|q| match (&log.qd_des, &log.qdd_des) {
         (Some(qd), Some(qdd)) => Trajectory { q: q.clone(), qd: qd.clone(), qdd: qdd.clone() },
         (qd, qdd) => {
             let differences = Trajectory::from_positions(q, period_s);
@@ -77,10 +86,7 @@ pub(crate) fn record(piece: &Piece) -> Result<Record> {
                 qdd: qdd.clone().unwrap_or(differences.qdd),
             }
         }
-    });
-    let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
-    let second = second.map(|q| Trajectory::from_positions(&q, period_s));
-    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
+    })
 }
 
 /// The pieces of a log as runs of a diagnosis.
@@ -92,6 +98,7 @@ pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
             q: piece.grid.q.clone(),
             tau: piece.grid.torque()?.clone(),
             temperature: piece.grid.temperature.clone(),
+            desired: desired(&piece.grid, piece.report.period_s),
             past: Past::default(),
         })
     };
@@ -119,6 +126,7 @@ fn motion_of(piece: &Piece) -> Run {
         q: piece.grid.q.clone(),
         tau: vec![vec![0.0; piece.grid.len()]; piece.grid.q.len()],
         temperature: piece.grid.temperature.clone(),
+        desired: None,
         past: Past::default(),
     }
 }

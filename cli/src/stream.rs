@@ -41,6 +41,7 @@ impl Recording {
         let options = ReadOptions {
             joints,
             drive_gain: config.drive.drive_gain.as_deref(),
+            torque_from_current: config.log.torque_from_current,
             joint_zero: Some(&config.log.joint_zero),
         };
         let log = rivet_logs::read(path, &options)?;

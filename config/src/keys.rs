@@ -300,6 +300,8 @@ pub const KEYS: &[Key] = &[
 
     key("log", "joint_zero", PerJointOrOne, "rad", Magnitude(10.0), Fallback::Number(0.0),
         "Added to the position columns (`q`, `q_des`, `q_link`) of log files to reach the zero of the URDF. Live samples are never shifted."),
+    key("log", "torque_from", Choice(&["tau", "current"]), "", Bounds::None, Fallback::Text("tau"),
+        "Where a log carries both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns (a sensor behind the gear does not feel the drive; some controllers log a torque that they computed)."),
 
     key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
         "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`)."),

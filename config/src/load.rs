@@ -132,7 +132,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let load = load_bodies(&mut reader, &mut friction, path, gravity, arm.as_ref());
     let coupling = read::coupling(&mut reader);
     let effects = crate::effects::read(&mut reader, arm.as_ref().map_or(0, Arm::dof));
-    let log = read::log(&mut reader);
+    let log = read::log(&mut reader, drive.drive_gain.as_deref());
     let signal = read::signal(&mut reader, sample_period_s);
     let estimator = read::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
     let supervision = supervision(&mut reader);

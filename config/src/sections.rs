@@ -145,6 +145,8 @@ pub struct Coupling {
 pub struct Log {
     /// Added to the position columns of log files \[rad\].
     pub joint_zero: Vec<f64>,
+    /// Torque is drive gain times current, even where a log has torque columns.
+    pub torque_from_current: bool,
 }
 
 /// `[signal]`

@@ -265,6 +265,7 @@ mod tests {
             q: signal(&wave),
             tau: signal(&|_, _| 0.0),
             temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
+            desired: None,
             past: Past::default(),
         };
         let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));

@@ -21,6 +21,7 @@
 mod background;
 mod body;
 mod bursts;
+mod computed;
 mod contact;
 mod design;
 mod details;
@@ -59,6 +60,7 @@ mod run;
 mod search;
 mod select;
 mod separate;
+mod shrink;
 mod stages;
 mod two_mass;
 mod values;

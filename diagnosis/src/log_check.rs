@@ -1,7 +1,11 @@
 //! What is wrong with a log before anything is compared with a model: faults that would be sold as effects.
 
+use rivet_dynamics::Model;
+
 use crate::background::Nominal;
+use crate::computed;
 use crate::design::Prepared;
+use crate::run::Run;
 
 /// Correlation of torque with speed below which a joint would make energy: over a motion that comes back, what bodies
 /// and gravity take they give again, and friction only takes.
@@ -27,6 +31,8 @@ pub enum LogFault {
     Scale(f64),
     /// The torque stands at its largest value \[N·m\] for stretches of time.
     Limit(f64),
+    /// Bodies alone along the desired motion miss this share of the torque: it was computed, not measured.
+    Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
     Still(f64),
 }
@@ -38,6 +44,7 @@ impl LogFault {
             LogFault::Sign(_) => "torque_sign",
             LogFault::Scale(_) => "torque_scale",
             LogFault::Limit(_) => "torque_limit",
+            LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
         }
     }
@@ -45,7 +52,8 @@ impl LogFault {
     /// Its figure: see the variants.
     pub fn value(self) -> f64 {
         match self {
-            LogFault::Sign(v) | LogFault::Scale(v) | LogFault::Limit(v) | LogFault::Still(v) => v,
+            LogFault::Sign(v) | LogFault::Scale(v) | LogFault::Limit(v) => v,
+            LogFault::Computed(v) | LogFault::Still(v) => v,
         }
     }
 
@@ -63,6 +71,11 @@ impl LogFault {
             ),
             LogFault::Scale(v) => format!("torque is {v:.2} times the model's: another unit or gear ratio?"),
             LogFault::Limit(v) => format!("torque stands at its limit of {v:.3} N m for stretches of time"),
+            LogFault::Computed(v) => format!(
+                "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
+                 there a motor current (torque_from in robot.toml)?",
+                100.0 * v
+            ),
             LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: nothing can be said of its friction"),
         }
     }
@@ -77,6 +90,24 @@ pub struct LogFinding {
     pub joint: String,
     /// What is wrong.
     pub fault: LogFault,
+}
+
+/// Runs whose torque was measured, and what is wrong with the others.
+pub(crate) fn measured(model: &Model, runs: Vec<Run>) -> (Vec<Run>, Vec<LogFinding>) {
+    let (mut kept, mut found) = (Vec::new(), Vec::new());
+    for run in runs {
+        let computed = computed::joints(&model.arm, &run);
+        if computed.is_empty() {
+            kept.push(run);
+            continue;
+        }
+        found.extend(computed.iter().map(|misses| LogFinding {
+            run: run.name.clone(),
+            joint: model.arm.joints[misses.joint].name.clone(),
+            fault: LogFault::Computed(misses.desired),
+        }));
+    }
+    (kept, found)
 }
 
 /// Faults of one run, joint by joint.

@@ -285,7 +285,15 @@ pub(crate) fn best(
         let Some(extent) = admissible(plan, joint, &home, bounds, model, x) else { continue };
         let [q, ..] = setpoints(plan, joint, &home, bounds, extent, COARSE_S);
         let tau = vec![vec![0.0; q[0].len()]; q.len()];
-        let run = Run { name: String::new(), period_s: COARSE_S, q, tau, temperature: None, past: Past::default() };
+        let run = Run {
+            name: String::new(),
+            period_s: COARSE_S,
+            q,
+            tau,
+            temperature: None,
+            desired: None,
+            past: Past::default(),
+        };
         let motion = Motion::of(&run);
         let chain = Chain::new(COARSE_S);
         let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);

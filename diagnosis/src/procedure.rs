@@ -27,6 +27,7 @@ use crate::run::{Run, split};
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
+use crate::shrink;
 use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
 use crate::values::{self, Group, Wrong};
 
@@ -108,21 +109,27 @@ fn run_all(
     for run in &runs {
         check(run, joints)?;
     }
-    let (look, sealed) = split(runs).ok_or(DiagnosisError::NoRun)?;
+    let (runs, log) = log_check::measured(model, runs);
+    let Some((look, sealed)) = split(runs) else {
+        return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::computed(log), None)) };
+    };
     let data = DataUse {
         runs: look.len() + 1,
         fit_seconds: look.iter().map(Run::seconds).sum(),
         sealed_seconds: sealed.seconds(),
     };
     if !look.iter().any(moves) {
-        return Ok((Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything"), None));
+        let still = Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything");
+        return Ok((Diagnosis { log, ..still }, None));
     }
     say("motion, regressors");
     let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
     let look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let sealed = Prepared::new(sealed, &nominal);
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(patch, say);
-    done.ok_or(DiagnosisError::Singular)
+    let (mut report, patch) = done.ok_or(DiagnosisError::Singular)?;
+    report.log.splice(0..0, log);
+    Ok((report, patch))
 }
 
 pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
@@ -345,17 +352,13 @@ impl Procedure<'_> {
         let mut withdrawn = Vec::new();
         let mut upheld = Vec::new();
         let residue = Residue::of(search);
+        let (before, after) = (&gaps[0], &gaps[gaps.len() - 1]);
+        let shrink = |(k, step): (usize, &Step)| shrink::of(step.effect, k, prediction, seen, &gaps);
+        let shrinks: Vec<Shrink> = steps.iter().enumerate().map(shrink).collect();
         for (k, step) in steps.iter().enumerate() {
-            let measured_shrink = 1.0 - gaps[k + 1].all / gaps[k].all;
             let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
-            let (predicted, low, high) = if step.effect == Effect::TorqueSaturation {
-                // As before, if the command is cut as often again.
-                let before = shrink_of(seen, k);
-                (before, 0.0_f64.min(before), before.max(0.95))
-            } else {
-                prediction.shrink[k]
-            };
-            let shrink = Shrink { predicted, low, high, measured: measured_shrink };
+            let shrink = shrinks[k];
+            let Shrink { predicted, low, measured: measured_shrink, .. } = shrink;
             let class: Vec<(Effect, f64)> = step.adopted.iter().flat_map(Adopted::class).collect();
             let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
             let shown = Shown {
@@ -398,8 +401,13 @@ impl Procedure<'_> {
                 withdrawn.push(cause);
             }
         }
+        let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
+        let refuted = shrink::is_refuted(&gaps, &promises);
+        if refuted {
+            withdrawn.append(&mut causes);
+            upheld.fill(false);
+        }
         let floors = self.sealed_floor();
-        let (before, after) = (&gaps[0], &gaps[gaps.len() - 1]);
         let per_joint = (0..names.len())
             .map(|j| JointGap {
                 joint: names[j].clone(),
@@ -418,6 +426,7 @@ impl Procedure<'_> {
         let refused = steps.iter().zip(&upheld).filter(|(s, upheld)| !**upheld && s.effect.kind() == Kind::Structure);
         let lacking = refused.flat_map(|(s, _)| &s.joints).any(|j| residue.was_noisy(*j));
         let verdict = match (structure, causes.is_empty()) {
+            _ if refuted && shrink::is_plain(before.all, pooled_floor) => Verdict::Unexplained,
             // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
             (0, true) if left_over => Verdict::Unexplained,
             // Taken up, but by nothing that has a name.
@@ -587,12 +596,6 @@ fn in_order(
     }
     order.push(remainder.to_vec());
     (ordered, order)
-}
-
-/// Shrink of step `k` on the runs looked at.
-fn shrink_of(seen: &[Stages], k: usize) -> f64 {
-    let gap = |stage: usize| seen.iter().map(|s| Gap::new(&s.tau, &s.models[stage]).all).sum::<f64>();
-    1.0 - gap(k + 1) / gap(k)
 }
 
 /// How often such a name is that of the effect itself.

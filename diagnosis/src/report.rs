@@ -156,6 +156,13 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// No run is left whose torque was measured.
+    pub(crate) fn computed(log: Vec<LogFinding>) -> Diagnosis {
+        let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
+        let why = "the torque of every run was computed along the desired motion, not measured";
+        Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }
+    }
+
     pub(crate) fn not_evaluated(data: DataUse, why: &str) -> Diagnosis {
         Diagnosis {
             verdict: Verdict::NotEvaluated,

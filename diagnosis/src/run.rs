@@ -1,6 +1,6 @@
 //! A run as it was logged, and the motion in it.
 
-use rivet_estimation::offline::ZeroPhase;
+use rivet_estimation::offline::{Trajectory, ZeroPhase};
 
 use crate::past::Past;
 
@@ -15,6 +15,8 @@ pub struct Run {
     pub q: Vec<Vec<f64>>,
     /// Measured (or commanded) torque \[N·m\], joint side.
     pub tau: Vec<Vec<f64>>,
+    /// Desired motion.
+    pub desired: Option<Trajectory>,
     /// Motor temperatures \[°C\].
     pub temperature: Option<Vec<Vec<f64>>>,
     /// What the joints did before.
@@ -60,6 +62,7 @@ pub(crate) fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
             period_s: last.period_s,
             q: of(&last.q),
             tau: of(&last.tau),
+            desired: last.desired.as_ref().map(|d| Trajectory { q: of(&d.q), qd: of(&d.qd), qdd: of(&d.qdd) }),
             temperature: last.temperature.as_ref().map(of),
             past: last.past.clone(),
         }

@@ -300,7 +300,8 @@ fn log(name: &'static str) -> Run {
     Box::new(move |input| {
         let _ = &folder;
         std::fs::write(&path, input).expect("written");
-        let options = ReadOptions { joints: 2, drive_gain: Some(&[2.0, -3.0]), joint_zero: Some(&[0.1, 0.2]) };
+        let options =
+            ReadOptions { drive_gain: Some(&[2.0, -3.0]), joint_zero: Some(&[0.1, 0.2]), ..ReadOptions::new(2) };
         match rivet_logs::read(&path, &options) {
             Ok(log) => {
                 assert!(

@@ -114,6 +114,12 @@ pub enum LogFault {
         /// Number of joints of the robot.
         joints: usize,
     },
+    /// Torque columns at most, where the robot file takes torque from current.
+    #[error("has no current1..{joints}, from which torque is to be taken (`torque_from` in robot.toml)")]
+    NoCurrent {
+        /// Number of joints of the robot.
+        joints: usize,
+    },
     /// A list of the robot file of the wrong length.
     #[error("{name} has {found} values, the robot has {joints} joints")]
     SettingLength {

@@ -25,6 +25,8 @@ pub struct ReadOptions<'a> {
     pub joints: usize,
     /// Torque at the joint per motor current \[N m/A\], for logs with current and without torque.
     pub drive_gain: Option<&'a [f64]>,
+    /// Whether torque is taken from current even where the log has torque columns.
+    pub torque_from_current: bool,
     /// Added to every logged position \[rad\]: the model's position where the log says zero.
     pub joint_zero: Option<&'a [f64]>,
 }
@@ -32,7 +34,7 @@ pub struct ReadOptions<'a> {
 impl ReadOptions<'_> {
     /// A log of `joints` joints in the model's own zero, with torque.
     pub fn new(joints: usize) -> Self {
-        ReadOptions { joints, drive_gain: None, joint_zero: None }
+        ReadOptions { joints, drive_gain: None, torque_from_current: false, joint_zero: None }
     }
 }
 
@@ -238,7 +240,10 @@ impl Log {
                 }
             }
         }
-        let tau = match (tau, &current, options.drive_gain) {
+        if options.torque_from_current && current.is_none() {
+            return Err(LogFault::NoCurrent { joints });
+        }
+        let tau = match (tau.filter(|_| !options.torque_from_current), &current, options.drive_gain) {
             (Some(tau), _, _) => Some((TorqueSource::Logged, tau)),
             (None, Some(current), Some(gain)) => {
                 let scaled = current.iter().zip(gain).map(|(i, k)| i.iter().map(|i| k * i).collect());

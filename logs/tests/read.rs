@@ -86,7 +86,8 @@ fn current_times_gain_is_torque_and_zero_shifts_positions() {
     let plain = read(&path, &ReadOptions::new(2)).expect("sound");
     let why = plain.torque().expect_err("no gain given").to_string();
     assert!(why.contains("drive_gain"), "{why}");
-    let options = ReadOptions { joints: 2, drive_gain: Some(&[10.0, 20.0]), joint_zero: Some(&[0.5, -1.0]) };
+    let options =
+        ReadOptions { drive_gain: Some(&[10.0, 20.0]), joint_zero: Some(&[0.5, -1.0]), ..ReadOptions::new(2) };
     let log = read(&path, &options).expect("sound");
     assert_eq!(log.tau.as_ref().map(|(source, _)| *source), Some(TorqueSource::Current));
     assert_eq!(log.torque().expect("torque")[1][3], 20.0 * (-7.0 * 0.03));
@@ -94,6 +95,26 @@ fn current_times_gain_is_torque_and_zero_shifts_positions() {
     assert_eq!(log.q_des.expect("commanded")[1][0], 0.0);
     assert_eq!((&log.q_link[0], log.q_link[1].as_ref().map(|q| q[0])), (&None, Some(0.0)));
     assert_eq!(log.unused, ["note"]);
+}
+
+#[test]
+fn torque_is_taken_from_current_where_that_is_asked_for() {
+    let mut columns = sound();
+    columns.push(("current1".into(), vec!["0.5".into(); ROWS]));
+    columns.push(("current2".into(), vec!["-2".into(); ROWS]));
+    let folder = folder();
+    let path = folder.path().join("both.csv");
+    std::fs::write(&path, csv(&columns)).expect("written");
+    let gains = ReadOptions { drive_gain: Some(&[10.0, 20.0]), ..ReadOptions::new(2) };
+    let logged = read(&path, &gains).expect("sound");
+    assert_eq!(logged.tau.as_ref().map(|(source, _)| *source), Some(TorqueSource::Logged));
+    let current = read(&path, &ReadOptions { torque_from_current: true, ..gains }).expect("sound");
+    assert_eq!(current.tau.as_ref().map(|(source, _)| *source), Some(TorqueSource::Current));
+    assert_eq!(current.torque().expect("torque")[1][3], -40.0);
+    columns.truncate(columns.len() - 2);
+    std::fs::write(&path, csv(&columns)).expect("written");
+    let why = read(&path, &ReadOptions { torque_from_current: true, ..gains }).expect_err("no currents").to_string();
+    assert!(why.contains("current1..2") && why.contains("torque_from") && why.contains("both.csv"), "{why}");
 }
 
 #[test]

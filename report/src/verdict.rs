@@ -21,18 +21,22 @@ const SHRINKS: usize = 3;
 const SIZES: usize = 2;
 /// Shares below this are not worth a word.
 const WORTH_NAMING: f64 = 0.05;
+/// What to do about torque that was computed.
+const MEASURE: &str = "Log the torque that was measured, or motor currents (drive_gain, and torque_from = \"current\" where torque \
+                       columns are there too).";
 
 impl Document {
     /// The verdict in six lines.
     pub fn lines(&self) -> Vec<Line> {
         if let Some(remark) = &self.remark {
-            return vec![
-                Line { head: "Verdict", text: format!("Not evaluated: {remark}.") },
-                Line {
-                    head: "Next",
-                    text: "Record a motion that uses every joint over its range and speed.".to_owned(),
-                },
-            ];
+            let mut lines = vec![Line { head: "Verdict", text: format!("Not evaluated: {remark}.") }];
+            if !self.log.is_empty() {
+                lines.push(Line { head: "Not covered", text: self.findings().join("; ") + "." });
+            }
+            let motion = "Record a motion that uses every joint over its range and speed.";
+            let next = if self.has_computed() { MEASURE } else { motion };
+            lines.push(Line { head: "Next", text: next.to_owned() });
+            return lines;
         }
         vec![
             Line { head: "Gap", text: self.gap_line() },
@@ -60,6 +64,9 @@ impl Document {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
         match self.verdict.as_str() {
             "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
+            "unexplained" if named.is_empty() && self.gap.after > self.gap.before => {
+                "Unknown: what fits the other motion makes the sealed one worse, so none of it is believed.".to_owned()
+            }
             "unexplained" if named.is_empty() => {
                 "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
             }
@@ -122,10 +129,7 @@ impl Document {
     }
 
     fn open_line(&self) -> String {
-        let mut open = Vec::new();
-        for finding in &self.log {
-            open.push(format!("{} of {}: {}", finding.fault.replace('_', " "), finding.run, finding.joint));
-        }
+        let mut open = self.findings();
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
         }
@@ -140,7 +144,31 @@ impl Document {
         if open.is_empty() { "Every joint and regime has data.".to_owned() } else { open.join("; ") + "." }
     }
 
+    /// Faults of the log, the joints of a run and a fault together.
+    fn findings(&self) -> Vec<String> {
+        let mut kinds: Vec<(&str, &str)> = Vec::new();
+        for finding in &self.log {
+            let kind = (finding.fault.as_str(), finding.run.as_str());
+            if !kinds.contains(&kind) {
+                kinds.push(kind);
+            }
+        }
+        let of = |(fault, run): (&str, &str)| {
+            let same = self.log.iter().filter(|f| f.fault == fault && f.run == run);
+            let joints: Vec<String> = same.map(|f| f.joint.clone()).collect();
+            format!("{} of {run}: {}", fault.replace('_', " "), list(&joints))
+        };
+        kinds.into_iter().map(of).collect()
+    }
+
+    fn has_computed(&self) -> bool {
+        self.log.iter().any(|f| f.fault == "torque_computed")
+    }
+
     fn next_line(&self) -> String {
+        if self.has_computed() {
+            return MEASURE.to_owned();
+        }
         let faults: Vec<String> =
             self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
         if !faults.is_empty() {

@@ -420,6 +420,7 @@ mod tests {
             q: rows(0.1),
             tau: rows(2.0),
             temperature: None,
+            desired: None,
             past: Past::default(),
         };
         (Known { model: (*robot.model).clone(), standard }, vec![run])

@@ -66,7 +66,7 @@ fn figures(facts: &Value, file: &str, which: &str) -> Vec<f64> {
 /// Root mean squares over joints: the torque that model.toml predicts along a log, and how far another one is from it.
 fn apart(model: &Robot, log: &Path, other: impl Fn(&[f64], &[f64], &[f64], &mut [f64])) -> (Vec<f64>, Vec<f64>) {
     let n = model.dof();
-    let options = ReadOptions { joints: n, drive_gain: None, joint_zero: None };
+    let options = ReadOptions::new(n);
     let log = read(log, &options).expect("a log");
     let period = log.median_step_s();
     let motion = Trajectory::from_positions(&log.q, period);
@@ -183,7 +183,7 @@ fn the_simulator_comes_closer_and_a_motion_is_planned() {
     assert!(error("position_after_rad") < 0.1 * error("position_before_rad"), "{end}");
     assert!(error("torque_after") < 0.1 * error("torque_before"), "{end}");
     let robot = &found.model;
-    let options = ReadOptions { joints: robot.dof(), drive_gain: None, joint_zero: Some(&robot.config.log.joint_zero) };
+    let options = ReadOptions { joint_zero: Some(&robot.config.log.joint_zero), ..ReadOptions::new(robot.dof()) };
     let motion = read(found.place.join("separating-1.csv"), &options).expect("setpoints read as a log");
     assert!(motion.qd_des.is_some() && motion.qdd_des.is_some() && motion.len() > 5000);
     for (q, joint) in motion.q_des.as_ref().expect("positions").iter().zip(&robot.model.arm.joints) {

@@ -32,6 +32,7 @@ fn run(robot: &Robot, log: &Path, effects: &[Injected]) -> Run {
         q: log.q.clone(),
         tau,
         temperature: None,
+        desired: None,
         past: Past::default(),
     }
 }

@@ -164,6 +164,48 @@ fn a_torque_channel_that_makes_energy_is_a_fault_of_the_log() {
     }
 }
 
+/// The torque columns of this arm's single-joint runs are those of bodies along the desired motion, to the last digit. What lags behind
+/// would be sold as elasticity or delay.
+#[test]
+fn a_torque_that_was_computed_is_a_fault_of_the_log() {
+    let Some(logs) = shared("data/real/kinova_gen3") else { return };
+    let file = rivet_tests::root().join("tests/robots/kinova-gen3/robot.toml");
+    let text = std::fs::read_to_string(&file).expect("a robot file");
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::copy(file.with_file_name("robot.urdf"), folder.path().join("robot.urdf")).expect("a URDF");
+    let sensor = folder.path().join("robot.toml");
+    std::fs::write(&sensor, with(&text, "torque_from", "\"tau\"")).expect("a writable folder");
+    let names = ["joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez"];
+    let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
+    let found = diagnose(&sensor, &runs);
+    assert_eq!(found["verdict"], "not_evaluated", "{found:#}");
+    let findings = found["log"].as_array().expect("findings");
+    let computed: Vec<&str> = findings.iter().filter_map(|f| f["joint"].as_str()).collect();
+    assert_eq!(computed, ["joint_1", "joint_2", "joint_4", "joint_5", "joint_7"], "{found:#}");
+    assert!(findings.iter().all(|f| f["fault"] == "torque_computed"), "{found:#}");
+    // That of the motors was measured.
+    let found = diagnose(&file, &runs);
+    let findings = found["log"].as_array().expect("findings");
+    assert!(findings.iter().all(|f| f["fault"] != "torque_computed"), "{found:#}");
+}
+
+/// Runs that move one joint each leave the bodies open; what was fitted to them says nothing of a motion of all joints, and
+/// the sealed run shows it.
+#[test]
+fn what_the_sealed_run_refutes_is_not_named() {
+    let Some(logs) = shared("data/real/kinova_gen3") else { return };
+    let file = rivet_tests::root().join("tests/robots/kinova-gen3/robot.toml");
+    for names in [
+        ["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"].as_slice(),
+        &["RunTrajectory1", "joint_1_trapez", "joint_2_trapez", "joint_5_trapez", "joint_7_trapez", "joint_4_trapez"],
+    ] {
+        let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
+        let found = diagnose(&file, &runs);
+        assert_eq!(found["verdict"], "unexplained", "{found:#}");
+        assert_eq!(found["causes"].as_array().map(Vec::len), Some(0), "{found:#}");
+    }
+}
+
 /// The other pair of runs without and with a load, whose mass nobody states.
 #[test]
 fn the_second_payload_is_named_as_well() {

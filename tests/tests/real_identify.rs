@@ -17,6 +17,7 @@ fn read_log(robot: &Robot, path: &Path) -> Log {
     let options = ReadOptions {
         joints: robot.dof(),
         drive_gain: config.drive.drive_gain.as_deref(),
+        torque_from_current: config.log.torque_from_current,
         joint_zero: Some(&config.log.joint_zero),
     };
     read(path, &options).expect("a sound log")

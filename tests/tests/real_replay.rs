@@ -45,6 +45,7 @@ fn beside_batch(arm: &str, log: &Path, result: &Value) -> (Vec<f64>, Vec<f64>) {
     let options = ReadOptions {
         joints: robot.dof(),
         drive_gain: config.drive.drive_gain.as_deref(),
+        torque_from_current: config.log.torque_from_current,
         joint_zero: Some(&config.log.joint_zero),
     };
     let grid = Grid::new(&read(log, &options).expect("a sound log"), config.sample_period_s);

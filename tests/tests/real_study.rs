@@ -25,14 +25,12 @@ fn unseen_motions_are_predicted_better_than_by_plain_least_squares() {
         let errors = &split["error_percent"];
         let (plain, ours) = (rms(&errors["plain"]), rms(&errors["rivet"]));
         println!("{name}: plain least squares {plain:.2} %, rivet {ours:.2} %");
-        if ["UR10e", "KUKA", "TX40"].iter().any(|arm| name.starts_with(arm)) {
-            assert!(ours <= plain, "{name}: {ours} % against {plain} %");
-            held.push(name);
-        }
+        assert!(ours <= plain, "{name}: {ours} % against {plain} %");
+        held.push(name);
         if name.starts_with("UR10e") {
             let cost = split["consistency_cost_percent"].as_f64().expect("a number");
             assert!(cost <= 2.0, "{name}: the consistent set is {cost} % of torque away");
         }
     }
-    assert_eq!(held.len(), 5, "{held:?}");
+    assert_eq!(held.len(), 8, "{held:?}");
 }

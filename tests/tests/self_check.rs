@@ -20,6 +20,7 @@ fn undisturbed() -> Option<(Robot, [Run; 2])> {
             q: log.q,
             tau,
             temperature: log.temperature,
+            desired: None,
             past: Past::default(),
         }
     };

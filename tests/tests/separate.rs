@@ -52,7 +52,7 @@ fn small(robot: &Robot, seconds: f64, shift: f64) -> Recorded {
 
 /// The planned motion of a file of setpoints, which must stay within the joints' ranges.
 fn planned(robot: &Robot, path: &Path) -> Recorded {
-    let options = ReadOptions { joints: robot.dof(), drive_gain: None, joint_zero: Some(&robot.config.log.joint_zero) };
+    let options = ReadOptions { joint_zero: Some(&robot.config.log.joint_zero), ..ReadOptions::new(robot.dof()) };
     let log = read(path, &options).expect("the motion reads as a log");
     for (q, joint) in log.q.iter().zip(&robot.model.arm.joints) {
         assert!(q.iter().all(|q| (joint.lower..=joint.upper).contains(q)), "{} leaves its range", joint.name);

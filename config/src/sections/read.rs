@@ -80,8 +80,15 @@ pub(crate) fn coupling(reader: &mut Reader<'_>) -> Option<Coupling> {
     Some(Coupling { driving: driving?, driven: driven?, rotor_inertia, viscous, coulomb })
 }
 
-pub(crate) fn log(reader: &mut Reader<'_>) -> Log {
-    Log { joint_zero: reader.numbers("log", "joint_zero") }
+/// `drive_gain`: that of `[drive]`.
+pub(crate) fn log(reader: &mut Reader<'_>, drive_gain: Option<&[f64]>) -> Log {
+    let joint_zero = reader.numbers("log", "joint_zero");
+    let torque_from_current = reader.text("log", "torque_from") == "current";
+    if torque_from_current && drive_gain.is_none() {
+        let rule = "\"current\" needs [drive] drive_gain".to_owned();
+        reader.reject("log", "torque_from", rule, "give drive_gain in N m/A, one number a joint".to_owned());
+    }
+    Log { joint_zero, torque_from_current }
 }
 
 pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {

@@ -223,7 +223,7 @@ impl Options {
 }
 
 fn recorded(robot: &Robot, path: &Path) -> Result<Recorded, SimError> {
-    let options = ReadOptions { joints: robot.dof(), drive_gain: None, joint_zero: Some(&robot.config.log.joint_zero) };
+    let options = ReadOptions { joint_zero: Some(&robot.config.log.joint_zero), ..ReadOptions::new(robot.dof()) };
     let refuse = |why: String| SimError::Option(format!("--setpoints {}: {why}", path.display()));
     let log = rivet_logs::read(path, &options).map_err(|why| refuse(why.to_string()))?;
     let (log, _) = log.resample(robot.config.sample_period_s).map_err(|why| refuse(why.to_string()))?;

@@ -1,0 +1,200 @@
+//! Torque that was computed along the desired motion and logged as if it had been measured.
+//!
+//! Bodies alone explain such a torque along the desired motion but for rounding: no friction, no noise. Along the measured motion, which
+//! lags behind, they do not. Whatever is then fitted (elasticity, delay, friction) is the tracking error, and says nothing of the arm.
+
+use nalgebra::{DMatrix, DVector};
+use rivet_dynamics::{Arm, LINK_PARAMETERS, Workspace, regressor};
+use rivet_estimation::offline::Trajectory;
+
+use crate::run::{Motion, Run};
+
+/// Both sides are averaged over stretches of this length \[s\], which keeps what is linear exact and takes noise away.
+const STRETCH_S: f64 = 0.05;
+/// Stretches that are looked at, spread over the run.
+const STRETCHES: usize = 200;
+/// Stretches below which nothing is said.
+const LEAST: usize = 30;
+/// Bodies miss less than this share of a computed torque along the motion that it was computed for ...
+const EXACT: f64 = 0.002;
+/// ... and more than this along the measured one. No measured torque of a gear is that exact.
+const APART: f64 = 0.01;
+/// Speed below which a joint stands still \[rad/s\].
+const STILL: f64 = 0.02;
+/// Directions weaker than this share of the strongest are rounding.
+const ROUNDING: f64 = 1e-7;
+
+/// What bodies alone miss of a joint's torque, as a share of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Misses {
+    /// Joint, from 0.
+    pub(crate) joint: usize,
+    /// Along the desired motion.
+    pub(crate) desired: f64,
+    /// Along the measured one.
+    pub(crate) measured: f64,
+}
+
+/// Joints that move and whose torque was computed; empty unless that is so of all of them, and where there is no desired motion.
+pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
+    let Some(desired) = &run.desired else { return Vec::new() };
+    let stretch = (STRETCH_S / run.period_s).round().max(1.0) as usize;
+    let starts = starts(run.len(), stretch);
+    if starts.len() < LEAST {
+        return Vec::new();
+    }
+    let Trajectory { q, qd, qdd } = desired.clone();
+    let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::of(run)];
+    let moves = |j: &usize| motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > STILL));
+    let moving: Vec<usize> = (0..run.joints()).filter(moves).collect();
+    let tau =
+        |j: usize| DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));
+    let rows = motions.map(|motion| averaged(arm, &motion, &starts, stretch));
+    let found: Vec<Misses> = moving
+        .into_iter()
+        .map(|joint| {
+            let [desired, measured] = [0, 1].map(|which| missed(&rows[which][joint], &tau(joint)));
+            Misses { joint, desired, measured }
+        })
+        .collect();
+    let computed = |m: &Misses| m.desired < EXACT && m.measured > APART;
+    if found.iter().all(computed) { found } else { Vec::new() }
+}
+
+/// First samples of the stretches, the ends of the run left out.
+fn starts(samples: usize, stretch: usize) -> Vec<usize> {
+    let fit = (samples / stretch).saturating_sub(2);
+    let count = fit.min(STRETCHES);
+    (0..count).map(|k| stretch * (1 + k * fit / count)).collect()
+}
+
+/// Regressor of the links, `[joint]` with a row a stretch.
+fn averaged(arm: &Arm, motion: &Motion, starts: &[usize], stretch: usize) -> Vec<DMatrix<f64>> {
+    let n = motion.joints();
+    let columns = LINK_PARAMETERS * n;
+    let mut rows = vec![DMatrix::zeros(starts.len(), columns); n];
+    let mut ws = Workspace::new(arm);
+    let (mut q, mut qd, mut qdd, mut y) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n * columns]);
+    for (row, start) in starts.iter().enumerate() {
+        for k in *start..start + stretch {
+            motion.state(k, &mut q, &mut qd, &mut qdd);
+            regressor(arm, &mut ws, &q, &qd, &qdd, &mut y);
+            for (rows, y) in rows.iter_mut().zip(y.chunks_exact(columns)) {
+                rows.row_mut(row).iter_mut().zip(y).for_each(|(sum, y)| *sum += y / stretch as f64);
+            }
+        }
+    }
+    rows
+}
+
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len() as f64
+}
+
+/// What the columns miss of `tau` at best, as a share of it; 1 where that cannot be told.
+fn missed(rows: &DMatrix<f64>, tau: &DVector<f64>) -> f64 {
+    let (size, torque) = (rows.column_iter().map(|c| c.norm()), tau.norm());
+    let scale: Vec<f64> = size.map(|s| if s > 0.0 { 1.0 / s } else { 0.0 }).collect();
+    let scaled = rows * DMatrix::from_diagonal(&DVector::from_vec(scale));
+    if torque == 0.0 || !torque.is_finite() || scaled.iter().any(|y| !y.is_finite()) {
+        return 1.0;
+    }
+    let svd = scaled.svd(true, false);
+    let Some(u) = &svd.u else { return 1.0 };
+    let mut left = tau.clone();
+    let mut rank = 0;
+    for (direction, value) in u.column_iter().zip(&svd.singular_values) {
+        if *value > ROUNDING * svd.singular_values.max() {
+            left -= direction * direction.dot(tau);
+            rank += 1;
+        }
+    }
+    let free = tau.len().saturating_sub(rank);
+    if 2 * free < tau.len() {
+        return 1.0;
+    }
+    // Rows that the columns take up say nothing.
+    left.norm() / torque * (tau.len() as f64 / free as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::inverse_dynamics;
+
+    use super::*;
+
+    const PERIOD_S: f64 = 2e-3;
+    const SAMPLES: usize = 6000;
+
+    /// Bodies of an arm along a motion that begins `late` seconds late, and their torque.
+    fn along(late: f64) -> (Arm, Trajectory, Vec<Vec<f64>>) {
+        let text = include_str!("../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let wave = |order: usize| -> Vec<Vec<f64>> {
+            let of = |j: usize, k: usize| {
+                let t = PERIOD_S * k as f64 - late;
+                let parts = [(0.6, 1.1 + 0.2 * j as f64), (0.3, 2.9 - 0.3 * j as f64), (0.1, 5.3 + 0.1 * j as f64)];
+                let part = |(size, w): (f64, f64)| match order {
+                    0 => size * (w * t + j as f64).sin(),
+                    1 => size * w * (w * t + j as f64).cos(),
+                    _ => -size * w * w * (w * t + j as f64).sin(),
+                };
+                parts.into_iter().map(part).sum::<f64>()
+            };
+            (0..n).map(|j| (0..SAMPLES).map(|k| of(j, k)).collect()).collect()
+        };
+        let (q, qd, qdd) = (wave(0), wave(1), wave(2));
+        let mut ws = Workspace::new(&arm);
+        let mut tau = vec![vec![0.0; SAMPLES]; n];
+        for k in 0..SAMPLES {
+            let at = |x: &Vec<Vec<f64>>| x.iter().map(|x| x[k]).collect::<Vec<f64>>();
+            let mut now = vec![0.0; n];
+            inverse_dynamics(&arm, &arm.links, &mut ws, &at(&q), &at(&qd), &at(&qdd), &mut now);
+            tau.iter_mut().zip(now).for_each(|(tau, now)| tau[k] = now);
+        }
+        (arm, Trajectory { q, qd, qdd }, tau)
+    }
+
+    fn run(desired: &Trajectory, measured: &Trajectory, tau: Vec<Vec<f64>>) -> Run {
+        Run {
+            name: "r".into(),
+            period_s: PERIOD_S,
+            q: measured.q.clone(),
+            tau,
+            desired: Some(desired.clone()),
+            temperature: None,
+            past: crate::past::Past::default(),
+        }
+    }
+
+    #[test]
+    fn a_torque_of_the_desired_motion_is_told_from_one_of_the_measured() {
+        let (arm, desired, computed) = along(0.0);
+        let (_, measured, felt) = along(0.04);
+        let found = joints(&arm, &run(&desired, &measured, computed.clone()));
+        assert_eq!(found.len(), arm.dof());
+        assert!(found.iter().all(|m| m.desired < 1e-6 && m.measured > 0.02), "{found:?}");
+        assert!(joints(&arm, &run(&desired, &measured, felt)).is_empty(), "torque of the motion that there was");
+        assert!(
+            joints(&arm, &run(&desired, &desired, computed.clone())).is_empty(),
+            "tracked without error: who can tell?"
+        );
+        let mut with_friction = computed;
+        for (tau, qd) in with_friction.iter_mut().zip(&measured.qd) {
+            let size = 0.02 * tau.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
+            tau.iter_mut().zip(qd).for_each(|(t, v)| *t += size * v.signum());
+        }
+        assert!(joints(&arm, &run(&desired, &measured, with_friction)).is_empty(), "friction is measured");
+    }
+
+    #[test]
+    fn a_short_run_and_one_without_desired_motion_say_nothing() {
+        let (arm, desired, tau) = along(0.0);
+        let (_, measured, _) = along(0.04);
+        let cut = |x: &[Vec<f64>]| x.iter().map(|x| x[..700].to_vec()).collect::<Vec<_>>();
+        let short = |t: &Trajectory| Trajectory { q: cut(&t.q), qd: cut(&t.qd), qdd: cut(&t.qdd) };
+        assert!(joints(&arm, &run(&short(&desired), &short(&measured), cut(&tau))).is_empty());
+        assert!(joints(&arm, &Run { desired: None, ..run(&desired, &measured, tau) }).is_empty());
+    }
+}
