@@ -237,3 +237,33 @@ fn payload_and_counterbalance_of_a_kr300_are_named() {
     let share = f64::sqrt(missed / all);
     assert!(share < 0.15, "the law found misses the published one by {:.1} %", 100.0 * share);
 }
+
+/// Channels of a Gen3 that carry nothing of the drive: joint 1, 5 and 7 where each moves alone, joint 7 in all. They are said
+/// and judged nowhere; the joints beside them are. The load that is known (about 1 kg) is not found: the torque knows no
+/// friction, which the file gives as 1 N m on each joint, and only two joints move where they can be heard.
+#[test]
+fn channels_that_say_nothing_are_named_and_not_judged() {
+    let Some(logs) = shared("data/real/kinova_gen3") else { return };
+    let alone = ["joint_1_trapez", "joint_5_trapez", "joint_7_trapez"];
+    let order = [&alone[..], &["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"]].concat();
+    let runs: Vec<PathBuf> = order.iter().map(|run| logs.join(format!("{run}.parquet"))).collect();
+    let found = diagnose(&rivet_tests::root().join("tests/robots/kinova-gen3/robot.toml"), &runs);
+    let silent: Vec<(&str, &str)> = found["log"]
+        .as_array()
+        .expect("findings")
+        .iter()
+        .filter(|f| f["fault"] == "torque_silent")
+        .filter_map(|f| Some((f["run"].as_str()?.strip_suffix(".parquet")?, f["joint"].as_str()?)))
+        .collect();
+    let due = [(alone[0], "joint_1"), (alone[1], "joint_5"), (alone[2], "joint_7"), ("RunTrajectory1", "joint_7")];
+    assert_eq!(silent, due, "{found:#}");
+    // Whatever such a channel says of its joint was hundreds of times the gap of all others.
+    let gaps = found["gap"]["per_joint"].as_array().expect("joints");
+    let judged: Vec<bool> = gaps.iter().map(|g| g["before"].is_number()).collect();
+    assert_eq!(judged, [true, true, true, true, true, true, false], "{found:#}");
+    assert!(found["gap"]["before"].as_f64() < Some(5.0), "{found:#}");
+    assert_eq!(found["data"]["runs"], 3, "what has nothing but silent channels is not learnt from: {found:#}");
+    for cause in found["causes"].as_array().expect("causes") {
+        assert!(!joints(cause).contains(&"joint_7"), "{cause}");
+    }
+}
