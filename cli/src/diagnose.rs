@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         left *= STEP_LEAVES;
         progress.set((1000.0 * (1.0 - left)) as usize);
     };
-    let all = runs_of(&sources)?;
+    let live = args.live.is_some();
+    let all = runs_of(&sources, live)?;
     let last = all.last().cloned();
     let bounds = MotionBounds::of(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
     let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
@@ -114,7 +115,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let mut checked = Ok(());
     if args.self_check && document.remark.is_none() {
-        match self_check(&robot, runs_of(&sources)?) {
+        match self_check(&robot, runs_of(&sources, live)?) {
             Ok(check) => document.self_check = Some(check),
             Err(why) => checked = Err(why),
         }
@@ -138,15 +139,24 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }))
 }
 
-/// Every stretch of every log as a run.
-fn runs_of(sources: &[Source<'_>]) -> Result<Vec<Run>> {
+/// Every stretch of every log as a run; `live`: the last is the window of `--live`.
+fn runs_of(sources: &[Source<'_>], live: bool) -> Result<Vec<Run>> {
     let mut all = Vec::new();
     for source in sources {
-        all.extend(runs::runs(source.path, &source.pieces)?);
+        all.push((runs::runs(source.path, &source.pieces)?, runs::starts(&source.pieces)));
     }
-    let starts: Vec<f64> = sources.iter().flat_map(|source| runs::starts(&source.pieces)).collect();
-    of_one_clock(&mut all, &starts);
-    Ok(all)
+    Ok(on_their_clocks(all, live))
+}
+
+/// Runs of several logs with the times \[s\] at which they began, on one clock as far as they may be. The time of a live window
+/// is its own, from 0 on: no log of a file was just before or after it.
+fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
+    let files = logs.len() - usize::from(live && !logs.is_empty());
+    let shared: usize = logs[..files].iter().map(|(runs, _)| runs.len()).sum();
+    let starts: Vec<f64> = logs.iter().flat_map(|(_, starts)| starts.iter().copied()).collect();
+    let mut all: Vec<Run> = logs.into_iter().flat_map(|(runs, _)| runs).collect();
+    of_one_clock(&mut all[..shared], &starts[..shared]);
+    all
 }
 
 /// The verdict on one screen.
@@ -222,4 +232,29 @@ fn power(found: &Document, check: &SelfCheck) -> String {
     }
     out += &table.text();
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_diagnosis::Past;
+
+    /// A log that began at 4 s of its clock seems to follow a window of 3 s that began at 0 of another.
+    #[test]
+    fn a_live_window_is_not_on_the_clock_of_logs() {
+        let run = || Run {
+            name: String::new(),
+            period_s: 1e-2,
+            q: vec![(0..300).map(|k| 1e-2 * f64::from(k)).collect()],
+            tau: vec![vec![0.0; 300]],
+            temperature: None,
+            desired: None,
+            past: Past::default(),
+        };
+        let logs = || vec![(vec![run()], vec![4.0]), (vec![run()], vec![8.0]), (vec![run()], vec![0.0])];
+        let apart = on_their_clocks(logs(), true);
+        assert!(apart[0].past == Past::default() && apart[2].past == Past::default());
+        assert_ne!(apart[1].past, Past::default(), "logs of one clock know each other");
+        assert_ne!(on_their_clocks(logs(), false)[0].past, Past::default(), "as a file it would be before them");
+    }
 }

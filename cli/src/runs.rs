@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
-use rivet_logs::{Log, ReadOptions, ResampleReport, read};
+use rivet_logs::{Log, LogError, LogFault, ReadOptions, ResampleReport, read};
 
 /// A step of time this long is a hole: nothing is made up across it.
 const HOLE_S: f64 = 0.1;
@@ -51,17 +51,27 @@ pub(crate) fn hole_s(usual_s: f64) -> f64 {
 }
 
 /// Cuts a log at its holes and puts each piece on a grid of `period_s`, or of the log's own usual step where that is
-/// longer: interpolation adds no knowledge.
+/// longer: interpolation adds no knowledge. A piece of too few rows for that is left out, which is said, unless all are.
 pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
     let usual = log.median_step_s();
     let period = if usual > 1.1 * period_s { usual } else { period_s };
-    let cut = log.split_at_gaps(hole_s(usual));
-    cut.into_iter()
-        .map(|logged| {
-            let (grid, report) = logged.resample(period)?;
-            Ok(Piece { logged_t: logged.t.clone(), grid, report })
-        })
-        .collect()
+    let (mut pieces, mut short) = (Vec::new(), None);
+    for logged in log.split_at_gaps(hole_s(usual)) {
+        match logged.resample(period) {
+            Ok((grid, report)) => pieces.push(Piece { logged_t: logged.t.clone(), grid, report }),
+            Err(why @ LogError { fault: LogFault::TooFewRows { .. }, .. }) => {
+                let (path, rows, from) = (logged.path.display(), logged.len(), logged.t[0]);
+                eprintln!("rivet: {path}: {rows} rows from {from} s between holes are too few and left out");
+                // The first one is the error to report where nothing is left.
+                short.get_or_insert(why);
+            }
+            Err(why) => return Err(why.into()),
+        }
+    }
+    match short {
+        Some(why) if pieces.is_empty() => Err(why.into()),
+        _ => Ok(pieces),
+    }
 }
 
 /// The piece as a record with torque.
@@ -179,4 +189,29 @@ pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
         let _ = std::fs::remove_file(&temporary);
     }
     written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A log at 5 kHz for a robot at 1 kHz, of pieces with so many rows and a second between them.
+    fn log(pieces: &[usize]) -> Log {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("log.csv");
+        let row = |t: f64| format!("{t},{},0.5\n", t.sin());
+        let rows =
+            pieces.iter().enumerate().flat_map(|(k, rows)| (0..*rows).map(move |r| 2.0 * k as f64 + 2e-4 * r as f64));
+        std::fs::write(&path, rows.map(row).fold("t,q1,tau1\n".to_owned(), |text, row| text + &row)).expect("written");
+        read(&path, &ReadOptions::new(1)).expect("a log")
+    }
+
+    #[test]
+    fn a_piece_too_short_to_be_decimated_is_left_out_unless_all_are() {
+        let rows =
+            |log: &Log| pieces(log, 1e-3).map(|pieces| pieces.iter().map(|p| p.logged_t.len()).collect::<Vec<_>>());
+        assert_eq!(rows(&log(&[500, 50, 300])).expect("two pieces"), [500, 300]);
+        let why = rows(&log(&[90, 60])).expect_err("nothing is left").to_string();
+        assert!(why.contains("90") && why.contains("91"), "{why}");
+    }
 }

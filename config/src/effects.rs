@@ -14,6 +14,12 @@ fn section(kind: EffectKind) -> &'static str {
 /// Inner values that must be above 0 where the effect acts.
 const ABOVE_ZERO: [&str; 5] = ["velocity", "length", "order", "stiffness", "arm"];
 
+/// What friction that changes with warmth is relative to ...
+const REFERENCE: &str = "reference";
+/// ... is a temperature, or the friction power where joints warm up by their work: least, most, unit.
+const TEMPERATURE_C: (f64, f64, &str) = (-1e3, 1e3, "degC");
+const POWER_W: (f64, f64, &str) = (0.0, 1e6, "W");
+
 /// All effects that the file has, of a robot with `joints` joints.
 pub(crate) fn read(reader: &mut Reader<'_>, joints: usize) -> Vec<KnownEffect> {
     let mut effects = Vec::new();
@@ -38,6 +44,15 @@ pub(crate) fn read(reader: &mut Reader<'_>, joints: usize) -> Vec<KnownEffect> {
                     let rule = "must be above 0 where the effect has a size".to_owned();
                     let hint = format!("`{}` of this joint is {}", kind.keys()[0], own[0]);
                     reader.reject_entry(section, key, joint, rule, hint);
+                }
+            }
+            if *kind == EffectKind::TemperatureDependentFriction && reader.good(&[(section, REFERENCE)]) {
+                let [_, _, reference, time_s] = effect.values;
+                let (low, high, unit) = if time_s > 0.0 { POWER_W } else { TEMPERATURE_C };
+                if !(low..=high).contains(&reference) {
+                    let rule = format!("must keep {low} <= x <= {high:e} {unit}");
+                    let hint = format!("`time_constant` of this joint is {time_s}");
+                    reader.reject_entry(section, REFERENCE, joint, rule, hint);
                 }
             }
             if *kind == EffectKind::JointCoupling && joint == 0 {

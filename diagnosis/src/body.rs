@@ -15,8 +15,6 @@ use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Adopted, Found, Selected};
 
-/// Share of what the values of all links take that the body must take alone.
-const ALONE: f64 = 0.8;
 /// Share of a joint's gap that it must take ...
 const OF_JOINT: f64 = 0.5;
 /// ... on so many joints.
@@ -28,7 +26,7 @@ const OFF_FLANGE: f64 = 0.15;
 /// What is left to values of links that are held, as a share of their usual error.
 const HELD: f64 = 0.03;
 
-/// The body, where it is the simpler explanation.
+/// The body, where it is the simpler explanation; nothing where the equations of the question have no solution.
 pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
     if !Residue::of(search).any_noisy() {
@@ -65,8 +63,8 @@ pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &
         "a body at the flange {:.3?} takes {share:.2} of what all links take; by joint {falls:.2?}",
         added.c.as_slice()
     ));
+    // The share tells nothing apart: 0.78 to 0.96 without a load, 0.85 to 1.17 with one. The joints do.
     let stands = candidate.form.plausible(added.c.as_slice())
-        && share >= ALONE
         && falls.iter().all(|fall| *fall >= -WORSE)
         && falls.iter().filter(|fall| **fall >= OF_JOINT).count() >= JOINTS;
     if !stands {

@@ -30,7 +30,7 @@ impl Search<'_> {
         }
         let joints = self.noise.len();
         let torque: Vec<f64> =
-            (0..joints).map(|j| self.runs.iter().flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
+            (0..joints).map(|j| self.heard(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
         for stretch in &mut local {
             let std: Option<Vec<f64>> = stretch.columns.iter().map(|column| free(column, &torque)).collect();
             stretch.std = DVector::from_vec(std?);

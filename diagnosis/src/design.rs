@@ -9,6 +9,7 @@ use crate::background::{Nominal, standard_columns};
 use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
+use crate::log_check::{self, LogFault};
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
@@ -39,6 +40,8 @@ pub(crate) struct Prepared {
     /// Torque of the effects that the model as given has \[N·m\], at the rate of the log and as rows; empty without.
     pub(crate) known: Vec<Vec<f64>>,
     pub(crate) known_rows: Vec<Vec<f64>>,
+    /// Joints whose torque says nothing, and why: their rows count nowhere.
+    pub(crate) silent: Vec<Option<LogFault>>,
     /// Standard columns.
     pub(crate) standard: Vec<Column>,
     /// Noise of the torque signal after the model filter \[N·m\], from what changes too fast to be torque.
@@ -78,7 +81,8 @@ impl Prepared {
         let known = if effects.is_empty() { Vec::new() } else { known::torque(nominal, effects, &run, &motion) };
         let known_rows = known.iter().map(|t| chain.apply(t)).collect();
         let floor = run.tau.iter().map(|t| white_noise(t) * chain.white_gain()).collect();
-        Prepared { run, motion, chain, tau, known, known_rows, standard, floor, doubt }
+        let silent = (0..n).map(|j| log_check::silence(&tau[j], &motion, &chain, &nominal.x, j)).collect();
+        Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, doubt }
     }
 
     /// The torque's rows as they are where it comes `samples` later than position; what is beyond the ends repeats them.
@@ -247,7 +251,7 @@ impl Design {
         let block_s = BLOCK_S.min(seconds / LEAST_BLOCKS);
         for (r, run) in runs.iter().enumerate() {
             let rows = run.rows();
-            let root: Vec<Vec<f64>> = (0..n).map(|j| doubt_weights(&run.doubt[j], noise[j])).collect();
+            let root: Vec<Vec<f64>> = (0..n).map(|j| run.roots(j, noise[j])).collect();
             let mut d = Vec::with_capacity(n);
             let mut y = Vec::with_capacity(n);
             for j in 0..n {
@@ -283,8 +287,8 @@ impl Design {
     /// Weighs rows in doubt anew, against other torque noise of each joint \[N·m\].
     pub(crate) fn weigh_doubt(&mut self, runs: &[&Prepared], noise: &[f64]) {
         for (r, run) in runs.iter().enumerate() {
-            for j in 0..noise.len() {
-                let root = doubt_weights(&run.doubt[j], noise[j]);
+            for j in (0..noise.len()).filter(|j| run.silent[*j].is_none()) {
+                let root = run.roots(j, noise[j]);
                 let (d, y) = (&mut self.d[r][j], &mut self.y[r][j]);
                 for (row, (new, old)) in root.iter().zip(&self.root[r][j]).enumerate() {
                     let factor = new / old;
@@ -401,6 +405,13 @@ impl Design {
 /// Roots of rows' weights: one over the standard deviation of noise and doubt together, in units of the noise.
 fn doubt_weights(doubt: &[f64], noise: f64) -> Vec<f64> {
     doubt.iter().map(|u| 1.0 / (1.0 + (u / noise).powi(2)).sqrt()).collect()
+}
+
+impl Prepared {
+    /// Roots of the weights of joint `j`'s rows at a torque noise \[N·m\]; nothing where its torque says nothing.
+    fn roots(&self, j: usize, noise: f64) -> Vec<f64> {
+        if self.silent[j].is_some() { vec![0.0; self.rows()] } else { doubt_weights(&self.doubt[j], noise) }
+    }
 }
 
 /// Most rows per independent row: a longer memory is an effect, not noise, and must not hide itself.

@@ -10,6 +10,9 @@ use crate::run::{Motion, Run};
 use crate::two_mass::Gear;
 use crate::warming;
 
+/// What a robot file takes of friction for each watt, at most.
+const MOST: f64 = 1e5;
+
 /// What becomes of an adopted form in a robot file.
 pub(crate) enum Carried {
     /// A section of its own.
@@ -57,8 +60,15 @@ impl Form {
             Form::Warming { joint, warmth } => {
                 // A file's friction holds at the beginning, and its state is in watts.
                 let (power, early) = (warmth.mean_power(x, joints, joint), warmth.start - warmth.reference());
-                beside.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
                 let values = [c[0] / power, c[1] / power, warmth.start * power, warmth.time_s];
+                // By values that take nothing, or next to nothing, it is infinitely much for each watt.
+                if !values.iter().all(|v| v.abs() <= MOST) {
+                    return (
+                        Carried::Nothing("friction takes no power by the values found, so none can warm the joint"),
+                        beside,
+                    );
+                }
+                beside.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
                 effect(Kind::TemperatureDependentFriction, joint, &values)
             }
             Form::Presliding { joint, length } => {
@@ -238,6 +248,18 @@ mod tests {
     use crate::past::Past;
     use crate::warming::Warmth;
     use rivet_dynamics::{Arm, Structure};
+
+    /// By watts that are none a robot file would get an infinite number, which nothing reads.
+    #[test]
+    fn warming_by_friction_that_takes_nothing_is_not_handed_on() {
+        let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [0.2, 0.06], power: 1.0, span_s: 2.5 };
+        let x = |friction: f64| [vec![1.0; 33], vec![friction; 9]].concat();
+        for (friction, carries) in [(2.0, true), (0.0, false), (-1.0, false), (1e-9, false)] {
+            let (carried, beside) = Form::Warming { joint: 1, warmth }.carried(&[-0.3, -0.9], &x(friction), 3, None);
+            assert_eq!(matches!(carried, Carried::Effect(_)), carries, "{friction} N m");
+            assert_eq!(beside.is_empty(), !carries);
+        }
+    }
 
     /// The forms of this crate and the effects of a robot file are two implementations: whatever a diagnosis hands on must
     /// be the torque that it was adopted for.

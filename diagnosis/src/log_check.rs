@@ -5,7 +5,8 @@ use rivet_dynamics::Model;
 use crate::background::Nominal;
 use crate::computed;
 use crate::design::Prepared;
-use crate::run::Run;
+use crate::rows::Chain;
+use crate::run::{Motion, Run};
 
 /// Correlation of torque with speed below which a joint would make energy: over a motion that comes back, what bodies
 /// and gravity take they give again, and friction only takes.
@@ -18,6 +19,13 @@ const OTHER_UNIT: f64 = 3.0;
 const SAME_SHAPE: f64 = 0.9;
 /// Speed below which a joint stands still \[rad/s\].
 const STILL: f64 = 0.02;
+/// A channel that carries less than this share of what friction and rotor of its moving joint take by the file ...
+const CARRIES: f64 = 0.1;
+/// ... and that does not follow the direction of motion by more than this correlation says nothing: a file may give far too
+/// much friction, but a joint that has less of it still shows that.
+const FOLLOWS: f64 = 0.3;
+/// ... over at least so long a time in motion \[s\].
+const IN_MOTION_S: f64 = 0.5;
 /// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
 const FLAT: usize = 5;
 const FLAT_SHARE: f64 = 0.005;
@@ -29,6 +37,13 @@ pub enum LogFault {
     Sign(f64),
     /// The torque is the model's times this.
     Scale(f64),
+    /// The joint moves and its torque is next to nothing.
+    Silent {
+        /// Root mean square of the torque in motion \[N·m\].
+        carries: f64,
+        /// What friction and rotor take in that motion by the file \[N·m\].
+        due: f64,
+    },
     /// The torque stands at its largest value \[N·m\] for stretches of time.
     Limit(f64),
     /// Bodies alone along the desired motion miss this share of the torque: it was computed, not measured.
@@ -43,15 +58,17 @@ impl LogFault {
         match self {
             LogFault::Sign(_) => "torque_sign",
             LogFault::Scale(_) => "torque_scale",
+            LogFault::Silent { .. } => "torque_silent",
             LogFault::Limit(_) => "torque_limit",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
         }
     }
 
-    /// Its figure: see the variants.
+    /// Its figure: see the variants; what a silent channel carries.
     pub fn value(self) -> f64 {
         match self {
+            LogFault::Silent { carries, .. } => carries,
             LogFault::Sign(v) | LogFault::Scale(v) | LogFault::Limit(v) => v,
             LogFault::Computed(v) | LogFault::Still(v) => v,
         }
@@ -59,7 +76,7 @@ impl LogFault {
 
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
-        matches!(self, LogFault::Sign(_) | LogFault::Scale(_))
+        matches!(self, LogFault::Sign(_) | LogFault::Scale(_) | LogFault::Silent { .. })
     }
 
     /// What a person would say.
@@ -70,6 +87,10 @@ impl LogFault {
                  scale of this channel is wrong"
             ),
             LogFault::Scale(v) => format!("torque is {v:.2} times the model's: another unit or gear ratio?"),
+            LogFault::Silent { carries, due } => format!(
+                "torque in motion is {carries:.2e} N m where friction and rotor of the file alone take {due:.3} N m: the \
+                 channel is dead, or of a sensor or a computation that knows nothing of the drive; not evaluated"
+            ),
             LogFault::Limit(v) => format!("torque stands at its limit of {v:.3} N m for stretches of time"),
             LogFault::Computed(v) => format!(
                 "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
@@ -115,9 +136,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
     let mut found = Vec::new();
     for (j, joint) in nominal.model.arm.joints.iter().enumerate() {
         let mut say = |fault| found.push(LogFinding { run: run.run.name.clone(), joint: joint.name.clone(), fault });
-        let top = run.motion.qd[j].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        if top < STILL {
-            say(LogFault::Still(top));
+        if is_still(&run.motion, j) {
+            say(LogFault::Still(top_speed(&run.motion, j)));
             continue;
         }
         let mut modelled = vec![0.0; run.rows()];
@@ -139,12 +159,66 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Sign(dissipates));
         } else if cosine(tau, &modelled) > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
             say(LogFault::Scale(scale));
+        } else if let Some(fault) = run.silent[j] {
+            say(fault);
         }
         if let Some(limit) = limit(&run.run.tau[j]) {
             say(LogFault::Limit(limit));
         }
     }
     found
+}
+
+/// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
+/// drive takes, nor in the direction of its motion. What bodies take may cancel, so it does not count.
+pub(crate) fn silence(tau: &[f64], motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
+    let (n, speed, accel) = (motion.joints(), chain.sample(&motion.qd[j]), chain.sample(&motion.qdd[j]));
+    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
+    let rows = moving.len() as f64;
+    if rows * chain.row_period_s < IN_MOTION_S {
+        return None;
+    }
+    let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
+    let drive = |k: usize| {
+        x[12 * n + j].abs() * speed[k].signum() + x[11 * n + j].abs() * speed[k] + x[10 * n + j].abs() * accel[k]
+    };
+    let [carries, due] = [mean(&|k| tau[k].powi(2)), mean(&|k| drive(k).powi(2))].map(f64::sqrt);
+    let (level, turn) = (mean(&|k| tau[k]), mean(&|k| speed[k].signum()));
+    let product = mean(&|k| (tau[k] - level) * (speed[k].signum() - turn));
+    let size = ((carries.powi(2) - level.powi(2)).max(0.0) * (1.0 - turn.powi(2)).max(0.0)).sqrt();
+    let silent = carries < CARRIES * due && product.abs() <= FOLLOWS * size;
+    silent.then_some(LogFault::Silent { carries, due })
+}
+
+/// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.
+pub(crate) fn is_mute(run: &Run, x: &[f64]) -> bool {
+    let (motion, chain) = (Motion::of(run), Chain::new(run.period_s));
+    let moving: Vec<usize> = (0..run.joints()).filter(|j| !is_still(&motion, *j)).collect();
+    let silent = |j: &usize| silence(&chain.apply(&run.tau[*j]), &motion, &chain, x, *j).is_some();
+    !moving.is_empty() && moving.iter().all(silent)
+}
+
+/// A channel that says nothing whenever its joint moves says nothing where it stands either.
+pub(crate) fn silence_dead(runs: &mut [&mut Prepared], mute: &[Prepared]) {
+    for j in 0..runs.first().map_or(0, |run| run.silent.len()) {
+        let all = || runs.iter().map(|run| &**run).chain(mute);
+        let fault = all().find_map(|run| run.silent[j]);
+        if fault.is_some() && all().all(|run| run.silent[j].is_some() || is_still(&run.motion, j)) {
+            for run in runs.iter_mut() {
+                run.silent[j] = fault;
+            }
+        }
+    }
+}
+
+/// Whether joint `j` stands still throughout.
+pub(crate) fn is_still(motion: &Motion, j: usize) -> bool {
+    top_speed(motion, j) < STILL
+}
+
+/// \[rad/s\]
+fn top_speed(motion: &Motion, j: usize) -> f64 {
+    motion.qd[j].iter().fold(0.0_f64, |m, v| m.max(v.abs()))
 }
 
 /// The largest torque, if it is held for stretches.
@@ -158,6 +232,41 @@ fn limit(signal: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// One joint that swings at up to 1 rad/s; by its file rotor 0.1 kg m², friction 1 N·m s/rad and 1 N·m: a root mean square
+    /// of 1.74 N·m in motion.
+    fn heard(tau: impl Fn(f64, f64) -> f64, seconds: f64, friction: f64) -> Option<LogFault> {
+        let at =
+            |f: fn(f64) -> f64| vec![(0..(1e3 * seconds) as i32).map(|k| f(1e-3 * f64::from(k))).collect::<Vec<f64>>()];
+        let motion = Motion { period_s: 1e-3, q: at(|t| 1.0 - t.cos()), qd: at(f64::sin), qdd: at(f64::cos) };
+        let chain = Chain::new(1e-3);
+        let tau: Vec<f64> = (0..motion.len()).map(|k| tau(1e-3 * k as f64, motion.qd[0][k])).collect();
+        let x = [vec![0.0; 10], vec![0.1, friction, friction, 0.0]].concat();
+        silence(&chain.apply(&tau), &motion, &chain, &x, 0)
+    }
+
+    #[test]
+    fn a_channel_that_carries_next_to_nothing_of_a_moving_joint_is_silent() {
+        let Some(LogFault::Silent { carries, due }) = heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 1.0) else {
+            panic!("0.035 N m of 1.7")
+        };
+        // sqrt(1/2), and of 1 + |sin| and a small part across it sqrt(1 + 4/π + 1/2).
+        assert!((carries / 0.0354 - 1.0).abs() < 0.05 && (due / 1.66 - 1.0).abs() < 0.05, "{carries} {due}");
+        assert!(heard(|_, _| 0.0, 20.0, 1.0).is_some(), "a dead channel");
+    }
+
+    #[test]
+    fn a_sound_channel_is_not_silent() {
+        assert_eq!(heard(|_, v| v.signum() + v, 20.0, 1.0), None);
+        assert_eq!(
+            heard(|_, v| 0.05 * v.signum(), 20.0, 1.0),
+            None,
+            "a twentieth of the file's friction shows all the same"
+        );
+        assert_eq!(heard(|t, _| 0.5 * t.cos(), 20.0, 1.0), None, "bodies against a friction that is not seen");
+        assert_eq!(heard(|_, _| 0.0, 0.6, 1.0), None, "too short a time");
+        assert_eq!(heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 0.0), None, "a file that expects nothing");
+    }
 
     #[test]
     fn a_torque_that_is_held_at_its_top_is_a_limit_and_a_standstill_is_not() {

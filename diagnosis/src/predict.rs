@@ -76,7 +76,8 @@ pub(crate) fn predict(
             .map(|(k, model)| {
                 let e: Vec<f64> = (0..v.len()).map(|j| rest.apart(k, j, &model[j], &reference[j])).collect();
                 let mean: f64 = (0..v.len()).map(|j| (v[j] + e[j]) / square[j].max(f64::MIN_POSITIVE)).sum();
-                (mean / v.len() as f64).sqrt()
+                // As in the gap itself, joints without torque do not count.
+                (mean / square.iter().filter(|s| **s > 0.0).count() as f64).sqrt()
             })
             .collect()
     };
@@ -165,6 +166,9 @@ impl Leaves {
             let first = blocks.len();
             blocks.resize(first + count, vec![[[0.0; 2]; BINS]; joints]);
             for j in 0..joints {
+                if run.run.silent[j].is_some() {
+                    continue;
+                }
                 let speed = run.run.chain.sample(&run.run.motion.qd[j]);
                 let rows = own.tau[j].len();
                 for (k, ((tau, model), v)) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed).enumerate() {

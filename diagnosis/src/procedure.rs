@@ -14,7 +14,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
-use crate::log_check::{self, LogFinding};
+use crate::log_check::{self, LogFault, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
@@ -31,7 +31,7 @@ use crate::shrink;
 use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
 use crate::values::{self, Group, Wrong};
 
-/// Least motion that says anything: a joint's speed \[rad/s\] and the run's length \[s\].
+/// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
 const LEAST_SPEED: f64 = 0.02;
 const LEAST_SECONDS: f64 = 3.0;
 /// A cause that is missed by less than this share of its own torque does not transfer.
@@ -109,27 +109,33 @@ fn run_all(
     for run in &runs {
         check(run, joints)?;
     }
-    let (runs, log) = log_check::measured(model, runs);
-    let Some((look, sealed)) = split(runs) else {
+    let (runs, mut log) = log_check::measured(model, runs);
+    if runs.is_empty() {
         return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::computed(log), None)) };
-    };
+    }
+    let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let (mute, telling): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(|run| log_check::is_mute(run, &all.x));
+    // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
+    let (runs, mute) = if telling.is_empty() { (mute, telling) } else { (telling, mute) };
+    let mute: Vec<Prepared> = mute.into_iter().map(|run| Prepared::new(run, &all)).collect();
+    log.extend(mute.iter().flat_map(|run| log_check::check(run, &all)));
+    let (look, sealed) = split(runs).ok_or(DiagnosisError::NoRun)?;
     let data = DataUse {
         runs: look.len() + 1,
         fit_seconds: look.iter().map(Run::seconds).sum(),
         sealed_seconds: sealed.seconds(),
     };
-    if !look.iter().any(moves) {
-        let still = Diagnosis::not_evaluated(data, "no joint of the runs moves enough to say anything");
-        return Ok((Diagnosis { log, ..still }, None));
+    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
+        let why = "no joint of the runs moves enough to say anything";
+        return Ok((Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }, None));
     }
     say("motion, regressors");
     let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
-    let look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
-    let sealed = Prepared::new(sealed, &nominal);
-    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data }.run(patch, say);
-    let (mut report, patch) = done.ok_or(DiagnosisError::Singular)?;
-    report.log.splice(0..0, log);
-    Ok((report, patch))
+    let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
+    let mut sealed = Prepared::new(sealed, &nominal);
+    log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
+    done.ok_or(DiagnosisError::Singular)
 }
 
 pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
@@ -148,7 +154,7 @@ pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
 
 fn moves(run: &Run) -> bool {
     let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > LEAST_SPEED * run.period_s);
-    run.seconds() >= LEAST_SECONDS && run.q.iter().any(fast)
+    run.q.iter().any(fast)
 }
 
 struct Procedure<'a> {
@@ -156,6 +162,8 @@ struct Procedure<'a> {
     look: &'a [Prepared],
     sealed: &'a Prepared,
     data: DataUse,
+    /// Of runs that say nothing and were left out.
+    mute: Vec<LogFinding>,
 }
 
 /// A cause before it is reported.
@@ -171,16 +179,23 @@ struct Step {
 
 impl Procedure<'_> {
     fn run(&self, patch: Option<&MotionBounds>, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
-        let mut log: Vec<LogFinding> = self.look.iter().flat_map(|run| log_check::check(run, self.nominal)).collect();
+        let mut log = self.mute.clone();
+        log.extend(self.look.iter().flat_map(|run| log_check::check(run, self.nominal)));
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let mut selected = Selected::new(&search)?;
-        if let Some((candidate, adoption)) = body::at_flange(&mut search, &selected, say)? {
+        let mut left_out = Vec::new();
+        let body = body::at_flange(&mut search, &selected, say);
+        let body = or_said(body, "whether one body at the flange is simpler", &mut left_out);
+        if let Some((candidate, adoption)) = body.flatten() {
             selected.adopt(&mut search, &candidate, adoption, say)?;
         }
         selected.select(&mut search, say)?;
         let mut unsure = details::unsure(&search)?;
         let mut wrong = values::wrong(&mut search)?;
-        while let Some((candidate, adoption)) = instead::of(&mut search, &wrong, &selected, say)? {
+        loop {
+            let instead = instead::of(&mut search, &wrong, &selected, say);
+            let instead = or_said(instead, "whether an effect stands in the place of wrong values", &mut left_out);
+            let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(&mut search);
             selected.adopt(&mut search, &candidate, adoption, say)?;
             selected.select(&mut search, say)?;
@@ -227,7 +242,12 @@ impl Procedure<'_> {
         for adopted in steps.iter().zip(&upheld).filter(|(_, u)| !**u).flat_map(|(s, _)| &s.adopted) {
             search.design.forget(&adopted.form, adopted.place, &adopted.mean);
         }
-        self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means)?;
+        let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means);
+        or_said(sized, "sizes of causes without what was withdrawn (they stand beside it)", &mut left_out);
+        for what in &left_out {
+            say(&format!("no solution: {what}"));
+        }
+        report.left_out = left_out;
         let Some(bounds) = patch else { return Some((report, None)) };
         say("the model with what was found");
         let all = || seen.iter().chain([&hidden]);
@@ -451,6 +471,7 @@ impl Procedure<'_> {
             unexplained_share,
             data: self.data,
             remark: None,
+            left_out: Vec::new(),
             details: None,
         };
         (diagnosis, upheld)
@@ -473,11 +494,14 @@ impl Procedure<'_> {
 
     /// Noise of the sealed run's torque relative to it, by joint.
     fn sealed_floor(&self) -> Vec<f64> {
-        let relative = |(floor, tau): (&f64, &Vec<f64>)| {
+        let relative = |((floor, tau), silent): ((&f64, &Vec<f64>), &Option<LogFault>)| {
+            if silent.is_some() {
+                return f64::NAN;
+            }
             let square: f64 = tau.iter().map(|t| t * t).sum::<f64>() / tau.len().max(1) as f64;
             floor / square.sqrt().max(f64::MIN_POSITIVE)
         };
-        self.sealed.floor.iter().zip(&self.sealed.tau).map(relative).collect()
+        self.sealed.floor.iter().zip(&self.sealed.tau).zip(&self.sealed.silent).map(relative).collect()
     }
 
     /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.
@@ -560,6 +584,14 @@ impl Procedure<'_> {
     }
 }
 
+/// What an optional step found; one whose equations have no solution is put down, and everything else stands without it.
+fn or_said<T>(found: Option<T>, what: &str, left_out: &mut Vec<String>) -> Option<T> {
+    if found.is_none() {
+        left_out.push(what.to_owned());
+    }
+    found
+}
+
 /// Columns that belong to no cause: offsets, timing, values that may stay as they are. How softly friction turns over is in
 /// no model that is handed on, so it is not in what causes are said to leave. `own`: columns of the model itself.
 fn remainder(search: &Search<'_>, steps: &[Step], own: usize) -> Vec<usize> {
@@ -615,4 +647,19 @@ fn pooled(relative: &[f64]) -> f64 {
 fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
     let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
     if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only a step without a solution is put down.
+    #[test]
+    fn a_step_without_a_solution_is_said_and_leaves_the_rest() {
+        let mut left_out = Vec::new();
+        assert_eq!(or_said(Some(1), "found", &mut left_out), Some(1));
+        assert!(left_out.is_empty());
+        assert_eq!(or_said::<i32>(None, "no solution", &mut left_out), None);
+        assert_eq!(left_out, ["no solution"]);
+    }
 }

@@ -151,6 +151,8 @@ pub struct Diagnosis {
     pub data: DataUse,
     /// Why nothing was evaluated.
     pub remark: Option<String>,
+    /// Steps whose equations had no solution; everything else stands without them.
+    pub left_out: Vec<String>,
     /// What stands behind the figures; absent when nothing was evaluated.
     pub details: Option<Details>,
 }
@@ -177,6 +179,7 @@ impl Diagnosis {
             unexplained_share: f64::NAN,
             data,
             remark: Some(why.to_owned()),
+            left_out: Vec::new(),
             details: None,
         }
     }

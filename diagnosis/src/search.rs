@@ -21,6 +21,8 @@ const FIXED: f64 = 0.15;
 /// Of a link's scale: a link several times as heavy as drawn is a payload.
 const LINK: f64 = 0.3;
 
+/// No torque is told better than this \[N·m\].
+const LEAST_NOISE: f64 = 1e-9;
 /// Log evidence that an inner value costs: it was chosen among some twenty.
 const INNER_VALUE: f64 = 3.0;
 /// Times that rows in doubt are weighed anew.
@@ -100,7 +102,10 @@ impl<'a> Search<'a> {
         let sizes = unknown(nominal, runs.first()?.run.period_s);
         let design = Design::new(&runs, nominal, &torque, &extra, &sizes);
         let weights: Vec<f64> = torque.iter().map(|t| 1.0 / (0.01 * t * t)).collect();
-        let floor = (0..n).map(|j| runs.iter().map(|r| r.floor[j]).fold(f64::INFINITY, f64::min)).collect();
+        // Computed torque has no noise.
+        let heard = |j: usize| runs.iter().filter(move |r| r.silent[j].is_none());
+        let least = |j: usize| heard(j).map(|r| r.floor[j]).reduce(f64::min).unwrap_or(0.0);
+        let floor = (0..n).map(|j| least(j).max(LEAST_NOISE)).collect();
         let mut search = Search {
             runs,
             nominal,
@@ -117,6 +122,11 @@ impl<'a> Search<'a> {
         search.reweigh()?;
         search.first_noise.copy_from_slice(&search.noise);
         Some(search)
+    }
+
+    /// Runs in which the torque of joint `j` says something.
+    pub(crate) fn heard(&self, j: usize) -> impl Iterator<Item = &'a Prepared> + '_ {
+        self.runs.iter().copied().filter(move |r| r.silent[j].is_none())
     }
 
     /// The background solved at a scale of the nominal's errors.
@@ -142,9 +152,14 @@ impl<'a> Search<'a> {
             let residuals = self.design.residuals(&solved.x, &solved.stretches);
             for j in 0..self.noise.len() {
                 let records: Vec<&DVector<f64>> = residuals.iter().map(|r| &r[j]).collect();
-                let rows: usize = records.iter().map(|r| r.len()).sum();
+                let rows: usize = self.heard(j).map(Prepared::rows).sum();
+                if rows == 0 {
+                    // Nothing is known of it, so nothing is left on it.
+                    self.noise[j] = self.floor[j];
+                    continue;
+                }
                 let square: f64 = records.iter().map(|r| r.norm_squared()).sum();
-                self.noise[j] = (square / rows.max(1) as f64).sqrt().max(1e-9);
+                self.noise[j] = (square / rows as f64).sqrt().max(LEAST_NOISE);
                 self.correlations[j] = correlation(&records);
                 self.weights[j] = 1.0 / (self.noise[j].powi(2) * self.correlations[j]);
             }
@@ -208,12 +223,13 @@ impl<'a> Search<'a> {
     pub(crate) fn free(&self, columns: &[Vec<Column>], c: usize) -> Option<f64> {
         let mut least = f64::INFINITY;
         for j in 0..self.noise.len() {
-            let values = columns.iter().filter_map(|own| own[c][j].as_ref()).flatten();
+            let own = self.runs.iter().zip(columns).filter(|(r, _)| r.silent[j].is_none());
+            let values = own.filter_map(|(_, own)| own[c][j].as_ref()).flatten();
             let (square, rows) = values.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
             if rows == 0 || square == 0.0 {
                 continue;
             }
-            let torque: f64 = self.runs.iter().flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
+            let torque: f64 = self.heard(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
             let ratio = (torque / square).sqrt();
             least = least.min(ratio);
         }

@@ -52,7 +52,15 @@ impl RunColumns<'_> {
             }
             models.push(model.clone());
         }
-        Stages { tau: self.run.tau.clone(), models }
+        let mut tau = self.run.tau.clone();
+        // A channel that says nothing is compared with nothing.
+        let silent = (0..joints).filter(|j| self.run.silent[*j].is_some());
+        for j in silent {
+            for rows in models.iter_mut().chain([&mut tau]) {
+                rows[j].fill(0.0);
+            }
+        }
+        Stages { tau, models }
     }
 }
 

@@ -138,13 +138,15 @@ pub(crate) fn in_watts_of(form: &Form, effects: &mut [KnownEffect], joints: usiz
     }
 }
 
-/// Candidates of runs without temperatures, one of which is long enough by itself for something to warm up: a joint that is
-/// not what it was in another short log has been changed as likely as warmed.
+/// Candidates where runs without temperatures are among those looked at, one of which is long enough by itself for something
+/// to warm up: a joint that is not what it was in another short log has been changed as likely as warmed. Gears of runs with
+/// temperatures warm up by their work as well, so they are judged by it too.
 pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
     let Some(first) = physics.first() else { return Vec::new() };
-    let longest_s = physics.iter().map(|p| p.run.seconds()).fold(0.0, f64::max);
+    let unmeasured = physics.iter().filter(|p| p.run.temperature.is_none());
+    let longest_s = unmeasured.map(|p| p.run.seconds()).fold(0.0, f64::max);
     let span_s = physics.iter().map(|p| p.run.past.seconds() + p.run.seconds()).fold(0.0, f64::max);
-    if longest_s < LEAST_S || physics.iter().any(|p| p.run.temperature.is_some()) {
+    if longest_s < LEAST_S {
         return Vec::new();
     }
     let n = first.joints();
@@ -164,4 +166,43 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
         times.flat_map(warmth).map(|warmth| Form::Warming { joint, warmth }).collect()
     };
     (0..n).flat_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::background::Nominal;
+    use crate::past::Past;
+    use rivet_dynamics::{Arm, Model, Structure};
+
+    /// Whether runs of (length \[s\], with a thermometer) have candidates.
+    fn considered(runs: &[(f64, bool)]) -> bool {
+        let arm =
+            Arm::from_urdf(include_str!("../../robots/manutec-r3/robot.urdf"), [0.0, 0.0, -9.81]).expect("an arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
+        let mut x = model.arm.links.concat();
+        x.extend((0..4 * n).map(|_| 1.0));
+        let nominal = Nominal::exact(&model, &x);
+        let run = |(seconds, measured): &(f64, bool)| {
+            let rows = (seconds / 0.05) as usize;
+            let signal = |f: fn(f64) -> f64| vec![(0..rows).map(|k| f(0.05 * k as f64)).collect::<Vec<f64>>(); n];
+            let (q, tau) = (signal(f64::sin), signal(|_| 0.0));
+            let temperature = measured.then(|| signal(|_| 30.0));
+            Run { name: String::new(), period_s: 0.05, q, tau, temperature, past: Past::default() }
+        };
+        let runs: Vec<Run> = runs.iter().map(run).collect();
+        let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();
+        let physics: Vec<Physics<'_>> =
+            runs.iter().zip(&motions).map(|(run, motion)| Physics::new(run, motion, &nominal, &x)).collect();
+        !forms(&physics).is_empty()
+    }
+
+    #[test]
+    fn a_thermometer_in_one_log_does_not_hide_warming_in_another() {
+        assert!(considered(&[(100.0, false)]));
+        assert!(considered(&[(100.0, false), (10.0, true)]) && considered(&[(200.0, true), (100.0, false)]));
+        // Whose logs all have one is judged by it, and a short one without is too short.
+        assert!(!considered(&[(100.0, true)]) && !considered(&[(200.0, true), (10.0, false)]));
+    }
 }

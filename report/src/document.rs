@@ -42,6 +42,9 @@ pub struct Document {
     pub data: DataUse,
     /// Why nothing was evaluated.
     pub remark: Option<String>,
+    /// Steps whose equations had no solution; everything else stands without them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// Which files and which build.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passport: Option<Passport>,

@@ -130,6 +130,7 @@ impl Document {
 
     fn open_line(&self) -> String {
         let mut open = self.findings();
+        open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
         }
@@ -169,10 +170,10 @@ impl Document {
         if self.has_computed() {
             return MEASURE.to_owned();
         }
-        let faults: Vec<String> =
+        let mut faults: Vec<String> =
             self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
         if !faults.is_empty() {
-            let mut faults = faults;
+            faults.sort();
             faults.dedup();
             return format!(
                 "Check sign, unit and scale of the torque of {} before believing anything else.",

@@ -63,6 +63,7 @@ impl Document {
                 sealed_seconds: number(found.data.sealed_seconds),
             },
             remark: found.remark.clone(),
+            left_out: found.left_out.clone(),
             passport,
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
