@@ -16,10 +16,10 @@ use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
 use crate::design::{Block, Design, Prepared, unknown};
+use crate::entry::{DiagnosisError, check};
 use crate::evidence::PRIOR_SCALES;
 use crate::form::Form;
 use crate::physics::Physics;
-use crate::procedure::{DiagnosisError, check};
 use crate::rows::{Chain, Column};
 use crate::run::Run;
 

@@ -69,8 +69,11 @@ impl LogFault {
     pub fn value(self) -> f64 {
         match self {
             LogFault::Silent { carries, .. } => carries,
-            LogFault::Sign(v) | LogFault::Scale(v) | LogFault::Limit(v) => v,
-            LogFault::Computed(v) | LogFault::Still(v) => v,
+            LogFault::Sign(v)
+            | LogFault::Scale(v)
+            | LogFault::Limit(v)
+            | LogFault::Computed(v)
+            | LogFault::Still(v) => v,
         }
     }
 

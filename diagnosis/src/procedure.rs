@@ -1,9 +1,8 @@
 //! The whole procedure: runs to look at, a run that stays sealed, causes, predictions, then the sealed torque.
 
 use nalgebra::DVector;
-use rivet_dynamics::Model;
 
-use crate::background::{Nominal, Typical};
+use crate::background::Nominal;
 use crate::body;
 use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
@@ -23,7 +22,6 @@ use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
 use crate::residue::Residue;
 use crate::rows::Column;
-use crate::run::{Run, split};
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
@@ -31,9 +29,6 @@ use crate::shrink;
 use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
 use crate::values::{self, Group, Wrong};
 
-/// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
-const LEAST_SPEED: f64 = 0.02;
-const LEAST_SECONDS: f64 = 3.0;
 /// A cause that is missed by less than this share of its own torque does not transfer.
 const TRANSFERS: f64 = 0.3;
 /// Share of the gap above the floor that may be left beside wrong values.
@@ -48,122 +43,14 @@ const FIRST_OF_CLASS: f64 = 0.8;
 /// A shrink below this is no cause worth naming.
 const MATERIAL: f64 = 0.01;
 
-/// Why nothing could be diagnosed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DiagnosisError {
-    /// No run was given.
-    #[error("no run to diagnose")]
-    NoRun,
-    /// A run with another number of joints, or signals of different lengths.
-    #[error("{run}: {what}")]
-    Shape {
-        /// The run's name.
-        run: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// The equations cannot be solved.
-    #[error("the equations of the runs cannot be solved: is every signal finite and the nominal model physical?")]
-    Singular,
-}
-
-/// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
-///
-/// With several runs the last is sealed: it is predicted before its torque is looked at. A single run is cut. `say` is
-/// told what happens.
-///
-/// # Errors
-/// [`DiagnosisError`].
-pub fn diagnose(
-    model: &Model,
-    nominal: &[f64],
-    runs: Vec<Run>,
-    say: &mut dyn FnMut(&str),
-) -> Result<Diagnosis, DiagnosisError> {
-    Ok(run_all(model, nominal, runs, None, say)?.0)
-}
-
-/// As [`diagnose`], and the model with what was found; none where nothing could be evaluated. `bounds` are those of the
-/// motions that tell causes apart.
-///
-/// # Errors
-/// [`DiagnosisError`].
-pub fn diagnose_and_patch(
-    model: &Model,
-    nominal: &[f64],
-    runs: Vec<Run>,
-    bounds: &MotionBounds,
-    say: &mut dyn FnMut(&str),
-) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
-    run_all(model, nominal, runs, Some(bounds), say)
-}
-
-fn run_all(
-    model: &Model,
-    nominal: &[f64],
-    runs: Vec<Run>,
-    patch: Option<&MotionBounds>,
-    say: &mut dyn FnMut(&str),
-) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
-    let joints = model.arm.dof();
-    for run in &runs {
-        check(run, joints)?;
-    }
-    let (runs, mut log) = log_check::measured(model, runs);
-    if runs.is_empty() {
-        return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::computed(log), None)) };
-    }
-    let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
-    let (mute, telling): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(|run| log_check::is_mute(run, &all.x));
-    // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
-    let (runs, mute) = if telling.is_empty() { (mute, telling) } else { (telling, mute) };
-    let mute: Vec<Prepared> = mute.into_iter().map(|run| Prepared::new(run, &all)).collect();
-    log.extend(mute.iter().flat_map(|run| log_check::check(run, &all)));
-    let (look, sealed) = split(runs).ok_or(DiagnosisError::NoRun)?;
-    let data = DataUse {
-        runs: look.len() + 1,
-        fit_seconds: look.iter().map(Run::seconds).sum(),
-        sealed_seconds: sealed.seconds(),
-    };
-    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
-        let why = "no joint of the runs moves enough to say anything";
-        return Ok((Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }, None));
-    }
-    say("motion, regressors");
-    let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
-    let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
-    let mut sealed = Prepared::new(sealed, &nominal);
-    log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
-    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
-    done.ok_or(DiagnosisError::Singular)
-}
-
-pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
-    let fault = |what: String| Err(DiagnosisError::Shape { run: run.name.clone(), what });
-    let rows = run.len();
-    for (signal, name) in [(&run.q, "positions"), (&run.tau, "torques")] {
-        if signal.len() != joints {
-            return fault(format!("{name} of {} joints, the robot has {joints}", signal.len()));
-        }
-        if signal.iter().any(|s| s.len() != rows) {
-            return fault(format!("{name} of different lengths"));
-        }
-    }
-    Ok(())
-}
-
-fn moves(run: &Run) -> bool {
-    let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > LEAST_SPEED * run.period_s);
-    run.q.iter().any(fast)
-}
-
-struct Procedure<'a> {
-    nominal: &'a Nominal,
-    look: &'a [Prepared],
-    sealed: &'a Prepared,
-    data: DataUse,
+/// Runs that are sound, and what was said of the others.
+pub(crate) struct Procedure<'a> {
+    pub(crate) nominal: &'a Nominal,
+    pub(crate) look: &'a [Prepared],
+    pub(crate) sealed: &'a Prepared,
+    pub(crate) data: DataUse,
     /// Of runs that say nothing and were left out.
-    mute: Vec<LogFinding>,
+    pub(crate) mute: Vec<LogFinding>,
 }
 
 /// A cause before it is reported.
@@ -178,7 +65,12 @@ struct Step {
 }
 
 impl Procedure<'_> {
-    fn run(&self, patch: Option<&MotionBounds>, say: &mut dyn FnMut(&str)) -> Option<(Diagnosis, Option<Patch>)> {
+    /// None where the equations have no solution.
+    pub(crate) fn run(
+        &self,
+        patch: Option<&MotionBounds>,
+        say: &mut dyn FnMut(&str),
+    ) -> Option<(Diagnosis, Option<Patch>)> {
         let mut log = self.mute.clone();
         log.extend(self.look.iter().flat_map(|run| log_check::check(run, self.nominal)));
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;

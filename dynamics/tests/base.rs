@@ -121,12 +121,11 @@ fn random_arms_lose_nothing() {
     }
 }
 
-/// The standard vector's order, as `parameters` states it, and readable names.
 /// The wrist axes of the Kinova Gen3 pass each other at 0.35 mm. Kept at their turn, differences of its masses stood for inertias with
 /// factors of 3e7, and base parameters of 9e4 were the nominal ones: no prior and no double can hold such a set.
 #[test]
 fn axes_that_almost_meet_do_not_spoil_the_base() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     let model = model("../tests/robots/kinova-gen3", true, None);
     let base = base_of(&model);
     let factors = (0..base.len()).flat_map(|i| base.regrouping(i)).map(|(_, factor)| factor);
@@ -137,6 +136,7 @@ fn axes_that_almost_meet_do_not_spoil_the_base() {
     assert_nothing_is_lost(&model, &base, &mut random);
 }
 
+/// The standard vector's order, as `parameters` states it, and readable names.
 #[test]
 fn parameters_are_named_in_order() {
     let model = model("staubli-tx40", true, TX40_WRIST);

@@ -300,7 +300,7 @@ fn channels_that_say_nothing_are_named_and_not_judged() {
     let (folder, sensor) = kinova_by_sensor();
     let runs: Vec<PathBuf> = order.iter().map(|run| folder.path().join(format!("{run}.parquet"))).collect();
     for run in &runs {
-        let log = read(&logs.join(run.file_name().expect("a name")), &ReadOptions::new(7)).expect("a log");
+        let log = read(logs.join(run.file_name().expect("a name")), &ReadOptions::new(7)).expect("a log");
         let torque = log.torque().expect("torque");
         let names: Vec<String> = (1..=7).map(|j| format!("q{j}")).chain((1..=7).map(|j| format!("tau{j}"))).collect();
         let signals = names.iter().map(String::as_str).zip(log.q.iter().chain(torque).map(Vec::as_slice));
