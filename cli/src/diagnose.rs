@@ -99,6 +99,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(patch) = &patch {
         document.export = formats(patch);
     }
+    // A run that was left out drives no simulator.
+    let out = |run: &Run| found.log.iter().any(|f| f.run == run.name && f.fault.is_of_channel());
+    let last = last.filter(|run| !out(run));
     if let (Some(patch), Some(last), false) = (&patch, &last, found.causes.is_empty()) {
         say("the simulator in closed loop");
         document.rollout = rollout(&robot, patch, last);

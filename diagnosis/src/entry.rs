@@ -77,15 +77,17 @@ fn run_all(
     }
     let (runs, mut log) = log_check::measured(model, runs);
     if runs.is_empty() {
-        return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::computed(log), None)) };
+        let why = "the torque of every run was computed along the desired motion, not measured";
+        return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, why), None)) };
     }
     let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
     let (mute, telling): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(|run| log_check::is_mute(run, &all.x));
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
-    let (runs, mute) = if telling.is_empty() { (mute, telling) } else { (telling, mute) };
     let mute: Vec<Prepared> = mute.into_iter().map(|run| Prepared::new(run, &all)).collect();
     log.extend(mute.iter().flat_map(|run| log_check::check(run, &all)));
-    let (look, sealed) = split(runs).ok_or(DiagnosisError::NoRun)?;
+    let Some((look, sealed)) = split(telling) else {
+        return Ok((Diagnosis::unheard(log, "the torque channels of all joints that move say nothing"), None));
+    };
     let data = DataUse {
         runs: look.len() + 1,
         fit_seconds: look.iter().map(Run::seconds).sum(),

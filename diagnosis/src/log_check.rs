@@ -19,8 +19,8 @@ const OTHER_UNIT: f64 = 3.0;
 const SAME_SHAPE: f64 = 0.9;
 /// Speed below which a joint stands still \[rad/s\].
 const STILL: f64 = 0.02;
-/// A channel that carries less than this share of what friction and rotor of its moving joint take by the file ...
-const CARRIES: f64 = 0.1;
+/// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
+const CARRIES: f64 = 1e-3;
 /// ... and that does not follow the direction of motion by more than this correlation says nothing: a file may give far too
 /// much friction, but a joint that has less of it still shows that.
 const FOLLOWS: f64 = 0.3;
@@ -80,6 +80,11 @@ impl LogFault {
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
         matches!(self, LogFault::Sign(_) | LogFault::Scale(_) | LogFault::Silent { .. })
+    }
+
+    /// Whether the torque is none that was measured: a run may be left out for it.
+    pub fn is_of_channel(self) -> bool {
+        matches!(self, LogFault::Silent { .. } | LogFault::Computed(_))
     }
 
     /// What a person would say.
@@ -188,9 +193,12 @@ pub(crate) fn silence(tau: &[f64], motion: &Motion, chain: &Chain, x: &[f64], j:
     let [carries, due] = [mean(&|k| tau[k].powi(2)), mean(&|k| drive(k).powi(2))].map(f64::sqrt);
     let (level, turn) = (mean(&|k| tau[k]), mean(&|k| speed[k].signum()));
     let product = mean(&|k| (tau[k] - level) * (speed[k].signum() - turn));
-    let size = ((carries.powi(2) - level.powi(2)).max(0.0) * (1.0 - turn.powi(2)).max(0.0)).sqrt();
-    let silent = carries < CARRIES * due && product.abs() <= FOLLOWS * size;
-    silent.then_some(LogFault::Silent { carries, due })
+    // A channel that stands still at some level says nothing either.
+    let varies = mean(&|k| (tau[k] - level).powi(2)).sqrt();
+    let stuck = varies <= 1e-9 * carries;
+    let follows = product.abs() > FOLLOWS * varies * (1.0 - turn.powi(2)).max(0.0).sqrt();
+    let silent = varies < CARRIES * due && (stuck || !follows);
+    silent.then_some(LogFault::Silent { carries: varies, due })
 }
 
 /// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.
@@ -250,12 +258,13 @@ mod tests {
 
     #[test]
     fn a_channel_that_carries_next_to_nothing_of_a_moving_joint_is_silent() {
-        let Some(LogFault::Silent { carries, due }) = heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 1.0) else {
-            panic!("0.035 N m of 1.7")
+        let Some(LogFault::Silent { carries, due }) = heard(|t, _| 0.002 * (3.0 * t).cos(), 20.0, 1.0) else {
+            panic!("0.0014 N m of 1.7")
         };
         // sqrt(1/2), and of 1 + |sin| and a small part across it sqrt(1 + 4/π + 1/2).
-        assert!((carries / 0.0354 - 1.0).abs() < 0.05 && (due / 1.66 - 1.0).abs() < 0.05, "{carries} {due}");
+        assert!((carries / 0.00141 - 1.0).abs() < 0.05 && (due / 1.66 - 1.0).abs() < 0.05, "{carries} {due}");
         assert!(heard(|_, _| 0.0, 20.0, 1.0).is_some(), "a dead channel");
+        assert!(heard(|_, _| 0.7, 20.0, 1.0).is_some(), "one that is stuck");
     }
 
     #[test]

@@ -158,10 +158,9 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// No run is left whose torque was measured.
-    pub(crate) fn computed(log: Vec<LogFinding>) -> Diagnosis {
+    /// No run is left whose torque says something, and `why`.
+    pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
         let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
-        let why = "the torque of every run was computed along the desired motion, not measured";
         Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }
     }
 

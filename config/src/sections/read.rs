@@ -84,7 +84,7 @@ pub(crate) fn coupling(reader: &mut Reader<'_>) -> Option<Coupling> {
 pub(crate) fn log(reader: &mut Reader<'_>, drive_gain: Option<&[f64]>) -> Log {
     let joint_zero = reader.numbers("log", "joint_zero");
     let torque_from_current = reader.text("log", "torque_from") == "current";
-    if torque_from_current && drive_gain.is_none() {
+    if torque_from_current && drive_gain.is_none() && reader.good(&[("drive", "drive_gain")]) {
         let rule = "\"current\" needs [drive] drive_gain".to_owned();
         reader.reject("log", "torque_from", rule, "give drive_gain in N m/A, one number a joint".to_owned());
     }
