@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
-use rivet_report::{Document, Power, SelfCheck, formats, page};
+use rivet_report::{Document, JointGap, Power, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::control::bus_of;
@@ -91,18 +91,19 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let live = args.live.is_some();
     let all = runs_of(&sources, live)?;
-    let last = all.last().cloned();
     let bounds = MotionBounds::of(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
     let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
-    let passport = passport(&robot, &args.robot, &sources)?;
+    // Runs that were left out drive no simulator and show nothing.
+    let used = found.used.iter();
+    let mut given: Vec<Option<Run>> = runs_of(&sources, live)?.into_iter().map(Some).collect();
+    let used: Vec<Run> = used.filter_map(|place| given.get_mut(*place)?.take()).collect();
+    drop(given);
+    let passport = passport(&robot, &args.robot, &sources, &found.used)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
     if let Some(patch) = &patch {
         document.export = formats(patch);
     }
-    // A run that was left out drives no simulator.
-    let out = |run: &Run| found.log.iter().any(|f| f.run == run.name && f.fault.is_of_channel());
-    let last = last.filter(|run| !out(run));
-    if let (Some(patch), Some(last), false) = (&patch, &last, found.causes.is_empty()) {
+    if let (Some(patch), Some(last), false) = (&patch, used.last(), found.causes.is_empty()) {
         say("the simulator in closed loop");
         document.rollout = rollout(&robot, patch, last);
     }
@@ -118,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let mut checked = Ok(());
     if args.self_check && document.remark.is_none() {
-        match self_check(&robot, runs_of(&sources, live)?) {
+        match self_check(&robot, used) {
             Ok(check) => document.self_check = Some(check),
             Err(why) => checked = Err(why),
         }
@@ -196,9 +197,15 @@ fn as_text(found: &Document) -> String {
     if found.gap.per_joint.is_empty() {
         return out;
     }
-    let mut table = Table::new(["gap by joint [%]", "as given", "with causes", "noise"]);
+    let heads = ["gap by joint [%]", "as given", "with causes", "noise", "moving, as given [x noise]", "with causes"];
+    let mut table = Table::new(heads);
+    let times = |j: &JointGap, at: usize| match j.in_motion.get(at) {
+        Some(Some(times)) => figure(*times, 2),
+        _ => "-".to_owned(),
+    };
     for j in &found.gap.per_joint {
-        table.row([j.joint.clone(), percent(j.before), percent(j.after), percent(j.noise_floor)]);
+        let [before, after] = [0, 1].map(|at| times(j, at));
+        table.row([j.joint.clone(), percent(j.before), percent(j.after), percent(j.noise_floor), before, after]);
     }
     out += &table.text();
     if let Some(check) = &found.self_check {

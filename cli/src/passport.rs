@@ -18,13 +18,9 @@ pub(crate) struct Source<'a> {
     pub(crate) pieces: Vec<Piece>,
 }
 
-pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>]) -> Result<Passport> {
-    let pieces: usize = sources.iter().map(|s| s.pieces.len()).sum();
-    let sealed = match sources {
-        [_] if pieces == 1 => "the last two fifths of the log".to_owned(),
-        [.., last] => format!("the last stretch of {}", short_name(last.path)),
-        [] => String::new(),
-    };
+/// `used`: places of the stretches that were used among those of all logs, the sealed one last.
+pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>], used: &[usize]) -> Result<Passport> {
+    let sealed = sealed(sources, used);
     let program = std::env::current_exe().context("the path of this program")?;
     let mut inputs = vec![input("robot", robot_file, None)?, input("urdf", &robot.config.urdf, None)?];
     for source in sources {
@@ -40,6 +36,22 @@ pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>])
         torque: torque.to_owned(),
         gear_ratio: robot.config.drive.gear_ratio.clone(),
     })
+}
+
+/// What was sealed; nothing where nothing was evaluated.
+fn sealed(sources: &[Source<'_>], used: &[usize]) -> String {
+    let Some(mut place) = used.last().copied() else { return String::new() };
+    for source in sources {
+        let name = || short_name(source.path);
+        match (used.len(), source.pieces.len()) {
+            (_, pieces) if place >= pieces => place -= pieces,
+            (1, 1) => return format!("the last two fifths of {}", name()),
+            (1, _) => return format!("the last two fifths of stretch {} of {}", place + 1, name()),
+            (_, 1) => return name(),
+            _ => return format!("stretch {} of {}", place + 1, name()),
+        }
+    }
+    String::new()
 }
 
 fn input(role: &str, path: &Path, clock: Option<Clock>) -> Result<Input> {

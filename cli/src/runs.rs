@@ -24,7 +24,12 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         torque_from_current: config.log.torque_from_current,
         joint_zero: Some(&config.log.joint_zero),
     };
-    let log = read(path, &options)?;
+    let log = read(path, &options).map_err(|why| {
+        let asked = matches!(why.fault, LogFault::NoCurrent { .. });
+        let why = anyhow::Error::new(why);
+        // What asks for these columns stands in another file.
+        if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
+    })?;
     let (step, period) = (log.median_step_s(), config.sample_period_s);
     ensure!(
         step < SLOWEST * period,

@@ -371,7 +371,21 @@ impl Design {
         self.multiply();
     }
 
-    /// Undoes [`adopt`](Self::adopt): the columns from `place` on, as many as means, are nothing from now on.
+    /// Undoes the last [`adopt`](Self::adopt), of as many columns as means.
+    pub(crate) fn give_up(&mut self, mean: &[f64]) {
+        let k = self.background.std.len() - mean.len();
+        for (d, y) in self.d.iter_mut().flatten().zip(self.y.iter_mut().flatten()) {
+            for (c, mean) in mean.iter().enumerate() {
+                y.axpy(*mean, &d.column(k + c), 1.0);
+            }
+            *d = std::mem::replace(d, DMatrix::zeros(0, 0)).resize_horizontally(k, 0.0);
+        }
+        self.background.std = self.background.std.rows(0, k).into_owned();
+        self.background.scaled.truncate(k);
+        self.multiply();
+    }
+
+    /// Undoes an [`adopt`](Self::adopt) before others: the columns from `place` on, as many as means, are nothing from now on.
     pub(crate) fn forget(&mut self, form: &Form, place: usize, mean: &[f64]) {
         if matches!(form, Form::Force { .. }) {
             self.background.local.clear();

@@ -4,7 +4,7 @@ use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
-use crate::log_check;
+use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
 use crate::procedure::Procedure;
@@ -75,16 +75,29 @@ fn run_all(
     for run in &runs {
         check(run, joints)?;
     }
-    let (runs, mut log) = log_check::measured(model, runs);
+    let names: Vec<String> = runs.iter().map(|run| run.name.clone()).collect();
+    let unused = |used: &[usize]| -> Vec<String> {
+        names.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, name)| name.clone()).collect()
+    };
+    let mut log: Vec<LogFinding> = Vec::new();
+    let mut runs: Vec<(usize, Run)> = runs.into_iter().enumerate().collect();
+    runs.retain(|(_, run)| {
+        let computed = log_check::computed(model, run);
+        log.extend(computed.iter().cloned());
+        computed.is_empty()
+    });
     if runs.is_empty() {
         let why = "the torque of every run was computed along the desired motion, not measured";
         return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, why), None)) };
     }
+    let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
     let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
-    let (mute, telling): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(|run| log_check::is_mute(run, &all.x));
+    let is_mute = |(_, run): &(usize, Run)| log_check::is_mute(run, &all.x);
+    let (mute, telling): (Vec<_>, Vec<_>) = places.into_iter().zip(runs).partition(is_mute);
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
-    let mute: Vec<Prepared> = mute.into_iter().map(|run| Prepared::new(run, &all)).collect();
+    let mute: Vec<Prepared> = mute.into_iter().map(|(_, run)| Prepared::new(run, &all)).collect();
     log.extend(mute.iter().flat_map(|run| log_check::check(run, &all)));
+    let (used, telling): (Vec<usize>, Vec<Run>) = telling.into_iter().unzip();
     let Some((look, sealed)) = split(telling) else {
         return Ok((Diagnosis::unheard(log, "the torque channels of all joints that move say nothing"), None));
     };
@@ -95,7 +108,7 @@ fn run_all(
     };
     if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
         let why = "no joint of the runs moves enough to say anything";
-        return Ok((Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }, None));
+        return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, why) }, None));
     }
     say("motion, regressors");
     let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
@@ -103,7 +116,8 @@ fn run_all(
     let mut sealed = Prepared::new(sealed, &nominal);
     log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
-    done.ok_or(DiagnosisError::Singular)
+    let (found, patch) = done.ok_or(DiagnosisError::Singular)?;
+    Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
 }
 
 pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {

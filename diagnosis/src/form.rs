@@ -1,5 +1,7 @@
 //! Forms of effects: columns of torque from the motion of one run.
 
+use std::f64::consts::TAU;
+
 use rivet_dynamics::{Workspace, inverse_dynamics};
 
 use crate::effect::Effect;
@@ -248,7 +250,9 @@ impl Form {
     /// Whether coefficients make sense for the effect.
     pub(crate) fn plausible(&self, c: &[f64]) -> bool {
         match self {
-            Form::Stribeck { .. } | Form::Load { .. } | Form::Lag { .. } | Form::Spring { .. } => c[0] > 0.0,
+            Form::Stribeck { .. } | Form::Load { .. } | Form::Lag { .. } => c[0] > 0.0,
+            // At rest within a turn: further off it is a constant torque.
+            Form::Spring { .. } => c[0] > 0.0 && c[1].abs() < TAU * c[0],
             Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Warming { warmth, .. } => warmth.plausible(c),

@@ -58,6 +58,7 @@ mod report;
 mod residue;
 mod rows;
 mod run;
+mod sealed;
 mod search;
 mod select;
 mod separate;

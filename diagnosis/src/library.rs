@@ -28,6 +28,8 @@ const CONTACT_DAMPING: f64 = 0.25;
 const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
 /// A command is cut when it goes this far beyond the limit.
 const BEYOND: f64 = 1.15;
+/// Share of the time that a command may be cut: up to three quarters in cases from another simulator.
+const MOSTLY_CUT: f64 = 0.85;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
@@ -35,9 +37,10 @@ const PHASES: usize = 6;
 /// Parts of a joint's range at whose ends something may begin to pull.
 const PULLS: usize = 5;
 
-/// All forms, orders of ripple from `orders[joint]`.
-pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
-    let n = physics.joints();
+/// All forms for runs, orders of ripple from `orders[joint]`; none for no run.
+pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
+    let Some(first) = runs.first() else { return Vec::new() };
+    let n = first.joints();
     let mut forms = vec![Form::Gravity, Form::Payload, Form::Lag { stands: false }, Form::Lag { stands: true }];
     forms.extend(DELAYS.map(|seconds| Form::Delay { seconds }));
     for joint in 0..n {
@@ -57,19 +60,16 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
             Form::Coulomb { joint },
             Form::Viscous { joint },
         ]);
-        if physics.run.temperature.is_some() {
+        if runs.iter().any(|p| p.run.temperature.is_some()) {
             forms.push(Form::Temperature { joint });
         }
         forms.extend(STRIBECK.map(|velocity| Form::Stribeck { joint, velocity }));
         forms.extend(PRESLIDING.map(|length| Form::Presliding { joint, length }));
         forms.extend(FRICTION_ORDERS.map(|order| Form::PositionFriction { joint, order }));
-        let top = |signal: &[f64]| signal.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
-        let (asked, needed) = (top(&physics.run.tau[joint]), top(&physics.torque[joint]));
-        let limits = LIMITS.map(|share| share * needed);
-        let cut = limits.into_iter().filter(|limit| asked > BEYOND * limit);
-        forms.extend(cut.map(|limit| Form::Saturation { joint, limit }));
+        forms.extend(limits(runs, joint).into_iter().map(|limit| Form::Saturation { joint, limit }));
         forms.extend(orders[joint].iter().flat_map(|order| periodic(joint, *order)));
-        let stiffness = |hz: f64| inertia(physics, joint) * (std::f64::consts::TAU * hz).powi(2);
+        let link = inertia(runs, joint);
+        let stiffness = |hz: f64| link * (std::f64::consts::TAU * hz).powi(2);
         let (low, high, steps) = RESONANCES;
         for step in 0..=steps {
             let hz = low * (high / low).powf(step as f64 / steps as f64);
@@ -83,7 +83,7 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
                 forms.push(Form::TwoMass { joint, gear });
             }
         }
-        if joint > 0 && physics.nominal.model.structure.coupling.is_none() {
+        if joint > 0 && first.nominal.model.structure.coupling.is_none() {
             forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
         }
         for arm in LEVERS {
@@ -92,7 +92,7 @@ pub(crate) fn forms(physics: &Physics<'_>, orders: &[Vec<f64>]) -> Vec<Form> {
                 forms.push(Form::Counterbalance { joint, arm, phase });
             }
         }
-        let (low, high) = span(&physics.motion.q[joint]);
+        let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
         for step in 1..PULLS {
             let from = low + (high - low) * step as f64 / PULLS as f64;
             forms.extend([true, false].map(|above| Form::Pull { joint, from, above }));
@@ -107,8 +107,9 @@ pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
     let same = |other: &Form| {
         other.effect() == form.effect() && other.joints() == form.joints() && other != form && !other.is_nameless()
     };
-    let modes = if let Form::Base { .. } = form { mounting::forms(std::slice::from_ref(physics)) } else { Vec::new() };
-    std::iter::once(form.clone()).chain(forms(physics, &orders).into_iter().chain(modes).filter(same)).collect()
+    let run = std::slice::from_ref(physics);
+    let modes = if let Form::Base { .. } = form { mounting::forms(run) } else { Vec::new() };
+    std::iter::once(form.clone()).chain(forms(run, &orders).into_iter().chain(modes).filter(same)).collect()
 }
 
 /// What repeats with an order of the joint's angle.
@@ -116,12 +117,28 @@ pub(crate) fn periodic(joint: usize, order: f64) -> [Form; 3] {
     [Form::Ripple { joint, order }, Form::TransmissionError { joint, order }, Form::PositionFriction { joint, order }]
 }
 
-fn span(x: &[f64]) -> (f64, f64) {
-    x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)))
+/// Limits at which a joint's torque may be cut, given what the model needs at most. A command that is beyond a limit nearly all the
+/// time moves no arm: torque that the model does not know is no cut.
+fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
+    let top =
+        |signals: &dyn Fn(&Physics<'_>) -> Vec<f64>| runs.iter().flat_map(signals).fold(0.0_f64, |m, t| m.max(t.abs()));
+    let (asked, needed) = (top(&|p| p.run.tau[joint].clone()), top(&|p| p.torque[joint].clone()));
+    let samples: usize = runs.iter().map(Physics::samples).sum();
+    let beyond = |limit: f64| {
+        let cut = runs.iter().flat_map(|p| &p.run.tau[joint]).filter(|t| t.abs() > limit).count();
+        cut as f64 / samples.max(1) as f64
+    };
+    let plausible = |limit: &f64| asked > BEYOND * limit && beyond(*limit) < MOSTLY_CUT;
+    LIMITS.map(|share| share * needed).into_iter().filter(plausible).collect()
+}
+
+fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
+    x.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)))
 }
 
 /// Mean inertia of the link side at a joint.
-fn inertia(physics: &Physics<'_>, joint: usize) -> f64 {
-    let mass = &physics.mass()[joint][joint];
-    mass.iter().sum::<f64>() / mass.len().max(1) as f64
+fn inertia(runs: &[Physics<'_>], joint: usize) -> f64 {
+    let samples: usize = runs.iter().map(Physics::samples).sum();
+    let sum: f64 = runs.iter().flat_map(|p| &p.mass()[joint][joint]).sum();
+    sum / samples.max(1) as f64
 }

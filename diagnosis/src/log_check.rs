@@ -82,11 +82,6 @@ impl LogFault {
         matches!(self, LogFault::Sign(_) | LogFault::Scale(_) | LogFault::Silent { .. })
     }
 
-    /// Whether the torque is none that was measured: a run may be left out for it.
-    pub fn is_of_channel(self) -> bool {
-        matches!(self, LogFault::Silent { .. } | LogFault::Computed(_))
-    }
-
     /// What a person would say.
     pub fn text(self) -> String {
         match self {
@@ -121,22 +116,14 @@ pub struct LogFinding {
     pub fault: LogFault,
 }
 
-/// Runs whose torque was measured, and what is wrong with the others.
-pub(crate) fn measured(model: &Model, runs: Vec<Run>) -> (Vec<Run>, Vec<LogFinding>) {
-    let (mut kept, mut found) = (Vec::new(), Vec::new());
-    for run in runs {
-        let computed = computed::joints(&model.arm, &run);
-        if computed.is_empty() {
-            kept.push(run);
-            continue;
-        }
-        found.extend(computed.iter().map(|misses| LogFinding {
-            run: run.name.clone(),
-            joint: model.arm.joints[misses.joint].name.clone(),
-            fault: LogFault::Computed(misses.desired),
-        }));
-    }
-    (kept, found)
+/// Joints of a run whose torque was computed, not measured; none of a sound run.
+pub(crate) fn computed(model: &Model, run: &Run) -> Vec<LogFinding> {
+    let finding = |misses: &computed::Misses| LogFinding {
+        run: run.name.clone(),
+        joint: model.arm.joints[misses.joint].name.clone(),
+        fault: LogFault::Computed(misses.desired),
+    };
+    computed::joints(&model.arm, run).iter().map(finding).collect()
 }
 
 /// Faults of one run, joint by joint.
@@ -181,11 +168,11 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
 /// drive takes, nor in the direction of its motion. What bodies take may cancel, so it does not count.
 pub(crate) fn silence(tau: &[f64], motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
     let (n, speed, accel) = (motion.joints(), chain.sample(&motion.qd[j]), chain.sample(&motion.qdd[j]));
-    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
-    let rows = moving.len() as f64;
-    if rows * chain.row_period_s < IN_MOTION_S {
+    if !is_moved(motion, chain, j) {
         return None;
     }
+    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
+    let rows = moving.len() as f64;
     let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
     let drive = |k: usize| {
         x[12 * n + j].abs() * speed[k].signum() + x[11 * n + j].abs() * speed[k] + x[10 * n + j].abs() * accel[k]
@@ -225,6 +212,12 @@ pub(crate) fn silence_dead(runs: &mut [&mut Prepared], mute: &[Prepared]) {
 /// Whether joint `j` stands still throughout.
 pub(crate) fn is_still(motion: &Motion, j: usize) -> bool {
     top_speed(motion, j) < STILL
+}
+
+/// Whether joint `j` moves for a while.
+pub(crate) fn is_moved(motion: &Motion, chain: &Chain, j: usize) -> bool {
+    let rows = chain.sample(&motion.qd[j]).iter().filter(|v| v.abs() > STILL).count();
+    rows as f64 * chain.row_period_s >= IN_MOTION_S
 }
 
 /// \[rad/s\]

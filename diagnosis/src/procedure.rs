@@ -13,7 +13,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
-use crate::log_check::{self, LogFault, LogFinding};
+use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
@@ -22,15 +22,14 @@ use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
 use crate::residue::Residue;
 use crate::rows::Column;
+use crate::sealed::Sealed;
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
 use crate::shrink;
-use crate::stages::{RunColumns, Stages, Steps, sure_mean_squares};
+use crate::stages::{RunColumns, Stages, Steps};
 use crate::values::{self, Group, Wrong};
 
-/// A cause that is missed by less than this share of its own torque does not transfer.
-const TRANSFERS: f64 = 0.3;
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
 /// Confidence in a form that was adopted, at least.
@@ -79,9 +78,9 @@ impl Procedure<'_> {
         let body = body::at_flange(&mut search, &selected, say);
         let body = or_said(body, "whether one body at the flange is simpler", &mut left_out);
         if let Some((candidate, adoption)) = body.flatten() {
-            selected.adopt(&mut search, &candidate, adoption, say)?;
+            or_said(selected.adopt(&mut search, &candidate, adoption, say), "one body at the flange", &mut left_out);
         }
-        selected.select(&mut search, say)?;
+        or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
         let mut wrong = values::wrong(&mut search)?;
         loop {
@@ -89,10 +88,14 @@ impl Procedure<'_> {
             let instead = or_said(instead, "whether an effect stands in the place of wrong values", &mut left_out);
             let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(&mut search);
-            selected.adopt(&mut search, &candidate, adoption, say)?;
-            selected.select(&mut search, say)?;
+            let taken = selected.adopt(&mut search, &candidate, adoption, say);
+            let taken = or_said(taken, "an effect in the place of wrong values", &mut left_out);
+            or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
             wrong = values::wrong(&mut search)?;
+            if taken.is_none() {
+                break;
+            }
         }
         let Selected { adopted, .. } = selected;
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
@@ -264,6 +267,7 @@ impl Procedure<'_> {
         let mut withdrawn = Vec::new();
         let mut upheld = Vec::new();
         let residue = Residue::of(search);
+        let sealed = Sealed { run: self.sealed, stages: measured, noise: &search.first_noise };
         let (before, after) = (&gaps[0], &gaps[gaps.len() - 1]);
         let shrink = |(k, step): (usize, &Step)| shrink::of(step.effect, k, prediction, seen, &gaps);
         let shrinks: Vec<Shrink> = steps.iter().enumerate().map(shrink).collect();
@@ -290,10 +294,15 @@ impl Procedure<'_> {
                 indistinguishable_from: rivals,
                 angles: class.iter().map(|(_, angle)| *angle).collect(),
             };
-            let transfers = self.transfers(search, step, measured, k) || !predictable;
+            let value = step.effect.kind() == Kind::Value;
+            let on = (0..names.len()).filter(|j| value || step.joints.is_empty() || step.joints.contains(j));
+            let everywhere = step.joints.is_empty();
+            let transfers = !predictable
+                || if value && !everywhere { sealed.misses(k, on) } else { sealed.notices(k, on) }
+                    && !(everywhere && sealed.spoils(k));
             let enough = step.adopted.iter().all(|a| residue.upholds(a));
-            // A value that may as well take nothing from motion it has not seen is not worth a name.
-            let sure = low > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
+            // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
+            let sure = low > 0.0 && measured_shrink > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
             // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
             let takes = match step.effect {
                 Effect::ExternalForce => true,
@@ -317,22 +326,28 @@ impl Procedure<'_> {
         // A channel that went wrong on the sealed run says nothing against what the others say.
         let faulty = log.iter().any(|f| f.run == self.sealed.run.name && f.fault.spoils());
         let refuted = !faulty && shrink::is_refuted(&gaps, &promises);
-        if refuted {
+        let left_over = residue.any_noisy();
+        let effects = || steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
+        // When contact comes again no motion tells.
+        let told = effects().next().is_some() && effects().all(|a| !matches!(a.form, Form::Force { .. }));
+        // An effect beside which most of the gap in motion is left may be a part of what nobody knows.
+        let open = !faulty && told && left_over && sealed.left_in_motion() > MOST_LEFT;
+        if refuted || open {
             withdrawn.append(&mut causes);
             upheld.fill(false);
         }
-        let floors = self.sealed_floor();
-        let per_joint = (0..names.len())
+        let floors = sealed.floor();
+        let per_joint: Vec<JointGap> = (0..names.len())
             .map(|j| JointGap {
                 joint: names[j].clone(),
                 before: before.per_joint[j],
                 after: after.per_joint[j],
                 noise_floor: floors[j],
+                in_motion: sealed.in_motion(j),
             })
             .collect();
         let pooled_floor = pooled(&floors);
         let unexplained_share = share_left(before, after, pooled_floor);
-        let left_over = residue.any_noisy();
         let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
         let nameless = steps.iter().flat_map(|s| &s.adopted).any(|a| a.form.is_nameless());
         let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
@@ -340,13 +355,15 @@ impl Procedure<'_> {
         let refused = steps.iter().zip(&upheld).filter(|(s, upheld)| !**upheld && s.effect.kind() == Kind::Structure);
         let lacking = refused.flat_map(|(s, _)| &s.joints).any(|j| residue.was_noisy(*j));
         let verdict = match (structure, causes.is_empty()) {
-            _ if refuted && shrink::is_plain(before.all, pooled_floor) => Verdict::Unexplained,
+            _ if open || refuted && shrink::is_plain(before.all, pooled_floor) => Verdict::Unexplained,
             // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
             (0, true) if left_over => Verdict::Unexplained,
             // Taken up, but by nothing that has a name.
             (0, _) if nameless => Verdict::Unexplained,
             (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
             (0, _) if lacking || withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
+            // Values that fit, or motion of its own kind that was looked at by nobody, are no answer either.
+            (0, true) if per_joint.iter().any(JointGap::is_open) => Verdict::Unexplained,
             (0, true) => Verdict::NoGap,
             (0, false) => Verdict::Parameter,
             (1, _) => Verdict::Effect,
@@ -366,36 +383,12 @@ impl Procedure<'_> {
             data: self.data,
             remark: None,
             left_out: Vec::new(),
+            refuted,
+            used: Vec::new(),
+            unused: Vec::new(),
             details: None,
         };
         (diagnosis, upheld)
-    }
-
-    /// Whether the sealed run misses step `k` where it is taken out of the whole model: by a part at least of the torque that
-    /// it has on that motion, on the joints that it is named on, where friction's direction is sure, in units of each joint's
-    /// noise. With what else is wrong in place, since a part of a curve alone may be worse than none.
-    fn transfers(&self, search: &Search<'_>, step: &Step, measured: &Stages, k: usize) -> bool {
-        let noise = &search.first_noise;
-        let [with, without, own] = sure_mean_squares(self.sealed, measured, k, noise);
-        let everywhere = step.joints.is_empty() || step.effect.kind() == Kind::Value;
-        let on = (0..noise.len()).filter(|j| everywhere || step.joints.contains(j));
-        let (missed, due) = on.fold((0.0, 0.0), |(missed, due), j| {
-            let unit = noise[j].powi(2);
-            (missed + (without[j] - with[j]) / unit, due + own[j] / unit)
-        });
-        missed >= TRANSFERS * due
-    }
-
-    /// Noise of the sealed run's torque relative to it, by joint.
-    fn sealed_floor(&self) -> Vec<f64> {
-        let relative = |((floor, tau), silent): ((&f64, &Vec<f64>), &Option<LogFault>)| {
-            if silent.is_some() {
-                return f64::NAN;
-            }
-            let square: f64 = tau.iter().map(|t| t * t).sum::<f64>() / tau.len().max(1) as f64;
-            floor / square.sqrt().max(f64::MIN_POSITIVE)
-        };
-        self.sealed.floor.iter().zip(&self.sealed.tau).zip(&self.sealed.silent).map(relative).collect()
     }
 
     /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.

@@ -5,6 +5,7 @@ use crate::effect::Effect;
 use crate::exhibit::Curve;
 use crate::log_check::LogFinding;
 use crate::regimes::Regime;
+use crate::sealed::IN_MOTION;
 
 /// The answer in one word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +85,16 @@ pub struct JointGap {
     pub after: f64,
     /// What the noise of the torque signal leaves.
     pub noise_floor: f64,
+    /// Where the direction of friction is known, as given and with all causes, over the noise of the torque signal: what a joint
+    /// that stands holds by friction no model tells.
+    pub in_motion: [f64; 2],
+}
+
+impl JointGap {
+    /// Whether there is more than noise in motion, as given or with all causes.
+    pub(crate) fn is_open(&self) -> bool {
+        self.in_motion.iter().any(|times| *times > IN_MOTION)
+    }
 }
 
 /// Share of the gap in one regime of one joint.
@@ -153,6 +164,12 @@ pub struct Diagnosis {
     pub remark: Option<String>,
     /// Steps whose equations had no solution; everything else stands without them.
     pub left_out: Vec<String>,
+    /// Whether the sealed run said that what fits the others is nothing that holds: then no cause is named.
+    pub refuted: bool,
+    /// Places of the runs that were used among those given, the sealed one last.
+    pub used: Vec<usize>,
+    /// Names of the others, whose torque says nothing.
+    pub unused: Vec<String>,
     /// What stands behind the figures; absent when nothing was evaluated.
     pub details: Option<Details>,
 }
@@ -179,6 +196,9 @@ impl Diagnosis {
             data,
             remark: Some(why.to_owned()),
             left_out: Vec::new(),
+            refuted: false,
+            used: Vec::new(),
+            unused: Vec::new(),
             details: None,
         }
     }

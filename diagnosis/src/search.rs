@@ -8,6 +8,7 @@ use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCA
 use crate::form::Form;
 use crate::library;
 use crate::local::Stretch;
+use crate::log_check;
 use crate::mounting;
 use crate::parallel;
 use crate::physics::Physics;
@@ -23,6 +24,8 @@ const LINK: f64 = 0.3;
 
 /// No torque is told better than this \[N·m\].
 const LEAST_NOISE: f64 = 1e-9;
+/// Nor than this share of its root mean square: weights that are further apart leave no digits to solve the equations with.
+const LEAST_NOISE_SHARE: f64 = 1e-5;
 /// Log evidence that an inner value costs: it was chosen among some twenty.
 const INNER_VALUE: f64 = 3.0;
 /// Times that rows in doubt are weighed anew.
@@ -72,6 +75,10 @@ pub(crate) struct Search<'a> {
     /// Noise that the torque signal itself has after the model filter \[N·m\].
     pub(crate) floor: Vec<f64>,
     pub(crate) scale: f64,
+    /// Whether a joint moves in any run: one that stands holds what its friction lets it, which tells nothing of the joint.
+    moves: Vec<bool>,
+    /// Noise below which no joint's torque is believed to be known \[N·m\].
+    least_noise: Vec<f64>,
     /// Whether candidates keep their columns: rows of all of them are many times the log.
     pub(crate) keeps_columns: bool,
 }
@@ -103,9 +110,11 @@ impl<'a> Search<'a> {
         let design = Design::new(&runs, nominal, &torque, &extra, &sizes);
         let weights: Vec<f64> = torque.iter().map(|t| 1.0 / (0.01 * t * t)).collect();
         // Computed torque has no noise.
+        let least = torque.iter().map(|t| LEAST_NOISE_SHARE * t).collect::<Vec<_>>();
         let heard = |j: usize| runs.iter().filter(move |r| r.silent[j].is_none());
-        let least = |j: usize| heard(j).map(|r| r.floor[j]).reduce(f64::min).unwrap_or(0.0);
-        let floor = (0..n).map(|j| least(j).max(LEAST_NOISE)).collect();
+        let floor = |j: usize| heard(j).map(|r| r.floor[j]).reduce(f64::min).unwrap_or(0.0);
+        let floor = (0..n).map(|j| floor(j).max(least[j]).max(LEAST_NOISE)).collect();
+        let moves = (0..n).map(|j| runs.iter().any(|r| log_check::is_moved(&r.motion, &r.chain, j))).collect();
         let mut search = Search {
             runs,
             nominal,
@@ -116,6 +125,8 @@ impl<'a> Search<'a> {
             first_noise: vec![0.0; n],
             floor,
             scale: 1.0,
+            moves,
+            least_noise: least,
             keeps_columns: false,
         };
         search.weigh()?;
@@ -159,7 +170,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let square: f64 = records.iter().map(|r| r.norm_squared()).sum();
-                self.noise[j] = (square / rows as f64).sqrt().max(LEAST_NOISE);
+                self.noise[j] = (square / rows as f64).sqrt().max(self.least_noise[j]).max(LEAST_NOISE);
                 self.correlations[j] = correlation(&records);
                 self.weights[j] = 1.0 / (self.noise[j].powi(2) * self.correlations[j]);
             }
@@ -181,6 +192,24 @@ impl<'a> Search<'a> {
         Some(())
     }
 
+    /// Makes a candidate part of the background and weighs anew; the signals of the runs with it. None where the equations have
+    /// no solution with it: then the search is as before.
+    pub(crate) fn extend(&mut self, candidate: &Candidate, mean: &[f64]) -> Option<Vec<Physics<'a>>> {
+        let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
+        let before = (self.noise.clone(), self.correlations.clone(), self.weights.clone(), self.scale);
+        self.design.background.local.extend(candidate.local.iter().cloned());
+        self.design.adopt(&candidate.columns, mean, &std);
+        let made = self.weigh().and_then(|()| self.reweigh()).and_then(|()| self.physics());
+        if made.is_none() {
+            let stretches = self.design.background.local.len() - candidate.local.len();
+            self.design.background.local.truncate(stretches);
+            (self.noise, self.correlations, self.weights, self.scale) = before;
+            self.design.weigh_doubt(&self.runs, &self.noise);
+            self.design.give_up(mean);
+        }
+        made
+    }
+
     /// Standard vector of the background at its best.
     pub(crate) fn values(&self, x: &DVector<f64>) -> Vec<f64> {
         self.nominal.x.iter().zip(x.iter()).map(|(nominal, change)| nominal + change).collect()
@@ -194,6 +223,10 @@ impl<'a> Search<'a> {
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();
         let count = columns.first()?.len();
         if count == 0 || columns.iter().all(|own| own.iter().all(|c| c.iter().all(Option::is_none))) {
+            return None;
+        }
+        let acts = |j: usize| columns.iter().flatten().filter_map(|c| c[j].as_ref()).flatten().any(|v| *v != 0.0);
+        if !(0..self.moves.len()).any(|j| self.moves[j] && acts(j)) {
             return None;
         }
         let finite = columns.iter().flatten().flatten().flatten().flatten().all(|v| v.abs() < 1e6);
@@ -361,11 +394,10 @@ impl<'a> Search<'a> {
     }
 
     pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
-        let Some(first) = physics.first() else { return Vec::new() };
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
         let force = new.then(|| Form::Force { windows: bursts.clone() });
         let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
-        let forms: Vec<Form> = library::forms(first, orders).into_iter().chain(beside).collect();
+        let forms: Vec<Form> = library::forms(physics, orders).into_iter().chain(beside).collect();
         let made = |form: &Form| {
             let mut candidate = self.candidate(form.clone(), physics)?;
             if !self.keeps_columns {

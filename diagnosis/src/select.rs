@@ -87,7 +87,8 @@ impl<'a> Selected<'a> {
         Some(Selected { adopted: Vec::new(), physics: search.physics()?, candidates: Vec::new() })
     }
 
-    /// Adopts effects one after another until none is worth it. `say` is told what happens.
+    /// Adopts effects one after another until none is worth it; none where equations have no solution: then it ends with those
+    /// before. `say` is told what happens.
     pub(crate) fn select(&mut self, search: &mut Search<'a>, say: &mut dyn FnMut(&str)) -> Option<()> {
         while !is_full(&self.adopted) {
             let orders = orders::find(&self.physics);
@@ -102,7 +103,7 @@ impl<'a> Selected<'a> {
         Some(())
     }
 
-    /// Adds an effect to the model.
+    /// Adds an effect to the model; none where the equations have no solution with it: then all is as before.
     pub(crate) fn adopt(
         &mut self,
         search: &mut Search<'a>,
@@ -110,17 +111,16 @@ impl<'a> Selected<'a> {
         adoption: Adopted,
         say: &mut dyn FnMut(&str),
     ) -> Option<()> {
-        let std: Vec<f64> = candidate.belief.std.iter().copied().collect();
-        search.design.background.local.extend(candidate.local.iter().cloned());
-        search.design.adopt(&candidate.columns, &adoption.mean, &std);
-        search.weigh()?;
-        search.reweigh()?;
+        let Some(physics) = search.extend(candidate, &adoption.mean) else {
+            say(&format!("no solution with {:?}", adoption.form));
+            return None;
+        };
         say(&format!(
             "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
             adoption.form, adoption.gain, adoption.share
         ));
         self.adopted.push(adoption);
-        self.physics = search.physics()?;
+        self.physics = physics;
         Some(())
     }
 }

@@ -68,27 +68,3 @@ impl RunColumns<'_> {
 pub(crate) fn mean_square(signals: &[Vec<f64>]) -> Vec<f64> {
     signals.iter().map(|s| s.iter().map(|v| v * v).sum::<f64>() / s.len().max(1) as f64).collect()
 }
-
-/// Mean squares by joint, rows weighed by how sure the direction of friction is: of what the whole model leaves of the torque,
-/// of what it leaves without step `k`, and of that step's torque itself.
-pub(crate) fn sure_mean_squares(run: &Prepared, stages: &Stages, k: usize, noise: &[f64]) -> [Vec<f64>; 3] {
-    let whole = stages.models.len() - 1;
-    let mut squares = [(); 3].map(|()| Vec::with_capacity(noise.len()));
-    for (j, noise) in noise.iter().enumerate() {
-        let mut sums = [0.0; 3];
-        let mut total = 0.0;
-        for (row, tau) in stages.tau[j].iter().enumerate() {
-            let weight = 1.0 / (1.0 + (run.doubt[j][row] / noise).powi(2));
-            let left = tau - stages.models[whole][j][row];
-            let own = stages.models[k + 1][j][row] - stages.models[k][j][row];
-            for (sum, value) in sums.iter_mut().zip([left, left + own, own]) {
-                *sum += weight * value * value;
-            }
-            total += weight;
-        }
-        for (squares, sum) in squares.iter_mut().zip(sums) {
-            squares.push(sum / f64::max(total, f64::MIN_POSITIVE));
-        }
-    }
-    squares
-}

@@ -45,6 +45,9 @@ pub struct Document {
     /// Steps whose equations had no solution; everything else stands without them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
+    /// Whether the sealed run refuted what fits the others: then no cause is named.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub refuted: bool,
     /// Which files and which build.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passport: Option<Passport>,
@@ -60,6 +63,11 @@ pub struct Document {
     /// The corrected simulator in closed loop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollout: Option<crate::Rollout>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 /// Effects of graded strength added to the runs, and what was found of them.
@@ -149,6 +157,9 @@ pub struct JointGap {
     pub before: Number,
     pub after: Number,
     pub noise_floor: Number,
+    /// In motion, where the direction of friction is known, over the noise of the torque signal: as given, with all causes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub in_motion: Vec<Number>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub torque_nm: Number,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -277,7 +288,7 @@ pub struct LogFinding {
 }
 
 /// Which data were used for what.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DataUse {
     /// Runs, the sealed one included.
     pub runs: usize,
@@ -285,6 +296,9 @@ pub struct DataUse {
     pub fit_seconds: Number,
     /// Sealed.
     pub sealed_seconds: Number,
+    /// Names of runs that were left out, since their torque says nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<String>,
 }
 
 /// Files and build.

@@ -21,6 +21,8 @@ const SHRINKS: usize = 3;
 const SIZES: usize = 2;
 /// Shares below this are not worth a word.
 const WORTH_NAMING: f64 = 0.05;
+/// Times the noise that are next to it.
+const NEXT_TO_NOISE: f64 = 4.0;
 /// What to do about torque that was computed.
 const MEASURE: &str = "Log the torque that was measured, or motor currents (drive_gain, and torque_from = \"current\" where torque \
                        columns are there too).";
@@ -50,9 +52,17 @@ impl Document {
 
     fn gap_line(&self) -> String {
         let gap = &self.gap;
+        let most = |at: usize| gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
+        let moving = most(0).zip(most(1)).map_or_else(String::new, |(before, after)| {
+            let (before, after) = (figure(before, 2), figure(after, 2));
+            format!(
+                " Where joints move and friction's direction is known, the worst joint misses {before} times its noise \
+                 as given and {after} times then."
+            )
+        });
         format!(
             "On {:.0} s of motion that was kept sealed, the model as given misses the torque by {} %; with what is named \
-             below and the other values refitted, by {} %. Noise of the torque signal alone is {} %.",
+             below and the other values refitted, by {} %. Noise of the torque signal alone is {} %.{moving}",
             self.data.sealed_seconds.unwrap_or(0.0),
             percent(gap.before),
             percent(gap.after),
@@ -60,12 +70,24 @@ impl Document {
         )
     }
 
+    /// Whether the values refitted leave next to nothing in motion.
+    fn is_fitted(&self) -> bool {
+        let left: Vec<f64> = self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(1)?).collect();
+        !left.is_empty() && left.iter().all(|times| *times <= NEXT_TO_NOISE)
+    }
+
     fn cause_line(&self) -> String {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
         match self.verdict.as_str() {
             "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
-            "unexplained" if named.is_empty() && self.gap.after > self.gap.before => {
-                "Unknown: what fits the other motion makes the sealed one worse, so none of it is believed.".to_owned()
+            "unexplained" if self.refuted => {
+                "Unknown: what fits the other motion does not hold on the sealed one, so none of it is believed; the hints \
+                 are what was refuted."
+                    .to_owned()
+            }
+            "unexplained" if named.is_empty() && self.is_fitted() => {
+                "Unknown: with its values refitted the model fits, but these logs do not tell which of them are wrong."
+                    .to_owned()
             }
             "unexplained" if named.is_empty() => {
                 "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
@@ -130,6 +152,10 @@ impl Document {
 
     fn open_line(&self) -> String {
         let mut open = self.findings();
+        if !self.data.unused.is_empty() {
+            let (out, all) = (self.data.unused.len(), self.data.unused.len() + self.data.runs);
+            open.push(format!("{out} of {all} stretches of logs, whose torque says nothing, were left out"));
+        }
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));

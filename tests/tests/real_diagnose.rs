@@ -206,6 +206,8 @@ fn what_the_sealed_run_refutes_is_not_named() {
     for names in [
         ["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"].as_slice(),
         &["RunTrajectory1", "joint_1_trapez", "joint_2_trapez", "joint_5_trapez", "joint_7_trapez", "joint_4_trapez"],
+        &["RunTrajectory1", "joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez"],
+        &["joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez", "RunTrajectory1"],
     ] {
         let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
         let found = diagnose(&file, &runs);
@@ -326,4 +328,41 @@ fn channels_that_say_nothing_are_named_and_not_judged() {
     for cause in found["causes"].as_array().expect("causes") {
         assert!(!joints(cause).contains(&"joint_7"), "{cause}");
     }
+}
+
+/// A sound simulated arm on whose sealed run alone something pushes three joints every other two seconds, and the same arm with
+/// a file that has a hundred times the friction of one: neither is an arm without a gap.
+#[test]
+fn an_arm_with_a_gap_in_motion_is_not_said_to_have_none() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let sound = diagnose(&case.join("robot.toml"), &[case.join("log-a.parquet"), case.join("log-b.parquet")]);
+    assert_eq!(sound["verdict"], "no_gap", "{sound:#}");
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let pushed = folder.path().join("pushed.parquet");
+    let log = read(case.join("log-b.parquet"), &ReadOptions::new(6)).expect("a log");
+    let mut torque = log.torque().expect("torque").clone();
+    for (j, push) in [(1, 60.0), (2, 40.0), (3, 15.0)] {
+        for (tau, t) in torque[j].iter_mut().zip(&log.t) {
+            *tau += if (t / 2.0).floor().rem_euclid(2.0) < 1.0 { push } else { 0.0 };
+        }
+    }
+    let names: Vec<String> = (1..=6).map(|j| format!("q{j}")).chain((1..=6).map(|j| format!("tau{j}"))).collect();
+    let signals = names.iter().map(String::as_str).zip(log.q.iter().chain(&torque).map(Vec::as_slice));
+    let columns: Vec<(&str, &[f64])> = [("t", log.t.as_slice())].into_iter().chain(signals).collect();
+    write_columns(&pushed, &columns).expect("written");
+    let found = diagnose(&case.join("robot.toml"), &[case.join("log-a.parquet"), pushed]);
+    assert_eq!(found["verdict"], "unexplained", "{found:#}");
+    assert_eq!(found["causes"].as_array().map(Vec::len), Some(0), "{found:#}");
+
+    let text = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
+    let line = text.lines().find(|line| line.starts_with("coulomb")).expect("friction");
+    let list = line.split(['[', ']']).nth(1).expect("values");
+    let mut values: Vec<f64> = list.split(',').map(|v| v.trim().parse().expect("a value")).collect();
+    values[5] *= 100.0;
+    std::fs::copy(case.join("robot.urdf"), folder.path().join("robot.urdf")).expect("a URDF");
+    let file = folder.path().join("robot.toml");
+    std::fs::write(&file, with(&text, "coulomb", &format!("{values:?}"))).expect("a robot file");
+    let found = diagnose(&file, &[case.join("log-a.parquet"), case.join("log-b.parquet")]);
+    assert_ne!(found["verdict"], "no_gap", "{found:#}");
 }

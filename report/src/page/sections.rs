@@ -29,6 +29,7 @@ pub(super) fn ledger(document: &Document) -> String {
         "As given, rms [N m]",
         "With causes, rms [N m]",
         "Noise, rms [N m]",
+        "Moving: as given / with causes [times the noise]",
         "Mean as given / with causes [N m]",
         "Largest as given / with causes [N m]",
     ];
@@ -43,6 +44,10 @@ pub(super) fn ledger(document: &Document) -> String {
             nm(j.before_nm),
             nm(j.after_nm),
             nm(j.noise_floor_nm),
+            match j.in_motion.as_slice() {
+                [Some(before), Some(after)] => format!("{} / {}", figure(*before, 2), figure(*after, 2)),
+                _ => String::new(),
+            },
             format!("{} / {}", nm(j.bias_before_nm), nm(j.bias_after_nm)),
             format!("{} / {}", nm(j.peak_before_nm), nm(j.peak_after_nm)),
         ]);
@@ -54,6 +59,7 @@ pub(super) fn ledger(document: &Document) -> String {
         percent(gap.before),
         percent(gap.after),
         percent(gap.noise_floor),
+        String::new(),
         String::new(),
         String::new(),
         String::new(),
