@@ -90,8 +90,20 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
 
 /// How late torque is behind position, for people.
 pub(crate) fn delay_text(delays: &[Delay]) -> String {
-    let each: Vec<String> = delays.iter().map(|d| format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std)).collect();
+    let of = |d: &Delay| match d.doubt {
+        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
+        Some(doubt) => format!("({doubt})"),
+    };
+    let each: Vec<String> = delays.iter().map(of).collect();
     paragraph("torque behind position: ", &format!("{} ms (one std)", each.join("  ")))
+}
+
+/// The same for one joint; null where the data do not tell.
+pub(crate) fn delay_json(delay: &Delay) -> Value {
+    match delay.doubt {
+        None => json!({"value": delay.seconds, "std": delay.std}),
+        Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
+    }
 }
 
 /// What physical consistency costs, for people.

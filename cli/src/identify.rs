@@ -448,7 +448,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
-            "torque_delay_s": {"value": result.delays[j].seconds, "std": result.delays[j].std},
+            "torque_delay_s": crate::evidence::delay_json(&result.delays[j]),
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
         })
