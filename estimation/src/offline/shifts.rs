@@ -7,7 +7,7 @@
 //! J(T) = Σ w τ(T)ᵀτ(T) − b(T)ᵀ A⁻¹ b(T)      A = Σ w DᵀD + P⁻¹,  b = Σ w Dᵀτ(T) + P⁻¹ x₀
 //! ```
 //!
-//! A does not depend on the delays: one inverse serves all of them, and the rows are read once. All delays are judged by the
+//! A does not depend on the delays: one inverse serves all of them. All delays are judged by the
 //! same rows: those too near an end of the record to have a torque for each are left out.
 
 use nalgebra::DVector;
@@ -26,6 +26,8 @@ pub(super) const STEP_S: f64 = 0.008;
 /// So many delays either way of zero.
 const STEPS: usize = (REACH_S / STEP_S) as usize;
 const COUNT: usize = 2 * STEPS + 1;
+/// So many rows of a joint, evenly spread, say enough: the search costs as much for any length of a log.
+const MOST_ROWS: usize = 2000;
 /// Joints are taken in turn at most so often; every turn lowers J.
 const TURNS: usize = 12;
 /// There is a delay where J rises by this beside it (5 standard deviations: the best of many is looked for) ...
@@ -66,22 +68,30 @@ struct Shifts {
 impl Shifts {
     fn new(equations: &Equations<'_>, j: usize) -> Shifts {
         let width = equations.joints[j].columns.len();
-        let (dd, count) = (equations.joints[j].total(|s| &s.dd), equations.joints[j].count());
-        let mut sums = Shifts { dt: vec![vec![0.0; width]; COUNT], tt: vec![0.0; COUNT], dd, count };
+        let rows = equations.joints[j].count();
+        let stride = (rows as usize).div_ceil(MOST_ROWS).max(1);
+        let mut sums = Shifts {
+            dt: vec![vec![0.0; width]; COUNT],
+            tt: vec![0.0; COUNT],
+            dd: vec![0.0; width * width],
+            count: 0.0,
+        };
+        // A row stands for those that are left out.
+        let stands = stride as f64;
         for record in equations.rows {
             let joint = &record.joints[j];
-            for (row, place) in joint.place.iter().enumerate() {
+            for (row, place) in joint.place.iter().enumerate().step_by(stride) {
                 let d = &joint.d[row * width..(row + 1) * width];
                 let ends = [0, COUNT - 1].map(|step| record.torque_after(j, *place, late_s(step)));
                 if ends.iter().any(Option::is_none) {
-                    sums.dd.chunks_exact_mut(width.max(1)).zip(d).for_each(|(dd, x)| axpy(-x, d, dd));
-                    sums.count -= 1.0;
                     continue;
                 }
+                sums.dd.chunks_exact_mut(width.max(1)).zip(d).for_each(|(dd, x)| axpy(stands * x, d, dd));
+                sums.count += stands;
                 for (step, (dt, tt)) in sums.dt.iter_mut().zip(&mut sums.tt).enumerate() {
                     let Some([tau, ..]) = record.torque_after(j, *place, late_s(step)) else { continue };
-                    axpy(tau, d, dt);
-                    *tt += tau * tau;
+                    axpy(stands * tau, d, dt);
+                    *tt += stands * tau * tau;
                 }
             }
         }
