@@ -1,10 +1,11 @@
 //! `rivet identify --compare`: do independent runs give the same parameters, within what each says of itself?
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use rivet_config::Robot;
 use rivet_estimation::offline::{Determined, Fit, Rows, torque_percent};
 use serde_json::{Value, json};
 
+use crate::exit::Fault;
 use crate::table::{Table, number, paragraph};
 
 /// The interval of a difference, in its standard deviations.
@@ -58,7 +59,7 @@ fn median_torque(run: &Alone) -> f64 {
 
 pub(crate) fn text(robot: &Robot, runs: &[Alone]) -> Result<String> {
     if runs.len() < 2 {
-        bail!("--compare takes at least two logs; {} is given", runs.len());
+        return Err(Fault::Usage(format!("--compare takes at least two logs; {} is given", runs.len())).into());
     }
     let (model, base) = (&robot.model, &robot.base);
     let mut out = format!("identify {}: each log on its own\n", robot.config.name);

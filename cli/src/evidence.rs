@@ -47,6 +47,8 @@ pub(crate) fn bias_json(bias: &Bias) -> Value {
 
 /// Share of repeated rows, or of jitter in a step, that is worth a word.
 const UNEVEN: f64 = 0.02;
+/// Jitter of this share of a step is worth a warning: the measured arm with the most has 0.12.
+const LARGE_JITTER: f64 = 0.2;
 
 /// What uneven sampling of the logs asks of the differentiator, for people; empty where there is none.
 ///
@@ -54,7 +56,7 @@ const UNEVEN: f64 = 0.02;
 /// come, and its window has to cover two of the longest steps.
 pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a ResampleReport>) -> String {
     let period = robot.config.sample_period_s;
-    let (mut reach, mut why) = (0.0_f64, Vec::new());
+    let (mut reach, mut why, mut worst_jitter) = (0.0_f64, Vec::new(), None::<(f64, f64)>);
     for report in reports {
         let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
         let step = report.median_step_s;
@@ -66,11 +68,27 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         if report.jitter_s > UNEVEN * step && !why.contains(&"jittered time stamps") {
             why.push("jittered time stamps");
         }
+        let most = worst_jitter.map_or(LARGE_JITTER, |(jitter, step)| jitter / step);
+        if report.jitter_s > most * step {
+            worst_jitter = Some((report.jitter_s, step));
+        }
         reach = reach.max(2.0 * held + 3.0 * report.jitter_s);
     }
     if why.is_empty() {
         return String::new();
     }
+    let worst = worst_jitter.map_or_else(String::new, |(jitter_s, step_s)| {
+        paragraph(
+            "warning: ",
+            &format!(
+                "time stamps jitter by {} ms, {:.0} % of a step: if the samples were taken evenly, positions are put at wrong times, \
+                 speed and acceleration are wrong, and so are values and residuals by IV and LS, more than their standard deviations \
+                 say (delayed instruments jitter as well); take t from the robot's own clock, not from when a row arrived",
+                number(1e3 * jitter_s, 2),
+                100.0 * jitter_s / step_s
+            ),
+        )
+    });
     let needed = (reach / period).ceil();
     let verdict = match robot.config.signal.differentiator {
         Differentiator::SavitzkyGolay { half_width } if half_width as f64 >= needed => {
@@ -85,13 +103,25 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         }
     };
     let text = format!("{}; on line (every {} ms), {verdict}", why.join(" and "), number(1e3 * period, 3));
-    paragraph("sampling: ", &text)
+    paragraph("sampling: ", &text) + &worst
 }
 
 /// How late torque is behind position, for people.
 pub(crate) fn delay_text(delays: &[Delay]) -> String {
-    let each: Vec<String> = delays.iter().map(|d| format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std)).collect();
+    let of = |d: &Delay| match d.doubt {
+        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
+        Some(doubt) => format!("({doubt})"),
+    };
+    let each: Vec<String> = delays.iter().map(of).collect();
     paragraph("torque behind position: ", &format!("{} ms (one std)", each.join("  ")))
+}
+
+/// The same for one joint; null where the data do not tell.
+pub(crate) fn delay_json(delay: &Delay) -> Value {
+    match delay.doubt {
+        None => json!({"value": delay.seconds, "std": delay.std}),
+        Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
+    }
 }
 
 /// What physical consistency costs, for people.

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page};
 
+use crate::exit::Fault;
 use crate::progress::Progress;
 use crate::runs;
 use crate::table::{paragraph, show};
@@ -25,7 +26,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let numbers = if args.numbers.is_empty() { FIGURES.to_vec() } else { args.numbers.clone() };
     if let Some(unknown) = numbers.iter().find(|n| !FIGURES.contains(n)) {
-        bail!("figure {unknown} is not computed; there are {}", FIGURES.map(|n| n.to_string()).join(", "));
+        let there = FIGURES.map(|n| n.to_string()).join(", ");
+        return Err(Fault::Usage(format!("figure {unknown} is not computed; there are {there}")).into());
     }
     let mut figures: Vec<Figure> = Vec::new();
     let mut progress = Progress::new("computing the figures,", numbers.len());

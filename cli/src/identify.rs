@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
@@ -16,6 +16,7 @@ use rivet_studies::real::Found;
 use serde_json::{Value, json};
 
 use crate::compare::{self, Alone};
+use crate::exit::Fault;
 use crate::export::export;
 use crate::predict;
 use crate::progress::Progress;
@@ -112,15 +113,18 @@ fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     if args.online {
-        let [log] = args.logs.as_slice() else { bail!("--online takes one log; {} are given", args.logs.len()) };
+        let [log] = args.logs.as_slice() else {
+            return Err(Fault::Usage(format!("--online takes one log; {} are given", args.logs.len())).into());
+        };
         return crate::online::run(&robot, log, args.stream.as_deref(), args.json.as_deref());
     }
     if robot.config.estimator.kind.energy() {
-        bail!(
+        return Err(Fault::Config(format!(
             "{}: [estimator] kind is an energy model, which learns sample by sample: use --online, rivet replay or rivetd, or set \
              kind to \"riv\" or \"rls\"",
             robot.config.path.display()
-        );
+        ))
+        .into());
     }
     if args.compare {
         return compare(&robot, args);
@@ -209,19 +213,21 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
     log.torque()?;
     let settings = runs::settings(robot, log.q_des.is_some());
     if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
-        bail!(
+        return Err(Fault::Data(format!(
             "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
             log.path.display(),
             robot.config.path.display()
-        );
+        ))
+        .into());
     }
     if settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none) {
-        bail!(
+        return Err(Fault::Data(format!(
             "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
              joint",
             log.path.display(),
             robot.config.path.display()
-        );
+        ))
+        .into());
     }
     let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
     for piece in runs::pieces(log, robot.config.sample_period_s)? {
@@ -448,7 +454,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
-            "torque_delay_s": {"value": result.delays[j].seconds, "std": result.delays[j].std},
+            "torque_delay_s": crate::evidence::delay_json(&result.delays[j]),
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
         })

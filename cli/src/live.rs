@@ -9,6 +9,7 @@ use rivet_ipc_schema::{Bus, BusConfig, JointState, OneSource, RobotName};
 use rivet_logs::write_columns;
 use rivet_realtime::{Shutdown, now_ns};
 
+use crate::exit::Fault;
 use crate::progress::Progress;
 
 /// Time between two looks at the bus: the ring holds a thousand samples.
@@ -21,7 +22,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// controller is not listened to.
 pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Path) -> Result<()> {
     if !(seconds.is_finite() && seconds > 0.0) {
-        bail!("--live {seconds}: seconds of motion, more than none");
+        return Err(Fault::Usage(format!("--live {seconds}: seconds of motion, more than none")).into());
     }
     let bus = Bus::open(config, &RobotName::new(&robot.config.name)?, "rivet-diagnose")?;
     let mut states = OneSource::new(bus.joint_state_subscriber()?, SILENCE / 2);

@@ -4,12 +4,13 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, write_columns};
 
+use crate::exit::Fault;
 use crate::runs::{self, Piece};
 use crate::table::{Table, paragraph, show};
 
@@ -71,11 +72,8 @@ fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
     let pieces = runs::pieces(log, log.median_step_s())?;
     let rows: usize = pieces.iter().map(|p| p.logged_t.len()).sum();
     if rows != log.len() {
-        bail!(
-            "{}: {} rows stand alone between holes in time; nothing can be said about motion there",
-            log.path.display(),
-            log.len() - rows
-        );
+        let why = "rows stand alone between holes in time; nothing can be said about motion there";
+        return Err(Fault::Data(format!("{}: {} {why}", log.path.display(), log.len() - rows)).into());
     }
     Ok(pieces)
 }

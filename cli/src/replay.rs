@@ -234,8 +234,8 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
         write_atomically(path, summary.json().to_string().as_bytes())?;
     }
     let skipped = received.stream.windows(2).any(|pair| pair[1].epoch != pair[0].epoch + 1);
-    let lost = recording.len() as u64
-        - (health.samples + health.refused_invalid + health.rejected_faults).min(recording.len() as u64);
+    let taken = health.samples + health.samples_held + health.refused_invalid + health.rejected_faults;
+    let lost = (recording.len() as u64).saturating_sub(taken + health.refused_stale);
     let missing = recording.missing();
     if health.lost != missing || lost > 0 || skipped || health.dropped_messages > 0 {
         eprintln!(

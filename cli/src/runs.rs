@@ -1,17 +1,23 @@
 //! Logs of a robot as uniform records for off-line work.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
+use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
 use rivet_logs::{Log, LogError, LogFault, ReadOptions, ResampleReport, read};
+
+use crate::exit::Fault;
 
 /// A step of time this long is a hole: nothing is made up across it.
 const HOLE_S: f64 = 0.1;
 /// Rows this many sample periods apart show no motion: their time is in another unit.
 const SLOWEST: f64 = 500.0;
+/// A joint does not run through so many times its range, nor through so many turns: its positions are in another unit.
+const BEYOND: f64 = 2.0;
 /// A hole is also longer than this many usual steps.
 const HOLE_STEPS: f64 = 10.0;
 
@@ -31,13 +37,48 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
     })?;
     let (step, period) = (log.median_step_s(), config.sample_period_s);
-    ensure!(
-        step < SLOWEST * period,
-        "{}: its rows are {step} s apart, the samples of {} {period} s: is column t in seconds?",
-        path.display(),
-        config.name
-    );
-    Ok(log)
+    let file = path.display();
+    if step >= SLOWEST * period {
+        return Err(Fault::Data(format!(
+            "{file}: its rows are {step} s apart, the samples of {} {period} s: is column t in seconds?",
+            config.name
+        ))
+        .into());
+    }
+    match strange_unit(&robot.model.arm.joints, &log.q, &config.log.joint_zero) {
+        Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
+        None => Ok(log),
+    }
+}
+
+/// The column of positions that no joint of the arm can have run through, if there is one. Joints in a wrong order, a wrong zero and
+/// turns too many are other mistakes: a position has to be out of reach by far, and in reach where it is taken for degrees.
+fn strange_unit(joints: &[Joint], q: &[Vec<f64>], zero: &[f64]) -> Option<String> {
+    let off = |(j, (joint, q)): (usize, (&Joint, &Vec<f64>))| {
+        let range = joint.upper - joint.lower;
+        let far = (BEYOND * range).max(BEYOND * TAU);
+        let span = |(low, high): (f64, f64), q: &f64| (low.min(*q), high.max(*q));
+        let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), span);
+        let bounded = joint.kind == JointKind::Revolute && range.is_finite();
+        if !bounded || high - low <= far {
+            return None;
+        }
+        // A few rows that jump are another fault, which is dealt with elsewhere.
+        let mut sorted = q.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let rare = sorted.len() / 20;
+        let zero = zero.get(j).copied().unwrap_or(0.0);
+        let (low, high) = (sorted[rare] - zero, sorted[sorted.len() - 1 - rare] - zero);
+        (high - low > far && (high - low).to_radians() <= range).then(|| {
+            format!(
+                "column q{}: runs from {low:.1} to {high:.1}, {} can turn by {range:.2} rad; positions are in radians: are these \
+                 degrees?",
+                j + 1,
+                joint.name
+            )
+        })
+    };
+    joints.iter().zip(q).enumerate().find_map(off)
 }
 
 /// A stretch of a log without holes, on a uniform grid.

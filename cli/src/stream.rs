@@ -1,10 +1,10 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
-use crate::runs::hole_s;
+use crate::runs::{hole_s, read_log};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
-use rivet_logs::{Log, ReadOptions, ResampleReport};
+use rivet_logs::{Log, ResampleReport};
 use std::io::Write;
 use std::path::Path;
 
@@ -38,13 +38,7 @@ impl Recording {
     pub(crate) fn read(robot: &Robot, path: &Path) -> Result<Recording> {
         let config = &robot.config;
         let joints = robot.model.arm.dof();
-        let options = ReadOptions {
-            joints,
-            drive_gain: config.drive.drive_gain.as_deref(),
-            torque_from_current: config.log.torque_from_current,
-            joint_zero: Some(&config.log.joint_zero),
-        };
-        let log = rivet_logs::read(path, &options)?;
+        let log = read_log(robot, path)?;
         log.torque()?;
         let period_s = config.sample_period_s;
         let begin = log.t.first().copied().unwrap_or(0.0);

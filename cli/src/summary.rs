@@ -2,7 +2,8 @@
 
 use crate::evidence::{bias_json, bias_text};
 use crate::stream::Recording;
-use rivet_config::Robot;
+use crate::table::paragraph;
+use rivet_config::{EstimatorKind, Instruments, Robot};
 use rivet_dynamics::ParameterGroup;
 use rivet_estimation::offline::Bias;
 use rivet_ipc_schema::{Health, InstrumentSource, ParameterState, Parameters};
@@ -22,6 +23,31 @@ impl<'a> Summary<'a> {
         Summary { robot, parameters, health, samples: recording.len() }
     }
 
+    /// Whether nothing is learnt for want of instruments.
+    fn without(&self) -> bool {
+        let none = InstrumentSource::try_from(self.parameters.instruments) == Ok(InstrumentSource::None);
+        let kind = self.robot.config.estimator.kind;
+        none && matches!(kind, EstimatorKind::Riv | EstimatorKind::Energy)
+    }
+
+    /// Why there are none, and what to set instead; empty where there are some.
+    fn advice(&self) -> &'static str {
+        if !self.without() {
+            return "";
+        }
+        match self.robot.config.estimator.instruments {
+            Instruments::Setpoint | Instruments::SetpointThroughLoop => {
+                "instruments = \"setpoint\" needs q_des, qd_des and qdd_des of every joint; \"auto\" takes what the log has"
+            }
+            Instruments::SecondEncoder => {
+                "instruments = \"second-encoder\" needs q_link of every joint; \"auto\" takes what the log has"
+            }
+            Instruments::Auto { .. } | Instruments::Delayed { .. } | Instruments::PreviousCycle { .. } => {
+                "no joint has moved for long enough yet; kind = \"rls\" learns without instruments"
+            }
+        }
+    }
+
     fn instruments(&self) -> &'static str {
         match InstrumentSource::try_from(self.parameters.instruments) {
             Ok(InstrumentSource::Setpoint) => "setpoint (the log has the desired motion)",
@@ -31,6 +57,7 @@ impl<'a> Summary<'a> {
                 "previous cycle (the motion repeats, and the log has no desired motion)"
             }
             Ok(InstrumentSource::Delayed) => "delayed (no desired motion: the measured regressor some time ago)",
+            Ok(InstrumentSource::None) if self.without() => "none: nothing is learnt from this log",
             Ok(InstrumentSource::None) => "none (least squares)",
             Err(_) => "unknown",
         }
@@ -89,7 +116,7 @@ impl<'a> Summary<'a> {
         json!({
             "robot": self.robot.config.name, "samples": self.samples, "used": self.health.samples,
             "lost": self.health.lost, "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
-            "instruments": self.instruments(), "parameters": parameters, "joints": joints,
+            "instruments": self.instruments(), "advice": self.advice(), "parameters": parameters, "joints": joints,
             "bias": self.bias().as_ref().map(bias_json),
         })
     }
@@ -104,6 +131,9 @@ impl fmt::Display for Summary<'_> {
             self.robot.config.name, self.samples, self.health.lost, p.epoch
         )?;
         writeln!(f, "instruments: {}", self.instruments())?;
+        if self.without() {
+            write!(f, "{}", paragraph("warning: ", self.advice()))?;
+        }
         let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
         writeln!(
             f,

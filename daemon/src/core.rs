@@ -467,7 +467,7 @@ impl Core {
         out.samples = self.counts.samples;
         out.lost = self.counts.lost;
         out.refused_stale = self.counts.stale;
-        out.refused_invalid = self.counts.invalid;
+        out.refused_invalid = self.counts.invalid + self.counts.unbelievable + self.counts.wrong_period;
         out.rejected_faults = self.counts.faults;
         out.gaps = self.counts.gaps;
         out.samples_held = self.counts.held;

@@ -19,11 +19,12 @@ mod fit;
 mod pass;
 mod record;
 mod rows;
+mod shifts;
 mod sums;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
-pub use delay::{Delay, torque_delay};
+pub use delay::{Delay, DelayDoubt, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};

@@ -561,7 +561,7 @@ typedef struct {
     uint64_t lost;
     /* Joint states refused because their sequence number or stamp did not go forward. */
     uint64_t refused_stale;
-    /* Joint states refused because a value was not finite or the joint count was wrong. */
+    /* Joint states refused because a value was not finite or could not be true, or joint count or period were wrong. */
     uint64_t refused_invalid;
     /* Joint states not used because the robot set a fault bit. */
     uint64_t rejected_faults;

@@ -297,7 +297,7 @@ class Health(_Message):
         ("lost", ctypes.c_uint64),
         # Joint states refused because their sequence number or stamp did not go forward.
         ("refused_stale", ctypes.c_uint64),
-        # Joint states refused because a value was not finite or the joint count was wrong.
+        # Joint states refused because a value was not finite or could not be true, or joint count or period were wrong.
         ("refused_invalid", ctypes.c_uint64),
         # Joint states not used because the robot set a fault bit.
         ("rejected_faults", ctypes.c_uint64),

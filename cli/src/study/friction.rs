@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Ladder, Run, Rung, friction_ladder};
 use serde_json::{Value, json};
 
+use crate::exit::Fault;
 use crate::progress::Progress;
 use crate::runs::{pieces, read_log, runs, write_whole};
 use crate::table::{Table, show};
@@ -42,7 +43,9 @@ fn parse_fold(text: &str) -> Result<Fold, String> {
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    ensure!(args.folds.len() >= 2, "one --fold leaves nothing to fit to: give two or more");
+    if args.folds.len() < 2 {
+        return Err(Fault::Usage("one --fold leaves nothing to fit to: give two or more".to_owned()).into());
+    }
     let robot = rivet_config::load(&args.robot)?;
     let folds: Vec<Vec<Run>> = args
         .folds

@@ -93,10 +93,11 @@ fn ratio(joint: &JointSums, values: &[f64]) -> f64 {
 mod tests {
     use std::f64::consts::TAU;
     use std::path::PathBuf;
+    use std::sync::Arc;
 
     use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 
-    use super::super::rows::{JointRows, Rows};
+    use super::super::rows::{FilteredTorque, JointRows, Rows};
     use super::*;
     use crate::linear::tests::Random;
     use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};
@@ -110,8 +111,6 @@ mod tests {
             for at in 0..300 {
                 joint.place.push(at);
                 let exact: Vec<f64> = (0..5).map(|_| random.normal()).collect();
-                joint.tau_rate.push(0.0);
-                joint.tau_bend.push(0.0);
                 joint.tau.push(exact.iter().zip(&x).map(|(d, x)| d * x).sum::<f64>() + 0.3 * random.normal());
                 joint.d.extend(exact.iter().map(|d| d + noise * random.normal()));
                 joint.z.extend(exact.iter().map(|d| d + 0.1 * random.normal()));
@@ -119,7 +118,19 @@ mod tests {
             joints.push(joint);
         }
         let (left_out, lag_s) = (vec![0.0; 2], vec![0.0; 2]);
-        (vec![Rows { columns: 5, joints, kept: 300, row_period_s: 0.1, left_out, moving: 0..300, lag_s }], x)
+        let torque = Arc::new(FilteredTorque { joints: joints.iter().map(|j| j.tau.clone()).collect(), period_s: 0.1 });
+        let rows = Rows {
+            columns: 5,
+            joints,
+            kept: 300,
+            row_period_s: 0.1,
+            torque,
+            first: 0,
+            left_out,
+            moving: 0..300,
+            lag_s,
+        };
+        (vec![rows], x)
     }
 
     fn judge(noise: f64, seed: u64) -> Bias {

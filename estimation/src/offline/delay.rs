@@ -8,8 +8,9 @@
 //! τ(t + T) = D(t)·x   →   τ = D·x − T·τ̇         column −τ̇ of the measured torque, instrument −d/dt(D·x̂)
 //! ```
 //!
-//! Then the torque is taken back by what was found, to second order, and the rest is fitted again: what is left is the
-//! third order, a share (ωT)²/6 of T for content at ω.
+//! The first order holds for a fraction of a period of the motion only. So all delays of a wide range are looked at first
+//! ([`shifts`](super::shifts)); from the best of them the torque is taken back by what is found, to second order, and the
+//! rest is fitted again. Where the data do not single out one delay, none is given.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -17,22 +18,52 @@ use rayon::prelude::*;
 use super::fit::{Fit, Method, Solution};
 use super::record::OfflineError;
 use super::rows::JointRows;
+use super::shifts::{REACH_S, STEP_S, search};
 use super::sums::{Equations, JointSums, Normal, Stretch};
 use crate::linear::axpy;
 
-/// How often the torque is taken back and the rest fitted.
+/// How often the torque is taken back and the rest fitted, and how often at most it is taken back anew from where that led.
 const ROUNDS: usize = 3;
+const STARTS: usize = 3;
+/// Beyond this the second order is no longer exact enough \[s\].
+const NEAR_S: f64 = STEP_S;
+/// Instruments and least squares differ by no more than this \[s\], or by this many standard deviations.
+const APART_S: f64 = 1.5 * STEP_S;
+const APART_STD: f64 = 3.0;
+/// A delay less certain than this (one standard deviation) is as good as unknown \[s\].
+const LEAST_CERTAIN_S: f64 = 0.03;
 
 /// How late a joint's torque is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delay {
-    /// Torque behind position \[s\]; negative where the torque is ahead.
+    /// Torque behind position \[s\]; negative where the torque is ahead. With a doubt, no more than where it began.
     pub seconds: f64,
     /// Its standard deviation \[s\].
     pub std: f64,
+    /// Why `seconds` is not to be used.
+    pub doubt: Option<DelayDoubt>,
 }
 
-/// Estimates the delay of every joint's torque together with the parameters.
+/// Why the data give no delay.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum DelayDoubt {
+    /// The best is at the end of what was looked at.
+    #[error("beyond {:.0} ms", 1e3 * REACH_S)]
+    OutOfReach,
+    /// Two delays explain the torque about as well.
+    #[error("{:.0} or {:.0} ms", 1e3 * either_s, 1e3 * or_s)]
+    Two {
+        /// The better one \[s\].
+        either_s: f64,
+        /// The other \[s\].
+        or_s: f64,
+    },
+    /// No delay explains the torque clearly better than another, or its standard deviation is too large.
+    #[error("not told by this motion")]
+    NotTold,
+}
+
+/// Estimates the delay of every joint's torque together with the parameters, from 0.12 s ahead to 0.12 s behind.
 ///
 /// * `nominal`, `prior`: as for [`fit`](super::fit())
 /// * `found`: the fit without delays
@@ -49,47 +80,71 @@ pub fn torque_delay(
     found: &Fit,
 ) -> Result<Vec<Delay>, OfflineError> {
     let (k, n) = (nominal.len(), equations.joints.len());
+    let coarse = search(equations, found, &DVector::from_column_slice(nominal), prior)?;
     let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(std::iter::repeat_n(0.0, n)));
-    let weights: Vec<f64> = found.noise.iter().zip(&found.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-    let rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| rates(equations, j, &found.values)).collect();
-    let mut delays = vec![Delay { seconds: 0.0, std: 0.0 }; n];
-    for round in 1..=ROUNDS {
-        let widened = |j: usize| widen(&equations.joints[j], &rates[j], k + j, delays[j].seconds);
-        let joints: Vec<JointSums> = (0..n).map(widened).collect();
-        let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
-        let solution = Solution::new(&normals, &weights, &start, prior, Method::Instrumental)?;
-        delays.iter_mut().enumerate().for_each(|(j, delay)| delay.seconds += solution.x[k + j]);
-        if round == ROUNDS {
-            let covariance = solution.long_run_covariance(&joints, &weights, Method::Instrumental);
-            let std = solution.certainty(&covariance).0;
-            delays.iter_mut().zip(&std[k..]).for_each(|(delay, std)| delay.std = *std);
+    let (weights, mut late) = (&coarse.weights, coarse.late_s.clone());
+    let of = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s);
+    let mut rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| of(j, late[j])).collect();
+    let (mut more, mut std) = (vec![0.0_f64; n], vec![0.0; n]);
+    for begun in 1..=STARTS {
+        for round in 1..=ROUNDS {
+            let joints: Vec<JointSums> =
+                (0..n).map(|j| widen(&equations.joints[j], &rates[j], k + j, more[j])).collect();
+            let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
+            let solution = Solution::new(&normals, weights, &start, prior, Method::Instrumental)?;
+            let next = |(j, more): (usize, &mut f64)| *more = (*more + solution.x[k + j]).clamp(-APART_S, APART_S);
+            more.iter_mut().enumerate().for_each(next);
+            if round == ROUNDS {
+                let covariance = solution.long_run_covariance(&joints, weights, Method::Instrumental);
+                std.copy_from_slice(&solution.certainty(&covariance).0[k..]);
+            }
+        }
+        let far: Vec<usize> = (0..n).filter(|j| more[*j].abs() > NEAR_S).collect();
+        if far.is_empty() || begun == STARTS {
+            break;
+        }
+        for j in far {
+            late[j] += std::mem::take(&mut more[j]);
+            rates[j] = of(j, late[j]);
         }
     }
-    Ok(delays)
+    let of = |j: usize| {
+        let seconds = late[j] + more[j];
+        let apart = (seconds - coarse.late_s[j]).abs();
+        // Whatever is not a number is no delay either.
+        let told = std[j] < LEAST_CERTAIN_S && apart < APART_S.max(APART_STD * std[j]) && more[j].abs() < APART_S;
+        Delay { seconds, std: std[j], doubt: coarse.doubt[j].or((!told).then_some(DelayDoubt::NotTold)) }
+    };
+    Ok((0..n).map(of).collect())
 }
 
-/// Products of a stretch's rows with r = τ̇, b = τ̈ and the instrument e.
+/// Products of a stretch's rows with τ, r = τ̇, b = τ̈ and the instrument e; the first three as long after the row as the
+/// search found.
 struct Rates {
-    d: [Vec<f64>; 3],
-    z: [Vec<f64>; 3],
+    d: [Vec<f64>; 4],
+    z: [Vec<f64>; 4],
     /// Products of τ, r, b and e with each other.
     own: [[f64; 4]; 4],
 }
 
-/// Sums with the rates of joint `j`, stretch by stretch.
-fn rates(equations: &Equations<'_>, j: usize, x: &[f64]) -> Vec<Rates> {
+/// Sums with the torque of joint `j` so late \[s\] and its rates, stretch by stretch.
+fn rates(equations: &Equations<'_>, j: usize, x: &[f64], late_s: f64) -> Vec<Rates> {
     let mut found = Vec::new();
     let width = equations.joints[j].columns.len();
-    let zeros = || [(); 3].map(|()| vec![0.0; width]);
+    let zeros = || [(); 4].map(|()| vec![0.0; width]);
     for record in equations.rows {
         let joint = &record.joints[j];
-        let expected = expected_rates(joint, x, record.row_period_s);
+        let modelled = joint.torque(x);
+        let expected = expected_rates(joint, &modelled, record.row_period_s);
         for range in equations.ranges(record, j) {
             let mut sums = Rates { d: zeros(), z: zeros(), own: [[0.0; 4]; 4] };
             for row in range {
-                let all = [joint.tau[row], joint.tau_rate[row], joint.tau_bend[row], expected[row]];
+                // Where the record has no such torque, what is expected says nothing new.
+                let torque = record.torque_after(j, joint.place[row], late_s);
+                let [torque, rate, bend] = torque.unwrap_or([modelled[row], expected[row], 0.0]);
+                let all = [torque, rate, bend, expected[row]];
                 let at = row * width..(row + 1) * width;
-                for (k, value) in all[1..].iter().enumerate() {
+                for (k, value) in all.iter().enumerate() {
                     axpy(*value, &joint.d[at.clone()], &mut sums.d[k]);
                     axpy(*value, &joint.z[at.clone()], &mut sums.z[k]);
                 }
@@ -111,8 +166,8 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
     // Products with the torque taken back, from those with torque, rate and bend; likewise with the rate.
     let torque = |with: &[f64; 4]| with[0] + late * with[1] + square * with[2];
     let rate = |with: &[f64; 4]| with[1] + late * with[2];
-    let rates_of = |[r, b, _]: &[Vec<f64>; 3]| -> Vec<f64> { r.iter().zip(b).map(|(r, b)| r + late * b).collect() };
-    let torques_of = |t: &[f64], [r, b, _]: &[Vec<f64>; 3], added: f64| -> Vec<f64> {
+    let rates_of = |[_, r, b, _]: &[Vec<f64>; 4]| -> Vec<f64> { r.iter().zip(b).map(|(r, b)| r + late * b).collect() };
+    let torques_of = |[t, r, b, _]: &[Vec<f64>; 4], added: f64| -> Vec<f64> {
         let own = t.iter().zip(r).zip(b).map(|((t, r), b)| t + late * r + square * b);
         own.chain([-added]).collect()
     };
@@ -125,10 +180,10 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
         let [by_torque, by_rate, by_bend, by_expected] = &rates.own;
         Stretch {
             dd: bordered(&sums.dd, &dr, &dr, rate(by_rate) + late * rate(by_bend)),
-            zd: bordered(&sums.zd, &zr, &rates.d[2], rate(by_expected)),
-            zz: bordered(&sums.zz, &rates.z[2], &rates.z[2], by_expected[3]),
-            dt: torques_of(&sums.dt, &rates.d, torque(by_rate) + late * torque(by_bend)),
-            zt: torques_of(&sums.zt, &rates.z, torque(by_expected)),
+            zd: bordered(&sums.zd, &zr, &rates.d[3], rate(by_expected)),
+            zz: bordered(&sums.zz, &rates.z[3], &rates.z[3], by_expected[3]),
+            dt: torques_of(&rates.d, torque(by_rate) + late * torque(by_bend)),
+            zt: torques_of(&rates.z, torque(by_expected)),
             tt: torque(by_torque) + late * torque(by_rate) + square * torque(by_bend),
             count: sums.count,
         }
@@ -139,8 +194,7 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
 
 /// Rate of the model's torque, from the rows before and after where both are there, else zero: an instrument need not be
 /// exact.
-fn expected_rates(rows: &JointRows, x: &[f64], row_period_s: f64) -> Vec<f64> {
-    let torque = rows.torque(x);
+fn expected_rates(rows: &JointRows, torque: &[f64], row_period_s: f64) -> Vec<f64> {
     let rate = |k: usize| {
         let whole = k > 0 && k + 1 < torque.len() && rows.place[k + 1] - rows.place[k - 1] == 2;
         if whole { (torque[k + 1] - torque[k - 1]) / (2.0 * row_period_s) } else { 0.0 }

@@ -178,11 +178,11 @@ pub(super) struct Solution {
     information: DMatrix<f64>,
     /// Σ w ZᵀD + P⁻¹, scaled, and its inverse.
     left: DMatrix<f64>,
-    inverse: DMatrix<f64>,
+    pub(super) inverse: DMatrix<f64>,
     /// Σ w ZᵀZ, scaled.
     spread: DMatrix<f64>,
     /// Diagonal of P⁻¹, scaled.
-    prior: DVector<f64>,
+    pub(super) prior: DVector<f64>,
 }
 
 impl Solution {

@@ -5,6 +5,7 @@ use crate::linear::dot;
 use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model, Workspace};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
@@ -47,9 +48,6 @@ pub(super) struct JointRows {
     pub(super) z: Vec<f64>,
     /// Torque \[N m\].
     pub(super) tau: Vec<f64>,
-    /// Its rate of change \[N m/s\], and the rate of that \[N m/s²\].
-    pub(super) tau_rate: Vec<f64>,
-    pub(super) tau_bend: Vec<f64>,
     /// Which instant each row belongs to, of the [`Rows::kept`] instants of the record.
     pub(super) place: Vec<usize>,
 }
@@ -75,6 +73,30 @@ impl JointRows {
     }
 }
 
+/// Filtered torque of a record at its own rate, `[joint][sample]` \[N m\], and that rate's period \[s\].
+#[derive(Debug, PartialEq)]
+pub(super) struct FilteredTorque {
+    pub(super) joints: Vec<Vec<f64>>,
+    pub(super) period_s: f64,
+}
+
+impl FilteredTorque {
+    /// Torque of a joint at a time since the first sample \[s\], its rate and the rate of that: the parabola through the
+    /// samples around it. None beyond either end.
+    fn at(&self, joint: usize, time_s: f64) -> Option<[f64; 3]> {
+        let tau = &self.joints[joint];
+        let place = time_s / self.period_s;
+        if tau.len() < 3 || place < 0.0 || place > (tau.len() - 1) as f64 {
+            return None;
+        }
+        let near = (place.round() as usize).clamp(1, tau.len() - 2);
+        let share = place - near as f64;
+        let (slope, bend) = (0.5 * (tau[near + 1] - tau[near - 1]), tau[near + 1] - 2.0 * tau[near] + tau[near - 1]);
+        let rate = (slope + share * bend) / self.period_s;
+        Some([tau[near] + share * (slope + 0.5 * share * bend), rate, bend / self.period_s.powi(2)])
+    }
+}
+
 /// Filtered rows of one record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
@@ -83,6 +105,10 @@ pub struct Rows {
     /// Instants that rows were taken at, of which a joint's dead zone leaves out some, and the time between them \[s\].
     pub(super) kept: usize,
     pub(super) row_period_s: f64,
+    /// The torque of every sample, for the torque between rows.
+    pub(super) torque: Arc<FilteredTorque>,
+    /// The sample of the first of those instants.
+    pub(super) first: usize,
     /// Share of the rows in motion that a joint's dead zone left out, per joint.
     pub left_out: Vec<f64>,
     /// Samples of the record between the first and the last motion of any joint.
@@ -148,6 +174,8 @@ impl Rows {
             joints: Vec::with_capacity(n),
             kept: kept.len(),
             row_period_s: step as f64 * record.period_s,
+            torque: Arc::new(FilteredTorque { joints: Vec::new(), period_s: record.period_s }),
+            first: kept.first().copied().unwrap_or(0),
             left_out: Vec::with_capacity(n),
             moving,
             lag_s,
@@ -162,21 +190,18 @@ impl Rows {
         for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
-            let tau = &torque[j];
-            let rate = |k: usize| {
-                let (before, after) = (k.saturating_sub(1), (k + 1).min(tau.len() - 1));
-                (tau[after] - tau[before]) / ((after - before).max(1) as f64 * record.period_s)
-            };
-            let tau_rate = used.iter().map(|k| rate(*k)).collect();
-            let bend = |k: usize| {
-                let k = k.clamp(1, tau.len().saturating_sub(2).max(1));
-                if tau.len() < 3 { 0.0 } else { (tau[k + 1] - 2.0 * tau[k] + tau[k - 1]) / record.period_s.powi(2) }
-            };
-            let tau_bend = used.iter().map(|k| bend(*k)).collect();
-            let tau = used.iter().map(|k| tau[*k]).collect();
-            result.joints.push(JointRows { columns, d, z, tau, tau_rate, tau_bend, place });
+            let tau = used.iter().map(|k| torque[j][*k]).collect();
+            result.joints.push(JointRows { columns, d, z, tau, place });
         }
+        result.torque = Arc::new(FilteredTorque { joints: torque, period_s: record.period_s });
         Ok(result)
+    }
+
+    /// Torque of joint `joint` so long \[s\] after one of the record's instants, its rate and the rate of that; none where the
+    /// record has no such time.
+    pub(super) fn torque_after(&self, joint: usize, place: usize, late_s: f64) -> Option<[f64; 3]> {
+        let time = self.first as f64 * self.torque.period_s + place as f64 * self.row_period_s + late_s;
+        self.torque.at(joint, time)
     }
 
     /// Stretch `part` (from 0) of `parts` of equal time, one after the other.
@@ -193,8 +218,6 @@ impl Rows {
                 d: rows.d[from * k..until * k].to_vec(),
                 z: rows.z[from * k..until * k].to_vec(),
                 tau: rows.tau[from..until].to_vec(),
-                tau_rate: rows.tau_rate[from..until].to_vec(),
-                tau_bend: rows.tau_bend[from..until].to_vec(),
                 place: rows.place[from..until].iter().map(|p| p - first).collect(),
             }
         };
@@ -202,6 +225,7 @@ impl Rows {
         Rows {
             joints: self.joints.iter().map(cut).collect(),
             kept: end - first,
+            first: self.first + first * (self.row_period_s / self.torque.period_s).round() as usize,
             moving: self.moving.start + part * length / parts..self.moving.start + (part + 1) * length / parts,
             ..self.without_rows()
         }
@@ -214,6 +238,7 @@ impl Rows {
             left_out: self.left_out.clone(),
             lag_s: self.lag_s.clone(),
             moving: self.moving.clone(),
+            torque: Arc::clone(&self.torque),
             ..*self
         }
     }

@@ -27,7 +27,7 @@ pub struct Health {
     pub lost: u64,
     /// Joint states refused because their sequence number or stamp did not go forward.
     pub refused_stale: u64,
-    /// Joint states refused because a value was not finite or the joint count was wrong.
+    /// Joint states refused because a value was not finite or could not be true, or joint count or period were wrong.
     pub refused_invalid: u64,
     /// Joint states not used because the robot set a fault bit.
     pub rejected_faults: u64,

@@ -1,0 +1,125 @@
+//! Logs and words with which nothing good can be learnt: what the commands say, and how they end.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rivet_logs::{ReadOptions, read, write_columns};
+use rivet_tests::{rivet, robot, shared};
+
+/// A measured log with its time and positions changed, row by row.
+fn changed(arm: &str, log: &Path, folder: &Path, change: impl Fn(usize, &mut f64, &mut [f64])) -> PathBuf {
+    let robot = rivet_config::load(robot(arm)).expect("a sound robot file");
+    let options = ReadOptions { drive_gain: robot.config.drive.drive_gain.as_deref(), ..ReadOptions::new(robot.dof()) };
+    let mut log = read(log, &options).expect("a sound log");
+    for row in 0..log.len() {
+        let mut q: Vec<f64> = log.q.iter().map(|q| q[row]).collect();
+        change(row, &mut log.t[row], &mut q);
+        log.q.iter_mut().zip(q).for_each(|(signal, q)| signal[row] = q);
+    }
+    let tau = log.torque().expect("torque");
+    let mut columns = vec![("t".to_owned(), &log.t[..])];
+    for j in 0..robot.dof() {
+        columns.push((format!("q{}", j + 1), &log.q[j][..]));
+        columns.push((format!("tau{}", j + 1), &tau[j][..]));
+    }
+    let path = folder.join("changed.parquet");
+    write_columns(&path, &columns).expect("written");
+    path
+}
+
+/// Exit code and everything said, on one line.
+fn said(command: &mut Command) -> (Option<i32>, String) {
+    let output = command.output().expect("the program starts");
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    (output.status.code(), text.split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+#[test]
+fn positions_in_degrees_are_refused_wherever_a_log_is_read() {
+    let Some(log) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let degrees =
+        changed("staubli-tx40", &log, folder.path(), |_, _, q| q.iter_mut().for_each(|q| *q = q.to_degrees()));
+    for command in ["identify", "replay", "diagnose"] {
+        let (code, text) =
+            said(rivet().arg(command).arg(robot("staubli-tx40")).arg(&degrees).current_dir(folder.path()));
+        assert_eq!(code, Some(65), "{command}: {text}");
+        assert!(
+            text.contains("changed.parquet: column q1: runs from") && text.contains("degrees?"),
+            "{command}: {text}"
+        );
+    }
+    // A reading that jumps in a few rows is no unit.
+    let jumps =
+        changed("staubli-tx40", &log, folder.path(), |row, _, q| q[0] += if row % 400 == 7 { 60.0 } else { 0.0 });
+    let (_, text) = said(rivet().arg("identify").arg(robot("staubli-tx40")).arg(&jumps));
+    assert!(!text.contains("degrees?"), "{text}");
+}
+
+#[test]
+fn stamps_that_jitter_by_a_fifth_of_a_step_are_warned_of() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-30sec_12harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let warned = |jitter_s: f64| {
+        // The golden ratio's multiples: even, and no row like the one before it.
+        let off = |row: usize| jitter_s * (2.0 * (row as f64 * 0.618_033_988_75).fract() - 1.0);
+        let path = changed("ur10e", &log, folder.path(), |row, t, _| *t += off(row));
+        let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(path));
+        assert_eq!(code, Some(0), "{text}");
+        text.contains("warning: time stamps jitter by")
+    };
+    assert!(warned(0.0035) && !warned(0.0), "as logged it is a ninth of a step");
+}
+
+#[test]
+fn a_robot_file_that_asks_for_instruments_the_log_has_not_is_told_that_nothing_is_learnt() {
+    let Some(log) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = robot("staubli-tx40");
+    let text = std::fs::read_to_string(&source).expect("readable");
+    for entry in std::fs::read_dir(source.parent().expect("a folder")).expect("readable") {
+        let path = entry.expect("an entry").path();
+        std::fs::copy(&path, folder.path().join(path.file_name().expect("a name"))).expect("copied");
+    }
+    let file = folder.path().join("robot.toml");
+    for (instruments, needs) in [("setpoint", "qdd_des"), ("second-encoder", "q_link"), ("auto", "")] {
+        let asked = text.replace("[estimator]", &format!("[estimator]\ninstruments = \"{instruments}\""));
+        assert_ne!(asked, text);
+        std::fs::write(&file, asked).expect("written");
+        let (code, said) = said(rivet().args(["identify", "--online"]).arg(&file).arg(&log));
+        assert_eq!(code, Some(0), "{said}");
+        if needs.is_empty() {
+            assert!(!said.contains("nothing is learnt") && said.contains("instruments: delayed"), "{said}");
+        } else {
+            assert!(said.contains("none: nothing is learnt from this log"), "{said}");
+            assert!(said.contains(needs) && said.contains("\"auto\""), "{said}");
+        }
+    }
+}
+
+#[test]
+fn failures_end_with_the_code_of_whose_fault_it_is() {
+    let (code, text) = said(rivet().args(["figures", "4"]));
+    assert!(code == Some(64) && text.contains("figure 4 is not computed"), "{code:?} {text}");
+    let Some(log) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let tx40 = robot("staubli-tx40");
+    let still = changed("staubli-tx40", &log, folder.path(), |_, _, q| q.fill(0.1));
+    let (code, text) = said(rivet().arg("identify").arg(&tx40).arg(&still));
+    assert!(code == Some(65) && text.contains("no motion is left"), "{code:?} {text}");
+    let (code, text) = said(rivet().args(["identify", "--compare"]).arg(&tx40).arg(&log));
+    assert!(code == Some(64) && text.contains("at least two logs"), "{code:?} {text}");
+    let minutes = changed("staubli-tx40", &log, folder.path(), |_, t, _| *t *= 1e4);
+    let (code, text) = said(rivet().arg("identify").arg(&tx40).arg(&minutes));
+    assert!(code == Some(65) && text.contains("is column t in seconds?"), "{code:?} {text}");
+}
+
+/// Positions that cannot be true are refused and counted as such: every row of the log is accounted for.
+#[test]
+fn a_replay_with_refused_samples_counts() {
+    let Some(log) = shared("data/real/kinova_gen3/RunTrajectory1.parquet") else { return };
+    let file = rivet_tests::root().join("tests/robots/kinova-gen3/robot.toml");
+    let (code, text) = said(rivet().arg("replay").arg(file).arg(log));
+    assert!(text.contains("EncoderJump"), "{text}");
+    assert!(code == Some(0) && !text.contains("does not count"), "{code:?} {text}");
+}
