@@ -352,7 +352,9 @@ fn a_torque_delay_that_cannot_be_told_is_not_told() {
     let noisy = |mut sample: Record, sigma: [f64; 3]| {
         let mut noise = Noise(78);
         for (tau, sigma) in sample.tau.iter_mut().zip(sigma) {
-            tau.iter_mut().for_each(|tau| *tau += sigma * noise.next());
+            for tau in tau.iter_mut() {
+                *tau += sigma * noise.next();
+            }
         }
         sample
     };
@@ -367,7 +369,7 @@ fn a_torque_delay_that_cannot_be_told_is_not_told() {
     let tone = |lead: f64| {
         let w = 2.0 * PI / 4.0;
         let of = |f: &dyn Fn(f64) -> f64| -> Vec<Vec<f64>> {
-            (0..3).map(|j| (0..6000).map(|k| f(w * (k as f64 * PERIOD - lead) + j as f64)).collect()).collect()
+            (0..3).map(|j| (0..6000).map(|k| f(w * (f64::from(k) * PERIOD - lead) + f64::from(j))).collect()).collect()
         };
         Trajectory { q: of(&|x| 0.2 * x.sin()), qd: of(&|x| 0.2 * w * x.cos()), qdd: of(&|x| -0.2 * w * w * x.sin()) }
     };
