@@ -1,15 +1,21 @@
-//! The staged workload of the supervision study, a fifth as long, on one arm.
+//! The staged workload of the supervision study, a fifth as long, one seed of it. That the tracked scheme takes an eighth of the
+//! oracle's time is for `rivet study supervision` to show: the oracle is other code (nalgebra), whose operations nobody counts.
 
-use rivet_studies::supervision::{Options, study, table};
+use rivet_studies::supervision::{Options, Outcome, study, table};
+
+fn outcomes(arm: &str) -> Vec<Outcome> {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots");
+    let robot = rivet_config::load(root.join(arm).join("robot.toml")).expect("a sound robot file");
+    let outcomes = study(&robot, &Options { seeds: 1, length: 0.2, ..Options::default() }, None);
+    println!("{arm}\n{}", table(&outcomes));
+    outcomes
+}
 
 /// The eigen-decomposition in slices, as in the daemon, and the tracked scheme decide and estimate like an oracle of other
 /// code that does all of it with every row; they hold what they hold, and supervision is worth having.
 #[test]
 fn at_recursive_cost_as_good_as_the_oracle() {
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/manutec-r3/robot.toml");
-    let robot = rivet_config::load(file).expect("a sound robot file");
-    let outcomes = study(&robot, &Options { seeds: 1, length: 0.2, ..Options::default() }, None);
-    println!("{}", table(&outcomes));
+    let outcomes = outcomes("manutec-r3");
     let of = |name: &str| outcomes.iter().find(|o| o.name.starts_with(name)).expect("a row of the table");
     for name in ["eigen in slices", "tracked"] {
         let scheme = of(name);
@@ -21,4 +27,18 @@ fn at_recursive_cost_as_good_as_the_oracle() {
     // (with every row: 0.996, 1.000 and 100.0 %).
     let whole = of("eigen, whole");
     assert!(whole.efficiency.iter().all(|e| (e - 1.0).abs() <= 0.05) && whole.agreement >= 0.99, "{whole:?}");
+}
+
+/// The same on an arm with a coupled wrist. A fifth of the workload and one seed leave 0.93 and 0.95 of the local efficiency here; over
+/// three seeds at full length it is 0.98 and 1.03 (`docs/supervision.md`).
+#[test]
+fn at_recursive_cost_as_good_as_the_oracle_with_a_coupled_wrist() {
+    let outcomes = outcomes("staubli-tx40");
+    let of = |name: &str| outcomes.iter().find(|o| o.name.starts_with(name)).expect("a row of the table");
+    for name in ["eigen in slices", "tracked"] {
+        let scheme = of(name);
+        assert!(scheme.efficiency[0] >= 0.85 && scheme.efficiency[1] >= 0.90, "{scheme:?}");
+        assert!(scheme.agreement >= 0.95 && scheme.held <= 1e-9, "{scheme:?}");
+        assert!(of("plain RIV").efficiency[0] < 0.1 * scheme.efficiency[0], "unsupervised RIV bursts");
+    }
 }
