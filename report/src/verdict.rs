@@ -57,7 +57,7 @@ impl Document {
             let (before, after) = (figure(before, 2), figure(after, 2));
             format!(
                 " Where joints move and friction's direction is known, the worst joint misses {before} times its noise \
-                 as given and {after} times then."
+                 as given and {after} times with that."
             )
         });
         format!(
