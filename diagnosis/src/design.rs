@@ -10,9 +10,11 @@ use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
 use crate::log_check::{self, LogFault};
+use crate::past::Past;
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
+use crate::signals;
 
 /// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
@@ -20,6 +22,9 @@ const BLOCK_S: f64 = 2.5;
 const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
+/// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
+/// in their own way.
+const EXACT: f64 = 1e-3;
 /// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
 /// its sample.
 const TIMING: f64 = 0.5;
@@ -46,6 +51,9 @@ pub(crate) struct Prepared {
     pub(crate) standard: Vec<Column>,
     /// Noise of the torque signal after the model filter \[N·m\], from what changes too fast to be torque.
     pub(crate) floor: Vec<f64>,
+    /// What steps or noise of the position leave unknown of it \[rad\], and of the speed \[rad/s\], twice the deviation.
+    pub(crate) position_noise: Vec<f64>,
+    pub(crate) blur: Vec<f64>,
     /// Doubt about the friction torque near standstill \[N·m\], `[joint][row]`.
     pub(crate) doubt: Vec<Vec<f64>>,
 }
@@ -63,13 +71,18 @@ impl Prepared {
         let standard = standard_columns(&nominal.model, &motion, &chain);
         let n = run.joints();
         let v0 = nominal.model.structure.sign_velocity;
+        let position_noise: Vec<f64> =
+            run.q.iter().map(|q| signals::position_noise(q, run.period_s, white_noise)).collect();
+        let [speed_gain, accel_gain] = noise_gains(&chain, run.period_s);
+        let blur: Vec<f64> = position_noise.iter().map(|sigma| 2.0 * sigma * speed_gain).collect();
+        let inertias: Vec<f64> = (0..n).map(|j| inertia(nominal, &motion, j)).collect();
         let doubt = (0..n)
             .map(|j| {
                 let level = nominal.x[12 * n + j].abs();
                 // Friction alone stops the joint from this speed within a sample: slower, the log does not show it.
-                let stopped = (level * run.period_s / inertia(nominal, &motion, j).max(1e-9) - v0).max(0.0);
+                let stopped = (level * run.period_s / inertias[j].max(1e-9) - v0).max(0.0);
                 let at = |k: usize| {
-                    let half = SPEED_DOUBT + stopped + 0.5 * run.period_s * motion.qdd[j][k].abs();
+                    let half = blur[j].max(SPEED_DOUBT) + stopped + 0.5 * run.period_s * motion.qdd[j][k].abs();
                     let v = motion.qd[j][k];
                     0.5 * level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
                 };
@@ -80,9 +93,13 @@ impl Prepared {
         let effects = nominal.model.effects().list();
         let known = if effects.is_empty() { Vec::new() } else { known::torque(nominal, effects, &run, &motion) };
         let known_rows = known.iter().map(|t| chain.apply(t)).collect();
-        let floor = run.tau.iter().map(|t| white_noise(t) * chain.white_gain()).collect();
+        let white = run.tau.iter().map(|t| white_noise(t) * chain.white_gain());
+        // Torque that the model makes of the position's noise.
+        let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
+        let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
+        let floor = white.zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least)).collect();
         let silent = (0..n).map(|j| log_check::silence(&tau[j], &motion, &chain, &nominal.x, j)).collect();
-        Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, doubt }
+        Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, position_noise, blur, doubt }
     }
 
     /// The torque's rows as they are where it comes `samples` later than position; what is beyond the ends repeats them.
@@ -155,6 +172,27 @@ impl Prepared {
 pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
     let turns = nominal.model.arm.dof() + usize::from(nominal.model.structure.coupling.is_some());
     std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
+}
+
+/// Standard deviations of speed at the rate of the log and of rows of acceleration, for white noise of 1 on positions.
+fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
+    let samples = (4.0 / period_s) as usize;
+    let mut q = vec![0.0; samples];
+    q[samples / 2] = 1.0;
+    let pulse = Run {
+        name: String::new(),
+        period_s,
+        q: vec![q],
+        tau: Vec::new(),
+        desired: None,
+        temperature: None,
+        past: Past::default(),
+    };
+    let motion = Motion::of(&pulse);
+    let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Rows come every second mean: a sample in between leaves as much, spread over others.
+    let rows = (2.0 * chain.average() as f64).sqrt() * size(&chain.apply(&motion.qdd[0]));
+    [size(&motion.qd[0]), rows]
 }
 
 /// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf

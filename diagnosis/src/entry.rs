@@ -10,6 +10,7 @@ use crate::patch::Patch;
 use crate::procedure::Procedure;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
+use crate::signals;
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
 const LEAST_SPEED: f64 = 0.02;
@@ -80,7 +81,15 @@ fn run_all(
         names.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, name)| name.clone()).collect()
     };
     let mut log: Vec<LogFinding> = Vec::new();
-    let mut runs: Vec<(usize, Run)> = runs.into_iter().enumerate().collect();
+    let mend = |run: Run| {
+        let name = run.name.clone();
+        let (run, found) = signals::mend(run);
+        let finding =
+            |(j, fault): (usize, _)| LogFinding { run: name.clone(), joint: model.arm.joints[j].name.clone(), fault };
+        log.extend(found.into_iter().map(finding));
+        run
+    };
+    let mut runs: Vec<(usize, Run)> = runs.into_iter().map(mend).enumerate().collect();
     runs.retain(|(_, run)| {
         let computed = log_check::computed(model, run);
         log.extend(computed.iter().cloned());
@@ -88,7 +97,7 @@ fn run_all(
     });
     if runs.is_empty() {
         let why = "the torque of every run was computed along the desired motion, not measured";
-        return if log.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, why), None)) };
+        return if names.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, why), None)) };
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
     let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
@@ -114,7 +123,14 @@ fn run_all(
     let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
     let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let mut sealed = Prepared::new(sealed, &nominal);
+    for run in look.iter_mut().chain([&mut sealed]) {
+        log_check::distrust(run, &nominal);
+    }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
+        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
+        return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));
+    }
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
     let (found, patch) = done.ok_or(DiagnosisError::Singular)?;
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! runs -> all but the last are looked at, the last is sealed
+//!      -> signals: spikes and wraps are mended, frozen stretches cut
 //!      -> the log itself: torque that runs against motion, another unit, limits, joints that stand
 //!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
 //!         direction of friction weigh less
@@ -63,6 +64,7 @@ mod search;
 mod select;
 mod separate;
 mod shrink;
+mod signals;
 mod stages;
 mod two_mass;
 mod values;

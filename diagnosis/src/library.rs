@@ -30,6 +30,8 @@ const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
 const BEYOND: f64 = 1.15;
 /// Share of the time that a command may be cut: up to three quarters in cases from another simulator.
 const MOSTLY_CUT: f64 = 0.85;
+/// Single samples beyond it are no command.
+const SELDOM_CUT: f64 = 2e-4;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
@@ -128,7 +130,8 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
         let cut = runs.iter().flat_map(|p| &p.run.tau[joint]).filter(|t| t.abs() > limit).count();
         cut as f64 / samples.max(1) as f64
     };
-    let plausible = |limit: &f64| asked > BEYOND * limit && beyond(*limit) < MOSTLY_CUT;
+    let plausible =
+        |limit: &f64| asked > BEYOND * limit && beyond(*limit) < MOSTLY_CUT && beyond(BEYOND * limit) > SELDOM_CUT;
     LIMITS.map(|share| share * needed).into_iter().filter(plausible).collect()
 }
 

@@ -13,6 +13,9 @@ use crate::run::{Motion, Run};
 const MAKES_ENERGY: f64 = -0.3;
 /// Unless torque and model correlate by more.
 const LIKE_THE_MODEL: f64 = 0.5;
+/// Correlation with the model's torque below which it is the model's with the other sign, where friction takes nothing either: a
+/// model that hangs the wrong way round has the sign of gravity wrong, not that of friction.
+const UNLIKE_THE_MODEL: f64 = -0.7;
 /// A torque this many times the model's (or one over it) is in another unit ...
 const OTHER_UNIT: f64 = 3.0;
 /// ... if it is the model's torque but for the factor.
@@ -26,6 +29,8 @@ const CARRIES: f64 = 1e-3;
 const FOLLOWS: f64 = 0.3;
 /// ... over at least so long a time in motion \[s\].
 const IN_MOTION_S: f64 = 0.5;
+/// Speeds that are not known to this are worth a word \[rad/s\].
+const MUCH_BLUR: f64 = 3e-3;
 /// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
 const FLAT: usize = 5;
 const FLAT_SHARE: f64 = 0.005;
@@ -35,6 +40,8 @@ const FLAT_SHARE: f64 = 0.005;
 pub enum LogFault {
     /// The joint's torque runs against its motion: friction would give energy. Correlation of torque and speed.
     Sign(f64),
+    /// The torque is the model's with the other sign, and not one that friction takes. Correlation of the two.
+    Opposite(f64),
     /// The torque is the model's times this.
     Scale(f64),
     /// The joint moves and its torque is next to nothing.
@@ -50,18 +57,64 @@ pub enum LogFault {
     Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
     Still(f64),
+    /// Single samples of torque far beyond what is around them, replaced by that.
+    Spikes {
+        /// How many.
+        samples: usize,
+        /// The largest \[N·m\].
+        torque: f64,
+    },
+    /// The position leaves its path for a few samples so many times; a line is put there.
+    Glitches(usize),
+    /// The angle wraps so many times; unwrapped.
+    Wrapped(usize),
+    /// The position jumps and stays: the run is cut there.
+    Jump {
+        /// When \[s\].
+        at: f64,
+        /// By how much \[rad\].
+        by: f64,
+    },
+    /// All channels repeat though the joint moved before: the run is cut there.
+    Frozen {
+        /// Since when \[s\].
+        from: f64,
+        /// How long \[s\].
+        seconds: f64,
+    },
+    /// Positions come more slowly than the log's rows and are held in between: the run is looked at as often as they come.
+    Held {
+        /// Rows for which a position is held.
+        samples: usize,
+        /// \[s\]
+        seconds: f64,
+    },
+    /// Positions are known to this standard deviation \[rad\], which hides the direction of slow motion.
+    Steps {
+        /// \[rad\]
+        position: f64,
+        /// Speed below which the direction is not sure \[rad/s\].
+        speed: f64,
+    },
 }
 
 impl LogFault {
     /// The name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            LogFault::Sign(_) => "torque_sign",
+            LogFault::Sign(_) | LogFault::Opposite(_) => "torque_sign",
             LogFault::Scale(_) => "torque_scale",
             LogFault::Silent { .. } => "torque_silent",
             LogFault::Limit(_) => "torque_limit",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
+            LogFault::Spikes { .. } => "torque_spikes",
+            LogFault::Glitches(_) => "position_glitches",
+            LogFault::Wrapped(_) => "position_wrapped",
+            LogFault::Jump { .. } => "position_jump",
+            LogFault::Frozen { .. } => "frozen",
+            LogFault::Held { .. } => "position_held",
+            LogFault::Steps { .. } => "position_steps",
         }
     }
 
@@ -69,7 +122,14 @@ impl LogFault {
     pub fn value(self) -> f64 {
         match self {
             LogFault::Silent { carries, .. } => carries,
+            LogFault::Spikes { torque: v, .. }
+            | LogFault::Jump { by: v, .. }
+            | LogFault::Frozen { seconds: v, .. }
+            | LogFault::Held { seconds: v, .. }
+            | LogFault::Steps { position: v, .. } => v,
+            LogFault::Glitches(count) | LogFault::Wrapped(count) => count as f64,
             LogFault::Sign(v)
+            | LogFault::Opposite(v)
             | LogFault::Scale(v)
             | LogFault::Limit(v)
             | LogFault::Computed(v)
@@ -79,7 +139,7 @@ impl LogFault {
 
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
-        matches!(self, LogFault::Sign(_) | LogFault::Scale(_) | LogFault::Silent { .. })
+        matches!(self, LogFault::Sign(_) | LogFault::Opposite(_) | LogFault::Scale(_) | LogFault::Silent { .. })
     }
 
     /// What a person would say.
@@ -89,7 +149,11 @@ impl LogFault {
                 "torque runs against motion (correlation {v:.2}): its friction would give energy, so the sign or the \
                  scale of this channel is wrong"
             ),
-            LogFault::Scale(v) => format!("torque is {v:.2} times the model's: another unit or gear ratio?"),
+            LogFault::Opposite(v) => format!(
+                "torque runs against the model's (correlation {v:.2}) and friction takes none of it: the sign of this channel \
+                 is wrong"
+            ),
+            LogFault::Scale(v) => format!("torque is {} times the model's: another unit or gear ratio?", digits(v)),
             LogFault::Silent { carries, due } => format!(
                 "torque in motion is {carries:.2e} N m where friction and rotor of the file alone take {due:.3} N m: the \
                  channel is dead, or of a sensor or a computation that knows nothing of the drive; not evaluated"
@@ -100,9 +164,44 @@ impl LogFault {
                  there a motor current (torque_from in robot.toml)?",
                 100.0 * v
             ),
+            LogFault::Spikes { samples, torque } => format!(
+                "{samples} sample{} of torque far from those around, {torque:.1} N m at most: replaced by what is around",
+                if samples == 1 { "" } else { "s" }
+            ),
+            LogFault::Glitches(count) => {
+                format!(
+                    "position leaves its path {count} time{} for a few samples: bridged",
+                    if count == 1 { "" } else { "s" }
+                )
+            }
+            LogFault::Wrapped(count) => {
+                format!("angle wraps {count} time{}: unwrapped", if count == 1 { "" } else { "s" })
+            }
+            LogFault::Jump { at, by } => {
+                format!(
+                    "position jumps by {by:.3} rad at {at:.2} s and stays: the run is cut there, its longest part is used"
+                )
+            }
+            LogFault::Frozen { from, seconds } => format!(
+                "all channels stand still for {seconds:.2} s from {from:.2} s on though the joint moved: the run is cut there, \
+                 its longest part is used"
+            ),
+            LogFault::Held { samples, seconds } => format!(
+                "positions are held for {samples} rows, {:.1} ms: the run is looked at as often as they come",
+                1e3 * seconds
+            ),
+            LogFault::Steps { position, speed } => format!(
+                "position is known to {position:.1e} rad only (steps or noise): below {speed:.3} rad/s the direction of motion, \
+                 and of friction, is not sure"
+            ),
             LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: nothing can be said of its friction"),
         }
     }
+}
+
+/// Two significant digits.
+fn digits(v: f64) -> String {
+    if v.abs() < 0.095 { format!("{v:.1e}") } else { format!("{v:.2}") }
 }
 
 /// A fault and where it is.
@@ -124,6 +223,20 @@ pub(crate) fn computed(model: &Model, run: &Run) -> Vec<LogFinding> {
         fault: LogFault::Computed(misses.desired),
     };
     computed::joints(&model.arm, run).iter().map(finding).collect()
+}
+
+/// Torque that cannot be believed counts nowhere.
+pub(crate) fn distrust(run: &mut Prepared, nominal: &Nominal) {
+    for finding in check(run, nominal).into_iter().filter(|f| f.fault.spoils()) {
+        if let Some(j) = nominal.model.arm.joints.iter().position(|joint| joint.name == finding.joint) {
+            run.silent[j] = Some(finding.fault);
+        }
+    }
+}
+
+/// Whether no joint that moves is left of which the torque can be believed.
+pub(crate) fn is_unheard(runs: &[Prepared]) -> bool {
+    !runs.iter().any(|run| (0..run.silent.len()).any(|j| run.silent[j].is_none() && !is_still(&run.motion, j)))
 }
 
 /// Faults of one run, joint by joint.
@@ -150,12 +263,18 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let dissipates = cosine(tau, &speed);
         let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
         // A motion that does not come back may give more energy to gravity than friction takes; the model knows of that.
-        if dissipates < MAKES_ENERGY && cosine(tau, &modelled) < LIKE_THE_MODEL {
+        let alike = cosine(tau, &modelled);
+        if dissipates < MAKES_ENERGY && alike < LIKE_THE_MODEL {
             say(LogFault::Sign(dissipates));
-        } else if cosine(tau, &modelled) > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
+        } else if alike < UNLIKE_THE_MODEL && dissipates < 0.0 {
+            say(LogFault::Opposite(alike));
+        } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
             say(LogFault::Scale(scale));
         } else if let Some(fault) = run.silent[j] {
             say(fault);
+        }
+        if run.blur[j] > MUCH_BLUR {
+            say(LogFault::Steps { position: run.position_noise[j], speed: run.blur[j] });
         }
         if let Some(limit) = limit(&run.run.tau[j]) {
             say(LogFault::Limit(limit));

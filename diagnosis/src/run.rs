@@ -1,5 +1,7 @@
 //! A run as it was logged, and the motion in it.
 
+use std::ops::Range;
+
 use rivet_estimation::offline::{Trajectory, ZeroPhase};
 
 use crate::past::Past;
@@ -39,6 +41,30 @@ impl Run {
         self.q.len()
     }
 
+    /// A stretch of it by another name. What the joints did before comes after what they do in it.
+    pub(crate) fn part(&self, range: Range<usize>, name: String) -> Run {
+        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
+        let past = if range.start == 0 {
+            self.past.clone()
+        } else {
+            Past::after(&self.part(0..range.start, String::new()), 0.0)
+        };
+        Run { name, past, ..self.each(self.period_s, of) }
+    }
+
+    /// With all signals changed alike.
+    pub(crate) fn each(&self, period_s: f64, of: impl Fn(&Vec<Vec<f64>>) -> Vec<Vec<f64>>) -> Run {
+        Run {
+            name: self.name.clone(),
+            period_s,
+            q: of(&self.q),
+            tau: of(&self.tau),
+            desired: self.desired.as_ref().map(|d| Trajectory { q: of(&d.q), qd: of(&d.qd), qdd: of(&d.qdd) }),
+            temperature: self.temperature.as_ref().map(&of),
+            past: self.past.clone(),
+        }
+    }
+
     /// Length \[s\].
     pub fn seconds(&self) -> f64 {
         self.len() as f64 * self.period_s
@@ -55,20 +81,8 @@ pub(crate) fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
         return Some((runs, last));
     }
     let cut = (last.len() as f64 * LOOKED_AT) as usize;
-    let part = |range: std::ops::Range<usize>, name: &str| {
-        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
-        Run {
-            name: format!("{} ({name})", last.name),
-            period_s: last.period_s,
-            q: of(&last.q),
-            tau: of(&last.tau),
-            desired: last.desired.as_ref().map(|d| Trajectory { q: of(&d.q), qd: of(&d.qd), qdd: of(&d.qdd) }),
-            temperature: last.temperature.as_ref().map(of),
-            past: last.past.clone(),
-        }
-    };
-    let first = part(0..cut, "first part");
-    let rest = Run { past: Past::after(&first, 0.0), ..part(cut..last.len(), "rest") };
+    let first = last.part(0..cut, format!("{} (first part)", last.name));
+    let rest = last.part(cut..last.len(), format!("{} (rest)", last.name));
     Some((vec![first], rest))
 }
 

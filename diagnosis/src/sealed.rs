@@ -6,9 +6,13 @@ use crate::stages::Stages;
 
 /// A cause that is missed by less than this share of its own torque does not transfer.
 const TRANSFERS: f64 = 0.3;
-/// One that takes less than this share of what the others leave on its joints is nothing that the run shows. In 60 cases of
-/// another simulator true causes took 0.39 and more; on a measured arm that nothing fits, names took 0.001 to 0.01.
-const NOTICED: f64 = 0.1;
+/// One that takes less than this share of what the others leave on its joints is nothing that the run shows. In 75 cases of
+/// another simulator true causes took 0.6 and more; on a measured arm that nothing fits, names took 0.001 to 0.01.
+const NOTICED: f64 = 0.25;
+/// It is plain where it takes this share, and where what is left without it is this many times the noise. All but four of 51 true
+/// ones are; of false ones (signals that were tampered with: drift, slow sensors, coarse steps) the like of these.
+const PLAIN: f64 = 0.8;
+const PLAIN_OVER_NOISE: f64 = 2.0;
 /// What acts on the whole arm and leaves a joint so much more of its torque, as a share, is something else.
 const SPOILT: f64 = 0.1;
 /// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
@@ -110,6 +114,19 @@ impl Sealed<'_> {
         let along = 0.5 * (missed.by + missed.due);
         let takes = if missed.due > 0.0 { along * along / missed.due } else { missed.by };
         missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
+    }
+
+    /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.
+    fn without(&self, k: usize, j: usize) -> f64 {
+        let left = self.left(self.whole(), j);
+        let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+        self.mean_square(j, |row| left(row) + own(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
+    }
+
+    /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.
+    pub(crate) fn is_plain(&self, k: usize, joints: impl Iterator<Item = usize> + Clone) -> bool {
+        let missed = self.missed(k, joints.clone());
+        missed.by >= PLAIN * missed.of && joints.clone().any(|j| self.without(k, j) > PLAIN_OVER_NOISE)
     }
 
     /// Whether step `k` leaves some joint clearly more than there is without it.
