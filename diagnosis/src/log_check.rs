@@ -122,13 +122,13 @@ impl LogFault {
     pub fn value(self) -> f64 {
         match self {
             LogFault::Silent { carries, .. } => carries,
+            LogFault::Glitches(count) | LogFault::Wrapped(count) => count as f64,
             LogFault::Spikes { torque: v, .. }
             | LogFault::Jump { by: v, .. }
             | LogFault::Frozen { seconds: v, .. }
             | LogFault::Held { seconds: v, .. }
-            | LogFault::Steps { position: v, .. } => v,
-            LogFault::Glitches(count) | LogFault::Wrapped(count) => count as f64,
-            LogFault::Sign(v)
+            | LogFault::Steps { position: v, .. }
+            | LogFault::Sign(v)
             | LogFault::Opposite(v)
             | LogFault::Scale(v)
             | LogFault::Limit(v)

@@ -124,9 +124,9 @@ impl Sealed<'_> {
     }
 
     /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.
-    pub(crate) fn is_plain(&self, k: usize, joints: impl Iterator<Item = usize> + Clone) -> bool {
+    pub(crate) fn is_plain(&self, k: usize, mut joints: impl Iterator<Item = usize> + Clone) -> bool {
         let missed = self.missed(k, joints.clone());
-        missed.by >= PLAIN * missed.of && joints.clone().any(|j| self.without(k, j) > PLAIN_OVER_NOISE)
+        missed.by >= PLAIN * missed.of && joints.any(|j| self.without(k, j) > PLAIN_OVER_NOISE)
     }
 
     /// Whether step `k` leaves some joint clearly more than there is without it.

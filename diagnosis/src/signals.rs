@@ -66,19 +66,16 @@ pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
             if jump.abs() < LEAST_JUMP {
                 continue; // The way back of a glitch that is mended by now.
             }
-            match (at + 1..(at + 1 + GLITCH).min(samples)).find(|to| usual(*to)) {
-                Some(back) => {
-                    let (from, to) = (q[at - 1], q[back]);
-                    let span = (back + 1 - at) as f64;
-                    for k in at..back {
-                        q[k] = from + (to - from) * (k + 1 - at) as f64 / span;
-                    }
-                    glitches += 1;
+            if let Some(back) = (at + 1..(at + 1 + GLITCH).min(samples)).find(|to| usual(*to)) {
+                let (from, to) = (q[at - 1], q[back]);
+                let span = (back + 1 - at) as f64;
+                for k in at..back {
+                    q[k] = from + (to - from) * (k + 1 - at) as f64 / span;
                 }
-                None => {
-                    found.push((j, LogFault::Jump { at: at as f64 * run.period_s, by: jump }));
-                    cuts.push(at..at);
-                }
+                glitches += 1;
+            } else {
+                found.push((j, LogFault::Jump { at: at as f64 * run.period_s, by: jump }));
+                cuts.push(at..at);
             }
         }
         if wraps > 0 {

@@ -374,7 +374,8 @@ fn an_arm_with_a_gap_in_motion_is_not_said_to_have_none() {
 fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
     let Some(case) = shared("data/practice/case-24") else { return };
     let file = case.join("robot.toml");
-    let judge = |change: &dyn Fn(&mut Vec<Vec<f64>>, &mut Vec<Vec<f64>>)| {
+    type Signals = Vec<Vec<f64>>;
+    let judge = |change: &dyn Fn(&mut Signals, &mut Signals)| {
         let folder = tempfile::tempdir().expect("a folder");
         let runs = ["log-a.parquet", "log-b.parquet"].map(|name| {
             let log = read(case.join(name), &ReadOptions::new(6)).expect("a log");
@@ -394,7 +395,7 @@ fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
         assert!(said, "{fault} in {found:#}");
         assert_eq!(found["causes"], Value::Array(Vec::new()), "{found:#}");
     };
-    let every = |x: &mut Vec<Vec<f64>>, f: &dyn Fn(f64) -> f64| x.iter_mut().flatten().for_each(|x| *x = f(*x));
+    let every = |x: &mut Signals, f: &dyn Fn(f64) -> f64| x.iter_mut().flatten().for_each(|x| *x = f(*x));
 
     let flipped = judge(&|_, tau| every(tau, &|t| -t));
     is_said(&flipped, "torque_sign");
