@@ -428,9 +428,14 @@ impl Estimator {
             return Err(Skip::Frozen);
         }
         if changed != Changed::No {
+            // Not the arm is another one, if the nominal values fit as before.
+            let wrong = self.supervised() && self.witnesses.recent_refute(self.noise.equation_variance());
             // What is heaviest on an arm and changes at once is what it carries; if that was not it, the residuals stay.
-            if changed == Changed::Yes && self.forget_load() {
+            if changed == Changed::Yes && !wrong && self.forget_load() {
                 return Err(Skip::Changed);
+            }
+            if wrong {
+                self.values.copy_from_slice(&self.nominal);
             }
             self.begin_window();
         }
@@ -541,12 +546,8 @@ impl Estimator {
         changed
     }
 
-    /// Goes on with nothing in the window: from the values of now, or from the nominal ones if it is the values of now that do
-    /// not fit and not the arm that has changed.
+    /// Goes on from the values of now with nothing in the window.
     fn begin_window(&mut self) {
-        if self.supervised() && self.witnesses.recent_refute(self.noise.equation_variance()) {
-            self.values.copy_from_slice(&self.nominal);
-        }
         if let Some(change) = &mut self.change {
             change.restart();
         }

@@ -7,11 +7,12 @@
 //!
 //! ```text
 //! c_j(x) = Σ over witnesses of (w(τ − dᵀx))²,   joint j by joint j
-//! moved to:    c_j(new) ≤ max(c_j(now), slack·max(min(c_j(now), c_j(nominal)), σ²))         for every j
+//! moved to:    c_j(new) ≤ slack·min(max(c_j(now), σ²) + promised, max(c_j(nominal), σ²))    for every j, or
+//!              c_j(new) ≤ slack·max(c_j(now), σ²) for every j, and in the mean of all joints c_j(new) ≤ c_j(now)
 //! taken back:  c_j(x) > refuted·max(c_j(nominal), σ²)   for a j, and in the mean of all joints c_j(x) > c_j(nominal)
 //! ```
 //!
-//! σ² is what noise alone leaves: a difference below it is chance. Least squares is not asked: where the regressor is noisy it
+//! promised is what directions that move may err by according to their tolerance. σ² is what noise alone leaves: a difference below it is chance. Least squares is not asked: where the regressor is noisy it
 //! leaves less than the truth.
 
 use crate::kernels::Lanes;
@@ -193,15 +194,19 @@ impl Witnesses {
         &self.squares[whose as usize][..self.joints]
     }
 
-    /// Whether the values in question may be moved to. `noise` is the variance of a row.
-    pub(super) fn admit(&self, noise: f64) -> bool {
-        let noise = noise * self.kept as f64;
+    /// Whether the values in question may be moved to. `noise` is the variance of a row, `promised` what errors that are
+    /// tolerated may add to it.
+    pub(super) fn admit(&self, noise: f64, promised: f64) -> bool {
+        let [noise, promised] = [noise, promised].map(|variance| variance * self.kept as f64);
         let [nominal, now, new] = [Whose::Nominal, Whose::Now, Whose::New].map(|whose| self.squares(whose));
-        // Not the other way round: what is no number is not admitted.
-        new.iter()
-            .zip(now)
-            .zip(nominal)
-            .all(|((new, now), nominal)| *new <= now.max(SLACK * now.min(*nominal).max(noise)) && new.is_finite())
+        let (mut fits, mut near, mut change) = (true, true, 0.0);
+        for ((new, now), nominal) in new.iter().zip(now).zip(nominal) {
+            fits &= *new <= SLACK * (now.max(noise) + promised).min(nominal.max(noise));
+            near &= *new <= SLACK * now.max(noise);
+            change += (new - now) / nominal.max(noise).max(f64::MIN_POSITIVE);
+        }
+        // What is no number is not admitted.
+        fits || near && change <= 0.0
     }
 
     /// Whether the values of now are refuted, or (`new`) those in question.

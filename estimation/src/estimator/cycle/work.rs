@@ -279,18 +279,21 @@ impl Estimator {
     fn conclude(&mut self) {
         let noise = self.noise.equation_variance();
         let moved = self.cycle.solved;
-        let admitted = !self.supervised() || self.witnesses.admit(noise);
+        let active = self.cycle.active.iter().filter(|active| **active).count();
+        let promised = active as f64 * self.cycle.tolerance().powi(2) / self.rows.tau.len() as f64;
+        let admitted = !self.supervised() || self.witnesses.admit(noise, promised);
         if moved && admitted {
             let Cycle { x, scratch, .. } = &mut self.cycle;
             std::mem::swap(x, scratch);
         } else {
-            self.cycle.hold();
+            // What was refused is identified no less for that; it does not move.
+            self.cycle.solved = false;
         }
         self.verdict.suspended |= moved && !admitted;
         if let Judge::Directions(scheme) = &mut self.cycle.judge {
             scheme.remember(&self.cycle.active);
         }
-        self.verdict.active = self.cycle.active.iter().filter(|a| **a).count();
+        self.verdict.active = if self.cycle.solved { active } else { 0 };
         if self.supervised() && self.witnesses.refute(moved && admitted, noise) {
             self.take_back();
         } else if moved && admitted {
