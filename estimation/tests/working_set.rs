@@ -36,9 +36,9 @@ fn working_set() {
     let Some(bench) = Bench::new("staubli-tx40") else { return };
     let n = bench.len();
     for (name, supervision, most) in [
-        ("eigen", Supervision::Eigen(EigenSettings::default()), 290.0),
-        ("tracked", Supervision::Tracked(TrackedSettings::default()), 315.0),
-        ("off", Supervision::Off, 260.0),
+        ("eigen", Supervision::Eigen(EigenSettings::default()), 327.0),
+        ("tracked", Supervision::Tracked(TrackedSettings::default()), 352.0),
+        ("off", Supervision::Off, 297.0),
     ] {
         let settings =
             Settings { supervision, instruments: Instruments::Setpoint, ..Settings::new(bench.dof(), 0.001) };
