@@ -154,7 +154,7 @@ pub struct Estimator {
 pub struct Directions<'a> {
     /// The estimate, n.
     pub coordinates: &'a [f64],
-    /// Orthonormal directions, and whether each moved in the last step.
+    /// Orthonormal directions, and whether each was identified in the last step: then it moved, unless the measured rows refused.
     pub directions: Vec<(&'a [f64], bool)>,
 }
 

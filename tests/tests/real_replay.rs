@@ -134,7 +134,8 @@ fn instruments_of_long_ago_do_not_make_values_worse_than_nominal() {
                 ("[supervision]\n", format!("kind = \"{kind}\"\n")),
             ] {
                 if !text.contains(section) {
-                    text += &format!("\n{section}");
+                    text.push('\n');
+                    text.push_str(section);
                 }
                 text = text.replacen(section, &format!("{section}{line}"), 1);
             }
