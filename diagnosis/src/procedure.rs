@@ -330,8 +330,9 @@ impl Procedure<'_> {
         let effects = || steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
         // When contact comes again no motion tells.
         let told = effects().next().is_some() && effects().all(|a| !matches!(a.form, Form::Force { .. }));
-        // An effect beside which most of the gap in motion is left may be a part of what nobody knows.
-        let open = !faulty && told && left_over && sealed.left_in_motion() > MOST_LEFT;
+        // An effect beside which most of the gap in motion is left may be a part of what nobody knows, where that is everywhere. On a
+        // joint by itself it may be a form that goes on otherwise than it began.
+        let open = !faulty && told && left_over && sealed.is_mostly_open() && sealed.left_in_motion() > MOST_LEFT;
         if refuted || open {
             withdrawn.append(&mut causes);
             upheld.fill(false);

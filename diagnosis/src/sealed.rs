@@ -59,6 +59,14 @@ impl Sealed<'_> {
         [0, self.whole()].map(|stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor)
     }
 
+    /// Whether most joints keep more than noise in motion with all causes.
+    pub(crate) fn is_mostly_open(&self) -> bool {
+        let heard = (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none());
+        let count = heard.clone().count();
+        let open = heard.filter(|j| self.in_motion(*j)[1] > IN_MOTION).count();
+        2 * open > count
+    }
+
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.
     pub(crate) fn left_in_motion(&self) -> f64 {
         let heard = (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none());
@@ -94,10 +102,14 @@ impl Sealed<'_> {
         missed.by >= TRANSFERS * missed.due
     }
 
-    /// The same of an effect, and whether it takes a part of what the others leave there.
+    /// The same of an effect, and whether it takes a part of what the others leave there, or would at the size that this run asks
+    /// for: what goes on otherwise than it began may be far too small, and be it all the same.
     pub(crate) fn notices(&self, k: usize, joints: impl Iterator<Item = usize>) -> bool {
         let missed = self.missed(k, joints);
-        missed.by >= TRANSFERS * missed.due && missed.by >= NOTICED * missed.of
+        // Of own torque a and what is left without it r: by = 2ar - a², so that the best multiple of a takes (ar)²/a².
+        let along = 0.5 * (missed.by + missed.due);
+        let takes = if missed.due > 0.0 { along * along / missed.due } else { missed.by };
+        missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
     }
 
     /// Whether step `k` leaves some joint clearly more than there is without it.
