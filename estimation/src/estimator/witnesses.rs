@@ -59,6 +59,11 @@ pub(super) struct Witnesses {
     longest: u64,
     passed: u64,
     squares: [Lanes; 3],
+    /// Weight that the window gives to the oldest of two neighbours over the younger one, and the sum of all weights.
+    fading: f64,
+    weights: f64,
+    /// Rows of a time constant.
+    window: f64,
     /// Means of the squares of the last rows: nominal values, values of the time.
     recent: [Lanes; 2],
     /// Scaled parameters: the nominal ones, those of now and those in question.
@@ -82,6 +87,9 @@ impl Witnesses {
             longest: longest(window),
             passed: 0,
             squares: [[0.0; MAX_JOINTS]; 3],
+            fading: 1.0,
+            weights: 0.0,
+            window,
             recent: [[0.0; MAX_JOINTS]; 2],
             nominal: zeros(),
             now: zeros(),
@@ -91,7 +99,7 @@ impl Witnesses {
 
     /// Goes on with the window of `fresh`.
     pub(super) fn reconfigure(&mut self, fresh: &Witnesses) {
-        self.longest = fresh.longest;
+        (self.longest, self.window) = (fresh.longest, fresh.window);
         self.stride = self.stride.min(self.longest);
     }
 
@@ -177,16 +185,24 @@ impl Witnesses {
     /// Before the first is asked.
     pub(super) fn begin(&mut self) {
         self.squares = [[0.0; MAX_JOINTS]; 3];
+        self.fading = (-(self.stride as f64) / self.window).exp();
+        self.weights = 0.0;
     }
 
     /// What instant `at` says.
     pub(super) fn ask(&mut self, at: usize) {
+        if at >= self.kept {
+            return;
+        }
         let instant = at * self.joints..(at + 1) * self.joints;
+        let younger = (self.next + WITNESSES - 1 - at) % WITNESSES;
+        let weight = self.fading.powi(younger as i32);
+        self.weights += weight;
         let rows = self.rows[at * self.joints * self.n..].chunks_exact(self.n);
         for ((j, &tau), row) in self.tau[instant].iter().enumerate().zip(rows) {
             for (squares, x) in self.squares.iter_mut().zip([&self.nominal, &self.now, &self.new]) {
                 let residual = f64::from(tau) - product(row, x);
-                squares[j] += residual * residual;
+                squares[j] += weight * residual * residual;
             }
         }
     }
@@ -198,7 +214,7 @@ impl Witnesses {
     /// Whether the values in question may be moved to. `noise` is the variance of a row, `promised` what errors that are
     /// tolerated may add to it.
     pub(super) fn admit(&self, noise: f64, promised: f64) -> bool {
-        let [noise, promised] = [noise, promised].map(|variance| variance * self.kept as f64);
+        let [noise, promised] = [noise, promised].map(|variance| variance * self.weights);
         let [nominal, now, new] = [Whose::Nominal, Whose::Now, Whose::New].map(|whose| self.squares(whose));
         let (mut fits, mut near, mut change) = (true, true, 0.0);
         for ((new, now), nominal) in new.iter().zip(now).zip(nominal) {
@@ -213,7 +229,7 @@ impl Witnesses {
     /// Whether the values of now are refuted, or (`new`) those in question.
     pub(super) fn refute(&self, new: bool, noise: f64) -> bool {
         let whose = if new { Whose::New } else { Whose::Now };
-        let noise = noise * self.kept as f64;
+        let noise = noise * self.weights;
         self.kept >= LEAST && refuted(self.squares(whose), self.squares(Whose::Nominal), noise)
     }
 }
