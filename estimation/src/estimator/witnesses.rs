@@ -6,14 +6,16 @@
 //! nominal values do.
 //!
 //! ```text
-//! c_j(x) = Σ over witnesses of (w(τ − dᵀx))²,   joint j by joint j
+//! c_j(x) = Σ over witnesses of e^(−age/window)·(w(τ − dᵀx))²,   joint j by joint j; age and window in rows
 //! moved to:    c_j(new) ≤ slack·min(max(c_j(now), σ²) + promised, max(c_j(nominal), σ²))    for every j, or
 //!              c_j(new) ≤ slack·max(c_j(now), σ²) for every j, and in the mean of all joints c_j(new) ≤ c_j(now)
 //! taken back:  c_j(x) > refuted·max(c_j(nominal), σ²)   for a j, and in the mean of all joints c_j(x) > c_j(nominal)
 //! ```
 //!
-//! promised is what directions that move may err by according to their tolerance. σ² is what noise alone leaves: a difference below it is chance. Least squares is not asked: where the regressor is noisy it
-//! leaves less than the truth.
+//! Age counts as it does in the window that the solution is made of: else values that follow a change of the arm would be refused
+//! for what the arm was before. promised is what directions that move may err by according to their tolerance, σ² what noise alone
+//! leaves (both times the sum of the weights): a difference below it is chance. Least squares is not asked: where the regressor is
+//! noisy it leaves less than the truth.
 
 use crate::kernels::Lanes;
 use crate::memory::{Carry, MANY};
@@ -48,7 +50,7 @@ enum Whose {
 pub(super) struct Witnesses {
     n: usize,
     joints: usize,
-    /// Scaled, weighted rows and torques of one instant after the other; zeros where there is none.
+    /// Scaled, weighted rows and torques of one instant after the other, a ring. The first `kept` of them are there.
     rows: Vec<f32>,
     tau: Vec<f32>,
     kept: usize,
@@ -59,10 +61,10 @@ pub(super) struct Witnesses {
     longest: u64,
     passed: u64,
     squares: [Lanes; 3],
-    /// Weight that the window gives to the oldest of two neighbours over the younger one, and the sum of all weights.
+    /// Weight of a witness over that of the next younger one, and the sum of the weights of those that were asked.
     fading: f64,
     weights: f64,
-    /// Rows of a time constant.
+    /// Updates in a time constant of the window.
     window: f64,
     /// Means of the squares of the last rows: nominal values, values of the time.
     recent: [Lanes; 2],
@@ -73,7 +75,7 @@ pub(super) struct Witnesses {
 }
 
 impl Witnesses {
-    /// For `window` rows, of which as many witnesses as there are shall be spread over one time constant.
+    /// For a window with a time constant of `window` updates, over which the witnesses are to be spread.
     pub(super) fn new(joints: usize, n: usize, window: f64) -> Witnesses {
         let zeros = || vec![0.0; n];
         Witnesses {
@@ -121,8 +123,6 @@ impl Witnesses {
 
     /// Nobody has seen anything: the arm may be another one.
     pub(super) fn restart(&mut self) {
-        self.rows.fill(0.0);
-        self.tau.fill(0.0);
         (self.kept, self.next, self.stride, self.passed) = (0, 0, 1, 0);
         self.recent = [[0.0; MAX_JOINTS]; 2];
     }
@@ -165,8 +165,6 @@ impl Witnesses {
                 self.rows.copy_within(from * size..(from + 1) * size, slot * size);
                 self.tau.copy_within(from * self.joints..(from + 1) * self.joints, slot * self.joints);
             }
-            self.rows[WITNESSES / 2 * size..].fill(0.0);
-            self.tau[WITNESSES / 2 * self.joints..].fill(0.0);
             (self.kept, self.next) = (WITNESSES / 2, WITNESSES / 2);
             self.stride = (2 * self.stride).min(self.longest);
         }
@@ -189,7 +187,8 @@ impl Witnesses {
         self.weights = 0.0;
     }
 
-    /// What instant `at` says.
+    /// What instant `at` says, if there is one. Ages go by the stride of now: what another stride has left counts as somewhat younger
+    /// or older than it is until the ring has come round.
     pub(super) fn ask(&mut self, at: usize) {
         if at >= self.kept {
             return;
