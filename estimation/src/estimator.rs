@@ -15,6 +15,7 @@ mod long_run;
 #[cfg(test)]
 mod nees;
 mod payload;
+mod witnesses;
 
 pub use comparison::Hausman;
 
@@ -33,6 +34,7 @@ use comparison::Comparison;
 use cycle::Cycle;
 use long_run::LongRun;
 use payload::Payload;
+use witnesses::Witnesses;
 
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
 /// zero is not known exactly.
@@ -124,6 +126,7 @@ pub struct Estimator {
     count: [f64; 2],
     long_run: LongRun,
     comparison: Comparison,
+    witnesses: Witnesses,
     cycle: Cycle,
     /// Scaled, weighted rows, and the same in working coordinates.
     rows: Rows,
@@ -151,7 +154,7 @@ pub struct Estimator {
 pub struct Directions<'a> {
     /// The estimate, n.
     pub coordinates: &'a [f64],
-    /// Orthonormal directions, and whether each moved in the last step.
+    /// Orthonormal directions, and whether each was identified in the last step: then it moved, unless the measured rows refused.
     pub directions: Vec<(&'a [f64], bool)>,
 }
 
@@ -203,6 +206,7 @@ impl Estimator {
             count: [0.0; 2],
             long_run: LongRun::new(n, settings.block.max(1)),
             comparison: Comparison::new(p, n),
+            witnesses: Witnesses::new(p, n, 1.0 / (1.0 - settings.forgetting)),
             cycle: Cycle::new(n, judge),
             rows: Rows {
                 d: vec![0.0; p * n],
@@ -284,6 +288,7 @@ impl Estimator {
         carry.sizes(&mut self.count);
         self.long_run.carry(carry);
         self.comparison.carry(carry);
+        self.witnesses.carry(carry);
         self.cycle.carry(carry);
         carry.sizes(&mut self.std);
         for state in &mut self.state {
@@ -337,6 +342,7 @@ impl Estimator {
         self.count = [0.0; 2];
         self.long_run.restart();
         self.comparison.restart();
+        self.witnesses.restart();
         self.instrument = Instrument::None;
     }
 
@@ -373,6 +379,7 @@ impl Estimator {
         std::mem::swap(&mut self.prior, &mut fresh.prior);
         self.ud.reconfigure(&mut fresh.ud);
         self.noise.reconfigure(&fresh.noise);
+        self.witnesses.reconfigure(&fresh.witnesses);
         self.residuals.reconfigure(&fresh.residuals);
         self.long_run.reconfigure(&fresh.long_run);
         true
@@ -421,9 +428,14 @@ impl Estimator {
             return Err(Skip::Frozen);
         }
         if changed != Changed::No {
+            // Not the arm is another one, if the nominal values fit as before.
+            let wrong = self.supervised() && self.witnesses.recent_refute(self.noise.equation_variance());
             // What is heaviest on an arm and changes at once is what it carries; if that was not it, the residuals stay.
-            if changed == Changed::Yes && self.forget_load() {
+            if changed == Changed::Yes && !wrong && self.forget_load() {
                 return Err(Skip::Changed);
+            }
+            if wrong {
+                self.values.copy_from_slice(&self.nominal);
             }
             self.begin_window();
         }
@@ -443,6 +455,7 @@ impl Estimator {
         for ((out, x), scale) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.inverse_column) {
             *out = x * scale;
         }
+        self.witnesses.add(&rows.d, &rows.tau);
         let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
         self.instrument = instrument;
         for j in 0..tau.len() {
@@ -521,6 +534,7 @@ impl Estimator {
             // By the noise as it was before this row: no row excuses itself.
             self.rows.weight[j] = self.noise.weight(j, noise) * share[j].sqrt();
             self.rows.residual[j] = noise * self.rows.weight[j];
+            self.witnesses.watch(j, [nominal, residual].map(|residual| residual * self.rows.weight[j]));
             if share[j] >= CLEAR {
                 self.residuals.add(j, [residual, nominal, tau[j]]);
                 if !self.frozen {

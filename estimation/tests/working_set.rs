@@ -47,9 +47,9 @@ fn held(bench: &Bench, settings: &Settings) -> f64 {
 fn working_set() {
     let auto = Instruments::Auto { delay_s: 0.02, longest_cycle_s: 20.0 };
     for (arm, decimation, filter_hz, most) in [
-        ("staubli-tx40", 8, 25.0, [[300.0, 705.0], [295.0, 700.0], [266.0, 670.0]]),
-        ("ur10e", 20, 6.0, [[280.0, 455.0], [282.0, 458.0], [246.0, 421.0]]),
-        ("manutec-r3", 10, 20.0, [[280.0, 608.0], [283.0, 610.0], [246.0, 573.0]]),
+        ("staubli-tx40", 8, 25.0, [[341.0, 747.0], [335.0, 741.0], [306.0, 711.0]]),
+        ("ur10e", 20, 6.0, [[317.0, 492.0], [320.0, 496.0], [284.0, 459.0]]),
+        ("manutec-r3", 10, 20.0, [[317.0, 646.0], [320.0, 648.0], [284.0, 611.0]]),
     ] {
         let Some(bench) = Bench::new(arm) else { continue };
         let n = bench.len();

@@ -39,6 +39,10 @@ enum Stage {
         row: usize,
     },
     Move,
+    /// What the measured rows say of the new values, instant by instant.
+    Ask {
+        at: usize,
+    },
     Deviations {
         done: usize,
     },
@@ -184,14 +188,7 @@ impl Cycle {
         self.begin_anew();
         (self.fresh, self.rows) = (false, 0);
         self.next = 0;
-        match whitening {
-            Some(whitening) => whitening.coordinates(x, &mut self.x),
-            None => self.x.copy_from_slice(x),
-        }
-        for (belief, prior) in self.belief.iter_mut().zip(prior) {
-            *belief = PRIOR_CAUTION * prior;
-        }
-        self.width.copy_from_slice(prior);
+        self.place(x, prior, whitening);
     }
 
     /// The scheme that keeps its own sums.
@@ -333,17 +330,17 @@ impl Cycle {
         u.iter().zip(&self.index).map(|(u, k)| u * row(k)).sum()
     }
 
-    /// Moves what is active; false if nothing moved.
-    fn take_step(&mut self) -> bool {
+    /// Where what is active would move to, left in `scratch`; false if nothing moves.
+    fn propose(&mut self) -> bool {
         let n = self.x.len();
         let size = self.index.len();
+        self.scratch.copy_from_slice(&self.x);
         self.solved = size > 0 && !self.lu.is_singular();
         if !self.solved {
             self.active.fill(false);
             return false;
         }
         self.lu.solve(&mut self.step[..size]);
-        self.scratch.copy_from_slice(&self.x);
         for a in 0..size {
             let k = self.index[a];
             match &self.judge {
@@ -354,13 +351,38 @@ impl Cycle {
             }
         }
         if self.scratch.iter().all(|x| x.is_finite()) {
-            std::mem::swap(&mut self.x, &mut self.scratch);
-            true
-        } else {
-            self.solved = false;
-            self.active.fill(false);
-            false
+            return true;
         }
+        self.scratch.copy_from_slice(&self.x);
+        self.hold();
+        false
+    }
+
+    /// Nothing moves in this cycle.
+    fn hold(&mut self) {
+        self.solved = false;
+        self.active.fill(false);
+    }
+
+    /// Takes back the estimate: the scaled parameters `x`, of which nothing but the prior is known. What moved before has no
+    /// advantage any more; rows and what is known from them of the information stay.
+    fn take_back(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
+        self.hold();
+        self.place(x, prior, whitening);
+        if let Judge::Directions(scheme) = &mut self.judge {
+            scheme.forget_history();
+        }
+    }
+
+    fn place(&mut self, x: &[f64], prior: &[f64], whitening: Option<&Whitening>) {
+        match whitening {
+            Some(whitening) => whitening.coordinates(x, &mut self.x),
+            None => self.x.copy_from_slice(x),
+        }
+        for (belief, prior) in self.belief.iter_mut().zip(prior) {
+            *belief = PRIOR_CAUTION * prior;
+        }
+        self.width.copy_from_slice(prior);
     }
 
     /// Variances of scaled parameter i: of what moves, and of what is held.

@@ -109,6 +109,7 @@ impl Estimator {
         self.rls_values.copy_from_slice(&self.values);
         self.long_run.restart();
         self.comparison.restart();
+        self.witnesses.restart();
         true
     }
 

@@ -1,6 +1,7 @@
 //! The turns of the slow work, and what its end publishes.
 
 use super::super::Estimator;
+use super::super::witnesses::Witnesses;
 use super::{Cycle, Stage};
 use crate::linear::{Budget, items_per_step, packed};
 use crate::report::ParameterState;
@@ -53,9 +54,10 @@ impl Estimator {
 
     /// Whether there is something new to decide by.
     fn is_due(&self) -> bool {
-        let lambda = self.settings.forgetting;
+        // With nothing forgotten this is the limit; where forgetting varies, that of now counts.
+        let forgotten = (1.0 - self.lambda).max(0.0);
         let least = match self.cycle.judge {
-            Judge::Directions(_) if lambda < 1.0 => (1.0 / ((1.0 - lambda) * MOST_DECISIONS)).min(MOST_ROWS),
+            Judge::Directions(_) => (1.0 / (forgotten * MOST_DECISIONS)).min(MOST_ROWS),
             _ => 0.0,
         };
         self.cycle.fresh && f64::from(self.cycle.rows) >= least
@@ -106,9 +108,24 @@ impl Estimator {
                 }
             }
             Stage::Move => {
-                self.finish_step();
+                self.propose();
                 budget.charge(3 * n * n);
-                Stage::Deviations { done: 0 }
+                Stage::Ask { at: 0 }
+            }
+            Stage::Ask { at } => {
+                let mut at = at;
+                while at < Witnesses::count() && !budget.is_spent() {
+                    self.witnesses.ask(at);
+                    budget.charge(self.witnesses.cost());
+                    at += 1;
+                }
+                if at < Witnesses::count() {
+                    Stage::Ask { at }
+                } else {
+                    self.conclude();
+                    budget.charge(2 * n * n);
+                    Stage::Deviations { done: 0 }
+                }
             }
             Stage::Deviations { done } => {
                 let (cost, mut done) = (self.deviation_cost(), done);
@@ -204,16 +221,23 @@ impl Estimator {
         self.cycle.variance = self.row_variance();
         self.cycle.fresh = false;
         self.excitations();
-        let Cycle { judge, variance, belief, width, x, active, verdict, .. } = &mut self.cycle;
+        let Cycle { judge, variance, belief, width, x, active, verdict, scratch, .. } = &mut self.cycle;
         let Judge::Tracked(scheme) = judge else { return };
         let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
-        let moved = scheme.solve(known, x, active, verdict);
+        scratch.copy_from_slice(x);
+        let moved = scheme.solve(known, scratch, active, verdict);
         self.cycle.solved = moved;
         self.verdict = self.cycle.verdict;
         self.verdict.suspended = !moved && self.verdict.active > 0;
-        if moved {
-            self.publish_values();
+        match &self.whitening {
+            Some(whitening) => whitening.parameters(&self.cycle.scratch, &mut self.witnesses.new),
+            None => self.witnesses.new.copy_from_slice(&self.cycle.scratch),
         }
+        self.question();
+        for at in 0..Witnesses::count() {
+            self.witnesses.ask(at);
+        }
+        self.conclude();
         self.deviations(count);
     }
 
@@ -223,19 +247,70 @@ impl Estimator {
         judge.advance(s, known, active, verdict, budget)
     }
 
-    fn finish_step(&mut self) {
+    /// Where the solution would go, and the question whether the rows say that it may.
+    fn propose(&mut self) {
         let cycle = &mut self.cycle;
-        let wanted = cycle.active.iter().any(|a| *a);
-        let moved = cycle.take_step();
-        if let Judge::Directions(scheme) = &mut cycle.judge {
-            scheme.remember(&cycle.active);
-        }
         self.verdict = cycle.verdict;
-        self.verdict.active = cycle.active.iter().filter(|a| **a).count();
+        let wanted = cycle.active.iter().any(|a| *a);
+        let moved = cycle.propose();
         self.verdict.suspended |= wanted && !moved;
-        if moved {
+        match &self.whitening {
+            Some(whitening) => whitening.parameters(&self.cycle.scratch, &mut self.witnesses.new),
+            None => self.witnesses.new.copy_from_slice(&self.cycle.scratch),
+        }
+        self.question();
+    }
+
+    /// What was put in `new` is weighed against the values of now and the nominal ones from now on.
+    fn question(&mut self) {
+        for (i, c) in self.column.iter().enumerate() {
+            self.witnesses.nominal[i] = self.nominal[i] * c;
+            self.witnesses.now[i] = self.values[i] * c;
+        }
+        self.witnesses.begin();
+    }
+
+    /// Whether anything is judged at all.
+    pub(in crate::estimator) fn supervised(&self) -> bool {
+        !matches!(self.cycle.judge, Judge::Off)
+    }
+
+    /// Moves to where the solution goes, stays, or goes back to the nominal values.
+    fn conclude(&mut self) {
+        let noise = self.noise.equation_variance();
+        let moved = self.cycle.solved;
+        let active = self.cycle.active.iter().filter(|active| **active).count();
+        let promised = active as f64 * self.cycle.tolerance().powi(2) / self.rows.tau.len() as f64;
+        let admitted = !self.supervised() || self.witnesses.admit(noise, promised);
+        if moved && admitted {
+            let Cycle { x, scratch, .. } = &mut self.cycle;
+            std::mem::swap(x, scratch);
+        } else {
+            // What was refused is identified no less for that; it does not move.
+            self.cycle.solved = false;
+        }
+        self.verdict.suspended |= moved && !admitted;
+        if let Judge::Directions(scheme) = &mut self.cycle.judge {
+            scheme.remember(&self.cycle.active);
+        }
+        self.verdict.active = if self.cycle.solved { active } else { 0 };
+        if self.supervised() && self.witnesses.refute(moved && admitted, noise) {
+            self.take_back();
+        } else if moved && admitted {
             self.publish_values();
         }
+    }
+
+    /// The nominal values stand again, known as well as before anything was learnt. The window stays.
+    fn take_back(&mut self) {
+        self.cycle.take_back(&self.witnesses.nominal, &self.prior, self.whitening.as_ref());
+        self.verdict.suspended = true;
+        self.verdict.active = 0;
+        self.values.copy_from_slice(&self.nominal);
+        for ((std, prior), c) in self.std.iter_mut().zip(&self.prior).zip(&self.column) {
+            *std = prior / c;
+        }
+        self.state.fill(ParameterState::Unidentified);
     }
 
     /// Values from the working coordinates.

@@ -114,7 +114,10 @@ fn a_period_of_the_estimator_never_costs_more_than_with_rich_motion() {
         let mut periods = Vec::new();
         for _ in 0..ROWS {
             let z: Vec<f64> = (0..P * N).map(|i| if i % N < columns { size * random.normal() } else { 0.0 }).collect();
-            let tau: Vec<f64> = (0..P).map(|_| size * random.normal()).collect();
+            // With rich motion the model fits: nothing that is found is refused.
+            let fits = size == 1.0 && columns == N;
+            let own = |row: &[f64]| if fits { row.iter().sum() } else { size * random.normal() };
+            let tau: Vec<f64> = z.chunks_exact(N).map(own).collect();
             estimator.update(&z, Some((&z, Instrument::Setpoint)), &tau, &[1.0; P]).expect("sound rows");
             periods.extend((0..PERIODS).map(|_| counted(|| estimator.work())[0]));
         }
