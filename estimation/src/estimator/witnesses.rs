@@ -195,7 +195,7 @@ impl Witnesses {
         }
         let instant = at * self.joints..(at + 1) * self.joints;
         let younger = (self.next + WITNESSES - 1 - at) % WITNESSES;
-        let weight = self.fading.powi(younger as i32);
+        let weight = self.fading.powi(i32::try_from(younger).unwrap_or(i32::MAX));
         self.weights += weight;
         let rows = self.rows[at * self.joints * self.n..].chunks_exact(self.n);
         for ((j, &tau), row) in self.tau[instant].iter().enumerate().zip(rows) {
