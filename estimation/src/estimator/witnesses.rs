@@ -6,16 +6,15 @@
 //! nominal values do.
 //!
 //! ```text
-//! c_j(x) = Σ over witnesses of e^(−age/window)·(w(τ − dᵀx))²,   joint j by joint j; age and window in rows
+//! c_j(x) = Σ over witnesses of (w(τ − dᵀx))²,   joint j by joint j
 //! moved to:    c_j(new) ≤ slack·min(max(c_j(now), σ²) + promised, max(c_j(nominal), σ²))    for every j, or
 //!              c_j(new) ≤ slack·max(c_j(now), σ²) for every j, and in the mean of all joints c_j(new) ≤ c_j(now)
 //! taken back:  c_j(x) > refuted·max(c_j(nominal), σ²)   for a j, and in the mean of all joints c_j(x) > c_j(nominal)
 //! ```
 //!
-//! Age counts as it does in the window that the solution is made of: else values that follow a change of the arm would be refused
-//! for what the arm was before. promised is what directions that move may err by according to their tolerance, σ² what noise alone
-//! leaves (both times the sum of the weights): a difference below it is chance. Least squares is not asked: where the regressor is
-//! noisy it leaves less than the truth.
+//! promised is what directions that move may err by according to their tolerance, σ² what noise alone leaves: a difference below
+//! it is chance. Least squares is not asked: where the regressor is noisy it leaves less than the truth. Witnesses do not weigh by
+//! their age: with the weights of the window, bursts of instruments of long ago were refuted later.
 
 use crate::kernels::Lanes;
 use crate::memory::{Carry, MANY};
@@ -50,7 +49,7 @@ enum Whose {
 pub(super) struct Witnesses {
     n: usize,
     joints: usize,
-    /// Scaled, weighted rows and torques of one instant after the other, a ring. The first `kept` of them are there.
+    /// Scaled, weighted rows and torques of one instant after the other; zeros where there is none.
     rows: Vec<f32>,
     tau: Vec<f32>,
     kept: usize,
@@ -61,11 +60,6 @@ pub(super) struct Witnesses {
     longest: u64,
     passed: u64,
     squares: [Lanes; 3],
-    /// Weight of a witness over that of the next younger one, and the sum of the weights of those that were asked.
-    fading: f64,
-    weights: f64,
-    /// Updates in a time constant of the window.
-    window: f64,
     /// Means of the squares of the last rows: nominal values, values of the time.
     recent: [Lanes; 2],
     /// Scaled parameters: the nominal ones, those of now and those in question.
@@ -75,7 +69,7 @@ pub(super) struct Witnesses {
 }
 
 impl Witnesses {
-    /// For a window with a time constant of `window` updates, over which the witnesses are to be spread.
+    /// For `window` rows, of which as many witnesses as there are shall be spread over one time constant.
     pub(super) fn new(joints: usize, n: usize, window: f64) -> Witnesses {
         let zeros = || vec![0.0; n];
         Witnesses {
@@ -89,9 +83,6 @@ impl Witnesses {
             longest: longest(window),
             passed: 0,
             squares: [[0.0; MAX_JOINTS]; 3],
-            fading: 1.0,
-            weights: 0.0,
-            window,
             recent: [[0.0; MAX_JOINTS]; 2],
             nominal: zeros(),
             now: zeros(),
@@ -101,7 +92,7 @@ impl Witnesses {
 
     /// Goes on with the window of `fresh`.
     pub(super) fn reconfigure(&mut self, fresh: &Witnesses) {
-        (self.longest, self.window) = (fresh.longest, fresh.window);
+        self.longest = fresh.longest;
         self.stride = self.stride.min(self.longest);
     }
 
@@ -123,6 +114,8 @@ impl Witnesses {
 
     /// Nobody has seen anything: the arm may be another one.
     pub(super) fn restart(&mut self) {
+        self.rows.fill(0.0);
+        self.tau.fill(0.0);
         (self.kept, self.next, self.stride, self.passed) = (0, 0, 1, 0);
         self.recent = [[0.0; MAX_JOINTS]; 2];
     }
@@ -165,6 +158,8 @@ impl Witnesses {
                 self.rows.copy_within(from * size..(from + 1) * size, slot * size);
                 self.tau.copy_within(from * self.joints..(from + 1) * self.joints, slot * self.joints);
             }
+            self.rows[WITNESSES / 2 * size..].fill(0.0);
+            self.tau[WITNESSES / 2 * self.joints..].fill(0.0);
             (self.kept, self.next) = (WITNESSES / 2, WITNESSES / 2);
             self.stride = (2 * self.stride).min(self.longest);
         }
@@ -183,25 +178,16 @@ impl Witnesses {
     /// Before the first is asked.
     pub(super) fn begin(&mut self) {
         self.squares = [[0.0; MAX_JOINTS]; 3];
-        self.fading = (-(self.stride as f64) / self.window).exp();
-        self.weights = 0.0;
     }
 
-    /// What instant `at` says, if there is one. Ages go by the stride of now: what another stride has left counts as somewhat younger
-    /// or older than it is until the ring has come round.
+    /// What instant `at` says.
     pub(super) fn ask(&mut self, at: usize) {
-        if at >= self.kept {
-            return;
-        }
         let instant = at * self.joints..(at + 1) * self.joints;
-        let younger = (self.next + WITNESSES - 1 - at) % WITNESSES;
-        let weight = self.fading.powi(i32::try_from(younger).unwrap_or(i32::MAX));
-        self.weights += weight;
         let rows = self.rows[at * self.joints * self.n..].chunks_exact(self.n);
         for ((j, &tau), row) in self.tau[instant].iter().enumerate().zip(rows) {
             for (squares, x) in self.squares.iter_mut().zip([&self.nominal, &self.now, &self.new]) {
                 let residual = f64::from(tau) - product(row, x);
-                squares[j] += weight * residual * residual;
+                squares[j] += residual * residual;
             }
         }
     }
@@ -213,7 +199,7 @@ impl Witnesses {
     /// Whether the values in question may be moved to. `noise` is the variance of a row, `promised` what errors that are
     /// tolerated may add to it.
     pub(super) fn admit(&self, noise: f64, promised: f64) -> bool {
-        let [noise, promised] = [noise, promised].map(|variance| variance * self.weights);
+        let [noise, promised] = [noise, promised].map(|variance| variance * self.kept as f64);
         let [nominal, now, new] = [Whose::Nominal, Whose::Now, Whose::New].map(|whose| self.squares(whose));
         let (mut fits, mut near, mut change) = (true, true, 0.0);
         for ((new, now), nominal) in new.iter().zip(now).zip(nominal) {
@@ -228,7 +214,7 @@ impl Witnesses {
     /// Whether the values of now are refuted, or (`new`) those in question.
     pub(super) fn refute(&self, new: bool, noise: f64) -> bool {
         let whose = if new { Whose::New } else { Whose::Now };
-        let noise = noise * self.weights;
+        let noise = noise * self.kept as f64;
         self.kept >= LEAST && refuted(self.squares(whose), self.squares(Whose::Nominal), noise)
     }
 }
