@@ -127,6 +127,8 @@ pub struct Estimator {
     long_run: LongRun,
     comparison: Comparison,
     witnesses: Witnesses,
+    /// The window holds what the last rows speak against: it begins anew with the next one.
+    stale: bool,
     cycle: Cycle,
     /// Scaled, weighted rows, and the same in working coordinates.
     rows: Rows,
@@ -207,6 +209,7 @@ impl Estimator {
             long_run: LongRun::new(n, settings.block.max(1)),
             comparison: Comparison::new(p, n),
             witnesses: Witnesses::new(p, n, 1.0 / (1.0 - settings.forgetting)),
+            stale: false,
             cycle: Cycle::new(n, judge),
             rows: Rows {
                 d: vec![0.0; p * n],
@@ -427,14 +430,15 @@ impl Estimator {
         if self.frozen {
             return Err(Skip::Frozen);
         }
-        if changed != Changed::No {
+        let stale = std::mem::take(&mut self.stale);
+        if changed != Changed::No || stale {
             // Not the arm is another one, if the nominal values fit as before.
             let wrong = self.supervised() && self.witnesses.recent_refute(self.noise.equation_variance());
             // What is heaviest on an arm and changes at once is what it carries; if that was not it, the residuals stay.
             if changed == Changed::Yes && !wrong && self.forget_load() {
                 return Err(Skip::Changed);
             }
-            if wrong {
+            if wrong || stale {
                 self.values.copy_from_slice(&self.nominal);
             }
             self.begin_window();

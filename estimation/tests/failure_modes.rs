@@ -439,3 +439,38 @@ fn instruments_of_long_ago_teach_nothing_wrong() {
         }
     }
 }
+
+/// F6: a change that goes back. Friction is nearly twice its nominal value for a while; then the arm is the nominal one again.
+/// What was learnt is refuted, and so is whatever the window goes on to say of that time: it must not keep the arm from being
+/// learnt again.
+#[test]
+fn an_arm_that_is_as_before_again_is_learnt_within_two_windows() {
+    let Some(mut arm) = Arm::new() else { return };
+    let nominal = arm.bench.nominal.clone();
+    let changed: Vec<f64> = nominal.iter().map(|x| 1.8 * x).collect();
+    let mut estimators = defaults().map(|scheme| {
+        let settings = EstimatorSettings { change_row_s: Some(0.01), noise_known: false, ..settings(scheme, 0.998) };
+        Estimator::new(&nominal, &arm.scales, &settings)
+    });
+    let mut random = Random(53);
+    let mut learnt = [[0; 2]; 2];
+    for k in 0..8000_u32 {
+        let rows = arm.rows(0.01 * f64::from(k), 1.0, |_| true);
+        let truth = if (3000..6500).contains(&k) { &changed } else { &nominal };
+        let tau = arm.torque(&rows, truth, 1.0, &mut random);
+        for (learnt, estimator) in learnt.iter_mut().zip(&mut estimators) {
+            let _ = estimator.update(&rows, Some((&rows, Instrument::Setpoint)), &tau, &vec![1.0; tau.len()]);
+            works(estimator);
+            let known = estimator.estimate().verdict.active;
+            match k {
+                2999 => learnt[0] = known,
+                7500..8000 => learnt[1] = learnt[1].max(known),
+                _ => {}
+            }
+        }
+    }
+    println!("directions that move before the change, and a second window after it is over: {learnt:?}");
+    for [before, after] in learnt {
+        assert!(before > 20 && after >= before / 2, "{learnt:?}");
+    }
+}

@@ -301,8 +301,10 @@ impl Estimator {
         }
     }
 
-    /// The nominal values stand again, known as well as before anything was learnt. The window stays.
+    /// The nominal values stand again, known as well as before anything was learnt. The window stays, unless the last rows, too, speak
+    /// for the nominal values: then it is what was before them that is wrong, and its sums would be refused until they are forgotten.
     fn take_back(&mut self) {
+        self.stale = self.witnesses.recent_refute(self.noise.equation_variance());
         self.cycle.take_back(&self.witnesses.nominal, &self.prior, self.whitening.as_ref());
         self.verdict.suspended = true;
         self.verdict.active = 0;
