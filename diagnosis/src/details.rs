@@ -10,6 +10,7 @@ use crate::predict::Prediction;
 use crate::search::Search;
 use crate::stages::Stages;
 use crate::values::Group;
+use crate::views::Views;
 
 /// A value is pinned when the runs leave less than this share of what was unsure about it.
 const PINNED: f64 = 0.5;
@@ -23,6 +24,8 @@ pub struct Details {
     pub ledger: Vec<Ledger>,
     /// What is left of each joint's torque.
     pub left: Vec<Leftover>,
+    /// The gap divided otherwise than by regime.
+    pub views: Views,
     /// Stretches of torque.
     pub excerpts: Vec<Excerpt>,
     /// Values of the model.

@@ -68,6 +68,7 @@ mod signals;
 mod stages;
 mod two_mass;
 mod values;
+mod views;
 mod warming;
 
 pub use details::{Details, Ledger, ParameterLine, ParameterState, Stage};
@@ -87,3 +88,4 @@ pub use power::{Named, Probe, probe};
 pub use regimes::Regime;
 pub use report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
 pub use run::Run;
+pub use views::{Axis, Contrast, View, Views};

@@ -29,6 +29,7 @@ use crate::separate;
 use crate::shrink;
 use crate::stages::{RunColumns, Stages, Steps};
 use crate::values::{self, Group, Wrong};
+use crate::views;
 
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
@@ -186,10 +187,12 @@ impl Procedure<'_> {
                 measured: Gap::new(&measured.tau, &measured.models[k]).all,
             }
         };
+        let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
         Details {
             stages: (0..measured.models.len()).map(stage).collect(),
             ledger: details::ledger(measured, &self.sealed.floor, &names),
             left: leftover::of(self.sealed, measured, &names),
+            views: views::of(self.sealed, measured, &load, &search.first_noise, &names),
             excerpts: exhibit::excerpts(self.sealed, measured, &names),
             parameters,
             nominal_error: search.scale,

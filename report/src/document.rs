@@ -2,6 +2,8 @@
 
 mod of_diagnosis;
 
+pub(crate) use of_diagnosis::number;
+
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
@@ -371,6 +373,9 @@ pub struct Figures {
     pub left: Vec<Left>,
     /// Stretches of torque.
     pub excerpts: Vec<Excerpt>,
+    /// The gap divided otherwise than by regime.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub views: Option<crate::Views>,
     /// Values of the model.
     pub parameters: Vec<Parameter>,
     /// How wrong the robot file's values are, in units of what CAD models and data sheets usually are.

@@ -9,6 +9,7 @@ mod page;
 mod rollout;
 mod scores;
 mod verdict;
+mod views;
 pub mod words;
 
 pub use changes::{Changes, JointChange, Kept, Pair, ValueChange};
@@ -21,3 +22,4 @@ pub use page::page;
 pub use rollout::{Rollout, RolloutPoint};
 pub use scores::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 pub use verdict::Line;
+pub use views::{Contrast, View, Views};

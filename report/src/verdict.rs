@@ -119,10 +119,12 @@ impl Document {
         let cells = self.place.iter().filter(|c| c.share.is_some_and(|s| s >= WORTH_NAMING)).take(PLACES);
         let named: Vec<String> =
             cells.map(|c| format!("{} {} {} %", c.joint, regime(&c.regime), percent(c.share))).collect();
+        let contrast = self.figures.as_ref().and_then(|f| f.views.as_ref()?.contrast.as_ref());
+        let uneven = contrast.map_or_else(String::new, |c| format!(" As given, {}.", c.text()));
         if named.is_empty() {
-            return "The gap is spread over joints and regimes.".to_owned();
+            return format!("The gap is spread over joints and regimes.{uneven}");
         }
-        format!("Of the squared gap: {}.", list(&named))
+        format!("Of the squared gap: {}.{uneven}", list(&named))
     }
 
     fn shrink_line(&self) -> String {

@@ -11,7 +11,7 @@ use super::{
 const DECIMALS: f64 = 1e9;
 const CURVE_DIGITS: i32 = 5;
 
-fn number(x: f64) -> Number {
+pub(crate) fn number(x: f64) -> Number {
     x.is_finite().then(|| (x * DECIMALS).round() / DECIMALS)
 }
 
@@ -170,6 +170,7 @@ impl Figures {
             stages: details.stages.iter().map(Stage::new).collect(),
             left: details.left.iter().map(Left::new).collect(),
             excerpts: details.excerpts.iter().map(Excerpt::new).collect(),
+            views: Some(crate::Views::new(&details.views)),
             parameters: details.parameters.iter().map(Parameter::new).collect(),
             nominal_error: number(details.nominal_error),
         }

@@ -8,6 +8,7 @@ mod plot;
 mod power;
 mod sections;
 mod trust;
+mod views;
 
 use std::fmt::Write as _;
 
@@ -29,7 +30,11 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
     let mut sections = Vec::new();
     if document.remark.is_none() {
         sections.push(Section { id: "ledger", title: "The gap, joint by joint", body: sections::ledger(document) });
-        sections.push(Section { id: "where", title: "Where", body: sections::place(document) });
+        sections.push(Section {
+            id: "where",
+            title: "Where",
+            body: sections::place(document) + &views::views(document),
+        });
         sections.push(Section { id: "which", title: "Which effect", body: causes::causes(document) });
         sections.push(Section { id: "how-far", title: "How far the gap shrinks", body: sections::stages(document) });
         sections.push(Section { id: "left", title: "What is left", body: left::left(document) });

@@ -11,7 +11,7 @@ use crate::words::{effect, figure, joints, percent};
 /// Digits of a hash that a page shows; the JSON has all.
 const HASH: usize = 16;
 
-fn nm(x: Number) -> String {
+pub(super) fn nm(x: Number) -> String {
     x.map_or_else(|| "-".to_owned(), |x| figure(x, 3))
 }
 
@@ -33,7 +33,7 @@ pub(super) fn ledger(document: &Document) -> String {
         "Mean as given / with causes [N m]",
         "Largest as given / with causes [N m]",
     ];
-    let mut table = Table::new("Gap of each joint on the sealed motion", &head);
+    let mut table = Table::new("Gap of each joint on the sealed motion", &head).class("wide");
     for j in &document.gap.per_joint {
         table.row(&[
             j.joint.clone(),
