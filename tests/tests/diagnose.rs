@@ -57,6 +57,40 @@ fn wrong_values_do_not_hide_a_missing_effect() {
     assert_eq!(structure, ["viscous_nonlinearity"]);
 }
 
+/// Friction that bends before it slides is missed just after reversals: said in a sentence, with the cells that it is made of.
+#[test]
+fn where_a_joint_is_missed_is_told_otherwise_than_by_regime() {
+    let Some(practice) = shared("data/practice") else { return };
+    let (_, found) = diagnose(&practice.join("case-11"));
+    let friction = named(&found, "presliding_friction").expect("the friction is named");
+    let joint = &friction["joints"][0];
+    let views = &found["figures"]["views"];
+    let contrast = &views["contrast"];
+    assert_eq!((&contrast["joint"], &contrast["axis"]), (joint, &Value::from("travel")), "{contrast}");
+    assert_eq!((&contrast["more"], &contrast["less"]), (&Value::from("presliding"), &Value::from("beyond")));
+    let ratio = contrast["ratio"].as_f64().expect("a ratio");
+    let cells = views["cells"].as_array().expect("cells");
+    let of = |axis: &str, part: &str| {
+        let cell = cells.iter().find(|c| &c["joint"] == joint && c["axis"] == axis && c["part"] == part);
+        cell.unwrap_or_else(|| panic!("no {part} of {axis}"))
+    };
+    let number = |cell: &Value, key: &str| cell[key].as_f64().unwrap_or_else(|| panic!("no {key} in {cell}"));
+    let (near, beyond) = (of("travel", "presliding"), of("travel", "beyond"));
+    let noise = number(near, "before_nm") / number(near, "before_over_noise");
+    assert!((ratio - number(near, "before_nm") / number(beyond, "before_nm").max(noise)).abs() < 1e-3 * ratio);
+    assert!(ratio > 3.0 && number(near, "after_nm") < 0.5 * number(near, "before_nm"), "{near}");
+    // Bands share out what the ledger tells.
+    let square = |part: &str| number(of("frequency", part), "before_nm").powi(2);
+    let bands: f64 = ["below_1_hz", "1_to_5_hz", "above_5_hz"].map(square).iter().sum();
+    let ledger = found["gap"]["per_joint"].as_array().expect("joints").iter().find(|j| &j["joint"] == joint);
+    let whole = ledger.and_then(|j| j["before_nm"].as_f64()).expect("its gap");
+    assert!((bands.sqrt() / whole - 1.0).abs() < 1e-6, "{bands} {whole}");
+    for axis in ["travel", "load", "power", "torque", "time", "pose", "frequency"] {
+        assert!(cells.iter().any(|c| c["axis"] == axis), "no {axis}");
+    }
+    assert!(cells.iter().all(|c| c["known"] == Value::from(false) || c["stretches"].as_u64() >= Some(6)));
+}
+
 /// Draws one case of a UR10e into `folder/cases` and says what is wrong with it.
 fn drawn(seed: &str, folder: &Path) -> Vec<String> {
     let cases = folder.join("cases");

@@ -33,7 +33,7 @@ pub(super) fn ledger(document: &Document) -> String {
         "Mean as given / with causes [N m]",
         "Largest as given / with causes [N m]",
     ];
-    let mut table = Table::new("Gap of each joint on the sealed motion", &head).class("wide");
+    let mut table = Table::new("Gap of each joint on the sealed motion", &head).class("ledger");
     for j in &document.gap.per_joint {
         table.row(&[
             j.joint.clone(),
