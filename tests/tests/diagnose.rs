@@ -88,7 +88,7 @@ fn where_a_joint_is_missed_is_told_otherwise_than_by_regime() {
     for axis in ["travel", "load", "power", "torque", "time", "pose", "frequency"] {
         assert!(cells.iter().any(|c| c["axis"] == axis), "no {axis}");
     }
-    assert!(cells.iter().all(|c| c["known"] == Value::from(false) || c["stretches"].as_u64() >= Some(6)));
+    assert!(cells.iter().all(|c| c["known"] == false || c["stretches"].as_u64() >= Some(6)));
 }
 
 /// Draws one case of a UR10e into `folder/cases` and says what is wrong with it.

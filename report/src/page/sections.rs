@@ -22,16 +22,16 @@ pub(super) fn ledger(document: &Document) -> String {
     );
     let head = [
         "Joint",
-        "Torque, rms [N m]",
+        "Torque, rms [N\u{a0}m]",
         "As given [%]",
         "With causes [%]",
         "Noise [%]",
-        "As given, rms [N m]",
-        "With causes, rms [N m]",
-        "Noise, rms [N m]",
+        "As given, rms [N\u{a0}m]",
+        "With causes, rms [N\u{a0}m]",
+        "Noise, rms [N\u{a0}m]",
         "Moving: as given / with causes [times the noise]",
-        "Mean as given / with causes [N m]",
-        "Largest as given / with causes [N m]",
+        "Mean as given / with causes [N\u{a0}m]",
+        "Largest as given / with causes [N\u{a0}m]",
     ];
     let mut table = Table::new("Gap of each joint on the sealed motion", &head).class("ledger");
     for j in &document.gap.per_joint {
