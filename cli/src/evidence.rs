@@ -1,8 +1,9 @@
 //! What `rivet identify` says about its own result: is it biased, and can an arm be built like this?
 
 use rivet_config::{Differentiator, Robot};
+use rivet_diagnosis::LogFault;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
-use rivet_estimation::offline::{Bias, Delay};
+use rivet_estimation::offline::{Bias, Delay, Fit, Rows, giving_friction, torque_sense};
 use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
@@ -104,6 +105,71 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
     };
     let text = format!("{}; on line (every {} ms), {verdict}", why.join(" and "), number(1e3 * period, 3));
     paragraph("sampling: ", &text) + &worst
+}
+
+/// A torque that cannot be believed.
+pub(crate) struct Distrust {
+    /// The log it is in; none where all of them together say so.
+    log: Option<String>,
+    joint: String,
+    name: &'static str,
+    text: String,
+}
+
+/// Torques of the logs (names, rows) that cannot be believed, by the rules of `rivet diagnose` and by what was found.
+pub(crate) fn distrusts<'a>(
+    robot: &Robot,
+    logs: impl Iterator<Item = (String, &'a Rows)>,
+    fit: &Fit,
+    rows: &[Rows],
+) -> Vec<Distrust> {
+    let (model, base) = (&robot.model, &robot.base);
+    let joint = |j: usize| model.arm.joints[j].name.clone();
+    let mut found = Vec::new();
+    for (log, rows) in logs {
+        for (j, sense) in torque_sense(model, base, &robot.nominal_base, rows).into_iter().enumerate() {
+            let Some(sense) = sense else { continue };
+            let fault = LogFault::of_torque(sense.dissipates, sense.alike, sense.scale)
+                .or_else(|| LogFault::of_silence(sense.varies, sense.due, sense.follows));
+            if let Some(fault) = fault {
+                // What is identified takes up a factor on a joint that carries little, so it may be the file's as well.
+                let or = match fault {
+                    LogFault::Scale(_) => " Or are the values in the file as wrong as that?",
+                    _ => "",
+                };
+                let (log, name, joint) = (Some(log.clone()), fault.name(), joint(j));
+                // Once for the pieces of a log.
+                if !found.iter().any(|d: &Distrust| d.log == log && d.joint == joint && d.name == name) {
+                    found.push(Distrust { log, joint, name, text: fault.text() + or });
+                }
+            }
+        }
+    }
+    for (j, power, std) in giving_friction(model, base, fit, rows) {
+        if found.iter().any(|d| d.joint == joint(j)) {
+            continue;
+        }
+        let text = format!(
+            "friction as found gives energy ({power:.2} +- {std:.2} of torque times speed, one std): the sign of this channel is \
+             wrong, or values hold what the model lacks"
+        );
+        found.push(Distrust { log: None, joint: joint(j), name: "friction_gives_energy", text });
+    }
+    found
+}
+
+/// For people; empty where all can be believed.
+pub(crate) fn distrust_text(found: &[Distrust]) -> String {
+    let of = |d: &Distrust| {
+        let log = d.log.as_ref().map_or_else(String::new, |log| format!("{log}, "));
+        paragraph("warning: ", &format!("{log}{}: {}", d.joint, d.text))
+    };
+    found.iter().map(of).collect()
+}
+
+pub(crate) fn distrust_json(found: &[Distrust]) -> Value {
+    let of = |d: &Distrust| json!({"log": d.log, "joint": d.joint, "fault": d.name, "text": d.text});
+    found.iter().map(of).collect()
 }
 
 /// How late torque is behind position, for people.

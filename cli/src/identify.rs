@@ -16,6 +16,7 @@ use rivet_studies::real::Found;
 use serde_json::{Value, json};
 
 use crate::compare::{self, Alone};
+use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::export::export;
 use crate::predict;
@@ -93,6 +94,8 @@ struct Findings {
     /// Physically consistent parameters near those of the fit that counts.
     consistent: Result<Projection, ConsistencyError>,
     held_out: Vec<HeldOut>,
+    /// Torques that cannot be believed.
+    distrusts: Vec<Distrust>,
 }
 
 impl Findings {
@@ -186,7 +189,21 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     );
     let (bias, delays) = (bias?, delays?);
     let held_out = held_out(robot, &chosen.values, hold_out)?;
-    Ok(Findings { runs, rows, least_squares, instrumental, residuals, bias, delays, reference, consistent, held_out })
+    let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
+    let distrusts = evidence::distrusts(robot, named, chosen, &rows);
+    Ok(Findings {
+        runs,
+        rows,
+        least_squares,
+        instrumental,
+        residuals,
+        bias,
+        delays,
+        reference,
+        consistent,
+        held_out,
+        distrusts,
+    })
 }
 
 /// Fits every log on its own.
@@ -342,6 +359,7 @@ fn text(robot: &Robot, result: &Findings) -> String {
         );
         out += &paragraph("  instruments ", &instrument_text(run, rows));
     }
+    out += &evidence::distrust_text(&result.distrusts);
     out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
     for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
@@ -372,10 +390,10 @@ fn text(robot: &Robot, result: &Findings) -> String {
         by_prior
     );
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
-    out += &crate::evidence::bias_text(&result.bias);
-    out += &crate::evidence::delay_text(&result.delays);
-    out += &crate::evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
-    out += &crate::evidence::consistency_text(&result.consistent);
+    out += &evidence::bias_text(&result.bias);
+    out += &evidence::delay_text(&result.delays);
+    out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
+    out += &evidence::consistency_text(&result.consistent);
     out.push('\n');
     let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
     let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
@@ -454,7 +472,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
-            "torque_delay_s": crate::evidence::delay_json(&result.delays[j]),
+            "torque_delay_s": evidence::delay_json(&result.delays[j]),
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
         })
@@ -466,12 +484,13 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
         "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
         "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
+        "warnings": evidence::distrust_json(&result.distrusts),
         "rank": chosen.rank,
         "base_parameters": base.len(),
         "condition": chosen.condition,
         "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
-        "bias": crate::evidence::bias_json(&result.bias),
-        "consistent": crate::evidence::consistency_json(robot, &result.consistent),
+        "bias": evidence::bias_json(&result.bias),
+        "consistent": evidence::consistency_json(robot, &result.consistent),
         "held_out": result.held_out.iter().map(|held| json!({
             "file": held.file,
             "nominal_percent": held.nominal,

@@ -1,7 +1,7 @@
 //! `rivet identify --online`: the daemon's core over a log, without processes: bit for bit what `rivet replay` gives.
 
 use crate::stream::{Recording, write_atomically, write_stream};
-use crate::summary::Summary;
+use crate::summary::{Summary, nothing};
 use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
@@ -32,7 +32,7 @@ pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: O
     if let Some(path) = stream_file {
         write_stream(path, robot, &stream)?;
     }
-    let last = stream.last().context(crate::replay::TOO_SHORT)?;
+    let Some(last) = stream.last() else { return Err(nothing(robot, &recording, &health).into()) };
     let summary = Summary::new(robot, &recording, last, &health);
     show(&format!("{summary}\n"))?;
     if let Some(path) = json {

@@ -2,7 +2,7 @@
 
 use crate::children::Children;
 use crate::stream::{Recording, write_atomically, write_stream};
-use crate::summary::Summary;
+use crate::summary::{Summary, nothing};
 use crate::table::show;
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
@@ -50,9 +50,6 @@ fn parse_speed(word: &str) -> Result<Speed, String> {
         },
     }
 }
-
-/// Why there is nothing to show.
-pub(crate) const TOO_SHORT: &str = "the log is shorter than [publish] every: no parameters were published";
 
 /// Samples that may be on the way: a quarter of the daemon's ring, so that none is ever overwritten.
 const IN_FLIGHT: usize = 256;
@@ -227,7 +224,7 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
     if let Some(path) = &args.stream {
         write_stream(path, robot, &received.stream)?;
     }
-    let last = received.stream.last().context(TOO_SHORT)?;
+    let Some(last) = received.stream.last() else { return Err(nothing(robot, recording, &health).into()) };
     let summary = Summary::new(robot, recording, last, &health);
     show(&format!("{summary}\n"))?;
     if let Some(path) = &args.json {

@@ -1,12 +1,13 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
+use crate::exit::Fault;
 use crate::runs::{hole_s, read_log};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ResampleReport};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// One period of a log: what the robot measured and, when the log has it, what it was asked to do.
 pub(crate) struct Period {
@@ -19,6 +20,7 @@ pub(crate) struct Period {
 /// A log on the grid of the robot's sample period. Where its time has a hole, sequence numbers are missing, as they would
 /// be from a robot controller that was silent: nothing is made up.
 pub(crate) struct Recording {
+    path: PathBuf,
     pieces: Vec<Stretch>,
     joints: usize,
     /// What resampling did to the log.
@@ -54,8 +56,14 @@ impl Recording {
             pieces.push(Stretch { log: grid, before, first_seq: first_seq.max(least) });
             first_report.get_or_insert(report);
         }
-        let report = first_report.with_context(|| format!("{}: no ten rows without a hole in time", path.display()))?;
-        Ok(Recording { pieces, joints, report, period_s })
+        let report = first_report
+            .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
+        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s })
+    }
+
+    /// The log's file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Number of periods.

@@ -1,14 +1,19 @@
 //! What an on-line run identified, for people and for programs.
 
 use crate::evidence::{bias_json, bias_text};
+use crate::exit::Fault;
 use crate::stream::Recording;
 use crate::table::paragraph;
 use rivet_config::{EstimatorKind, Instruments, Robot};
-use rivet_dynamics::ParameterGroup;
+use rivet_dynamics::{Parameter, ParameterGroup};
 use rivet_estimation::offline::Bias;
-use rivet_ipc_schema::{Health, InstrumentSource, ParameterState, Parameters};
+use rivet_ipc_schema::{Health, InputFault, InstrumentSource, ParameterState, Parameters};
+use rivet_monitor::faults_met;
 use serde_json::{Value, json};
 use std::fmt;
+
+/// Friction gives energy surely from so many standard deviations below zero.
+const SURELY: f64 = 3.0;
 
 /// The last parameter set of a run over a log, with what it left of the torque.
 pub(crate) struct Summary<'a> {
@@ -16,6 +21,34 @@ pub(crate) struct Summary<'a> {
     parameters: &'a Parameters,
     health: &'a Health,
     samples: usize,
+}
+
+/// Why no parameters were published for a log of so many samples.
+pub(crate) fn nothing(robot: &Robot, recording: &Recording, health: &Health) -> Fault {
+    let (log, samples) = (recording.path().display(), recording.len());
+    Fault::Data(match unused(health, samples) {
+        Some(why) => format!("{log}: nothing was identified: {why}"),
+        None => format!(
+            "{log}: {samples} samples are less than the first publication needs ([publish] every = {}): nothing was published",
+            robot.config.publish.every
+        ),
+    })
+}
+
+/// What was wrong with samples of a log, and how many were not used; none where nothing was. That samples are missing in a log is
+/// counted elsewhere.
+fn unused(health: &Health, samples: usize) -> Option<String> {
+    let lost = InputFault::Lost as usize;
+    let mut health = *health;
+    health.input_faults[lost] = 0;
+    let met: Vec<String> = faults_met(&health).into_iter().map(|(what, times)| format!("{what} ({times})")).collect();
+    let refused = health.refused_stale + health.refused_invalid + health.rejected_faults;
+    let met = if met.is_empty() { String::new() } else { format!("met: {}", met.join(", ")) };
+    match (refused, met.is_empty()) {
+        (0, true) => None,
+        (0, false) => Some(format!("not all samples could be learnt from; {met}")),
+        _ => Some(format!("{refused} of {samples} samples were refused; {met}")),
+    }
 }
 
 impl<'a> Summary<'a> {
@@ -61,6 +94,29 @@ impl<'a> Summary<'a> {
             Ok(InstrumentSource::None) => "none (least squares)",
             Err(_) => "unknown",
         }
+    }
+
+    /// What of the torque cannot be believed, by what was found.
+    fn doubts(&self) -> Vec<String> {
+        let (p, model, base) = (self.parameters, &self.robot.model, &self.robot.base);
+        let place = |of: Parameter| (0..p.len()).find(|i| base.parameter(model, *i) == of);
+        // In standard deviations; an open value is not one by one.
+        let size = |of| place(of).filter(|i| self.state(*i) != "open").map(|i| p.values[i] / p.std[i]);
+        let joint = |(j, joint): (usize, &rivet_dynamics::Joint)| {
+            let name = &joint.name;
+            // Without a row in the window both are 0.
+            if self.health.torque_rms[j] == 0.0 && self.health.nominal_residual_rms[j] > 0.0 {
+                return Some(format!("torque of {name} is 0: the channel is dead or was not recorded"));
+            }
+            let friction = [size(Parameter::Coulomb(j))?, size(Parameter::Viscous(j))?];
+            let gives = friction.iter().all(|s| *s < 0.0) && friction.iter().any(|s| *s < -SURELY);
+            gives.then(|| {
+                format!(
+                    "friction of {name} as found gives energy: the sign of its torque is wrong, or values hold what the model lacks"
+                )
+            })
+        };
+        model.arm.joints.iter().enumerate().filter_map(joint).collect()
     }
 
     fn state(&self, i: usize) -> &'static str {
@@ -115,8 +171,9 @@ impl<'a> Summary<'a> {
             .collect();
         json!({
             "robot": self.robot.config.name, "samples": self.samples, "used": self.health.samples,
-            "lost": self.health.lost, "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
-            "instruments": self.instruments(), "advice": self.advice(), "parameters": parameters, "joints": joints,
+            "lost": self.health.lost,
+            "input_faults": faults_met(self.health).into_iter().collect::<std::collections::BTreeMap<_, _>>(), "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
+            "instruments": self.instruments(), "advice": self.advice(), "warnings": self.doubts(), "parameters": parameters, "joints": joints,
             "bias": self.bias().as_ref().map(bias_json),
         })
     }
@@ -133,6 +190,12 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "instruments: {}", self.instruments())?;
         if self.without() {
             write!(f, "{}", paragraph("warning: ", self.advice()))?;
+        }
+        if let Some(why) = unused(self.health, self.samples) {
+            write!(f, "{}", paragraph("warning: ", &why))?;
+        }
+        for doubt in self.doubts() {
+            write!(f, "{}", paragraph("warning: ", &doubt))?;
         }
         let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
         writeln!(

@@ -99,6 +99,30 @@ pub enum LogFault {
 }
 
 impl LogFault {
+    /// Of a joint in motion.
+    ///
+    /// * `dissipates`: cosine of torque and speed
+    /// * `alike`: cosine of torque and the model's
+    /// * `scale`: torque over the model's, least squares
+    pub fn of_torque(dissipates: f64, alike: f64, scale: f64) -> Option<LogFault> {
+        // A motion that does not come back may give more energy to gravity than friction takes; the model knows of that.
+        if dissipates < MAKES_ENERGY && alike < LIKE_THE_MODEL {
+            Some(LogFault::Sign(dissipates))
+        } else if alike < UNLIKE_THE_MODEL && dissipates < 0.0 {
+            Some(LogFault::Opposite(alike))
+        } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
+            Some(LogFault::Scale(scale))
+        } else {
+            None
+        }
+    }
+
+    /// Of a joint in motion whose torque varies by `carries` \[N·m\] and follows the direction of motion with the correlation
+    /// `follows`, where friction and rotor take `due` by the file.
+    pub fn of_silence(carries: f64, due: f64, follows: f64) -> Option<LogFault> {
+        (carries < CARRIES * due && follows.abs() <= FOLLOWS).then_some(LogFault::Silent { carries, due })
+    }
+
     /// The name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -262,15 +286,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
         let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
-        // A motion that does not come back may give more energy to gravity than friction takes; the model knows of that.
-        let alike = cosine(tau, &modelled);
-        if dissipates < MAKES_ENERGY && alike < LIKE_THE_MODEL {
-            say(LogFault::Sign(dissipates));
-        } else if alike < UNLIKE_THE_MODEL && dissipates < 0.0 {
-            say(LogFault::Opposite(alike));
-        } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
-            say(LogFault::Scale(scale));
-        } else if let Some(fault) = run.silent[j] {
+        if let Some(fault) = LogFault::of_torque(dissipates, cosine(tau, &modelled), scale).or(run.silent[j]) {
             say(fault);
         }
         if run.blur[j] > MUCH_BLUR {
@@ -302,9 +318,9 @@ pub(crate) fn silence(tau: &[f64], motion: &Motion, chain: &Chain, x: &[f64], j:
     // A channel that stands still at some level says nothing either.
     let varies = mean(&|k| (tau[k] - level).powi(2)).sqrt();
     let stuck = varies <= 1e-9 * carries;
-    let follows = product.abs() > FOLLOWS * varies * (1.0 - turn.powi(2)).max(0.0).sqrt();
-    let silent = varies < CARRIES * due && (stuck || !follows);
-    silent.then_some(LogFault::Silent { carries: varies, due })
+    let most = varies * (1.0 - turn.powi(2)).max(0.0).sqrt();
+    let follows = if stuck { 0.0 } else { product / most.max(f64::MIN_POSITIVE) };
+    LogFault::of_silence(varies, due, follows)
 }
 
 /// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.

@@ -7,5 +7,5 @@ mod snapshot;
 mod text;
 
 pub use screen::{View, draw};
-pub use snapshot::{Ports, Report, Snapshot};
+pub use snapshot::{Ports, Report, Snapshot, faults_met};
 pub use text::as_text;

@@ -291,6 +291,19 @@ pub(crate) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
     out
 }
 
+/// What was wrong with samples, and how often, the most frequent first.
+pub fn faults_met(health: &Health) -> Vec<(String, u64)> {
+    let named = |(i, &count): (usize, &u64)| {
+        let kind = u32::try_from(i).ok().and_then(|i| InputFault::try_from(i).ok());
+        (kind.map_or_else(|| format!("fault {i}"), words), count)
+    };
+    // The first entry stands for no fault.
+    let mut out: Vec<_> =
+        health.input_faults.iter().enumerate().skip(1).filter(|(_, count)| **count > 0).map(named).collect();
+    out.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    out
+}
+
 /// A number in at most ten characters; a dash where there is none.
 pub(crate) fn figure(x: f64) -> String {
     match x.abs() {

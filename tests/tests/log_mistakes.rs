@@ -3,22 +3,40 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use rivet_logs::{ReadOptions, read, write_columns};
+use rivet_logs::{Log, ReadOptions, read, write_columns};
 use rivet_tests::{rivet, robot, shared};
 
 /// A measured log with its time and positions changed, row by row.
 fn changed(arm: &str, log: &Path, folder: &Path, change: impl Fn(usize, &mut f64, &mut [f64])) -> PathBuf {
-    let robot = rivet_config::load(robot(arm)).expect("a sound robot file");
-    let options = ReadOptions { drive_gain: robot.config.drive.drive_gain.as_deref(), ..ReadOptions::new(robot.dof()) };
-    let mut log = read(log, &options).expect("a sound log");
+    let mut log = sound(arm, log);
     for row in 0..log.len() {
         let mut q: Vec<f64> = log.q.iter().map(|q| q[row]).collect();
         change(row, &mut log.t[row], &mut q);
         log.q.iter_mut().zip(q).for_each(|(signal, q)| signal[row] = q);
     }
-    let tau = log.torque().expect("torque");
+    let tau = log.torque().expect("torque").clone();
+    written(&log, &tau, folder)
+}
+
+/// A measured log with the torque of each joint (from 0) multiplied.
+fn with_torque_times(arm: &str, log: &Path, folder: &Path, factor: impl Fn(usize) -> f64) -> PathBuf {
+    let log = sound(arm, log);
+    let mut tau = log.torque().expect("torque").clone();
+    for (j, tau) in tau.iter_mut().enumerate() {
+        tau.iter_mut().for_each(|tau| *tau *= factor(j));
+    }
+    written(&log, &tau, folder)
+}
+
+fn sound(arm: &str, log: &Path) -> Log {
+    let robot = rivet_config::load(robot(arm)).expect("a sound robot file");
+    let options = ReadOptions { drive_gain: robot.config.drive.drive_gain.as_deref(), ..ReadOptions::new(robot.dof()) };
+    read(log, &options).expect("a sound log")
+}
+
+fn written(log: &Log, tau: &[Vec<f64>], folder: &Path) -> PathBuf {
     let mut columns = vec![("t".to_owned(), &log.t[..])];
-    for j in 0..robot.dof() {
+    for j in 0..tau.len() {
         columns.push((format!("q{}", j + 1), &log.q[j][..]));
         columns.push((format!("tau{}", j + 1), &tau[j][..]));
     }
@@ -122,4 +140,55 @@ fn a_replay_with_refused_samples_counts() {
     let (code, text) = said(rivet().arg("replay").arg(file).arg(log));
     assert!(text.contains("EncoderJump"), "{text}");
     assert!(code == Some(0) && !text.contains("does not count"), "{code:?} {text}");
+}
+
+/// A torque of the wrong sign or unit is identified as it is, and said to be one; the log as it was measured has no such word. A
+/// torque of zero is refused off line, and warned of sample by sample.
+#[test]
+fn torques_that_cannot_be_believed_are_told_by_identify() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let json = folder.path().join("result.json");
+    let faults = |factor: &dyn Fn(usize) -> f64| -> Vec<(String, String)> {
+        let path = with_torque_times("ur10e", &log, folder.path(), factor);
+        let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(path).arg("--json").arg(&json));
+        assert_eq!(code, Some(0), "{text}");
+        let result: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON");
+        let warnings = result["warnings"].as_array().expect("a list").clone();
+        assert_eq!(text.matches("warning: ").count(), warnings.len(), "{text}");
+        warnings
+            .iter()
+            .map(|w| (w["joint"].as_str().expect("a name").to_owned(), w["fault"].as_str().expect("a name").to_owned()))
+            .collect()
+    };
+    assert_eq!(faults(&|_| 1.0), []);
+    let joints = &rivet_config::load(robot("ur10e")).expect("a sound robot file").model.arm.joints;
+    let all = |fault: &str| -> Vec<(String, String)> {
+        joints.iter().map(|joint| (joint.name.clone(), fault.to_owned())).collect()
+    };
+    assert_eq!(faults(&|_| -1.0), all("torque_sign"));
+    assert_eq!(faults(&|_| 1e3), all("torque_scale"));
+    assert_eq!(faults(&|j| if j == 0 { -1.0 } else { 1.0 }), [all("torque_sign")[0].clone()]);
+
+    let dead = with_torque_times("ur10e", &log, folder.path(), |j| if j == 2 { 0.0 } else { 1.0 });
+    let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(&dead));
+    assert!(code == Some(65) && text.contains("torque of joint 3 is 0 in all rows"), "{text}");
+    let (code, text) = said(rivet().args(["identify", "--online"]).arg(robot("ur10e")).arg(&dead));
+    assert!(code == Some(0) && text.contains(&format!("warning: torque of {} is 0", joints[2].name)), "{text}");
+}
+
+/// Samples that are all refused are not "too few": it is said what was wrong with them.
+#[test]
+fn a_log_of_which_every_sample_is_refused_says_why() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = with_torque_times("ur10e", &log, folder.path(), |_| 1e9);
+    for command in [&["identify", "--online"][..], &["replay"]] {
+        let (code, text) = said(rivet().args(command).arg(robot("ur10e")).arg(&path).current_dir(folder.path()));
+        assert_eq!(code, Some(65), "{text}");
+        let all = text.split("nothing was identified: ").nth(1).expect("a reason").to_owned();
+        let words: Vec<&str> = all.split_whitespace().collect();
+        assert!(words[0] == words[2] && all.contains("samples were refused; met: implausible"), "{text}");
+    }
 }

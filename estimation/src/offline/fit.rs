@@ -98,6 +98,9 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     if let Some(joint) = (0..n).find(|j| rows.iter().all(|r| r.count(*j) == 0)) {
         return Err(OfflineError::JointStill { joint });
     }
+    if let Some(joint) = (0..n).find(|j| equations.joints[*j].torque_square() == 0.0) {
+        return Err(OfflineError::NoTorque { joint });
+    }
     let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
     let x0 = DVector::from_column_slice(nominal);
     let mut noise: Vec<f64> =

@@ -32,6 +32,12 @@ pub enum OfflineError {
         /// Joint, from 0.
         joint: usize,
     },
+    /// A joint whose torque is zero throughout: its rows would count without limit, and say that nothing weighs anything.
+    #[error("torque of joint {} is 0 in all rows in which it moves: the channel is dead or was not recorded", joint + 1)]
+    NoTorque {
+        /// Joint, from 0.
+        joint: usize,
+    },
     /// The equations have no solution in floating point.
     #[error("the {method} equations are singular; a stronger prior settles what the motion leaves open")]
     Singular {

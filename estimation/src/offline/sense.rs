@@ -1,0 +1,107 @@
+//! What the torque of each joint has in common with its motion and with the nominal model: a channel with the wrong sign, in
+//! another unit or dead shows here, before its parameters are believed.
+
+use rivet_dynamics::{BaseSet, Model, Parameter};
+
+use super::fit::Fit;
+use super::rows::{JointRows, Rows};
+use crate::linear::dot;
+
+/// A joint's torque beside its motion, over the rows of one record in which it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TorqueSense {
+    /// Cosine of torque and speed; 0 where the model has no viscous friction to know the speed by.
+    pub dissipates: f64,
+    /// Cosine of torque and the nominal model's.
+    pub alike: f64,
+    /// Torque over the nominal model's, least squares.
+    pub scale: f64,
+    /// Standard deviation of the torque \[N·m\].
+    pub varies: f64,
+    /// Root mean square of what friction and rotor take by the nominal model \[N·m\].
+    pub due: f64,
+    /// Correlation of torque with the direction of motion.
+    pub follows: f64,
+}
+
+/// Per joint of a record, of base parameters `nominal`; none for a joint without rows.
+pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], rows: &Rows) -> Vec<Option<TorqueSense>> {
+    let parameters: Vec<Parameter> = (0..base.len()).map(|i| base.parameter(model, i)).collect();
+    let of = |(j, joint): (usize, &JointRows)| (!joint.tau.is_empty()).then(|| sense(j, joint, &parameters, nominal));
+    rows.joints.iter().enumerate().map(of).collect()
+}
+
+fn sense(j: usize, rows: &JointRows, parameters: &[Parameter], nominal: &[f64]) -> TorqueSense {
+    let k = rows.columns.len();
+    let column = |of: Parameter| -> Vec<f64> {
+        let at = rows.columns.iter().position(|c| parameters[*c] == of);
+        at.map_or_else(|| vec![0.0; rows.tau.len()], |at| rows.d.iter().skip(at).step_by(k).copied().collect())
+    };
+    let (tau, speed, direction) = (&rows.tau, column(Parameter::Viscous(j)), column(Parameter::Coulomb(j)));
+    let count = tau.len() as f64;
+    let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
+    let modelled = rows.torque(nominal);
+    let drive: Vec<f64> = {
+        let is_drive =
+            |p: Parameter| [Parameter::RotorInertia(j), Parameter::Viscous(j), Parameter::Coulomb(j)].contains(&p);
+        let own = |i: usize| if is_drive(parameters[i]) { nominal[i].abs() } else { 0.0 };
+        let own: Vec<f64> = rows.columns.iter().map(|c| own(*c)).collect();
+        rows.d.chunks_exact(k.max(1)).map(|row| dot(row, &own)).collect()
+    };
+    let centred = |x: &[f64]| -> Vec<f64> {
+        let mean = x.iter().sum::<f64>() / count;
+        x.iter().map(|x| x - mean).collect()
+    };
+    let (level, turns) = (centred(tau), centred(&direction));
+    let varies = (dot(&level, &level) / count).sqrt();
+    let stuck = varies <= 1e-9 * (dot(tau, tau) / count).sqrt();
+    TorqueSense {
+        dissipates: cosine(tau, &speed),
+        alike: cosine(tau, &modelled),
+        scale: dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE),
+        varies,
+        due: (dot(&drive, &drive) / count).sqrt(),
+        follows: if stuck { 0.0 } else { cosine(&level, &turns) },
+    }
+}
+
+/// Joints on which friction as found gives energy over these rows, with its power over the torque's and speed's rms (negative)
+/// and the standard deviation of that.
+pub fn giving_friction(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) -> Vec<(usize, f64, f64)> {
+    let k = base.len();
+    let place = |of: Parameter| (0..k).find(|i| base.parameter(model, *i) == of);
+    let mut found = Vec::new();
+    for j in 0..model.arm.dof() {
+        let Some(viscous) = place(Parameter::Viscous(j)) else { continue };
+        // Power of each base parameter of friction per unit: its column times speed.
+        let mut power = vec![0.0; k];
+        let (mut torque, mut speed) = (0.0, 0.0);
+        for rows in rows.iter().map(|r| &r.joints[j]) {
+            let Some(at) = rows.columns.iter().position(|c| *c == viscous) else { continue };
+            for (row, tau) in rows.d.chunks_exact(rows.columns.len()).zip(&rows.tau) {
+                for (c, d) in rows.columns.iter().zip(row) {
+                    let of = base.parameter(model, *c);
+                    if [Parameter::Viscous(j), Parameter::Coulomb(j), Parameter::ViscousQuadratic(j)].contains(&of) {
+                        power[*c] += d * row[at];
+                    }
+                }
+                torque += tau * tau;
+                speed += row[at] * row[at];
+            }
+        }
+        let whole = (torque * speed).sqrt();
+        if whole == 0.0 {
+            continue;
+        }
+        power.iter_mut().for_each(|p| *p /= whole);
+        let spread: f64 = power.iter().zip(fit.covariance.chunks_exact(k)).map(|(p, row)| p * dot(row, &power)).sum();
+        let (value, std) = (dot(&power, &fit.values), spread.max(0.0).sqrt());
+        if value < -SURELY * std {
+            found.push((j, value, std));
+        }
+    }
+    found
+}
+
+/// Friction gives energy surely from so many standard deviations below zero.
+const SURELY: f64 = 3.0;
