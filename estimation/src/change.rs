@@ -22,7 +22,8 @@ const SETTLE_SHARE: f64 = 0.25;
 /// Time that values have to fit an arm that carries something else before its residuals are looked at again \[s\].
 const LEARN_S: f64 = 5.0;
 
-/// Residuals that have been usual for so many times the short-term memory say that this time is over.
+/// Residuals that have been usual for so many times the short-term memory say that this time is over, and so do those that
+/// stay unusual for as long though the load is known: it was none.
 const CALM: f64 = 3.0;
 
 /// What [`Change::add`] saw.
@@ -32,7 +33,7 @@ pub(crate) enum Changed {
     No,
     /// The arm is another one.
     Yes,
-    /// It still is, after the time that was given to learn its load.
+    /// It still is, though its load is known, or after the time that was given to learn it.
     Still,
 }
 
@@ -47,6 +48,8 @@ pub(crate) struct Change {
     given: f64,
     /// Instants since residuals were last unusual, while there is such a time.
     calm: f64,
+    /// Instants since the load is known and residuals are unusual all the same.
+    odd: f64,
     baseline: Vec<f64>,
     rows: Vec<f64>,
     recent: f64,
@@ -63,6 +66,7 @@ impl Change {
             learn: (LEARN_S / row_s).ceil(),
             given: 0.0,
             calm: 0.0,
+            odd: 0.0,
             baseline: vec![0.0; joints],
             rows: vec![0.0; joints],
             recent: 1.0,
@@ -82,6 +86,7 @@ impl Change {
         carry.number(&mut self.recent);
         carry.sizes(std::slice::from_mut(&mut self.given));
         carry.sizes(std::slice::from_mut(&mut self.calm));
+        carry.sizes(std::slice::from_mut(&mut self.odd));
         self.given = self.given.min(self.learn);
         carry.whole(&mut self.seen, MANY);
     }
@@ -91,12 +96,12 @@ impl Change {
         self.baseline.fill(0.0);
         self.rows.fill(0.0);
         self.recent = 1.0;
-        (self.given, self.calm) = (0.0, 0.0);
+        (self.given, self.calm, self.odd) = (0.0, 0.0, 0.0);
     }
 
     /// Takes in the residual of every joint whose row counts, as `(joint, residual)`. What residuals were like stays known
-    /// after a change, for the time that values have to come back to it.
-    pub(crate) fn add(&mut self, residuals: impl Iterator<Item = (usize, f64)>) -> Changed {
+    /// after a change, for the time that values have to come back to it. `learnt`: what the arm carries is known.
+    pub(crate) fn add(&mut self, residuals: impl Iterator<Item = (usize, f64)>, learnt: bool) -> Changed {
         let (mut sum, mut count) = (0.0, 0.0);
         for (j, residual) in residuals {
             let square = residual * residual;
@@ -119,12 +124,15 @@ impl Change {
         if self.given > 1.0 {
             self.given -= 1.0;
             self.calm = if self.recent < 0.5 * CHANGE { self.calm + 1.0 } else { 0.0 };
+            self.odd = if learnt && self.recent > CHANGE { self.odd + 1.0 } else { 0.0 };
             if self.calm > CALM * self.short {
                 (self.given, self.calm) = (0.0, 0.0);
             }
-            return Changed::No;
+            if self.odd <= CALM * self.short {
+                return Changed::No;
+            }
         }
-        self.calm = 0.0;
+        (self.calm, self.odd) = (0.0, 0.0);
         let still = self.given > 0.0;
         self.given = 0.0;
         if self.recent <= CHANGE {
@@ -166,7 +174,7 @@ mod tests {
     ) -> Option<(usize, Changed)> {
         let mut add = |k: usize| {
             let residuals = [0, 1, 2, 3, 4, 5].map(|j| (j, scale(k) * noise(state)));
-            (k, change.add(residuals.into_iter()))
+            (k, change.add(residuals.into_iter(), false))
         };
         (0..rows).map(&mut add).find(|(_, changed)| *changed != Changed::No)
     }

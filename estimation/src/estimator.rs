@@ -526,8 +526,9 @@ impl Estimator {
         let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
         let clear = || d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] >= CLEAR);
         // Frozen values do not follow: a change is seen once they learn again.
+        let learnt = self.load_is_learnt();
         let change = self.change.as_mut().filter(|_| !self.frozen);
-        let changed = change.map_or(Changed::No, |change| change.add(clear().map(residual)));
+        let changed = change.map_or(Changed::No, |change| change.add(clear().map(residual), learnt));
         for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             let residual = tau[j] - dot(row, &self.values);
             let nominal = tau[j] - dot(row, &self.nominal);

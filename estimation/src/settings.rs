@@ -219,7 +219,7 @@ pub struct TrackedSettings {
     /// A direction that has come to be held stays so for at least this many rows; 0 to 100 000.
     pub dwell: u32,
     /// Rounds of rotations from one decision to the next, 1 to 64; one round turns every direction once. A decision is made
-    /// every thousandth of the window, with every row at the most.
+    /// every thousandth of the window, with every row at the most and every fifth at the least.
     pub rounds: usize,
     /// Whether information that a direction may owe to a stronger one, because the basis lags, is taken off.
     pub deflation: bool,

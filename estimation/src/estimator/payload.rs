@@ -32,6 +32,8 @@ pub(super) struct Payload {
     touched: Vec<bool>,
     /// The direction that is eliminated next; r when none is.
     next: usize,
+    /// How many of the parameters that a load changes were known when it changed.
+    known: usize,
 }
 
 impl Payload {
@@ -58,7 +60,7 @@ impl Payload {
             }
         }
         let touched = (0..n).map(|i| columns.iter().any(|column| column[i] != 0.0)).collect();
-        let mut payload = Payload { basis: basis.iter().map(|x| *x as f32).collect(), touched, next: 0 };
+        let mut payload = Payload { basis: basis.iter().map(|x| *x as f32).collect(), touched, next: 0, known: 0 };
         payload.finish();
         payload
     }
@@ -67,6 +69,15 @@ impl Payload {
         let mut next = self.next as u64;
         carry.whole(&mut next, self.touched.len() as u64 + 1);
         self.next = next as usize;
+        let mut known = self.known as u64;
+        carry.whole(&mut known, self.touched.len() as u64 + 1);
+        self.known = known as usize;
+    }
+
+    /// How many of the parameters that a load changes are known.
+    fn known(&self, state: &[ParameterState]) -> usize {
+        let of = |(touched, state): &(&bool, &ParameterState)| **touched && **state != ParameterState::Unidentified;
+        self.touched.iter().zip(state).filter(of).count()
     }
 
     /// Nothing is left to eliminate.
@@ -86,6 +97,13 @@ impl Estimator {
         self.payload.as_ref().is_some_and(|payload| payload.direction().is_some())
     }
 
+    /// Whether as much is known of the load as before it changed.
+    pub(super) fn load_is_learnt(&self) -> bool {
+        let learnt =
+            |payload: &Payload| payload.direction().is_none() && payload.known(&self.state) >= payload.known.max(1);
+        self.payload.as_ref().is_some_and(learnt)
+    }
+
     /// The load has changed: everything that is known of it is forgotten, in the periods that come, and nothing else.
     /// False, and nothing changed, where that cannot be done or too little else is known.
     pub(super) fn forget_load(&mut self) -> bool {
@@ -95,6 +113,7 @@ impl Estimator {
         }
         let Some(payload) = self.payload.as_mut().filter(|payload| !payload.basis.is_empty()) else { return false };
         payload.next = 0;
+        payload.known = payload.known(&self.state);
         for i in (0..self.n).filter(|&i| payload.touched[i]) {
             self.std[i] = self.prior[i] / self.column[i];
             self.state[i] = ParameterState::Unidentified;

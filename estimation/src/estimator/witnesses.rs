@@ -13,7 +13,8 @@
 //! ```
 //!
 //! promised is what directions that move may err by according to their tolerance, σ² what noise alone leaves: a difference below
-//! it is chance. Least squares is not asked: where the regressor is noisy it leaves less than the truth. Witnesses do not weigh by
+//! it is chance. Rows that come in while a solution is being made are its witnesses already; a row that counts nothing (its joint
+//! stands) says nothing. Least squares is not asked: where the regressor is noisy it leaves less than the truth. Witnesses do not weigh by
 //! their age: with the weights of the window, bursts of instruments of long ago were refuted later.
 
 use crate::kernels::Lanes;
@@ -69,7 +70,8 @@ pub(super) struct Witnesses {
 }
 
 impl Witnesses {
-    /// For `window` rows, of which as many witnesses as there are shall be spread over one time constant.
+    /// For `window` rows, of which as many witnesses as there are shall be spread over one time constant; the shortest window, where
+    /// its length varies.
     pub(super) fn new(joints: usize, n: usize, window: f64) -> Witnesses {
         let zeros = || vec![0.0; n];
         Witnesses {

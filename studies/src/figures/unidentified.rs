@@ -60,7 +60,8 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         title: "Poor identifiability of one parameter".into(),
         caption: "Joint 2 rests for eight seconds, trembling by a count of its encoder: the function d1 of its viscous friction x1 is zero. \
                   Unsupervised least squares with a window of 1 s drifts on noise until the joint moves. All parameters start half too high. Where coordinates are held, x1 stays \
-                  exactly until its joint moves, and settles within a second; where directions are held, it is the torque of the reference workload that \
+                  exactly until its joint moves; a change of the arm is noticed then, the window begins anew at the nominal values, here those of the \
+                  start, and x1 settles within a second. Where directions are held, it is the torque of the reference workload that \
                   stays: x1 gives way a little while the others find their values, and settles within a second."
             .into(),
         panels: vec![
