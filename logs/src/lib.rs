@@ -13,7 +13,7 @@
 //! | `temperature1..N` | degC | optional |
 //! | `q_link1..N` | rad | optional, joint by joint: encoder on the load side |
 //!
-//! Other columns are left alone and listed. Positions of a log become positions of the model by adding the robot file's
+//! Other columns are left alone and listed, and so are optional ones in which no cell is filled. Positions of a log become positions of the model by adding the robot file's
 //! `joint_zero`.
 //!
 //! ```

@@ -222,7 +222,10 @@ impl Log {
         let mut q_link = Vec::with_capacity(joints);
         for joint in 0..joints {
             let name = Group::LinkPosition.column(joint);
-            let signal = table.columns.remove(&name);
+            let mut signal = table.columns.remove(&name);
+            if signal.take_if(|signal| signal.iter().all(|v| v.is_nan())).is_some() {
+                table.unused.push(name.clone());
+            }
             if let Some(signal) = &signal {
                 check_values(&name, signal, rows)?;
             }
@@ -268,7 +271,8 @@ impl Log {
     }
 }
 
-/// The columns of a group: all joints, or none.
+/// The columns of a group: all joints, or none. An optional signal of which no cell is filled was not recorded: its columns are left
+/// alone like those of other names.
 fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Result<Option<Signals>, LogFault> {
     let names: Vec<String> = (0..joints).map(|joint| group.column(joint)).collect();
     let Some(present) = names.iter().find(|name| table.columns.contains_key(*name)) else {
@@ -277,6 +281,14 @@ fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Re
     if let Some(column) = names.iter().find(|name| !table.columns.contains_key(*name)) {
         let rule = format!("{present} is there, and a group of columns has all {joints} joints");
         return Err(LogFault::MissingColumn { column: column.clone(), rule });
+    }
+    let is_empty = |name: &String| table.columns.get(name).is_some_and(|column| column.iter().all(|v| v.is_nan()));
+    if !matches!(group, Group::Position | Group::Torque) && names.iter().all(is_empty) {
+        names.iter().for_each(|name| {
+            table.columns.remove(name);
+        });
+        table.unused.extend(names);
+        return Ok(None);
     }
     let mut signals = Vec::with_capacity(joints);
     for name in &names {

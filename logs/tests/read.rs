@@ -117,6 +117,30 @@ fn torque_is_taken_from_current_where_that_is_asked_for() {
     assert!(why.contains("current1..2") && why.contains("torque_from") && why.contains("both.csv"), "{why}");
 }
 
+/// Loggers write columns for sensors that are not there. One filled cell is a sensor.
+#[test]
+fn optional_columns_without_any_value_are_no_signal() {
+    let mut columns = sound();
+    for name in ["temperature1", "temperature2", "q_link2"] {
+        columns.push((name.into(), vec!["NaN".into(); ROWS]));
+    }
+    let folder = folder();
+    let path = folder.path().join("empty.csv");
+    std::fs::write(&path, csv(&columns)).expect("written");
+    let log = read(&path, &ReadOptions::new(2)).expect("sound");
+    assert!(log.temperature.is_none() && log.q_link.iter().all(Option::is_none));
+    let mut unused = log.unused.clone();
+    unused.sort();
+    assert_eq!(unused, ["q_link2", "temperature1", "temperature2"]);
+    columns[5].1[3] = "20".into();
+    assert!(refusal(&columns, &ReadOptions::new(2)).contains("column temperature1, row 1"));
+    // What a log must have is refused.
+    let mut columns = sound();
+    columns[3].1.fill("NaN".into());
+    columns[4].1.fill("NaN".into());
+    assert!(refusal(&columns, &ReadOptions::new(2)).contains("column tau1, row 1"));
+}
+
 #[test]
 fn every_broken_rule_names_column_row_value_and_rule() {
     let two = ReadOptions::new(2);
