@@ -284,9 +284,9 @@ fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Re
     }
     let is_empty = |name: &String| table.columns.get(name).is_some_and(|column| column.iter().all(|v| v.is_nan()));
     if !matches!(group, Group::Position | Group::Torque) && names.iter().all(is_empty) {
-        names.iter().for_each(|name| {
+        for name in &names {
             table.columns.remove(name);
-        });
+        }
         table.unused.extend(names);
         return Ok(None);
     }

@@ -93,7 +93,9 @@ pub fn giving_friction(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) 
         if whole == 0.0 {
             continue;
         }
-        power.iter_mut().for_each(|p| *p /= whole);
+        for p in &mut power {
+            *p /= whole;
+        }
         let spread: f64 = power.iter().zip(fit.covariance.chunks_exact(k)).map(|(p, row)| p * dot(row, &power)).sum();
         let (value, std) = (dot(&power, &fit.values), spread.max(0.0).sqrt());
         if value < -SURELY * std {
