@@ -23,7 +23,9 @@ fn with_torque_times(arm: &str, log: &Path, folder: &Path, factor: impl Fn(usize
     let log = sound(arm, log);
     let mut tau = log.torque().expect("torque").clone();
     for (j, tau) in tau.iter_mut().enumerate() {
-        tau.iter_mut().for_each(|tau| *tau *= factor(j));
+        for tau in tau.iter_mut() {
+            *tau *= factor(j);
+        }
     }
     written(&log, &tau, folder)
 }
