@@ -488,7 +488,9 @@ fn friction_that_jumps_is_not_taken_for_a_load_for_long() {
     };
     let friction: Vec<usize> = (0..nominal.len()).filter(is_friction).collect();
     let mut changed = nominal.clone();
-    friction.iter().for_each(|i| changed[*i] *= 1.8);
+    for i in &friction {
+        changed[*i] *= 1.8;
+    }
     for scheme in defaults() {
         let found = [None, Some(0.01)].map(|change_row_s| {
             let settings = EstimatorSettings { change_row_s, noise_known: false, ..settings(scheme, 0.998) };
