@@ -173,7 +173,7 @@ fn as_text(found: &Document) -> String {
         out += &paragraph("  simulator    ", &rollout.text());
     }
     if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "predicted", "90 %", "measured [%]", "sure"]);
+        let mut table = Table::new(["cause", "joints", "shrink [%]", "90 %", "measured", "share", "sure"]);
         for c in &found.causes {
             table.row([
                 c.effect.clone(),
@@ -185,6 +185,7 @@ fn as_text(found: &Document) -> String {
                 percent(c.shrink.predicted),
                 format!("{}..{}", percent(c.shrink.low), percent(c.shrink.high)),
                 percent(c.shrink.measured),
+                percent(c.share),
                 c.confidence.map_or_else(|| "-".to_owned(), |sure| format!("{sure:.2}")),
             ]);
         }

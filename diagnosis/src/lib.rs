@@ -38,6 +38,7 @@ mod known;
 mod ladder;
 mod leftover;
 mod library;
+mod lmg;
 mod local;
 mod log_check;
 mod magnitude;

@@ -13,6 +13,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
+use crate::lmg;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::{self, Patch};
@@ -296,6 +297,7 @@ impl Procedure<'_> {
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
                 magnitude: self.magnitude(search, step, solved, means),
                 shrink,
+                share: None,
                 confidence: confidence(step, shrink, rivals.len()),
                 separating_motion: separate::motion(step.effect, &rivals),
                 indistinguishable_from: rivals,
@@ -348,6 +350,10 @@ impl Procedure<'_> {
         if refuted || open {
             withdrawn.append(&mut causes);
             upheld.fill(false);
+        }
+        let players: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
+        for (cause, share) in causes.iter_mut().zip(lmg::shares(seen, &players).into_iter().flatten()) {
+            cause.share = Some(share);
         }
         let floors = sealed.floor();
         let per_joint: Vec<JointGap> = (0..names.len())

@@ -62,6 +62,8 @@ pub struct Cause {
     pub magnitude: Vec<(String, f64)>,
     /// How far the gap shrinks.
     pub shrink: Shrink,
+    /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); none for a hint.
+    pub share: Option<f64>,
     /// 0 to 1.
     pub confidence: f64,
     /// Effects and values that these runs cannot tell from it.

@@ -213,6 +213,10 @@ pub struct Cause {
     pub magnitude: Magnitude,
     /// How far the gap shrinks.
     pub shrink: Shrink,
+    /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); null for a
+    /// hint.
+    #[serde(default)]
+    pub share: Number,
     /// 0 to 1.
     pub confidence: Number,
     /// What these runs cannot tell from it: effects, and values of the model.

@@ -121,6 +121,7 @@ impl Cause {
                 high: number(cause.shrink.high),
                 measured: number(cause.shrink.measured),
             },
+            share: cause.share.and_then(number),
             confidence: number(cause.confidence),
             indistinguishable_from: cause.indistinguishable_from.iter().map(|e| e.name().to_owned()).collect(),
             angles_deg: cause.angles.iter().map(|angle| number(angle.to_degrees())).collect(),

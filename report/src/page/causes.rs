@@ -81,6 +81,9 @@ fn body(cause: &Cause, document: &Document) -> String {
         ),
         ("Confidence", cause.confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2} of 1"))),
     ];
+    if cause.share.is_some() {
+        pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
+    }
     if !rivals.is_empty() {
         pairs.push(("These runs cannot tell it from", list(&rivals)));
     }
