@@ -2,6 +2,7 @@
 
 use rivet_dynamics::Model;
 
+use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
 use crate::log_check::{self, LogFinding};
@@ -127,6 +128,8 @@ fn run_all(
         log_check::distrust(run, &nominal);
     }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    say("torque and position in time");
+    log.extend(alignment::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));

@@ -6,6 +6,7 @@
 //! runs -> all but the last are looked at, the last is sealed
 //!      -> signals: spikes and wraps are mended, frozen stretches cut
 //!      -> the log itself: torque that runs against motion, another unit, limits, joints that stand
+//!      -> torque that comes after the motion is moved in time
 //!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
 //!         direction of friction weigh less
 //!      -> background: all values of the model, wrong by as much as CAD and data sheets usually are
@@ -19,6 +20,7 @@
 //!
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
+mod alignment;
 mod background;
 mod body;
 mod bursts;

@@ -1,5 +1,7 @@
 //! What is wrong with a log before anything is compared with a model: faults that would be sold as effects.
 
+use std::f64::consts::TAU;
+
 use rivet_dynamics::Model;
 
 use crate::background::Nominal;
@@ -57,6 +59,10 @@ pub enum LogFault {
     Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
     Still(f64),
+    /// The torque comes so much after the motion that it makes \[s\]: it is taken so much later.
+    Late(f64),
+    /// The torque went through a low-pass of about this time constant \[s\], slower than the model filter.
+    Filtered(f64),
     /// Single samples of torque far beyond what is around them, replaced by that.
     Spikes {
         /// How many.
@@ -108,6 +114,8 @@ impl LogFault {
             LogFault::Limit(_) => "torque_limit",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
+            LogFault::Late(_) => "torque_late",
+            LogFault::Filtered(_) => "torque_filtered",
             LogFault::Spikes { .. } => "torque_spikes",
             LogFault::Glitches(_) => "position_glitches",
             LogFault::Wrapped(_) => "position_wrapped",
@@ -133,13 +141,22 @@ impl LogFault {
             | LogFault::Scale(v)
             | LogFault::Limit(v)
             | LogFault::Computed(v)
+            | LogFault::Late(v)
+            | LogFault::Filtered(v)
             | LogFault::Still(v) => v,
         }
     }
 
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
-        matches!(self, LogFault::Sign(_) | LogFault::Opposite(_) | LogFault::Scale(_) | LogFault::Silent { .. })
+        matches!(
+            self,
+            LogFault::Sign(_)
+                | LogFault::Opposite(_)
+                | LogFault::Scale(_)
+                | LogFault::Silent { .. }
+                | LogFault::Filtered(_)
+        )
     }
 
     /// What a person would say.
@@ -163,6 +180,16 @@ impl LogFault {
                 "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
                  there a motor current (torque_from in robot.toml)?",
                 100.0 * v
+            ),
+            LogFault::Late(v) => format!(
+                "torque comes {:.1} ms after the motion that it makes, which no drive does (another clock, a filter?): taken so much \
+                 later, in whole samples",
+                1e3 * v
+            ),
+            LogFault::Filtered(v) => format!(
+                "torque went through a low-pass of about {:.0} Hz and position did not: not evaluated; log it unfiltered, or both \
+                 through the same filter",
+                1.0 / (TAU * v)
             ),
             LogFault::Spikes { samples, torque } => format!(
                 "{samples} sample{} of torque far from those around, {torque:.1} N m at most: replaced by what is around",

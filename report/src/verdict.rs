@@ -198,6 +198,9 @@ impl Document {
         if self.has_computed() {
             return MEASURE.to_owned();
         }
+        if self.log.iter().any(|f| f.fault == "torque_filtered") {
+            return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
+        }
         let mut faults: Vec<String> =
             self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
         if !faults.is_empty() {
