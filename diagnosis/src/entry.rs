@@ -9,6 +9,7 @@ use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
 use crate::procedure::Procedure;
+use crate::repeats;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
@@ -135,7 +136,10 @@ fn run_all(
         return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));
     }
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
-    let (found, patch) = done.ok_or(DiagnosisError::Singular)?;
+    let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
+    // The seal is open: motion that it has in common with the others counts as well.
+    let scatter = repeats::scatter(&look.iter().chain([&sealed]).collect::<Vec<_>>());
+    found.know_repeats(&scatter, &sealed.tau);
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
 }
 
