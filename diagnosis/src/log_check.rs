@@ -1,6 +1,7 @@
 //! What is wrong with a log before anything is compared with a model: faults that would be sold as effects.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use rivet_dynamics::Model;
 
@@ -22,6 +23,14 @@ const UNLIKE_THE_MODEL: f64 = -0.7;
 const OTHER_UNIT: f64 = 3.0;
 /// ... if it is the model's torque but for the factor.
 const SAME_SHAPE: f64 = 0.9;
+/// From this factor on it is as well where bodies and drive are both off by it, ...
+const TWICE: f64 = 1.8;
+/// ... by the same but for this share, ...
+const SAME_FACTOR: f64 = 0.1;
+/// ... each makes this share of the torque, so that neither is what the file has wrong, ...
+const BOTH_FELT: f64 = 0.2;
+/// ... and the model's torque times that is the measured one, by their correlation.
+const WHOLE_SHAPE: f64 = 0.985;
 /// Speed below which a joint stands still \[rad/s\].
 const STILL: f64 = 0.02;
 /// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
@@ -275,16 +284,21 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Still(top_speed(&run.motion, j)));
             continue;
         }
-        let mut modelled = vec![0.0; run.rows()];
-        for (x, column) in nominal.x.iter().zip(&run.standard) {
-            if let Some(values) = &column[j] {
-                modelled.iter_mut().zip(values).for_each(|(m, v)| *m += v * x);
+        let of = |parameters: Range<usize>| {
+            let mut torque = vec![0.0; run.rows()];
+            for (x, column) in nominal.x[parameters.clone()].iter().zip(&run.standard[parameters]) {
+                if let Some(values) = &column[j] {
+                    torque.iter_mut().zip(values).for_each(|(t, v)| *t += v * x);
+                }
             }
-        }
+            torque
+        };
+        let links = 10 * run.silent.len();
+        let (bodies, mut drive) = (of(0..links), of(links..nominal.x.len()));
         if let Some(known) = run.known_rows.get(j) {
-            modelled.iter_mut().zip(known).for_each(|(m, k)| *m += k);
+            drive.iter_mut().zip(known).for_each(|(d, k)| *d += k);
         }
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
@@ -297,6 +311,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Opposite(alike));
         } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
             say(LogFault::Scale(scale));
+        } else if let Some(factor) = factor(tau, &bodies, &drive) {
+            say(LogFault::Scale(factor));
         } else if let Some(fault) = run.silent[j] {
             say(fault);
         }
@@ -308,6 +324,25 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         }
     }
     found
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The factor by which a torque is off if it is by about two: a load makes bodies heavier, wear or cold makes friction larger, neither
+/// both of them by the same.
+fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
+    let [bb, bd, dd] = [dot(bodies, bodies), dot(bodies, drive), dot(drive, drive)];
+    let (bt, dt, tt) = (dot(bodies, tau), dot(drive, tau), dot(tau, tau));
+    let determinant = bb * dd - bd * bd;
+    let [body, own] = [(dd * bt - bd * dt) / determinant, (bb * dt - bd * bt) / determinant];
+    let factor = (bt + dt) / (bb + 2.0 * bd + dd);
+    let felt = |part: f64, square: f64| part.powi(2) * square > BOTH_FELT.powi(2) * tt;
+    let shape = (bt + dt) / ((bb + 2.0 * bd + dd) * tt).sqrt();
+    let same = |part: f64| (part / factor - 1.0).abs() < SAME_FACTOR;
+    let off = !(1.0 / TWICE..TWICE).contains(&factor);
+    (off && shape > WHOLE_SHAPE && same(body) && same(own) && felt(body, bb) && felt(own, dd)).then_some(factor)
 }
 
 /// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
@@ -417,6 +452,24 @@ mod tests {
         assert_eq!(heard(|t, _| 0.5 * t.cos(), 20.0, 1.0), None, "bodies against a friction that is not seen");
         assert_eq!(heard(|_, _| 0.0, 0.6, 1.0), None, "too short a time");
         assert_eq!(heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 0.0), None, "a file that expects nothing");
+    }
+
+    /// Gravity and friction of a joint that swings; noise of a twentieth.
+    #[test]
+    fn a_gain_of_two_is_one_where_bodies_and_drive_have_it() {
+        let at = |f: &dyn Fn(f64) -> f64| (0..4000).map(|k| f(0.01 * f64::from(k))).collect::<Vec<f64>>();
+        let (bodies, drive) = (at(&|t| 8.0 * t.sin()), at(&|t| 4.0 * t.cos() + 2.0 * t.cos().signum()));
+        let torque = |b: f64, d: f64| -> Vec<f64> {
+            let noise = at(&|t| 0.4 * (57.0 * t).sin());
+            bodies.iter().zip(&drive).zip(&noise).map(|((x, y), n)| b * x + d * y + n).collect()
+        };
+        let told = |b: f64, d: f64| factor(&torque(b, d), &bodies, &drive);
+        assert!(told(2.0, 2.0).is_some_and(|f| (f - 2.0).abs() < 0.02) && told(0.5, 0.5).is_some());
+        assert_eq!(told(1.0, 1.0), None);
+        assert_eq!(told(1.5, 1.5), None, "a torque constant may be as wrong");
+        assert_eq!(told(2.0, 1.0), None, "a load");
+        assert_eq!(told(1.0, 2.5), None, "friction of a cold joint");
+        assert_eq!(told(2.2, 1.8), None, "wrong values");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Torque that comes after the motion it makes: said, put right where that can be done, and sold as no effect.
+//! Torque that comes after the motion it makes, or with a gain of two: said, put right where that can be done, sold as no effect.
 
 use std::path::Path;
 
@@ -113,4 +113,20 @@ fn torque_through_a_slow_filter_is_not_judged() {
     assert_eq!(filtered.len(), 12, "{found:#}");
     // 16 ms less what noise makes of it.
     assert!(filtered.iter().all(|f| f["value"].as_f64().is_some_and(|s| (0.010..0.020).contains(&s))), "{filtered:?}");
+}
+
+/// A gain that a torque constant cannot have is a channel's, of a model whose values are right and of one whose values are not.
+#[test]
+fn a_gain_of_two_is_a_fault_of_the_channel() {
+    for (case, sound) in [("practice/case-24", true), ("practice-wrong-nominal/case-15", false)] {
+        let Some(case) = shared("data").map(|folder| folder.join(case)) else { return };
+        let found = judged(&case, |tau| tau[1].iter_mut().for_each(|tau| *tau *= 2.0));
+        let scaled = findings(&found, "torque_scale");
+        assert!(scaled.len() == 2 && scaled.iter().all(|f| f["joint"] == "shoulder_lift_joint"), "{found:#}");
+        assert!(scaled.iter().all(|f| f["value"].as_f64().is_some_and(|v| (v - 2.0).abs() < 0.05)), "{scaled:?}");
+        for cause in found["causes"].as_array().expect("causes") {
+            let joints = cause["joints"].as_array().expect("joints");
+            assert!(!sound && !joints.iter().any(|joint| joint == "shoulder_lift_joint"), "{cause}");
+        }
+    }
 }
