@@ -81,14 +81,15 @@ impl Chain {
     pub(crate) fn apply_later(&self, signal: &[f64], seconds: &[f64]) -> Vec<Vec<f64>> {
         let mut x = self.averaged(signal);
         self.filter.apply(&mut x);
-        let last = x.len().saturating_sub(1) as isize;
+        let last = x.len().saturating_sub(1);
         let later = |seconds: &f64| {
             let shift = 2.0 * seconds / self.row_period_s;
             let (whole, part) = (shift.floor(), shift - shift.floor());
             // What the filter lets through is slow beside the samples: six of them tell what is between.
             let taps: [f64; 6] = std::array::from_fn(|i| lagrange(i, part));
             let at = |k: usize| -> f64 {
-                let sample = |i: usize| x[(k as isize + whole as isize + i as isize - 2).clamp(0, last) as usize];
+                // Edges are wider than the six, so nothing is before the start but for moves that are too far.
+                let sample = |i: usize| x[(k + i).saturating_add_signed(whole as isize - 2).min(last)];
                 taps.iter().enumerate().map(|(i, tap)| tap * sample(i)).sum()
             };
             self.span(x.len()).step_by(2).map(at).collect()
