@@ -110,6 +110,17 @@ impl Prepared {
         self.tau = self.run.tau.iter().map(|t| self.chain.apply(&shifted(t))).collect();
     }
 
+    /// Prepared anew with each joint's torque taken so many samples later; the end repeats what was last.
+    pub(crate) fn later(&self, samples: &[isize], nominal: &Nominal) -> Prepared {
+        let last = self.run.len().saturating_sub(1);
+        let moved = |tau: &Vec<f64>, by: isize| -> Vec<f64> {
+            (0..tau.len()).map(|k| tau[k.saturating_add_signed(by).min(last)]).collect()
+        };
+        let tau = self.run.tau.iter().zip(samples).map(|(tau, by)| moved(tau, *by)).collect();
+        let run = Run { tau, ..self.run.clone() };
+        Prepared { silent: self.silent.clone(), ..Prepared::by(self.chain.clone(), run, nominal) }
+    }
+
     pub(crate) fn rows(&self) -> usize {
         self.tau.first().map_or(0, Vec::len)
     }

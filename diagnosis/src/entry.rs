@@ -2,12 +2,14 @@
 
 use rivet_dynamics::Model;
 
+use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
 use crate::procedure::Procedure;
+use crate::repeats;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
@@ -127,12 +129,17 @@ fn run_all(
         log_check::distrust(run, &nominal);
     }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    say("torque and position in time");
+    log.extend(alignment::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));
     }
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
-    let (found, patch) = done.ok_or(DiagnosisError::Singular)?;
+    let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
+    // The seal is open: motion that it has in common with the others counts as well.
+    let scatter = repeats::scatter(&look.iter().chain([&sealed]).collect::<Vec<_>>());
+    found.know_repeats(&scatter, &sealed.tau);
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
 }
 

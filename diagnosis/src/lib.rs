@@ -6,6 +6,7 @@
 //! runs -> all but the last are looked at, the last is sealed
 //!      -> signals: spikes and wraps are mended, frozen stretches cut
 //!      -> the log itself: torque that runs against motion, another unit, limits, joints that stand
+//!      -> torque that comes after the motion is moved in time
 //!      -> rows: every column and the torque through one zero-phase filter; rows where the log cannot resolve the
 //!         direction of friction weigh less
 //!      -> background: all values of the model, wrong by as much as CAD and data sheets usually are
@@ -19,6 +20,7 @@
 //!
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
+mod alignment;
 mod background;
 mod body;
 mod bursts;
@@ -56,6 +58,7 @@ mod procedure;
 mod products;
 mod refine;
 mod regimes;
+mod repeats;
 mod report;
 mod residue;
 mod rows;
@@ -87,6 +90,6 @@ pub use past::{Past, of_one_clock};
 pub use patch::{Patch, drives};
 pub use power::{Named, Probe, probe};
 pub use regimes::Regime;
-pub use report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
+pub use report::{Cause, Cell, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict};
 pub use run::Run;
 pub use views::{Axis, Contrast, View, Views};

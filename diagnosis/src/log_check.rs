@@ -1,5 +1,8 @@
 //! What is wrong with a log before anything is compared with a model: faults that would be sold as effects.
 
+use std::f64::consts::TAU;
+use std::ops::Range;
+
 use rivet_dynamics::Model;
 
 use crate::background::Nominal;
@@ -20,6 +23,14 @@ const UNLIKE_THE_MODEL: f64 = -0.7;
 const OTHER_UNIT: f64 = 3.0;
 /// ... if it is the model's torque but for the factor.
 const SAME_SHAPE: f64 = 0.9;
+/// From this factor on it is as well where bodies and drive are both off by it, ...
+const TWICE: f64 = 1.8;
+/// ... by the same but for this share, ...
+const SAME_FACTOR: f64 = 0.1;
+/// ... each makes this share of the torque, so that neither is what the file has wrong, ...
+const BOTH_FELT: f64 = 0.2;
+/// ... and the model's torque times that is the measured one, by their correlation.
+const WHOLE_SHAPE: f64 = 0.985;
 /// Speed below which a joint stands still \[rad/s\].
 const STILL: f64 = 0.02;
 /// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
@@ -57,6 +68,10 @@ pub enum LogFault {
     Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
     Still(f64),
+    /// The torque comes so much after the motion that it makes \[s\]: it is taken so much later.
+    Late(f64),
+    /// The torque went through a low-pass of about this time constant \[s\], slower than the model filter.
+    Filtered(f64),
     /// Single samples of torque far beyond what is around them, replaced by that.
     Spikes {
         /// How many.
@@ -132,6 +147,8 @@ impl LogFault {
             LogFault::Limit(_) => "torque_limit",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
+            LogFault::Late(_) => "torque_late",
+            LogFault::Filtered(_) => "torque_filtered",
             LogFault::Spikes { .. } => "torque_spikes",
             LogFault::Glitches(_) => "position_glitches",
             LogFault::Wrapped(_) => "position_wrapped",
@@ -157,13 +174,22 @@ impl LogFault {
             | LogFault::Scale(v)
             | LogFault::Limit(v)
             | LogFault::Computed(v)
+            | LogFault::Late(v)
+            | LogFault::Filtered(v)
             | LogFault::Still(v) => v,
         }
     }
 
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
-        matches!(self, LogFault::Sign(_) | LogFault::Opposite(_) | LogFault::Scale(_) | LogFault::Silent { .. })
+        matches!(
+            self,
+            LogFault::Sign(_)
+                | LogFault::Opposite(_)
+                | LogFault::Scale(_)
+                | LogFault::Silent { .. }
+                | LogFault::Filtered(_)
+        )
     }
 
     /// What a person would say.
@@ -187,6 +213,16 @@ impl LogFault {
                 "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
                  there a motor current (torque_from in robot.toml)?",
                 100.0 * v
+            ),
+            LogFault::Late(v) => format!(
+                "torque comes {:.1} ms after the motion that it makes, which no drive does (another clock, a filter?): taken so much \
+                 later, in whole samples",
+                1e3 * v
+            ),
+            LogFault::Filtered(v) => format!(
+                "torque went through a low-pass of about {:.0} Hz and position did not: not evaluated; log it unfiltered, or both \
+                 through the same filter",
+                1.0 / (TAU * v)
             ),
             LogFault::Spikes { samples, torque } => format!(
                 "{samples} sample{} of torque far from those around, {torque:.1} N m at most: replaced by what is around",
@@ -272,21 +308,28 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Still(top_speed(&run.motion, j)));
             continue;
         }
-        let mut modelled = vec![0.0; run.rows()];
-        for (x, column) in nominal.x.iter().zip(&run.standard) {
-            if let Some(values) = &column[j] {
-                modelled.iter_mut().zip(values).for_each(|(m, v)| *m += v * x);
+        let of = |parameters: Range<usize>| {
+            let mut torque = vec![0.0; run.rows()];
+            for (x, column) in nominal.x[parameters.clone()].iter().zip(&run.standard[parameters]) {
+                if let Some(values) = &column[j] {
+                    torque.iter_mut().zip(values).for_each(|(t, v)| *t += v * x);
+                }
             }
-        }
+            torque
+        };
+        let links = 10 * run.silent.len();
+        let (bodies, mut drive) = (of(0..links), of(links..nominal.x.len()));
         if let Some(known) = run.known_rows.get(j) {
-            modelled.iter_mut().zip(known).for_each(|(m, k)| *m += k);
+            drive.iter_mut().zip(known).for_each(|(d, k)| *d += k);
         }
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
         let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
-        if let Some(fault) = LogFault::of_torque(dissipates, cosine(tau, &modelled), scale).or(run.silent[j]) {
+        let told = LogFault::of_torque(dissipates, cosine(tau, &modelled), scale);
+        let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));
+        if let Some(fault) = told.or(run.silent[j]) {
             say(fault);
         }
         if run.blur[j] > MUCH_BLUR {
@@ -297,6 +340,25 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         }
     }
     found
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The factor by which a torque is off if it is by about two: a load makes bodies heavier, wear or cold makes friction larger, neither
+/// both of them by the same.
+fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
+    let [bb, bd, dd] = [dot(bodies, bodies), dot(bodies, drive), dot(drive, drive)];
+    let (bt, dt, tt) = (dot(bodies, tau), dot(drive, tau), dot(tau, tau));
+    let determinant = bb * dd - bd * bd;
+    let [body, own] = [(dd * bt - bd * dt) / determinant, (bb * dt - bd * bt) / determinant];
+    let factor = (bt + dt) / (bb + 2.0 * bd + dd);
+    let felt = |part: f64, square: f64| part.powi(2) * square > BOTH_FELT.powi(2) * tt;
+    let shape = (bt + dt) / ((bb + 2.0 * bd + dd) * tt).sqrt();
+    let same = |part: f64| (part / factor - 1.0).abs() < SAME_FACTOR;
+    let off = !(1.0 / TWICE..TWICE).contains(&factor);
+    (off && shape > WHOLE_SHAPE && same(body) && same(own) && felt(body, bb) && felt(own, dd)).then_some(factor)
 }
 
 /// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
@@ -406,6 +468,24 @@ mod tests {
         assert_eq!(heard(|t, _| 0.5 * t.cos(), 20.0, 1.0), None, "bodies against a friction that is not seen");
         assert_eq!(heard(|_, _| 0.0, 0.6, 1.0), None, "too short a time");
         assert_eq!(heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 0.0), None, "a file that expects nothing");
+    }
+
+    /// Gravity and friction of a joint that swings; noise of a twentieth.
+    #[test]
+    fn a_gain_of_two_is_one_where_bodies_and_drive_have_it() {
+        let at = |f: &dyn Fn(f64) -> f64| (0..4000).map(|k| f(0.01 * f64::from(k))).collect::<Vec<f64>>();
+        let (bodies, drive) = (at(&|t| 8.0 * t.sin()), at(&|t| 4.0 * t.cos() + 2.0 * t.cos().signum()));
+        let torque = |b: f64, d: f64| -> Vec<f64> {
+            let noise = at(&|t| 0.4 * (57.0 * t).sin());
+            bodies.iter().zip(&drive).zip(&noise).map(|((x, y), n)| b * x + d * y + n).collect()
+        };
+        let told = |b: f64, d: f64| factor(&torque(b, d), &bodies, &drive);
+        assert!(told(2.0, 2.0).is_some_and(|f| (f - 2.0).abs() < 0.02) && told(0.5, 0.5).is_some());
+        assert_eq!(told(1.0, 1.0), None);
+        assert_eq!(told(1.5, 1.5), None, "a torque constant may be as wrong");
+        assert_eq!(told(2.0, 1.0), None, "a load");
+        assert_eq!(told(1.0, 2.5), None, "friction of a cold joint");
+        assert_eq!(told(2.2, 1.8), None, "wrong values");
     }
 
     #[test]

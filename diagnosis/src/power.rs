@@ -6,6 +6,7 @@
 
 use rivet_dynamics::Model;
 
+use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::bursts;
 use crate::design::Prepared;
@@ -57,7 +58,8 @@ pub fn probe<T>(
         return Err(DiagnosisError::NoRun);
     }
     let nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
-    let runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
+    let mut runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
+    alignment::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
     let mut probe = Probe::new(&runs, &nominal, say).ok_or(DiagnosisError::Singular)?;
     Ok(ask(&mut probe))
 }

@@ -20,7 +20,7 @@ use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
-use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict};
+use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::rows::Column;
 use crate::sealed::Sealed;
@@ -362,6 +362,7 @@ impl Procedure<'_> {
                 before: before.per_joint[j],
                 after: after.per_joint[j],
                 noise_floor: floors[j],
+                repeats: None,
                 in_motion: sealed.in_motion(j),
             })
             .collect();
@@ -549,11 +550,6 @@ fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let gains = step.adopted.iter().map(|a| a.gain);
     let strong = gains.reduce(f64::max).map_or(VALUE_ALONE, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
     held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
-}
-
-fn pooled(relative: &[f64]) -> f64 {
-    let finite: Vec<f64> = relative.iter().copied().filter(|r| r.is_finite()).collect();
-    (finite.iter().map(|r| r * r).sum::<f64>() / finite.len().max(1) as f64).sqrt()
 }
 
 fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {

@@ -85,18 +85,36 @@ pub struct JointGap {
     pub before: f64,
     /// With all causes.
     pub after: f64,
-    /// What the noise of the torque signal leaves.
+    /// What noise leaves: that of the torque signal, or what torque differs by where motion is repeated, whichever is more.
     pub noise_floor: f64,
+    /// Motion that the runs hold twice, where there is enough of it.
+    pub repeats: Option<Scatter>,
     /// Where the direction of friction is known, as given and with all causes, over the noise of the torque signal: what a joint
     /// that stands holds by friction no model tells.
     pub in_motion: [f64; 2],
 }
 
 impl JointGap {
+    /// Whether repeated motion says more of noise than the torque signal does.
+    pub fn is_floor_from_repeats(&self) -> bool {
+        self.repeats.is_some_and(|repeats| repeats.decides)
+    }
+
     /// Whether there is more than noise in motion, as given or with all causes.
     pub(crate) fn is_open(&self) -> bool {
         self.in_motion.iter().any(|times| *times > IN_MOTION)
     }
+}
+
+/// What one joint's torque differs by where its motion does not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// Root mean square in one of two runs \[N·m\].
+    pub torque: f64,
+    /// How much motion was seen twice \[s\].
+    pub seconds: f64,
+    /// Whether it is more than the noise of the torque signal.
+    pub decides: bool,
 }
 
 /// Share of the gap in one regime of one joint.
@@ -146,7 +164,7 @@ pub struct Diagnosis {
     pub before: f64,
     /// With all causes.
     pub after: f64,
-    /// Of the torque signal.
+    /// Of noise, as by joint.
     pub noise_floor: f64,
     /// By joint.
     pub per_joint: Vec<JointGap>,
@@ -177,6 +195,28 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Takes what repeated motion says of noise into what is told. Nothing is decided by it: between two runs load may differ, and
+    /// friction with it, which is no noise.
+    pub(crate) fn know_repeats(&mut self, scatter: &[Option<Scatter>], tau: &[Vec<f64>]) {
+        for (j, (gap, scatter)) in self.per_joint.iter_mut().zip(scatter).enumerate() {
+            let Some(scatter) = scatter.filter(|_| gap.noise_floor.is_finite()) else { continue };
+            let rms = (tau[j].iter().map(|t| t * t).sum::<f64>() / tau[j].len().max(1) as f64).sqrt();
+            let relative = scatter.torque / rms.max(f64::MIN_POSITIVE);
+            let decides = relative > gap.noise_floor;
+            gap.repeats = Some(Scatter { decides, ..scatter });
+            if decides {
+                gap.noise_floor = relative;
+                self.details
+                    .iter_mut()
+                    .filter_map(|d| d.ledger.get_mut(j))
+                    .for_each(|line| line.floor = scatter.torque);
+            }
+        }
+        if self.per_joint.iter().any(JointGap::is_floor_from_repeats) {
+            self.noise_floor = pooled(&self.per_joint.iter().map(|gap| gap.noise_floor).collect::<Vec<_>>());
+        }
+    }
+
     /// No run is left whose torque says something, and `why`.
     pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
         let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
@@ -204,4 +244,10 @@ impl Diagnosis {
             details: None,
         }
     }
+}
+
+/// Root mean square of what is known.
+pub(crate) fn pooled(relative: &[f64]) -> f64 {
+    let finite: Vec<f64> = relative.iter().copied().filter(|r| r.is_finite()).collect();
+    (finite.iter().map(|r| r * r).sum::<f64>() / finite.len().max(1) as f64).sqrt()
 }

@@ -50,8 +50,15 @@ impl Chain {
 
     /// Rows of a full-rate signal.
     pub(crate) fn apply(&self, signal: &[f64]) -> Vec<f64> {
-        let a = self.average as f64;
-        self.filtered(signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect())
+        self.filtered(self.averaged(signal))
+    }
+
+    fn averaged(&self, signal: &[f64]) -> Vec<f64> {
+        signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / self.average as f64).collect()
+    }
+
+    fn rows(&self, x: &[f64]) -> Vec<f64> {
+        self.span(x.len()).step_by(2).map(|k| x[k]).collect()
     }
 
     /// Cut-off of the filter \[Hz\]: half of what has this frequency is left.
@@ -67,7 +74,27 @@ impl Chain {
     /// Rows of a signal that is averaged already.
     pub(crate) fn filtered(&self, mut x: Vec<f64>) -> Vec<f64> {
         self.filter.apply(&mut x);
-        self.span(x.len()).step_by(2).map(|k| x[k]).collect()
+        self.rows(&x)
+    }
+
+    /// Rows of a full-rate signal as it is at each of these times later \[s\], no more than the edge that is left out.
+    pub(crate) fn apply_later(&self, signal: &[f64], seconds: &[f64]) -> Vec<Vec<f64>> {
+        let mut x = self.averaged(signal);
+        self.filter.apply(&mut x);
+        let last = x.len().saturating_sub(1);
+        let later = |seconds: &f64| {
+            let shift = 2.0 * seconds / self.row_period_s;
+            let (whole, part) = (shift.floor(), shift - shift.floor());
+            // What the filter lets through is slow beside the samples: six of them tell what is between.
+            let taps: [f64; 6] = std::array::from_fn(|i| lagrange(i, part));
+            let at = |k: usize| -> f64 {
+                // Edges are wider than the six, so nothing is before the start but for moves that are too far.
+                let sample = |i: usize| x[(k + i).saturating_add_signed(whole as isize - 2).min(last)];
+                taps.iter().enumerate().map(|(i, tap)| tap * sample(i)).sum()
+            };
+            self.span(x.len()).step_by(2).map(at).collect()
+        };
+        seconds.iter().map(later).collect()
     }
 
     /// Rows of a signal that is only looked up, not part of the equations: the value amid each row's samples.
@@ -103,8 +130,7 @@ impl Chain {
 
     /// `rows` of a signal that is nothing but for this part of it, which begins at sample `from` of a run of so many.
     pub(crate) fn part(&self, signal: &[f64], from: usize, rows: &Range<usize>) -> Vec<f64> {
-        let a = self.average as f64;
-        let mut x: Vec<f64> = signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / a).collect();
+        let mut x = self.averaged(signal);
         self.filter.apply(&mut x);
         rows.clone().map(|row| x[self.edge + 2 * row - from / self.average]).collect()
     }
@@ -120,6 +146,12 @@ impl Chain {
     }
 }
 
+/// Weight of sample `i` of six for a place this far behind the third.
+fn lagrange(i: usize, part: f64) -> f64 {
+    let place = |k: usize| k as f64 - 2.0;
+    (0..6).filter(|k| *k != i).map(|k| (part - place(k)) / (place(i) - place(k))).product()
+}
+
 /// One column of the equations in one run: rows by joint, `None` where it is zero throughout.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
 
@@ -131,4 +163,27 @@ pub(crate) fn column(chain: &Chain, full: Vec<Option<Vec<f64>>>) -> Column {
             rows.iter().any(|v| *v != 0.0).then_some(rows)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sine of 3 Hz at 1 kHz.
+    fn sine(late_s: f64) -> Vec<f64> {
+        (0..4000).map(|k| (std::f64::consts::TAU * 3.0 * (1e-3 * f64::from(k) - late_s)).sin()).collect()
+    }
+
+    fn farthest(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()))
+    }
+
+    #[test]
+    fn rows_of_a_signal_taken_later_are_those_of_one_that_came_earlier() {
+        let chain = Chain::new(1e-3);
+        for late in [-0.0123, 0.0, 0.0047, 0.03] {
+            let rows = chain.apply_later(&sine(late), &[late]);
+            assert!(farthest(&rows[0][20..300], &chain.apply(&sine(0.0))[20..300]) < 1e-4, "{late}");
+        }
+    }
 }

@@ -170,6 +170,16 @@ pub struct JointGap {
     pub after_nm: Number,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor_nm: Number,
+    /// Where the noise floor comes from: `signal`, what changes too fast to be motion, or `repeats`, what torque differs by where the
+    /// runs hold the same motion twice, if that is more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_from: Option<String>,
+    /// What torque differs by there, root mean square in one of two runs \[N·m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats_nm: Number,
+    /// How much motion was seen twice \[s\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats_s: Number,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bias_before_nm: Number,
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -56,17 +56,25 @@ impl Document {
         let moving = most(0).zip(most(1)).map_or_else(String::new, |(before, after)| {
             let (before, after) = (figure(before, 2), figure(after, 2));
             format!(
-                " Where joints move and friction's direction is known, the worst joint misses {before} times its noise \
+                " Where joints move and friction's direction is known, the worst joint misses {before} times its signal's noise \
                  as given and {after} times with that."
             )
         });
+        let repeated = gap.per_joint.iter().filter(|j| j.floor_from.as_deref() == Some("repeats"));
+        let noise = match repeated.filter_map(|j| j.repeats_s).reduce(f64::max) {
+            Some(seconds) => format!(
+                "Noise is {} %: by more than the torque signal's own, torque differs where the logs hold the same motion twice \
+                 ({seconds:.0} s)",
+                percent(gap.noise_floor)
+            ),
+            None => format!("Noise of the torque signal alone is {} %", percent(gap.noise_floor)),
+        };
         format!(
             "On {:.0} s of motion that was kept sealed, the model as given misses the torque by {} %; with what is named \
-             below and the other values refitted, by {} %. Noise of the torque signal alone is {} %.{moving}",
+             below and the other values refitted, by {} %. {noise}.{moving}",
             self.data.sealed_seconds.unwrap_or(0.0),
             percent(gap.before),
             percent(gap.after),
-            percent(gap.noise_floor)
         )
     }
 
@@ -197,6 +205,9 @@ impl Document {
     fn next_line(&self) -> String {
         if self.has_computed() {
             return MEASURE.to_owned();
+        }
+        if self.log.iter().any(|f| f.fault == "torque_filtered") {
+            return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
         }
         let mut faults: Vec<String> =
             self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();

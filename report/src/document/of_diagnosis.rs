@@ -87,6 +87,12 @@ impl JointGap {
             before_nm: None,
             after_nm: None,
             noise_floor_nm: None,
+            floor_from: gap.noise_floor.is_finite().then(|| {
+                let from = if gap.is_floor_from_repeats() { "repeats" } else { "signal" };
+                from.to_owned()
+            }),
+            repeats_nm: gap.repeats.and_then(|repeats| number(repeats.torque)),
+            repeats_s: gap.repeats.and_then(|repeats| number(repeats.seconds)),
             bias_before_nm: None,
             bias_after_nm: None,
             peak_before_nm: None,

@@ -1,0 +1,303 @@
+//! How far in time torque is from position, before anything is compared with a model.
+//!
+//! A drive's torque comes before the motion that it makes; what lies between is an effect like another. Torque that comes *after*
+//! the motion is none that an arm makes: it went through a filter, or has a clock of its own. Each joint's torque is fitted by all
+//! values of the model, whatever the file says of them, and moved in time until that leaves least; the joints must agree.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::background::Nominal;
+use crate::design::{Prepared, correlation};
+use crate::log_check::{LogFault, LogFinding};
+
+/// Moves in time that are tried \[s\], either way, and the step between them.
+const FARTHEST_S: f64 = 0.05;
+const STEP_S: f64 = 1e-3;
+/// Torque is late where it is so by more than this \[s\], and than the part of a sample that is free in every fit, ...
+const LEAST_S: f64 = 1e-3;
+const FREE_SAMPLES: f64 = 0.5;
+/// ... by so many standard deviations.
+const SURE: f64 = 4.0;
+/// A joint tells where moving its torque changes what is left by so much, in units of its noise squared.
+const TELLS: f64 = 16.0;
+/// It agrees where its own best move is the arm's but for this share of it.
+const AGREES: f64 = 0.4;
+/// Joints that must agree.
+const LEAST_JOINTS: usize = 2;
+/// Share of what is left on all joints that the move must take.
+const LEAST_SHARE: f64 = 0.02;
+/// One channel by itself is late where the move takes this share of what is left and leaves so many times the noise at most: an
+/// elastic gear or bristles look late as well, but not as exactly.
+const ALONE_SHARE: f64 = 0.8;
+const ALONE_LEAVES: f64 = 2.0;
+/// Runs agree on it within this \[s\].
+const ALIKE_S: f64 = 1e-3;
+/// A low-pass is one where undoing it leaves at most this share of what a mere move leaves, and where it is slower than this \[s\]: to
+/// the model filter a faster one is a move.
+const FILTER_SHARE: f64 = 0.8;
+const LEAST_FILTER_S: f64 = 0.005;
+/// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
+const MOVING: f64 = 0.05;
+const MOVING_SHARE: f64 = 0.5;
+/// Rows that a joint has to have for each of its columns, and that are enough of any.
+const ROWS_PER_COLUMN: usize = 4;
+const MOST_ROWS: usize = 12_000;
+/// Columns of size 1 that are as alike as this are one.
+const RIDGE: f64 = 1e-9;
+
+/// What is to be done with the torque of one run.
+#[derive(Clone, PartialEq)]
+enum Remedy {
+    None,
+    /// Each joint's is taken so much later \[s\].
+    Move(Vec<f64>),
+    /// All of it went through a low-pass of this time constant \[s\]: it is not to be believed.
+    Filter(f64),
+}
+
+/// What is left of one joint's torque.
+struct JointTiming {
+    joint: usize,
+    /// Sum of squares for every move, and for every time constant of a filter that is undone \[N²·m²\].
+    moved: Vec<f64>,
+    unfiltered: Vec<f64>,
+    /// One over the variance at the best move, as far as rows are independent.
+    weight: f64,
+    /// Root mean square at the best move \[N·m\].
+    rms: f64,
+    /// The best move \[s\] and its standard deviation.
+    late: f64,
+    sigma: f64,
+}
+
+/// What a run says of its clock.
+struct Timing {
+    /// By which the arm's torque is late \[s\], and the standard deviation of that.
+    late: f64,
+    sigma: f64,
+    joints: Vec<JointTiming>,
+}
+
+/// Moves torque that surely comes after the motion, and says so; torque that a slow filter went over is not believed.
+pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn FnMut(&str)) -> Vec<LogFinding> {
+    let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::of(run)).collect();
+    for (run, timing) in runs.iter().zip(&timings) {
+        let Some(timing) = timing else { continue };
+        let [late, sigma] = [timing.late, timing.sigma].map(|s| 1e3 * s);
+        say(&format!("{}: torque {late:.2} ms after position, standard deviation {sigma:.2} ms", run.run.name));
+    }
+    let remedies = remedies(runs, &timings, nominal.model.arm.dof());
+    let mut found = Vec::new();
+    for (run, remedy) in runs.iter_mut().zip(remedies) {
+        match remedy {
+            Remedy::None => {}
+            Remedy::Filter(seconds) => {
+                run.silent.iter_mut().for_each(|silent| *silent = silent.or(Some(LogFault::Filtered(seconds))));
+            }
+            Remedy::Move(late) => {
+                let heard = |j: &usize| late[*j] > 0.0 && run.silent[*j].is_none();
+                found.extend((0..late.len()).filter(heard).map(|j| LogFinding {
+                    run: run.run.name.clone(),
+                    joint: nominal.model.arm.joints[j].name.clone(),
+                    fault: LogFault::Late(late[j]),
+                }));
+                // What is left of a sample is free in every fit.
+                let samples = late.iter().map(|s| (s / run.run.period_s).round() as isize);
+                **run = run.later(&samples.collect::<Vec<_>>(), nominal);
+            }
+        }
+    }
+    found
+}
+
+fn remedies(runs: &[&mut Prepared], timings: &[Option<Timing>], joints: usize) -> Vec<Remedy> {
+    let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
+    let own = |(run, timing): (&&mut Prepared, &Option<Timing>)| match timing {
+        Some(timing) if timing.is_sure(least(run)) => {
+            timing.filter().map_or_else(|| Remedy::Move(vec![timing.late; joints]), Remedy::Filter)
+        }
+        _ => Remedy::None,
+    };
+    let mut remedies: Vec<Remedy> = runs.iter().zip(timings).map(own).collect();
+    // Several runs of one arm are logged alike: what cannot tell by itself, and is not against it, follows the first that can.
+    if let Some(first) = remedies.iter().position(|r| *r != Remedy::None) {
+        let (usual, late) = (remedies[first].clone(), timings[first].as_ref().map_or(0.0, |t| t.late));
+        for (remedy, timing) in remedies.iter_mut().zip(timings).filter(|(r, _)| **r == Remedy::None) {
+            if timing.as_ref().is_none_or(|t| t.prefers(late)) {
+                *remedy = usual.clone();
+            }
+        }
+        return remedies;
+    }
+    let alone: Vec<f64> = (0..joints).map(|j| alone(runs, timings, j, least).unwrap_or(0.0)).collect();
+    if alone.iter().all(|late| *late == 0.0) { remedies } else { vec![Remedy::Move(alone); runs.len()] }
+}
+
+/// By how much the channel of joint `j` is late by itself \[s\], where a run is sure of it and none is against it.
+fn alone<'a>(
+    runs: &[&mut Prepared],
+    timings: &'a [Option<Timing>],
+    j: usize,
+    least: impl Fn(&Prepared) -> f64,
+) -> Option<f64> {
+    let own = |timing: &'a Option<Timing>| timing.as_ref()?.joints.iter().find(|t| t.joint == j);
+    let told: Vec<(&Prepared, &JointTiming)> =
+        runs.iter().zip(timings).filter_map(|(run, timing)| Some((&**run, own(timing)?))).collect();
+    let is_sure = |(run, t): &&(&Prepared, &JointTiming)| {
+        t.late - SURE * t.sigma > least(run)
+            && t.gain(t.late) > TELLS
+            && t.share(t.late) > ALONE_SHARE
+            && t.rms < ALONE_LEAVES * run.floor[j]
+    };
+    let sure: Vec<f64> = told.iter().filter(is_sure).map(|(_, t)| t.late).collect();
+    let late = sure.iter().sum::<f64>() / sure.len() as f64;
+    let against = |t: &JointTiming| t.gain(late) < -TELLS;
+    let alike = !sure.is_empty() && sure.iter().all(|s| (s - late).abs() < ALIKE_S);
+    (alike && !told.iter().any(|(_, t)| against(t))).then_some(late)
+}
+
+impl Timing {
+    fn of(run: &Prepared) -> Option<Timing> {
+        let moves = moves();
+        let heard = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
+        let joints: Vec<JointTiming> = heard.filter_map(|j| JointTiming::of(run, j, &moves)).collect();
+        let all: Vec<f64> = (0..moves.len()).map(|k| joints.iter().map(|t| t.weight * t.moved[k]).sum()).collect();
+        let (late, bend) = lowest(&moves, &all)?;
+        Some(Timing { late, sigma: (2.0 / bend).sqrt(), joints })
+    }
+
+    /// Whether the arm as a whole is later than `least` \[s\].
+    fn is_sure(&self, least: f64) -> bool {
+        let tells = || self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS);
+        let agrees = |t: &&JointTiming| t.gain(self.late) > 0.0 && (t.late - self.late).abs() < AGREES * self.late;
+        let agree = tells().filter(agrees).count();
+        let left = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
+        self.late - SURE * self.sigma > least
+            && agree >= LEAST_JOINTS
+            && 2 * agree > tells().count()
+            && left(self.late) < (1.0 - LEAST_SHARE) * left(0.0)
+    }
+
+    /// Time constant \[s\] of the low-pass that explains better why torque is late than a clock does.
+    fn filter(&self) -> Option<f64> {
+        let all = |of: &dyn Fn(&JointTiming) -> f64| self.joints.iter().map(|t| t.weight * of(t)).sum::<f64>();
+        let times: Vec<f64> = moves().into_iter().filter(|s| *s > -0.5 * STEP_S).collect();
+        let left: Vec<f64> = (0..times.len()).map(|k| all(&|t| t.unfiltered[k])).collect();
+        let (seconds, _) = lowest(&times, &left)?;
+        let undone = left[(seconds / STEP_S).round() as usize];
+        let moved = all(&|t| t.moved[nearest(self.late)]);
+        (seconds > LEAST_FILTER_S && undone < FILTER_SHARE * moved).then_some(seconds)
+    }
+
+    /// Whether less is left with torque moved by that much than as it is.
+    fn prefers(&self, late: f64) -> bool {
+        self.joints.iter().map(|t| t.gain(late)).sum::<f64>() > 0.0
+    }
+}
+
+impl JointTiming {
+    fn of(run: &Prepared, j: usize, moves: &[f64]) -> Option<JointTiming> {
+        let equations = Equations::of(run, j)?;
+        let tau = run.chain.apply_later(&run.run.tau[j], moves);
+        let now = nearest(0.0);
+        let torque = |c: usize, k: usize| tau[c][k] - run.known_rows.get(j).map_or(0.0, |known| known[k]);
+        let rows = &equations.rows;
+        let y = DMatrix::from_fn(rows.len(), moves.len(), |r, c| torque(c, rows[r]));
+        // A first-order low-pass is undone by its time constant times the rate.
+        let rate = |k: usize| (tau[now + 1][k] - tau[now - 1][k]) / (2.0 * STEP_S);
+        let z = DMatrix::from_fn(rows.len(), moves.len() - now, |r, c| {
+            torque(now, rows[r]) + moves[now + c] * rate(rows[r])
+        });
+        let (moved, unfiltered) = (equations.left(&y)?, equations.left(&z)?);
+        let (late, bend) = lowest(moves, &moved)?;
+        let after = equations.residual(y.column(nearest(late)).into_owned());
+        let variance = after.norm_squared() / rows.len() as f64;
+        let weight = 1.0 / (variance * correlation(&[&after])).max(f64::MIN_POSITIVE);
+        let sigma = (2.0 / (weight * bend)).sqrt();
+        Some(JointTiming { joint: j, moved, unfiltered, weight, rms: variance.sqrt(), late, sigma })
+    }
+
+    /// By how much less is left with torque moved by `late` \[s\] than as it is, in units of the noise squared.
+    fn gain(&self, late: f64) -> f64 {
+        self.weight * (self.moved[nearest(0.0)] - self.moved[nearest(late)])
+    }
+
+    /// The same as a share of what is left.
+    fn share(&self, late: f64) -> f64 {
+        1.0 - self.moved[nearest(late)] / self.moved[nearest(0.0)].max(f64::MIN_POSITIVE)
+    }
+}
+
+/// All values that one joint's torque depends on, in the rows in which it moves.
+struct Equations {
+    /// Columns of size 1.
+    d: DMatrix<f64>,
+    factor: Cholesky<f64, Dyn>,
+    rows: Vec<usize>,
+}
+
+impl Equations {
+    fn of(run: &Prepared, j: usize) -> Option<Equations> {
+        let speed = run.chain.sample(&run.motion.qd[j]);
+        let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
+        let least = MOVING.min(MOVING_SHARE * usual).max(run.blur[j]);
+        let rows: Vec<usize> = (0..run.rows()).filter(|k| speed[*k].abs() > least).take(MOST_ROWS).collect();
+        let size = |column: &Vec<f64>| rows.iter().map(|k| column[*k].powi(2)).sum::<f64>().sqrt();
+        let own = run.standard.iter().filter_map(|column| column[j].as_ref());
+        let own: Vec<(&Vec<f64>, f64)> = own.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
+        if own.is_empty() || rows.len() < ROWS_PER_COLUMN * own.len() {
+            return None;
+        }
+        let d = DMatrix::from_fn(rows.len(), own.len(), |r, c| own[c].0[rows[r]] / own[c].1);
+        let mut gram = d.tr_mul(&d);
+        (0..gram.nrows()).for_each(|k| gram[(k, k)] += RIDGE);
+        Some(Equations { factor: Cholesky::new(gram)?, d, rows })
+    }
+
+    /// Sums of squares that are left of each of several right-hand sides.
+    fn left(&self, y: &DMatrix<f64>) -> Option<Vec<f64>> {
+        let forward = self.factor.l_dirty().solve_lower_triangular(&self.d.tr_mul(y))?;
+        let left = y.column_iter().zip(forward.column_iter()).map(|(y, f)| y.norm_squared() - f.norm_squared());
+        // Of torque that the model tells exactly only rounding is left.
+        Some(left.map(|left| left.max(0.0)).collect())
+    }
+
+    fn residual(&self, y: DVector<f64>) -> DVector<f64> {
+        let x = self.factor.solve(&self.d.tr_mul(&y));
+        y - &self.d * x
+    }
+}
+
+/// Moves that are tried \[s\]: torque is taken so much later.
+fn moves() -> Vec<f64> {
+    let count = (FARTHEST_S / STEP_S).round() as i32;
+    (-count..=count).map(|k| f64::from(k) * STEP_S).collect()
+}
+
+/// Place among the moves.
+fn nearest(late: f64) -> usize {
+    ((late.clamp(-FARTHEST_S, FARTHEST_S) + FARTHEST_S) / STEP_S).round() as usize
+}
+
+/// Where a curve is lowest, by a parabola through the three points there, and its second derivative; none at an end.
+fn lowest(places: &[f64], y: &[f64]) -> Option<(f64, f64)> {
+    let at = (0..y.len()).min_by(|a, b| y[*a].total_cmp(&y[*b]))?;
+    let (before, after) = (*y.get(at.checked_sub(1)?)?, *y.get(at + 1)?);
+    let bend = before - 2.0 * y[at] + after;
+    (bend > 0.0).then(|| (places[at] + 0.5 * STEP_S * (before - after) / bend, bend / (STEP_S * STEP_S)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lowest_place_of_a_parabola_is_between_its_points() {
+        let places = moves();
+        let y: Vec<f64> = places.iter().map(|x| 3.0 + 5.0 * (x - 0.0043).powi(2)).collect();
+        let (at, bend) = lowest(&places, &y).expect("it is inside");
+        assert!((at - 0.0043).abs() < 1e-9 && (bend / 10.0 - 1.0).abs() < 1e-6, "{at} {bend}");
+        assert_eq!(lowest(&places, &places), None, "one that falls to its end has none");
+        assert_eq!((nearest(0.0), nearest(1.0)), (50, 100));
+    }
+}

@@ -1,0 +1,198 @@
+//! Motion that the logs hold twice: what torque differs by then is what no model of the motion can tell, friction's scatter among it.
+
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use crate::design::Prepared;
+use crate::report::Scatter;
+
+/// Length of the stretches that are looked for again \[s\].
+const STRETCH_S: f64 = 3.0;
+/// Some joint goes at least this far in one \[rad\].
+const SPAN: f64 = 0.05;
+/// Steps in which the other run is searched, and places of a stretch that are compared first \[rows\].
+const COARSE: usize = 5;
+const PLACES: usize = 8;
+/// Positions are alike there within this and what a joint goes in one such step \[rad\] ...
+const NEAR: f64 = 0.01;
+/// ... and in the end by this root mean square \[rad\], and this share of a joint's span.
+const ALIKE: f64 = 1e-3;
+const ALIKE_SHARE: f64 = 0.005;
+/// Speed below which friction of a joint is what it pleases \[rad/s\].
+const MOVING: f64 = 0.02;
+/// Time in motion that has to be seen twice before it says anything \[s\].
+const LEAST_S: f64 = 3.0;
+
+/// Rows of one run that come again, and where: rows of the other, as far as they are between two.
+struct Again {
+    rows: Range<usize>,
+    later: f64,
+}
+
+/// A run as it is compared.
+struct Rows<'a> {
+    run: &'a Prepared,
+    q: Vec<Vec<f64>>,
+    qd: Vec<Vec<f64>>,
+    qdd: Vec<Vec<f64>>,
+}
+
+impl<'a> Rows<'a> {
+    fn of(run: &'a Prepared) -> Rows<'a> {
+        let rows = |signals: &Vec<Vec<f64>>| signals.iter().map(|s| run.chain.sample(s)).collect();
+        Rows { run, q: rows(&run.motion.q), qd: rows(&run.motion.qd), qdd: rows(&run.motion.qdd) }
+    }
+
+    fn len(&self) -> usize {
+        self.run.rows()
+    }
+}
+
+/// Each joint's scatter over all motion that runs have in common or repeat; none where that is too little.
+pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
+    let all: Vec<Rows<'_>> = runs.iter().map(|run| Rows::of(run)).collect();
+    let joints = runs.first().map_or(0, |run| run.silent.len());
+    // Sum of squares, rows.
+    let mut sums = vec![(0.0, 0.0); joints];
+    let Some(period) = runs.first().map(|run| run.chain.row_period_s) else { return Vec::new() };
+    for (a, one) in all.iter().enumerate() {
+        for (b, other) in all.iter().enumerate().skip(a) {
+            if (other.run.chain.row_period_s / period - 1.0).abs() > 0.01 {
+                continue;
+            }
+            let again = pairs(one, other, a == b);
+            for (j, sum) in sums.iter_mut().enumerate() {
+                if let Some((square, rows)) = differs(one, other, &again, j, a != b) {
+                    *sum = (sum.0 + square, sum.1 + rows);
+                }
+            }
+        }
+    }
+    let told = |(square, rows): (f64, f64)| {
+        let seconds = rows * period;
+        // Both runs have it.
+        (seconds >= LEAST_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
+    };
+    sums.into_iter().map(told).collect()
+}
+
+/// Stretches of `one` that are in `other`; of one run what comes later.
+fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
+    let length = (STRETCH_S / one.run.chain.row_period_s) as usize;
+    let mut found = Vec::new();
+    let mut from = 0;
+    while from + length < one.len() {
+        let rows = from..from + length;
+        from += length;
+        let span = |q: &Vec<f64>| {
+            let (low, high) = q[rows.clone()].iter().fold((f64::MAX, f64::MIN), |(l, h), q| (l.min(*q), h.max(*q)));
+            high - low
+        };
+        let spans: Vec<f64> = one.q.iter().map(span).collect();
+        if spans.iter().all(|span| *span < SPAN) {
+            continue;
+        }
+        let first = if same { rows.end } else { 0 };
+        let mut best: Option<(f64, f64)> = None;
+        let last = other.len().saturating_sub(length + 1);
+        let mut at = first;
+        while at < last {
+            if near(one, other, rows.start, at, length) {
+                // Rows around it.
+                let around: Vec<usize> = (at.saturating_sub(COARSE).max(first)..(at + COARSE + 1).min(last)).collect();
+                let costs: Vec<f64> = around.iter().map(|at| cost(one, other, &rows, *at)).collect();
+                let least = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
+                let part = match (least.checked_sub(1).map(|k| costs[k]), costs.get(least + 1)) {
+                    (Some(before), Some(after)) if before + after > 2.0 * costs[least] => {
+                        0.5 * (before - after) / (before - 2.0 * costs[least] + after)
+                    }
+                    _ => 0.0,
+                };
+                let place = around[least] as f64 + part;
+                if best.is_none_or(|(cost, _)| costs[least] < cost) {
+                    best = Some((costs[least], place));
+                }
+            }
+            at += COARSE;
+        }
+        let Some((_, place)) = best else { continue };
+        let alike = (0..spans.len()).all(|j| {
+            let square: f64 = rows
+                .clone()
+                .map(|k| (one.q[j][k] - between(&other.q[j], place + (k - rows.start) as f64)).powi(2))
+                .sum();
+            (square / length as f64).sqrt() < ALIKE + ALIKE_SHARE * spans[j]
+        });
+        if alike {
+            found.push(Again { later: place - rows.start as f64, rows });
+        }
+    }
+    found
+}
+
+fn near(one: &Rows<'_>, other: &Rows<'_>, from: usize, at: usize, length: usize) -> bool {
+    let step = COARSE as f64 * one.run.chain.row_period_s;
+    (0..=PLACES).all(|p| {
+        let k = p * length / PLACES;
+        (0..one.q.len())
+            .all(|j| (one.q[j][from + k] - other.q[j][at + k]).abs() < NEAR + step * one.qd[j][from + k].abs())
+    })
+}
+
+fn cost(one: &Rows<'_>, other: &Rows<'_>, rows: &Range<usize>, at: usize) -> f64 {
+    let each = rows.clone().step_by(COARSE);
+    each.map(|k| (0..one.q.len()).map(|j| (one.q[j][k] - other.q[j][at + k - rows.start]).powi(2)).sum::<f64>()).sum()
+}
+
+/// Sum of squares of what joint `j`'s torque differs by, and rows, what small differences of the motion and of time make taken out.
+/// `load`: a body at the flange as well, that one of two runs may have.
+fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bool) -> Option<(f64, f64)> {
+    if one.run.silent[j].is_some() || other.run.silent[j].is_some() {
+        return None;
+    }
+    let places: Vec<(usize, f64)> = again
+        .iter()
+        .flat_map(|a| a.rows.clone().map(|k| (k, k as f64 + a.later)))
+        .filter(|(k, _)| one.qd[j][*k].abs() > MOVING)
+        .collect();
+    let tau = &other.run.tau[j];
+    let own = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();
+    let difference = own(&|k, at| one.run.tau[j][k] - between(tau, at));
+    let mut columns = vec![own(&|_, at| 0.5 * (between(tau, at + 1.0) - between(tau, at - 1.0)))];
+    for (a, b) in [(&one.q, &other.q), (&one.qd, &other.qd), (&one.qdd, &other.qdd)] {
+        columns.push(own(&|k, at| a[j][k] - between(&b[j], at)));
+    }
+    if load {
+        let last = 10 * (one.q.len() - 1);
+        let body = one.run.standard[last..last + 10].iter().filter_map(|column| column[j].as_ref());
+        columns.extend(body.map(|column| own(&|k, _| column[k])));
+    }
+    columns.retain(|column| column.iter().any(|v| *v != 0.0));
+    let (rows, count) = (difference.len(), columns.len());
+    if rows < 10 * count.max(1) {
+        return None;
+    }
+    let sizes: Vec<f64> = columns.iter().map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
+    let d = DMatrix::from_fn(rows, count, |r, c| columns[c][r] / sizes[c]);
+    let y = DVector::from_vec(difference);
+    let mut gram = d.tr_mul(&d);
+    (0..count).for_each(|k| gram[(k, k)] += 1e-9);
+    let left = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
+    Some((left.norm_squared() * rows as f64 / (rows - count) as f64, rows as f64))
+}
+
+/// Value between rows, by the four around; the ends hold.
+fn between(x: &[f64], place: f64) -> f64 {
+    let (whole, t) = (place.floor(), place - place.floor());
+    let last = x.len().saturating_sub(1) as f64;
+    let at = |k: f64| x[(whole + k).clamp(0.0, last) as usize];
+    let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(at);
+    let taps = [
+        -t * (t - 1.0) * (t - 2.0) / 6.0,
+        (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+        -(t + 1.0) * t * (t - 2.0) / 2.0,
+        (t + 1.0) * t * (t - 1.0) / 6.0,
+    ];
+    a * taps[0] + b * taps[1] + c * taps[2] + d * taps[3]
+}
