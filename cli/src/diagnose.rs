@@ -173,7 +173,7 @@ fn as_text(found: &Document) -> String {
         out += &paragraph("  simulator    ", &rollout.text());
     }
     if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "shrink [%]", "90 %", "measured", "share", "sure"]);
+        let mut table = Table::new(["cause", "joints", "shrink [%]", "90 %", "measured", "share [%]", "sure"]);
         for c in &found.causes {
             table.row([
                 c.effect.clone(),
