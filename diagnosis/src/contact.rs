@@ -43,6 +43,7 @@ impl Search<'_> {
             cells: Vec::new(),
             belief: Belief { mean: DVector::repeat(1, 1.0), std: DVector::repeat(1, 1.0) },
             local,
+            scores: None,
         })
     }
 

@@ -315,6 +315,21 @@ impl Solved {
         Some(CandidateSums { cd, cc, cy, cross })
     }
 
+    /// `A⁻¹` times each column.
+    pub(crate) fn solve(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        self.factor.solve(columns)
+    }
+
+    /// Information of a candidate's coefficients that the background leaves, what is believed of them with it.
+    pub(crate) fn left_of(&self, sums: &CandidateSums, belief: &Belief) -> Option<DMatrix<f64>> {
+        let v = self.factor.l_dirty().solve_lower_triangular(&sums.cd.transpose())?;
+        let mut s = &sums.cc - v.tr_mul(&v);
+        for (i, std) in belief.std.iter().enumerate() {
+            s[(i, i)] += 1.0 / (std * std);
+        }
+        Some(s)
+    }
+
     /// Standard deviation of each coefficient: roots of the diagonal of `A⁻¹ = L⁻ᵀL⁻¹`.
     pub(crate) fn deviations(&self) -> Vec<f64> {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()

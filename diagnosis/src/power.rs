@@ -72,7 +72,7 @@ impl<'a> Probe<'a> {
         selected.select(&mut search, say)?;
         let Selected { adopted, physics, mut candidates } = selected;
         if candidates.is_empty() {
-            candidates = search.candidates(&physics, &orders::find(&physics), &bursts::find(&search)?);
+            candidates = search.candidates(&physics, &orders::find(&physics), &bursts::find(&search)?, None);
         }
         let scale = search.scale;
         Some(Probe { search, physics, candidates, adopted, scale })
@@ -148,7 +148,7 @@ impl<'a> Probe<'a> {
         for candidate in &mut self.candidates {
             self.search.design.retarget(candidate);
         }
-        let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, false, &mut |_| ());
+        let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, None, false, &mut |_| ());
         self.candidates.truncate(kept);
         let (_, adopted) = found??;
         // As the report decides: what is left where the effect is said to act must be explained.

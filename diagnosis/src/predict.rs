@@ -16,6 +16,7 @@
 //! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
+use crate::random::Random;
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square};
 use nalgebra::DVector;
@@ -84,7 +85,7 @@ pub(crate) fn predict(
     let shrinks = |gaps: &[f64]| -> Vec<f64> { gaps.windows(2).map(|w| 1.0 - w[1] / w[0]).collect() };
     let first = gaps(&full, &v);
     let central = shrinks(&first);
-    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut random = Random::new();
     let mut samples: Vec<Vec<f64>> = Vec::new();
     let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for _ in 0..BOOTSTRAPS {
@@ -228,17 +229,4 @@ impl Leaves {
 /// Which half decade a speed \[rad/s\] is in.
 fn bin_of(speed: f64) -> usize {
     ((speed.abs().max(1e-9).log10() + SLOWEST) * 2.0).clamp(0.0, (BINS - 1) as f64) as usize
-}
-
-/// A small generator (xorshift64*): resampling must be the same on every machine.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let value = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33;
-        value as usize % n.max(1)
-    }
 }

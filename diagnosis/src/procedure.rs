@@ -298,6 +298,7 @@ impl Procedure<'_> {
                 magnitude: self.magnitude(search, step, solved, means),
                 shrink,
                 share: None,
+                p_value: step.adopted.iter().filter_map(|a| a.p_value).reduce(f64::max),
                 confidence: confidence(step, shrink, rivals.len()),
                 separating_motion: separate::motion(step.effect, &rivals),
                 indistinguishable_from: rivals,

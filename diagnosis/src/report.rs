@@ -64,6 +64,9 @@ pub struct Cause {
     pub shrink: Shrink,
     /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); none for a hint.
     pub share: Option<f64>,
+    /// How often the strongest of all candidates would look as strong in the residual with drawn signs of its blocks: of the
+    /// effects that it was named for, the largest; none for values and contact.
+    pub p_value: Option<f64>,
     /// 0 to 1.
     pub confidence: f64,
     /// Effects and values that these runs cannot tell from it.

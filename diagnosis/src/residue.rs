@@ -103,6 +103,7 @@ mod tests {
             gain: 100.0,
             shares: Vec::new(),
             share: 0.9,
+            p_value: None,
             rivals: Vec::new(),
             place: 0,
             values: Vec::new(),

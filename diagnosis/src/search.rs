@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use crate::background::Nominal;
 use crate::design::{Design, Prepared, correlation, unknown};
 use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
+use crate::flips::{Flips, Scores};
 use crate::form::Form;
 use crate::library;
 use crate::local::Stretch;
@@ -43,6 +44,8 @@ pub(crate) struct Candidate {
     pub(crate) belief: Belief,
     /// Of contact, which has no other columns.
     pub(crate) local: Vec<Stretch>,
+    /// Block by block, where they were asked for.
+    pub(crate) scores: Option<Scores>,
 }
 
 impl Candidate {
@@ -235,7 +238,7 @@ impl<'a> Search<'a> {
         }
         let belief = self.belief(&form, &columns, count)?;
         let cells = self.design.candidate(&columns);
-        Some(Candidate { form, columns, cells, belief, local: Vec::new() })
+        Some(Candidate { form, columns, cells, belief, local: Vec::new(), scores: None })
     }
 
     fn belief(&self, form: &Form, columns: &[Vec<Column>], count: usize) -> Option<Belief> {
@@ -393,13 +396,21 @@ impl<'a> Search<'a> {
         Some(self.runs.iter().map(made).collect())
     }
 
-    pub(crate) fn candidates(&self, physics: &[Physics<'_>], orders: &[Vec<f64>], bursts: &Bursts) -> Vec<Candidate> {
+    /// Every candidate there is; with their scores where `flips` are to be drawn.
+    pub(crate) fn candidates(
+        &self,
+        physics: &[Physics<'_>],
+        orders: &[Vec<f64>],
+        bursts: &Bursts,
+        flips: Option<&Flips>,
+    ) -> Vec<Candidate> {
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
         let force = new.then(|| Form::Force { windows: bursts.clone() });
         let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
         let forms: Vec<Form> = library::forms(physics, orders).into_iter().chain(beside).collect();
         let made = |form: &Form| {
             let mut candidate = self.candidate(form.clone(), physics)?;
+            candidate.scores = flips.and_then(|flips| flips.scores(self, &candidate, &candidate.columns));
             if !self.keeps_columns {
                 candidate.columns = Vec::new();
             }

@@ -3,6 +3,7 @@
 use crate::bursts;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
+use crate::flips::Flips;
 use crate::form::Form;
 use crate::mounting;
 use crate::orders;
@@ -25,6 +26,8 @@ const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
 const AT_FLOOR: f64 = 1.2;
 /// Candidates of the best that are refined and held against held-out blocks.
 const SHORT_LIST: usize = 6;
+/// Chance at which one of all candidates may show where nothing is.
+const FALSE_ALARMS: f64 = 0.05;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
 const RIVAL_SHARE: f64 = 0.8;
 /// ... unless the best is ahead of it by this much log evidence.
@@ -51,6 +54,8 @@ pub(crate) struct Adopted {
     /// Share of each joint's residual variance that it removed, held out; the largest of them.
     pub(crate) shares: Vec<f64>,
     pub(crate) share: f64,
+    /// How often chance alone shows one of the candidates as plainly; none where it was not drawn.
+    pub(crate) p_value: Option<f64>,
     /// What else explains this about as well.
     pub(crate) rivals: Vec<Rival>,
     /// Where its columns begin in the design.
@@ -93,9 +98,10 @@ impl<'a> Selected<'a> {
         while !is_full(&self.adopted) {
             let orders = orders::find(&self.physics);
             self.candidates.clear();
-            self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?);
+            let flips = Flips::new(search)?;
+            self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&flips));
             say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
-            let found = best(search, &self.candidates, &self.physics, &self.adopted, true, say)?;
+            let found = best(search, &self.candidates, &self.physics, &self.adopted, Some(&flips), true, say)?;
             let Some((candidate, adoption)) = found else { return Some(()) };
             self.adopt(search, &candidate, adoption, say)?;
         }
@@ -131,6 +137,16 @@ pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
     adopted.len() - warming.saturating_sub(1) >= MOST
 }
 
+/// A candidate that is worth a name.
+struct Accepted {
+    candidate: Candidate,
+    standing: Standing,
+    /// Of each joint's residual variance that it removes, held out, and the largest of them.
+    shares: Vec<f64>,
+    share: f64,
+    p_value: Option<f64>,
+}
+
 /// A candidate to adopt, if any.
 pub(crate) type Found = Option<(Candidate, Adopted)>;
 
@@ -140,6 +156,7 @@ pub(crate) fn best(
     candidates: &[Candidate],
     physics: &[Physics<'_>],
     adopted: &[Adopted],
+    flips: Option<&Flips>,
     refined: bool,
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
@@ -195,15 +212,17 @@ pub(crate) fn best(
         });
     }
     listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    let mut accepted: Vec<(Candidate, Standing, f64, Vec<f64>)> = Vec::new();
-    for (candidate, standing) in listed {
+    let p_values = flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
+    let mut accepted: Vec<Accepted> = Vec::new();
+    for ((candidate, standing), p_value) in listed.into_iter().zip(p_values) {
         let shares = held_out_shares(search, &candidate)?;
         let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         say(&format!(
-            "  {:7.1} {:?} c {:.4?} held-out {shares:.2?}",
+            "  {:7.1} {:?} c {:.4?} held-out {shares:.2?} p {}",
             standing.gain,
             candidate.form,
-            standing.added.c.as_slice()
+            standing.added.c.as_slice(),
+            p_value.map_or_else(|| "-".to_owned(), |p| format!("{p:.3}"))
         ));
         let material = match candidate.form {
             // Every fold would have to know a force that only its own blocks felt.
@@ -222,31 +241,34 @@ pub(crate) fn best(
             && cut
             && shown
             && !is_part(&candidate.form, &standing);
-        if standing.gain >= least && material && plausible {
-            accepted.push((candidate, standing, share, shares));
+        // What the values imitate is told by what is believed of them, a torque that is cut by its command.
+        let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
+        let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
+        if standing.gain >= least && material && plausible && !by_chance {
+            accepted.push(Accepted { candidate, standing, share, shares, p_value });
         }
     }
     if accepted.is_empty() {
         return Some(None);
     }
     // Of those that explain it about as well, the simplest.
-    let top = accepted[0].1.gain;
+    let top = accepted[0].standing.gain;
     let near: Vec<usize> = (0..accepted.len())
-        .filter(|i| accepted[*i].1.gain >= RIVAL_SHARE * top && accepted[*i].1.gain >= top - RIVAL_GAP)
+        .filter(|i| accepted[*i].standing.gain >= RIVAL_SHARE * top && accepted[*i].standing.gain >= top - RIVAL_GAP)
         .collect();
-    let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].0).collect();
+    let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].candidate).collect();
     let holds = contest(search, &contestants, say)?;
     let (near, gains): (Vec<usize>, Vec<f64>) =
         near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
-    let most = near.iter().map(|i| accepted[*i].2).fold(f64::NEG_INFINITY, f64::max);
+    let most = near.iter().map(|i| accepted[*i].share).fold(f64::NEG_INFINITY, f64::max);
     let simplest = near
         .iter()
         .copied()
         .zip(gains)
-        .filter(|(i, _)| accepted[*i].2 >= most - CLEARLY_MORE * most.abs().max(1.0))
+        .filter(|(i, _)| accepted[*i].share >= most - CLEARLY_MORE * most.abs().max(1.0))
         .min_by(|(a, its), (b, others)| {
             let size = |i: usize| {
-                let candidate = &accepted[i].0;
+                let candidate = &accepted[i].candidate;
                 (candidate.form.is_nameless(), candidate.numbers())
             };
             size(*a).cmp(&size(*b)).then(others.total_cmp(its)).then(a.cmp(b))
@@ -255,16 +277,16 @@ pub(crate) fn best(
     let mut rivals = Vec::new();
     if near.len() > 1 {
         let solved = search.solved(search.scale)?;
-        let (one, its) = (&accepted[simplest].0, &accepted[simplest].1);
-        for (other, standing, ..) in near.iter().map(|i| &accepted[*i]) {
+        let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);
+        for Accepted { candidate: other, standing, .. } in near.iter().map(|i| &accepted[*i]) {
             if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
                 let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
                 rivals.push(Rival { form: other.form.clone(), cosine });
             }
         }
     }
-    let (candidate, standing, share, shares) = accepted.swap_remove(simplest);
-    let adoption = Adopted { shares, share, rivals, ..Adopted::new(search, &candidate, physics, standing.gain)? };
+    let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
+    let adoption = Adopted { shares, share, rivals, p_value, ..Adopted::new(search, &candidate, physics, standing.gain)? };
     Some(Some((candidate, adoption)))
 }
 
@@ -293,6 +315,7 @@ impl Adopted {
             gain,
             shares: vec![0.0; joints],
             share: 0.0,
+            p_value: None,
             rivals: Vec::new(),
             place: search.design.background.len(),
             values: physics.first()?.x.clone(),

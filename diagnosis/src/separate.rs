@@ -2,10 +2,11 @@
 
 use crate::effect::Effect;
 
-/// The motion that separates an effect from its rivals; none when it has no rival.
+/// The motion that separates an effect from its rivals; none when it has no rival and nothing outside the library looks like it.
 pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
     if rivals.is_empty() {
-        return None;
+        let zero = "the torque signal with the drive off (a zero that is off by as much looks the same in motion)";
+        return (effect == Effect::FrictionAsymmetry).then(|| zero.to_owned());
     }
     let of = |effect: Effect| match effect {
         Effect::StribeckFriction | Effect::ViscousNonlinearity => {
@@ -42,4 +43,21 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
         }
     }
     Some(motions.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_rival_needs_no_motion_but_a_constant_torque() {
+        assert_eq!(motion(Effect::TorqueRipple, &[]), None);
+        assert!(motion(Effect::FrictionAsymmetry, &[]).is_some_and(|m| m.contains("drive off")));
+    }
+
+    #[test]
+    fn motions_of_one_class_are_told_once() {
+        let told = motion(Effect::JointSpring, &[Effect::Counterbalance]).expect("a rival");
+        assert_eq!(told, motion(Effect::JointSpring, &[Effect::JointSpring]).expect("a rival"));
+    }
 }

@@ -227,6 +227,11 @@ pub struct Cause {
     /// hint.
     #[serde(default)]
     pub share: Number,
+    /// Chance that the strongest of all candidates looks as strong where none is there: sign flips of blocks of the residual,
+    /// family-wise (max-T); null for values and contact. Above 0.05 only where something else decided: what is believed of the
+    /// values that imitate it, or a command beyond the limit.
+    #[serde(default)]
+    pub p_value: Number,
     /// 0 to 1.
     pub confidence: Number,
     /// What these runs cannot tell from it: effects, and values of the model.

@@ -220,7 +220,7 @@ impl Document {
             );
         }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
-            return format!("To tell the causes apart, record {motion}.");
+            return format!("To tell causes apart, record {motion}.");
         }
         match self.verdict.as_str() {
             "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),

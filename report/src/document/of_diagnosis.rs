@@ -128,6 +128,7 @@ impl Cause {
                 measured: number(cause.shrink.measured),
             },
             share: cause.share.and_then(number),
+            p_value: cause.p_value.and_then(number),
             confidence: number(cause.confidence),
             indistinguishable_from: cause.indistinguishable_from.iter().map(|e| e.name().to_owned()).collect(),
             angles_deg: cause.angles.iter().map(|angle| number(angle.to_degrees())).collect(),

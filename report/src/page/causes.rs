@@ -84,11 +84,15 @@ fn body(cause: &Cause, document: &Document) -> String {
     if cause.share.is_some() {
         pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
     }
+    if let Some(p) = cause.p_value {
+        let why = if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
+        pairs.push(("Chance that one of all candidates looks as strong where none is there", format!("{p:.3}{why}")));
+    }
     if !rivals.is_empty() {
         pairs.push(("These runs cannot tell it from", list(&rivals)));
     }
     if let Some(motion) = &cause.separating_motion {
-        pairs.push(("Motion that would", motion.clone()));
+        pairs.push((if rivals.is_empty() { "Record also" } else { "Motion that would" }, motion.clone()));
     }
     let sizes: Vec<(String, String)> = cause
         .magnitude
