@@ -311,7 +311,7 @@ impl Procedure<'_> {
                 cause.confidence *= NOT_PLAIN;
             }
             let transfers = !predictable
-                || if value && !everywhere { sealed.misses(k, on) } else { sealed.notices(k, on) }
+                || if value && !everywhere { sealed.misses(k, on.clone()) } else { sealed.notices(k, on.clone()) }
                     && !(everywhere && sealed.spoils(k));
             let enough = step.adopted.iter().all(|a| residue.upholds(a));
             // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
@@ -321,6 +321,8 @@ impl Procedure<'_> {
                 Effect::ExternalForce => true,
                 // A command need not be cut again, but where it is the rest must fit.
                 Effect::TorqueSaturation => measured_shrink > -MATERIAL,
+                // A shift in time or a tilt is on every joint: what it gains on some it must not lose on others.
+                _ if everywhere => measured_shrink > 0.0,
                 _ => predicted.max(measured_shrink) > 0.0,
             };
             let material = if step.adopted.is_empty() { sure } else { takes };
@@ -329,7 +331,9 @@ impl Procedure<'_> {
                 Kind::Structure => !cause.joints.iter().any(unbelieved),
                 Kind::Value => cause.joints.is_empty() || !cause.joints.iter().all(unbelieved),
             };
-            let stands = transfers && enough && material && believed && !step.doubtful;
+            let cut = step.effect == Effect::TorqueSaturation;
+            let helped = value || !predictable || cut || step.adopted.is_empty() || sealed.is_helped(on);
+            let stands = transfers && enough && material && helped && believed && !step.doubtful;
             upheld.push(stands);
             if stands {
                 causes.push(cause);

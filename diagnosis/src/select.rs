@@ -286,7 +286,8 @@ pub(crate) fn best(
         }
     }
     let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
-    let adoption = Adopted { shares, share, rivals, p_value, ..Adopted::new(search, &candidate, physics, standing.gain)? };
+    let adoption =
+        Adopted { shares, share, rivals, p_value, ..Adopted::new(search, &candidate, physics, standing.gain)? };
     Some(Some((candidate, adoption)))
 }
 

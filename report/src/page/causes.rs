@@ -11,6 +11,8 @@ const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 230.0;
 /// Sizes listed beside a cause; more are folded away.
 const FEW: usize = 6;
+/// Chance below which the residual alone decided.
+const SURE: f64 = 0.05;
 
 pub(super) fn causes(document: &Document) -> String {
     let mut out = String::new();
@@ -85,7 +87,8 @@ fn body(cause: &Cause, document: &Document) -> String {
         pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
     }
     if let Some(p) = cause.p_value {
-        let why = if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
+        let why =
+            if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
         pairs.push(("Chance that one of all candidates looks as strong where none is there", format!("{p:.3}{why}")));
     }
     if !rivals.is_empty() {
