@@ -1,7 +1,10 @@
 //! What `rivet identify` says about its own result: is it biased, and can an arm be built like this?
 
-use rivet_config::{Differentiator, Robot};
+use std::collections::BTreeSet;
+
+use rivet_config::{Differentiator, Filtering, Instruments, Robot};
 use rivet_diagnosis::LogFault;
+use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
 use rivet_estimation::offline::{Bias, Delay, Fit, Rows, giving_friction, torque_sense};
 use rivet_logs::ResampleReport;
@@ -12,20 +15,46 @@ use crate::table::{number, paragraph};
 /// Below this probability, chance is no explanation.
 const SIGNIFICANT: f64 = 0.01;
 
+/// What the run says of its comparison beside the numbers.
+pub(crate) struct Compared {
+    /// What an on-line differentiator may do to it, and the remedy; none where derivatives are central differences.
+    pub(crate) distorts: Option<&'static str>,
+    /// Why ratios per joint are not known, where they are not.
+    pub(crate) without_ratio: &'static str,
+}
+
+pub(crate) const OF_DELAYED: &str = "not known with delayed instruments, which differ from the regressor by motion";
+
+impl Compared {
+    /// Off line: central differences, whatever the robot file asks for.
+    pub(crate) const OFFLINE: Compared = Compared { distorts: None, without_ratio: OF_DELAYED };
+}
+
 /// Two lines on bias, for people.
-pub(crate) fn bias_text(bias: &Bias) -> String {
+pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     let p = if bias.p_value < 1e-12 { "p < 1e-12".to_owned() } else { format!("p = {}", number(bias.p_value, 2)) };
     let meaning = if bias.degrees == 0 {
-        "regressor and instruments are the same: nothing to compare"
+        "regressor and instruments are the same: nothing to compare".to_owned()
     } else if bias.p_value < SIGNIFICANT {
-        "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect"
+        let distorts = compared.distorts.map_or_else(String::new, |how| format!(", or {how}"));
+        format!(
+            "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}"
+        )
+    } else if bias.blind() {
+        format!(
+            "cannot tell: IV is {} times as uncertain as LS (median of the directions compared), which hides a bias of LS as large",
+            number(bias.spread, 2)
+        )
     } else {
-        "LS and IV differ by no more than torque noise: no sign of bias in LS"
+        "LS and IV differ by no more than torque noise: no sign of bias in LS".to_owned()
     };
     let statistic =
         format!("{meaning} (Durbin-Wu-Hausman H = {}, {} free, {p})", number(bias.hausman, 3), bias.degrees);
-    let ratio = if bias.ratio.is_empty() {
-        "not known with delayed instruments, which differ from the regressor by motion".to_owned()
+    let same = bias.degrees == 0 || (!bias.ratio.is_empty() && bias.ratio.iter().all(|r| r.is_infinite()));
+    let ratio = if same {
+        "not known: what the instruments are made of (q_link, q_des) does not differ from q; is it a copy?".to_owned()
+    } else if bias.ratio.is_empty() {
+        compared.without_ratio.to_owned()
     } else {
         let each: Vec<String> = bias.ratio.iter().map(|r| number(*r, 2)).collect();
         format!(
@@ -42,8 +71,35 @@ pub(crate) fn bias_json(bias: &Bias) -> Value {
         "hausman": bias.hausman,
         "degrees_of_freedom": bias.degrees,
         "p_value": bias.p_value,
+        // Null while running, where it is not known, and where nothing was compared.
+        "deviation_ratio": bias.spread,
+        "cannot_tell": bias.p_value >= SIGNIFICANT && bias.blind(),
         "instrument_ratio": bias.ratio,
     })
+}
+
+/// That signals are not made as the robot file says, where it says anything else than what is done when nothing is said.
+pub(crate) fn signal_text(robot: &Robot) -> String {
+    let signal = &robot.config.signal;
+    let usual = Settings::new(robot.dof(), robot.config.sample_period_s);
+    let mut unused = Vec::new();
+    match signal.differentiator {
+        Differentiator::Central => {}
+        other if other == usual.differentiator => {}
+        Differentiator::SavitzkyGolay { half_width } => unused.push(format!("half_width = {half_width}")),
+        Differentiator::StateFilter { .. } => unused.push("differentiator = \"state-filter\"".to_owned()),
+    }
+    match signal.filtering {
+        Filtering::Model => {}
+        Filtering::Input(_) => unused.push("filtering = \"input\"".to_owned()),
+        Filtering::None => unused.push("filtering = \"none\"".to_owned()),
+    }
+    if unused.is_empty() {
+        return String::new();
+    }
+    let text = "central differences through the zero-phase model filter; the robot file's";
+    let act = if unused.len() > 1 { "act" } else { "acts" };
+    paragraph("  signals     ", &format!("off line, {text} {} {act} on line only", unused.join(" and ")))
 }
 
 /// Share of repeated rows, or of jitter in a step, that is worth a word.
@@ -111,9 +167,23 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
 pub(crate) struct Distrust {
     /// The log it is in; none where all of them together say so.
     log: Option<String>,
-    joint: String,
+    /// None where it is about the whole log.
+    joint: Option<String>,
     name: &'static str,
     text: String,
+}
+
+/// A log whose samples are those of another one as well: given twice, or judged by what was learnt from.
+pub(crate) fn repeated(log: String, of: &str, held_out: bool) -> Distrust {
+    let (name, text) = if held_out {
+        ("hold_out_was_learnt_from", "held out, but learnt from: its errors are not those on another motion")
+    } else {
+        (
+            "log_given_twice",
+            "counts twice: values lean on it, and deviations are smaller than they should be, by up to the root of 2",
+        )
+    };
+    Distrust { log: Some(log), joint: None, name, text: format!("the same samples as {of}; {text}") }
 }
 
 /// Torques of the logs (names, rows) that cannot be believed, by the rules of `rivet diagnose` and by what was found.
@@ -124,7 +194,7 @@ pub(crate) fn distrusts<'a>(
     rows: &[Rows],
 ) -> Vec<Distrust> {
     let (model, base) = (&robot.model, &robot.base);
-    let joint = |j: usize| model.arm.joints[j].name.clone();
+    let joint = |j: usize| Some(model.arm.joints[j].name.clone());
     let mut found = Vec::new();
     for (log, rows) in logs {
         for (j, sense) in torque_sense(model, base, &robot.nominal_base, rows).into_iter().enumerate() {
@@ -158,18 +228,52 @@ pub(crate) fn distrusts<'a>(
     found
 }
 
-/// For people; empty where all can be believed.
-pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let of = |d: &Distrust| {
-        let log = d.log.as_ref().map_or_else(String::new, |log| format!("{log}, "));
-        paragraph("warning: ", &format!("{log}{}: {}", d.joint, d.text))
+/// Joints of a log whose desired motion is not the one they followed.
+pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
+    let taken = match robot.config.estimator.instruments {
+        Instruments::Auto { .. } => "delayed instruments are taken in its place",
+        _ => "instruments are made of it nevertheless, as the robot file asks: \"auto\" would take delayed ones",
     };
-    found.iter().map(of).collect()
+    let of = |j: &usize| Distrust {
+        log: Some(log.to_owned()),
+        joint: Some(robot.model.arm.joints[*j].name.clone()),
+        name: UNFOLLOWED_NAME,
+        text: format!("{UNFOLLOWED}; {taken}"),
+    };
+    joints.iter().map(of).collect()
+}
+
+const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
+/// What is wrong with a desired motion that is not the one the arm followed.
+pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
+
+/// For people; empty where all can be believed. Joints without a plan share a paragraph: often it is all of them.
+pub(crate) fn distrust_text(found: &[Distrust]) -> String {
+    let alike = |a: &Distrust, b: &Distrust| a.name == UNFOLLOWED_NAME && (&a.log, a.name) == (&b.log, b.name);
+    let of = |group: &[Distrust]| {
+        let of_what: Vec<&str> =
+            group[0].log.iter().chain(group.iter().filter_map(|d| d.joint.as_ref())).map(String::as_str).collect();
+        paragraph("warning: ", &format!("{}: {}", of_what.join(", "), group[0].text))
+    };
+    found.chunk_by(alike).map(of).collect()
 }
 
 pub(crate) fn distrust_json(found: &[Distrust]) -> Value {
     let of = |d: &Distrust| json!({"log": d.log, "joint": d.joint, "fault": d.name, "text": d.text});
     found.iter().map(of).collect()
+}
+
+/// Delays of two joints are not one where they are further apart than this \[s\], and than so many of their deviations.
+const APART_S: f64 = 2e-3;
+const APART_STD: f64 = 5.0;
+const BY_JOINT: &str =
+    "differs by joint: friction that the model lacks, or a channel of its own, not the clock of the log";
+
+/// Whether the delays that are told cannot be one and the same, which a clock's would be.
+fn by_joint(delays: &[Delay]) -> bool {
+    let told = || delays.iter().filter(|d| d.doubt.is_none());
+    let apart = |a: &Delay, b: &Delay| (a.seconds - b.seconds).abs() > APART_S.max(APART_STD * a.std.hypot(b.std));
+    told().any(|a| told().any(|b| apart(a, b)))
 }
 
 /// How late torque is behind position, for people.
@@ -179,15 +283,24 @@ pub(crate) fn delay_text(delays: &[Delay]) -> String {
         Some(doubt) => format!("({doubt})"),
     };
     let each: Vec<String> = delays.iter().map(of).collect();
-    paragraph("torque behind position: ", &format!("{} ms (one std)", each.join("  ")))
+    let caveat = if by_joint(delays) { format!("; {BY_JOINT}") } else { String::new() };
+    // What the model lacks is no noise: the deviation does not hold it.
+    let text = format!(
+        "{} ms (one std of noise; friction at standstill that the model lacks shifts it as well){caveat}",
+        each.join("  ")
+    );
+    paragraph("torque behind position: ", &text)
 }
 
-/// The same for one joint; null where the data do not tell.
-pub(crate) fn delay_json(delay: &Delay) -> Value {
-    match delay.doubt {
+/// The same joint by joint; a value is null where the data do not tell, and has a doubt where it cannot be the log's clock.
+pub(crate) fn delay_json(delays: &[Delay]) -> Vec<Value> {
+    let by_joint = by_joint(delays);
+    let of = |delay: &Delay| match delay.doubt {
+        None if by_joint => json!({"value": delay.seconds, "std": delay.std, "doubt": BY_JOINT}),
         None => json!({"value": delay.seconds, "std": delay.std}),
         Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
-    }
+    };
+    delays.iter().map(of).collect()
 }
 
 /// What physical consistency costs, for people.
@@ -233,5 +346,55 @@ pub(crate) fn consistency_json(robot: &Robot, consistent: &Result<Projection, Co
             })
         }
         Err(why) => json!({"error": why.to_string()}),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn delays(ms: &[(f64, f64)]) -> Vec<Delay> {
+        ms.iter().map(|(ms, std)| Delay { seconds: 1e-3 * ms, std: 1e-3 * std, doubt: None }).collect()
+    }
+
+    #[test]
+    fn a_delay_of_one_joint_is_no_clock() {
+        let friction = delays(&[(0.1, 0.2), (-7.5, 0.4), (0.3, 0.2)]);
+        assert!(delay_text(&friction).contains("differs by joint"));
+        assert!(delay_json(&friction).iter().all(|d| d["value"].is_number() && d["doubt"].is_string()));
+        for clock in [&[(6.1, 0.3), (5.8, 0.4), (6.6, 0.2)][..], &[(3.8, 3.4), (-10.0, 7.1), (17.9, 5.2)]] {
+            let text = delay_text(&delays(clock));
+            assert!(!text.contains("differs by joint") && text.contains("friction at standstill"), "{text}");
+            assert!(delay_json(&delays(clock)).iter().all(|d| d.get("doubt").is_none()));
+        }
+    }
+
+    fn bias(spread: f64, p_value: f64, ratio: &[f64]) -> Bias {
+        Bias { hausman: 0.6, degrees: 52, spread, p_value, ratio: ratio.to_vec() }
+    }
+
+    #[test]
+    fn no_sign_of_bias_is_not_said_where_none_would_show() {
+        let text = |bias: &Bias| bias_text(bias, &Compared::OFFLINE).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(text(&bias(1.5, 0.4, &[8.0])).contains("no sign of bias in LS"));
+        let weak = bias(200.0, 1.0, &[8.0]);
+        assert!(text(&weak).contains("cannot tell: IV is 200 times as uncertain"), "{}", text(&weak));
+        assert_eq!(bias_json(&weak)["cannot_tell"], true);
+        assert!(text(&bias(200.0, 1e-9, &[8.0])).contains("position noise pulls LS"), "what is seen is seen");
+        // Not known while running.
+        assert!(text(&bias(f64::NAN, 0.4, &[8.0])).contains("no sign of bias in LS"));
+    }
+
+    #[test]
+    fn a_copy_of_the_positions_is_called_one() {
+        let same = bias_text(&Bias { degrees: 0, ..bias(f64::NAN, 1.0, &[f64::INFINITY; 2]) }, &Compared::OFFLINE);
+        assert!(same.contains("does not differ from q") && !same.contains("inf"), "{same}");
+    }
+
+    #[test]
+    fn the_differentiator_is_named_where_it_may_be_the_cause() {
+        let compared = Compared { distorts: Some("it rounds off"), without_ratio: "no joint's" };
+        let text = bias_text(&bias(f64::NAN, 1e-9, &[]), &compared);
+        assert!(text.contains("or it rounds off") && text.contains("no joint's"), "{text}");
     }
 }

@@ -1,22 +1,24 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_config::{EstimatorKind, Identified, Robot};
+use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
     Bias, Delay, Determined, Equations, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, solve,
-    torque_delay,
+    torque_delay, unfollowed,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
 use serde_json::{Value, json};
 
 use crate::compare::{self, Alone};
-use crate::evidence::{self, Distrust};
+use crate::evidence::{self, Compared, Distrust};
 use crate::exit::Fault;
 use crate::export::export;
 use crate::predict;
@@ -67,11 +69,14 @@ pub(crate) struct Args {
 pub(crate) struct Run {
     piece: Piece,
     source: InstrumentSource,
+    /// Joints (from 0) that do not follow the log's desired motion.
+    unfollowed: Vec<usize>,
 }
 
 /// Errors on a log that was not learnt from: `100*|tau-pred|/|tau|` per joint below the model filter's cut-off \[%\].
 struct HeldOut {
     file: String,
+    content: u64,
     nominal: Vec<f64>,
     identified: Vec<f64>,
 }
@@ -155,22 +160,47 @@ fn read_logs(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Log>> {
     logs.iter().map(|path| runs::read_log(robot, path)).collect()
 }
 
-/// The stretches of every log and their rows, filtered.
-fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>)> {
+/// The stretches of every log and their rows, filtered, and what stands for the contents of each log.
+fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>, Vec<u64>)> {
     let mut progress = Progress::new("identify: filtering", logs.len());
-    let (mut all, mut all_rows) = (Vec::new(), Vec::new());
+    let (mut all, mut all_rows, mut contents) = (Vec::new(), Vec::new(), Vec::new());
     for (k, path) in logs.iter().enumerate() {
         progress.set(k);
-        let (runs, rows) = rows_of(robot, &runs::read_log(robot, path)?)?;
+        let log = runs::read_log(robot, path)?;
+        let (runs, rows) = rows_of(robot, &log)?;
         all.extend(runs);
         all_rows.extend(rows);
+        contents.push(content(&log)?);
     }
     progress.done();
-    Ok((all, all_rows))
+    Ok((all, all_rows, contents))
+}
+
+/// Two logs of the same positions and torques have the same, whatever they are called.
+fn content(log: &Log) -> Result<u64> {
+    let mut hasher = DefaultHasher::new();
+    for signal in log.q.iter().chain(log.torque()?) {
+        signal.len().hash(&mut hasher);
+        for x in signal {
+            x.to_bits().hash(&mut hasher);
+        }
+    }
+    Ok(hasher.finish())
+}
+
+/// Logs that are there twice, among those learnt from or as one held out.
+fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Distrust> {
+    let name = |k: usize| runs::short_name(&logs[k]);
+    let first = |content: &u64| contents.iter().position(|c| c == content);
+    let again = contents.iter().enumerate().filter_map(|(k, content)| Some((k, first(content).filter(|f| *f < k)?)));
+    let mut found: Vec<Distrust> = again.map(|(k, before)| evidence::repeated(name(k), &name(before), false)).collect();
+    let learnt = held_out.iter().filter_map(|held| Some((held, first(&held.content)?)));
+    found.extend(learnt.map(|(held, k)| evidence::repeated(runs::short_name(Path::new(&held.file)), &name(k), true)));
+    found
 }
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
-    let (runs, rows) = read_rows(robot, logs)?;
+    let (runs, rows, contents) = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
     let by = |method| fit(&equations, &robot.nominal_base, prior, method);
@@ -190,7 +220,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let (bias, delays) = (bias?, delays?);
     let held_out = held_out(robot, &chosen.values, hold_out)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
-    let distrusts = evidence::distrusts(robot, named, chosen, &rows);
+    let mut distrusts = repeated(logs, &contents, &held_out);
+    for (path, joints) in unfollowed_of(&runs) {
+        distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
+    }
+    distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     Ok(Findings {
         runs,
         rows,
@@ -206,12 +240,21 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     })
 }
 
+/// Joints that do not follow the desired motion, log by log, over all pieces of each.
+fn unfollowed_of(runs: &[Run]) -> BTreeMap<&Path, BTreeSet<usize>> {
+    let mut found = BTreeMap::<&Path, BTreeSet<usize>>::new();
+    for run in runs {
+        found.entry(&run.piece.grid.path).or_default().extend(&run.unfollowed);
+    }
+    found
+}
+
 /// Fits every log on its own.
 fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let mut alone = Vec::new();
     for path in &args.logs {
-        let (_, rows) = read_rows(robot, std::slice::from_ref(path))?;
+        let (_, rows, _) = read_rows(robot, std::slice::from_ref(path))?;
         let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
             .with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows });
@@ -249,9 +292,18 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
     let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
     for piece in runs::pieces(log, robot.config.sample_period_s)? {
         let record = runs::record(&piece)?;
+        let mut settings = settings.clone();
+        let unfollowed = match (&record.desired, settings.instrument) {
+            (Some(desired), InstrumentSource::Desired) => unfollowed(&record.measured, desired, record.period_s),
+            _ => Vec::new(),
+        };
+        if let (false, Instruments::Auto { delay_s, .. }) = (unfollowed.is_empty(), robot.config.estimator.instruments)
+        {
+            settings.instrument = InstrumentSource::Delayed(delay_s);
+        }
         match Rows::new(&robot.model, &robot.base, &settings, &record) {
             Ok(rows) => {
-                found.push(Run { piece, source: settings.instrument });
+                found.push(Run { piece, source: settings.instrument, unfollowed });
                 all_rows.push(rows);
             }
             Err(why @ OfflineError::NoMotion { .. }) => still = Some(why),
@@ -306,13 +358,14 @@ fn held_out(robot: &Robot, values: &[f64], logs: &[PathBuf]) -> Result<Vec<HeldO
         let log = runs::read_log(robot, path)?;
         let (mut nominal, identified) = (robot.clone(), predict::errors(&trained, &log)?);
         nominal.identified = None;
-        Ok(HeldOut { file: path.display().to_string(), nominal: predict::errors(&nominal, &log)?, identified })
+        let content = content(&log)?;
+        Ok(HeldOut { file: path.display().to_string(), content, nominal: predict::errors(&nominal, &log)?, identified })
     };
     logs.iter().map(of).collect()
 }
 
 /// Why these instruments, in words.
-fn instrument_text(run: &Run, rows: &Rows) -> String {
+fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
     match run.source {
         InstrumentSource::Desired => {
             let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
@@ -321,12 +374,23 @@ fn instrument_text(run: &Run, rows: &Rows) -> String {
         InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
         InstrumentSource::Delayed(seconds) => {
             let back = (seconds / run.piece.report.period_s).round();
-            let why = if run.piece.grid.q_des.is_none() {
-                "no desired trajectory in the log: delayed instruments"
-            } else {
-                "delayed instruments, as the robot file asks"
+            let grid = &run.piece.grid;
+            let why = match robot.config.estimator.instruments {
+                Instruments::Auto { .. } if grid.q_des.is_none() => "no desired trajectory in the log: ",
+                Instruments::Auto { .. } => "desired trajectory not followed: ",
+                Instruments::PreviousCycle { .. } => {
+                    "\"previous-cycle\" acts on line only, off line no cycle is looked for: "
+                }
+                _ => "as the robot file asks: ",
             };
-            format!("{why}, k = {back} samples ({seconds} s)")
+            // On line "auto" takes them by itself.
+            let second = match robot.config.estimator.instruments {
+                Instruments::Auto { .. } if grid.q_link.iter().all(Option::is_some) => {
+                    "; off line, q_link is taken only with instruments = \"second-encoder\""
+                }
+                _ => "",
+            };
+            format!("{why}delayed instruments, k = {back} samples ({seconds} s){second}")
         }
     }
 }
@@ -357,8 +421,9 @@ fn text(robot: &Robot, result: &Findings) -> String {
                 left_out.join(" ")
             ),
         );
-        out += &paragraph("  instruments ", &instrument_text(run, rows));
+        out += &paragraph("  instruments ", &instrument_text(robot, run, rows));
     }
+    out += &evidence::signal_text(robot);
     out += &evidence::distrust_text(&result.distrusts);
     out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
@@ -390,7 +455,7 @@ fn text(robot: &Robot, result: &Findings) -> String {
         by_prior
     );
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
-    out += &evidence::bias_text(&result.bias);
+    out += &evidence::bias_text(&result.bias, &Compared::OFFLINE);
     out += &evidence::delay_text(&result.delays);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &evidence::consistency_text(&result.consistent);
@@ -464,6 +529,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
             },
         })
     };
+    let delays = evidence::delay_json(&result.delays);
     let per_joint = |j: usize| {
         json!({
             "joint": model.arm.joints[j].name,
@@ -472,7 +538,7 @@ fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
-            "torque_delay_s": evidence::delay_json(&result.delays[j]),
+            "torque_delay_s": delays[j],
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
         })

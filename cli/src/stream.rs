@@ -4,8 +4,10 @@ use crate::exit::Fault;
 use crate::runs::{hole_s, read_log};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
+use rivet_estimation::offline::{Trajectory, unfollowed};
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ResampleReport};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -79,6 +81,18 @@ impl Recording {
     /// Periods that the log's holes leave out.
     pub(crate) fn missing(&self) -> u64 {
         self.last_seq() - self.len() as u64
+    }
+
+    /// The joints that move and do not follow the setpoints sent with them.
+    pub(crate) fn unfollowed(&self) -> BTreeSet<usize> {
+        let of = |Stretch { log, .. }: &Stretch| match (&log.q_des, &log.qd_des, &log.qdd_des) {
+            (Some(plan), Some(_), Some(_)) => {
+                let [measured, desired] = [&log.q, plan].map(|q| Trajectory::from_positions(q, self.period_s));
+                unfollowed(&measured, &desired, self.period_s)
+            }
+            _ => Vec::new(),
+        };
+        self.pieces.iter().flat_map(of).collect()
     }
 
     /// The stretch of period `k`, and its row there.

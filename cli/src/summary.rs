@@ -1,15 +1,16 @@
 //! What an on-line run identified, for people and for programs.
 
-use crate::evidence::{bias_json, bias_text};
+use crate::evidence::{Compared, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
 use crate::stream::Recording;
 use crate::table::paragraph;
-use rivet_config::{EstimatorKind, Instruments, Robot};
+use rivet_config::{Differentiator, EstimatorKind, Instruments, Robot};
 use rivet_dynamics::{Parameter, ParameterGroup};
 use rivet_estimation::offline::Bias;
 use rivet_ipc_schema::{Health, InputFault, InstrumentSource, ParameterState, Parameters};
 use rivet_monitor::faults_met;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// Friction gives energy surely from so many standard deviations below zero.
@@ -21,6 +22,8 @@ pub(crate) struct Summary<'a> {
     parameters: &'a Parameters,
     health: &'a Health,
     samples: usize,
+    /// Joints that do not follow the setpoints of the log.
+    unfollowed: BTreeSet<usize>,
 }
 
 /// Why no parameters were published for a log of so many samples.
@@ -53,7 +56,7 @@ fn unused(health: &Health, samples: usize) -> Option<String> {
 
 impl<'a> Summary<'a> {
     pub(crate) fn new(robot: &'a Robot, recording: &Recording, parameters: &'a Parameters, health: &'a Health) -> Self {
-        Summary { robot, parameters, health, samples: recording.len() }
+        Summary { robot, parameters, health, samples: recording.len(), unfollowed: recording.unfollowed() }
     }
 
     /// Whether nothing is learnt for want of instruments.
@@ -82,14 +85,22 @@ impl<'a> Summary<'a> {
     }
 
     fn instruments(&self) -> &'static str {
+        let asked = matches!(self.robot.config.estimator.instruments, Instruments::PreviousCycle { .. });
         match InstrumentSource::try_from(self.parameters.instruments) {
             Ok(InstrumentSource::Setpoint) => "setpoint (the log has the desired motion)",
             Ok(InstrumentSource::SetpointThroughLoop) => "setpoint through the identified closed loop",
             Ok(InstrumentSource::SecondEncoder) => "second encoders (q_link of the log)",
+            Ok(InstrumentSource::PreviousCycle) if asked => "previous cycle (the motion repeats)",
             Ok(InstrumentSource::PreviousCycle) => {
                 "previous cycle (the motion repeats, and the log has no desired motion)"
             }
-            Ok(InstrumentSource::Delayed) => "delayed (no desired motion: the measured regressor some time ago)",
+            Ok(InstrumentSource::Delayed) => match self.robot.config.estimator.instruments {
+                Instruments::PreviousCycle { .. } => {
+                    "delayed (no cycle is found in the last motion: the measured regressor some time ago)"
+                }
+                Instruments::Delayed { .. } => "delayed, as the robot file asks (the measured regressor some time ago)",
+                _ => "delayed (no desired motion with its derivatives: the measured regressor some time ago)",
+            },
             Ok(InstrumentSource::None) if self.without() => "none: nothing is learnt from this log",
             Ok(InstrumentSource::None) => "none (least squares)",
             Err(_) => "unknown",
@@ -116,7 +127,16 @@ impl<'a> Summary<'a> {
                 )
             })
         };
-        model.arm.joints.iter().enumerate().filter_map(joint).collect()
+        let setpoint = [InstrumentSource::Setpoint, InstrumentSource::SetpointThroughLoop];
+        let planned = InstrumentSource::try_from(p.instruments).is_ok_and(|source| setpoint.contains(&source));
+        let unfollowed: Vec<&str> = self.unfollowed.iter().map(|j| model.arm.joints[*j].name.as_str()).collect();
+        let strays = (planned && !unfollowed.is_empty()).then(|| {
+            format!(
+                "{}: {UNFOLLOWED}, and instruments are made of it; leave its columns out, or set instruments",
+                unfollowed.join(", ")
+            )
+        });
+        strays.into_iter().chain(model.arm.joints.iter().enumerate().filter_map(joint)).collect()
     }
 
     fn state(&self, i: usize) -> &'static str {
@@ -135,9 +155,30 @@ impl<'a> Summary<'a> {
         health.hausman.is_finite().then(|| Bias {
             hausman: health.hausman,
             degrees: health.hausman_degrees as usize,
+            spread: f64::NAN,
             p_value: health.hausman_p_value,
             ratio: if ratio.iter().any(|r| r.is_nan()) { Vec::new() } else { ratio.to_vec() },
         })
+    }
+
+    /// What this run's comparison rests on.
+    fn compared(&self) -> Compared {
+        let distorts = match self.robot.config.signal.differentiator {
+            Differentiator::Central => None,
+            Differentiator::SavitzkyGolay { .. } => Some(
+                "the differentiator rounds off what reverses within its window, as friction does (try a shorter half_width, or \
+                 differentiator = \"central\")",
+            ),
+            Differentiator::StateFilter { .. } => Some(
+                "the differentiator rounds off fast reversals, as of friction (try a higher state_filter_hz, or differentiator = \
+                 \"central\")",
+            ),
+        };
+        let without_ratio = match self.robot.config.estimator.kind {
+            EstimatorKind::Energy | EstimatorKind::RlsEnergy => "not known: a row of energies belongs to no joint",
+            _ => OF_DELAYED,
+        };
+        Compared { distorts, without_ratio }
     }
 
     /// Everything, under the same names as the text.
@@ -246,7 +287,7 @@ impl fmt::Display for Summary<'_> {
         }
         writeln!(f, "residual: model-filtered torque not explained one step ahead, rms over the window\n")?;
         match self.bias() {
-            Some(bias) => write!(f, "{}", bias_text(&bias).trim_end()),
+            Some(bias) => write!(f, "{}", bias_text(&bias, &self.compared()).trim_end()),
             None => write!(f, "bias of LS: the last window has too few rows to compare it with the instruments"),
         }
     }

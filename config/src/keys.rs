@@ -304,14 +304,17 @@ pub const KEYS: &[Key] = &[
         "Where a log carries both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns (a sensor behind the gear does not feel the drive; some controllers log a torque that they computed)."),
 
     key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
-        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`)."),
+        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`). \
+         On line only: off line (`rivet identify`) it is central differences through the zero-phase model filter, whatever stands here."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
-        "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1)."),
+        "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1) and off line. \
+         What reverses within the window is rounded off, friction above all: the regressor, and not the setpoint's, which the test of bias \
+         then takes for noise. Where it rejects (`operating.md`), try a shorter one, or `central`."),
     key("signal", "state_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("60 Hz, at most 0.2 of the sample rate"),
         "Corner of each of the three sections of the `state-filter`; everything is delayed by 3/(2 pi) of its period (8 ms at 60 Hz). At most 0.2 of the sample rate; well above the motion, below the rate of stair-case positions."),
     key("signal", "filtering", Choice(&["model", "input", "none"]), "", Bounds::None, Fallback::Text("model"),
         "What the daemon's low-pass is applied to: every regressor and instrument column and the torque (`model`), the signals before the \
-         model, which changes the equation (`input`; for comparison), or nothing (`none`)."),
+         model, which changes the equation (`input`; for comparison), or nothing (`none`). On line only: off line it is always `model`, forwards and backwards."),
     key("signal", "input_signals", Choice(&["all", "motion", "acceleration"]), "", Bounds::None, Fallback::Text("all"),
         "`input`: filters positions with their derivatives and torques (`all`), all but the torques (`motion`), or accelerations alone."),
     key("signal", "model_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("20 Hz, at most 0.2 of the sample rate"),
@@ -334,7 +337,9 @@ pub const KEYS: &[Key] = &[
          They are for simulated arms and comparison, not for measured ones: a row is the energy of the whole arm, one equation for all joints \
          where torques give one each, so what the model lacks at one joint (friction beyond the law, a counterbalance) goes into the \
          parameters of others. Supervised on measured arms, `energy` moved 0 to 2 parameters and left more than the nominal values do: KUKA \
-         joint 1 68.1 % against 25.9, joint 6 26.4 against 13.9; UR10e wrist 1 16.3 against 5.9, wrist 2 21.8 against 6.7."),
+         joint 1 68.1 % against 25.9, joint 6 26.4 against 13.9; UR10e wrist 1 16.3 against 5.9, wrist 2 21.8 against 6.7. Nor are they for supervised use on simulated ones: on rich motion \
+         `energy` moves 6 of 52 directions, and unsupervised it leaves j2.rotor_inertia \
+         at -74 +- 48 kg m^2 where 57.8 is true."),
     key("estimator", "energy_span_s", Number, "s", Within(0.0, 60.0), Fallback::Number(1.0),
         "`energy`, `rls-energy`: time whose work an equation compares with energies; 0 counts from the start. At most 4096 samples after \
          decimation."),

@@ -20,6 +20,7 @@ mod pass;
 mod record;
 mod rows;
 mod sense;
+mod setpoint;
 mod shifts;
 mod sums;
 mod zero_phase;
@@ -30,5 +31,6 @@ pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, 
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sense::{TorqueSense, giving_friction, torque_sense};
+pub use setpoint::unfollowed;
 pub use sums::Equations;
 pub use zero_phase::ZeroPhase;

@@ -86,9 +86,12 @@ impl Reference {
                 None => closed_loop.restart(),
             }
         }
+        let takes_setpoint =
+            matches!(self.wanted, Instruments::Auto { .. } | Instruments::Setpoint | Instruments::SetpointThroughLoop);
+        let planned = setpoint.is_some() && takes_setpoint;
         let repeats = match &mut self.repetition {
             // Not needed beside something better.
-            Some(repetition) if setpoint.is_none() && !self.second_now => {
+            Some(repetition) if !planned && !self.second_now => {
                 repetition.step(Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd }, moves)
             }
             Some(repetition) => {
@@ -97,9 +100,7 @@ impl Reference {
             }
             None => false,
         };
-        let takes_setpoint =
-            matches!(self.wanted, Instruments::Auto { .. } | Instruments::Setpoint | Instruments::SetpointThroughLoop);
-        if setpoint.is_some() && takes_setpoint {
+        if planned {
             let known = self.closed_loop.as_ref().is_some_and(ClosedLoop::identified);
             return Some(if known { Instrument::SetpointThroughLoop } else { Instrument::Setpoint });
         }

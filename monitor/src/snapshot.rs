@@ -226,6 +226,15 @@ pub(crate) fn words(variant: impl Debug) -> String {
     out
 }
 
+/// A fault in words. The message's name for a torque against the model is that of one cause; a model that is wrong, as after a
+/// load it has not learnt, is another.
+fn fault_words(fault: InputFault) -> String {
+    match fault {
+        InputFault::SignFlipped => "torque opposite to the model's: sign flipped or model wrong".to_owned(),
+        other => words(other),
+    }
+}
+
 /// A duration in ns with a unit that suits it.
 pub(crate) fn duration(ns: u64) -> String {
     match ns {
@@ -295,7 +304,7 @@ pub(crate) fn refusals(health: &ControllerHealth) -> Vec<(String, u64)> {
 pub fn faults_met(health: &Health) -> Vec<(String, u64)> {
     let named = |(i, &count): (usize, &u64)| {
         let kind = u32::try_from(i).ok().and_then(|i| InputFault::try_from(i).ok());
-        (kind.map_or_else(|| format!("fault {i}"), words), count)
+        (kind.map_or_else(|| format!("fault {i}"), fault_words), count)
     };
     // The first entry stands for no fault.
     let mut out: Vec<_> =
@@ -323,7 +332,7 @@ pub(crate) fn happened(counts: &[(&str, u64)]) -> String {
 
 /// What is wrong with the samples now, and was last; "none" while and as long as nothing was.
 pub(crate) fn input_state(s: &Snapshot, h: &Health) -> String {
-    let name = |fault: u32| InputFault::try_from(fault).map_or_else(|_| format!("fault {fault}"), words);
+    let name = |fault: u32| InputFault::try_from(fault).map_or_else(|_| format!("fault {fault}"), fault_words);
     let last = usize::try_from(h.last_input_fault).unwrap_or(usize::MAX);
     let times = h.input_faults.get(last).copied().unwrap_or(0);
     if h.input_fault != u32::from(InputFault::None) {

@@ -4,6 +4,7 @@ use crate::snapshot::{
     Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
     phases, quantiles, refusals, source, worst,
 };
+use rivet_ipc_schema::Health;
 use std::fmt::Write as _;
 
 /// One look as text.
@@ -39,7 +40,7 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
                 writeln!(out, "model        accepted: {accepted}")?;
             }
             if h.hausman_p_value.is_finite() {
-                writeln!(out, "bias         of least squares: p = {:.3} of none", h.hausman_p_value)?;
+                writeln!(out, "bias         {}", bias(&h, s.joints.len()))?;
             }
         }
     }
@@ -79,6 +80,22 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
     Ok(())
 }
 
+/// Least squares against the instruments, and how much less the noise of each joint matters with them, where that is known.
+fn bias(h: &Health, joints: usize) -> String {
+    let p = match h.hausman_p_value {
+        p if p < 1e-3 => "p < 0.001".to_owned(),
+        p => format!("p = {p:.3}"),
+    };
+    let ratio = &h.instrument_ratio[..joints.min(h.instrument_ratio.len())];
+    let each: Vec<String> = ratio.iter().map(|r| figure(*r)).collect();
+    let ratio = if ratio.iter().all(|r| r.is_nan()) {
+        String::new()
+    } else {
+        format!("; noise that pulls least squares over what instruments keep of it, per joint: {}", each.join(" "))
+    };
+    format!("least squares and instruments differ by chance with {p}{ratio}")
+}
+
 fn write_joints(out: &mut String, s: &Snapshot) -> std::fmt::Result {
     writeln!(
         out,
@@ -99,4 +116,27 @@ fn write_joints(out: &mut String, s: &Snapshot) -> std::fmt::Result {
         writeln!(out)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_test_of_bias_reads_as_a_sentence() {
+        let mut h = Health { hausman_p_value: 4e-9, ..Health::default() };
+        assert_eq!(bias(&h, 2), "least squares and instruments differ by chance with p < 0.001");
+        h.hausman_p_value = 0.25;
+        h.instrument_ratio[..2].copy_from_slice(&[3.0, 120.0]);
+        let text = bias(&h, 2);
+        assert!(text.contains("p = 0.250") && text.ends_with("per joint: 3.0000 120.0"), "{text}");
+    }
+
+    #[test]
+    fn a_torque_against_the_model_is_not_called_a_flipped_sign_alone() {
+        let mut h = Health::default();
+        h.input_faults[rivet_ipc_schema::InputFault::SignFlipped as usize] = 350;
+        let met = crate::snapshot::faults_met(&h);
+        assert_eq!(met, [("torque opposite to the model's: sign flipped or model wrong".to_owned(), 350)]);
+    }
 }

@@ -191,6 +191,9 @@ fn auto_takes_the_best_at_hand() {
     // A cycle that is longer than what is looked for.
     let short = Instruments::Auto { delay_s: 0.03, longest_cycle_s: 1.5 };
     assert_eq!(bench.identify(&without, short, false).1, Instrument::Delayed);
+    // What is asked for acts, whatever else is at hand.
+    let cycle = Instruments::PreviousCycle { delay_s: 0.03, longest_cycle_s: 5.0 };
+    assert_eq!(bench.identify(&without, cycle, true).1, Instrument::PreviousCycle);
     // What is asked for and is not there: nothing is learnt, rather than something else.
     assert_eq!(bench.identify(&without, Instruments::SecondEncoder, true).1, Instrument::None);
     assert_eq!(bench.identify(&without, Instruments::SetpointThroughLoop, false).1, Instrument::None);

@@ -42,6 +42,9 @@ fn written(log: &Log, tau: &[Vec<f64>], folder: &Path) -> PathBuf {
         columns.push((format!("q{}", j + 1), &log.q[j][..]));
         columns.push((format!("tau{}", j + 1), &tau[j][..]));
     }
+    for (j, q) in log.q_des.iter().flatten().enumerate() {
+        columns.push((format!("q_des{}", j + 1), &q[..]));
+    }
     let path = folder.join("changed.parquet");
     write_columns(&path, &columns).expect("written");
     path
@@ -193,4 +196,91 @@ fn a_log_of_which_every_sample_is_refused_says_why() {
         let words: Vec<&str> = all.split_whitespace().collect();
         assert!(words[0] == words[2] && all.contains("samples were refused; met: implausible"), "{text}");
     }
+}
+
+/// A copy of a robot's folder whose robot file has one word changed; the path of that file.
+fn robot_with(arm: &str, folder: &Path, from: &str, to: &str) -> PathBuf {
+    let source = robot(arm);
+    let text = std::fs::read_to_string(&source).expect("readable");
+    assert!(text.contains(from), "{text}");
+    std::fs::copy(source.with_file_name("robot.urdf"), folder.join("robot.urdf")).expect("copied");
+    let file = folder.join("robot.toml");
+    std::fs::write(&file, text.replacen(from, to, 1)).expect("written");
+    file
+}
+
+/// Columns of a setpoint that was not recorded are no instrument; what is left of the test of bias when they are forced on it is
+/// not taken for its word.
+#[test]
+fn a_desired_motion_that_was_not_recorded_is_no_instrument() {
+    let Some(path) = shared("data/real/ur10e_innopolis/20_02_10-30sec_12harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let json = folder.path().join("result.json");
+    let mut log = sound("ur10e", &path);
+    log.q_des = Some(vec![vec![0.0; log.len()]; 6]);
+    let tau = log.torque().expect("torque").clone();
+    let zero = written(&log, &tau, folder.path());
+    let result = |file: &Path| -> (String, serde_json::Value) {
+        let (code, text) = said(rivet().arg("identify").arg(file).arg(&zero).arg("--json").arg(&json));
+        assert_eq!(code, Some(0), "{text}");
+        let result = serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON");
+        (text, result)
+    };
+    let (text, found) = result(&robot("ur10e"));
+    assert!(text.contains("q does not follow q_des") && text.contains("not followed: delayed instruments"), "{text}");
+    assert_eq!(found["logs"][0]["instruments"]["kind"], "delayed");
+    let warnings = found["warnings"].as_array().expect("a list");
+    assert_eq!(warnings.len(), 6, "{warnings:?}");
+    assert!(warnings.iter().all(|w| w["fault"] == "desired_motion_not_followed"), "{warnings:?}");
+    assert_eq!(found["bias"]["cannot_tell"], false);
+    println!("delayed: IV {} times as uncertain as LS", found["bias"]["deviation_ratio"]);
+
+    let file = robot_with("ur10e", folder.path(), "[estimator]", "[estimator]\ninstruments = \"setpoint\"");
+    let (text, found) = result(&file);
+    println!("zeros: IV {} times as uncertain as LS", found["bias"]["deviation_ratio"]);
+    assert!(text.contains("as the robot file asks") && text.contains("cannot tell: IV is"), "{text}");
+    assert!(!text.contains("no sign of bias"), "{text}");
+    assert_eq!(found["bias"]["cannot_tell"], true);
+}
+
+/// What the robot file says of signals and instruments and what is done off line are told apart.
+#[test]
+fn off_line_says_what_it_does_not_take_from_the_robot_file() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let words = |to: &str| {
+        let file = robot_with("ur10e", folder.path(), "[estimator]", &format!("{to}\n[estimator]"));
+        let (code, text) = said(rivet().arg("identify").arg(file).arg(&log));
+        assert_eq!(code, Some(0), "{text}");
+        text
+    };
+    assert!(words("").contains("robot file's half_width = 40 acts on line only"));
+    let text = words("filtering = \"none\"");
+    assert!(text.contains("half_width = 40 and filtering = \"none\" act on line only"), "{text}");
+    let file = robot_with("ur10e", folder.path(), "[estimator]", "[estimator]\ninstruments = \"previous-cycle\"");
+    let (_, text) = said(rivet().arg("identify").arg(&file).arg(&log));
+    assert!(text.contains("off line no cycle is looked for: delayed instruments"), "{text}");
+    let (_, text) = said(rivet().args(["identify", "--online"]).arg(&file).arg(&log));
+    assert!(text.contains("previous cycle (the motion repeats)") || text.contains("no cycle is found"), "{text}");
+}
+
+/// A log that is given twice, or held out from itself, is known by its samples whatever it is called.
+#[test]
+fn the_same_log_twice_is_told() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let tau = sound("ur10e", &log).torque().expect("torque").clone();
+    let (again, json) = (written(&sound("ur10e", &log), &tau, folder.path()), folder.path().join("result.json"));
+    let faults = |words: &[&Path]| -> Vec<String> {
+        let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).args(words).arg("--json").arg(&json));
+        assert_eq!(code, Some(0), "{text}");
+        let result: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON");
+        let warnings = result["warnings"].as_array().expect("a list");
+        assert_eq!(text.matches("the same samples as").count(), warnings.len(), "{text}");
+        warnings.iter().map(|w| w["fault"].as_str().expect("a name").to_owned()).collect()
+    };
+    assert_eq!(faults(&[&log]), Vec::<String>::new());
+    assert_eq!(faults(&[&log, &again]), ["log_given_twice"]);
+    assert_eq!(faults(&[&log, Path::new("--hold-out"), &again]), ["hold_out_was_learnt_from"]);
 }

@@ -7,7 +7,9 @@
 //! H = (x_IV − x_LS)ᵀ·[cov_IV − cov_LS]⁺·(x_IV − x_LS)  ~  χ²(rank)
 //! ```
 //!
-//! Both with the same weights: then the difference of the covariances cannot be negative.
+//! Both with the same weights: then the difference of the covariances cannot be negative. In the directions tested, cov_LS is
+//! made 1 and cov_IV diagonal: a bias of b deviations of LS along one of them adds b²/(λ − 1) to H, λ the ratio of variances there.
+//! Instruments that are much worse than the regressor hide a bias that is many times what LS states of itself.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -26,12 +28,28 @@ pub struct Bias {
     pub hausman: f64,
     /// Directions in which regressor and instruments differ.
     pub degrees: usize,
+    /// Standard deviation by instruments over that by least squares, in the median of those directions; NaN where there is
+    /// none, or it is not known.
+    pub spread: f64,
     /// Probability of an H as large as this if the regressor has no noise and the model is complete.
     pub p_value: f64,
     /// Per joint: the largest element of E{(d−d*)(d−d*)ᵀ} over that of E{(d−d*)·d*ᵀ}, columns in units of torque (times
     /// the identified values). What noise in the regressor puts on least squares, over what is left of it with instruments; near 1 the
     /// instruments see the noise as well. Empty with delayed instruments, which differ from the regressor by motion.
     pub ratio: Vec<f64>,
+}
+
+/// Instruments so many times as uncertain as least squares, in half of the directions or more, are too weak: one over this is
+/// their correlation with what they stand for. Of measured arms the ratio is 1.00 to 1.05, with a setpoint that was not recorded 4
+/// (the prior then keeps both from going further apart).
+const BLIND: f64 = 3.0;
+
+impl Bias {
+    /// Whether a large p-value says nothing: the instruments are too weak to show a bias, or are the regressor itself.
+    #[must_use]
+    pub fn blind(&self) -> bool {
+        self.degrees == 0 || self.spread > BLIND
+    }
 }
 
 /// Compares both methods on the same rows, weighed by the noise of `fit`.
@@ -52,15 +70,21 @@ pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -
     };
     let (least_squares, own) = solve(Method::LeastSquares)?;
     let (instrumental, other) = solve(Method::Instrumental)?;
-    let (hausman, degrees) = statistic(&(instrumental - least_squares), &own, &other)?;
+    let Statistic { hausman, degrees, spread } = statistic(&(instrumental - least_squares), &own, &other)?;
     let delayed = equations.rows.iter().any(|r| r.lag_s.is_empty());
     let ratio =
         if delayed { Vec::new() } else { equations.joints.iter().map(|joint| ratio(joint, &fit.values)).collect() };
-    Ok(Bias { hausman, degrees, p_value: crate::chi_square::above(hausman, degrees), ratio })
+    Ok(Bias { hausman, degrees, spread, p_value: crate::chi_square::above(hausman, degrees), ratio })
 }
 
-/// H and its degrees of freedom, in coordinates in which the covariance of least squares is 1.
-fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> Result<(f64, usize), OfflineError> {
+struct Statistic {
+    hausman: f64,
+    degrees: usize,
+    spread: f64,
+}
+
+/// H, in coordinates in which the covariance of least squares is 1.
+fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> Result<Statistic, OfflineError> {
     let singular = OfflineError::Singular { method: "Durbin-Wu-Hausman" };
     let symmetric = |m: &DMatrix<f64>| (m + m.transpose()) * 0.5;
     let root = symmetric(own).cholesky().ok_or_else(|| singular.clone())?.l();
@@ -68,8 +92,12 @@ fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> 
     let shift = &inverse * shift;
     let eigen = symmetric(&(&inverse * other * inverse.transpose())).symmetric_eigen();
     let along = eigen.eigenvectors.transpose() * shift;
-    let seen = eigen.eigenvalues.iter().zip(along.iter()).filter(|(value, _)| **value - 1.0 > SAME);
-    Ok(seen.fold((0.0, 0), |(sum, count), (value, along)| (sum + along * along / (value - 1.0), count + 1)))
+    let seen = || eigen.eigenvalues.iter().zip(along.iter()).filter(|(value, _)| **value - 1.0 > SAME);
+    let hausman = seen().fold(0.0, |sum, (value, along)| sum + along * along / (value - 1.0));
+    let mut ratios: Vec<f64> = seen().map(|(value, _)| value.sqrt()).collect();
+    ratios.sort_unstable_by(f64::total_cmp);
+    let spread = ratios.get(ratios.len() / 2).map_or(f64::NAN, |median| *median);
+    Ok(Statistic { hausman, degrees: ratios.len(), spread })
 }
 
 /// Ratio of the dominant elements for one joint, columns times `values`; infinite when regressor and instruments are the

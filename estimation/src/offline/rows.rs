@@ -320,7 +320,7 @@ const COARSE_S: f64 = 0.004;
 
 /// Samples by which `actual` lags `commanded` (negative: leads it, which feed-forward can do): the largest
 /// cross-correlation within 0.3 s, refined by a parabola. The same stretch of `actual` counts for every shift.
-fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
+pub(super) fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
     let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
     let inner = &actual[most..actual.len() - most];
     // Entry k belongs to a lag of most - k samples. The motion of an arm does not turn within COARSE_S: the largest of
