@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
-use rivet_report::{Document, JointGap, Power, SelfCheck, formats, page};
+use rivet_report::{Cause, Document, JointGap, Power, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::control::bus_of;
@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::rollout::rollout;
 use crate::runs;
 use crate::self_check::self_check;
-use crate::table::{Table, paragraph, show};
+use crate::table::{Table, WIDTH, paragraph, show};
 
 /// Share of the work that is left after each thing said.
 const STEP_LEAVES: f64 = 0.9;
@@ -78,6 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         let pieces = runs::pieces(&log, log.median_step_s())?;
         sources.push(Source { path, log, pieces });
     }
+    runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
     let mut progress = Progress::new("diagnosing", 1000);
     let mut left = 1.0;
     let mut say = |line: &str| {
@@ -190,6 +191,7 @@ fn as_text(found: &Document) -> String {
             ]);
         }
         out += &table.text();
+        out += &sizes(found);
     }
     if found.verdict == "unexplained" && !found.hints.is_empty() {
         let hints: Vec<&str> = found.hints.iter().map(|c| c.effect.as_str()).collect();
@@ -213,6 +215,20 @@ fn as_text(found: &Document) -> String {
         out += &power(found, check);
     }
     out
+}
+
+/// How large each cause is, a line each.
+fn sizes(found: &Document) -> String {
+    let line = |c: &Cause| {
+        let joint = match c.joints.as_slice() {
+            [one] => format!(" of {one}"),
+            _ => String::new(),
+        };
+        let head = format!("  {}{joint}: ", c.effect);
+        let size = found.sizes(c, WIDTH.saturating_sub(head.chars().count()))?;
+        Some(paragraph(&head, &size))
+    };
+    found.causes.iter().filter_map(line).collect()
 }
 
 /// The weakest effects that these logs would have shown.

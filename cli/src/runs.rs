@@ -8,7 +8,7 @@ use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
-use rivet_logs::{Log, LogError, LogFault, ReadOptions, ResampleReport, read};
+use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, read};
 
 use crate::exit::Fault;
 
@@ -45,10 +45,43 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         ))
         .into());
     }
-    match strange_unit(&robot.model.arm.joints, &log.q, &config.log.joint_zero) {
+    let why = strange_unit(&robot.model.arm.joints, &log.q, &config.log.joint_zero);
+    match why.or_else(|| log.other_clock().as_ref().map(wrong_clock)) {
         Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
         None => Ok(log),
     }
+}
+
+/// Every speed, and every acceleration twice, would be wrong by the factor: rotors and friction that no arm has.
+fn wrong_clock(clock: &OtherClock) -> String {
+    let pairs: Vec<String> = clock.columns.iter().map(|[q, qd]| format!("{q} beside {qd}")).collect();
+    format!(
+        "by column t positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}): is t in seconds of \
+         the clock that these were taken by? If the speeds are wrong, log without them",
+        clock.factor,
+        clock.joints,
+        pairs.join(", ")
+    )
+}
+
+/// Logs of which no two hold the same samples: what was looked at is no unseen motion, and what counts twice is not known better.
+pub(crate) fn check_distinct<'a>(logs: impl Iterator<Item = (&'a Path, &'a Log)>) -> Result<()> {
+    let mut before: Vec<(&Path, &Log)> = Vec::new();
+    for (path, log) in logs {
+        for (other, one) in &before {
+            let shared = log.shared_s(one);
+            if shared > 0.0 {
+                let (all, other, path) = (log.duration_s(), other.display(), path.display());
+                return Err(Fault::Data(format!(
+                    "{other} and {path} hold the same samples: {shared:.2} s of the {all:.2} s of the latter. A run that was looked \
+                     at cannot be sealed; give every recording once, and cuts of it that do not overlap"
+                ))
+                .into());
+            }
+        }
+        before.push((path, log));
+    }
+    Ok(())
 }
 
 /// The column of positions that no joint of the arm can have run through, if there is one. Joints in a wrong order, a wrong zero and

@@ -39,13 +39,15 @@ impl Table {
         if let Some(first) = widths.first_mut() {
             *first = (*first).min(WIDTH.saturating_sub(2 + others)).max(4);
         }
+        let firsts: Vec<&str> = self.rows.iter().map(|r| r.first().map_or("", String::as_str)).collect();
+        let firsts = labels(&firsts, widths.first().copied().unwrap_or(0));
         let mut out = String::new();
-        for row in &self.rows {
+        for (row, first) in self.rows.iter().zip(&firsts) {
             let mut line = String::from(" ");
             for (c, cell) in row.iter().enumerate() {
                 // Writing to a String cannot fail, here and below.
                 if c == 0 {
-                    let _ = write!(line, " {:<1$}", shortened(cell, widths[0]), widths[0]);
+                    let _ = write!(line, " {:<1$}", first, widths[0]);
                 } else {
                     let _ = write!(line, "  {:>1$}", cell, widths[c]);
                 }
@@ -54,6 +56,24 @@ impl Table {
         }
         out
     }
+}
+
+/// Texts that are too long by their ends; by beginning and end where the ends are those of another one too.
+fn labels(texts: &[&str], width: usize) -> Vec<String> {
+    let ends: Vec<String> = texts.iter().map(|text| shortened(text, width)).collect();
+    let twice = |k: usize| (0..texts.len()).any(|i| texts[i] != texts[k] && ends[i] == ends[k]);
+    (0..texts.len()).map(|k| if twice(k) { without_middle(texts[k], width) } else { ends[k].clone() }).collect()
+}
+
+fn without_middle(text: &str, width: usize) -> String {
+    let (count, kept) = (text.chars().count(), width.saturating_sub(2));
+    if count <= width {
+        return text.to_owned();
+    }
+    let first = kept.div_ceil(2);
+    let (begin, end): (String, String) =
+        (text.chars().take(first).collect(), text.chars().skip(count + first - kept).collect());
+    format!("{begin}..{end}")
 }
 
 /// The end of a text that is too long, after two dots.
@@ -116,6 +136,14 @@ mod tests {
         let long = paragraph("  log: ", &"word ".repeat(60));
         assert!(long.lines().all(|line| line.chars().count() <= WIDTH), "{long}");
         assert!(long.lines().nth(1).is_some_and(|line| line.starts_with("       word")), "{long}");
+    }
+
+    /// Two effects of one ending each keep what tells them apart.
+    #[test]
+    fn labels_that_are_cut_stay_apart() {
+        let labels = labels(&["load_dependent_friction", "position_dependent_friction", "viscous_nonlinearity"], 18);
+        assert_eq!(labels, ["load_dep..friction", "position..friction", "..us_nonlinearity"]);
+        assert_eq!(super::labels(&["a_joint_of_a_long_name", "joint"], 10), ["..ong_name", "joint"]);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::repeats;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
+use crate::signs;
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
 const LEAST_SPEED: f64 = 0.02;
@@ -127,6 +128,16 @@ fn run_all(
     let mut sealed = Prepared::new(sealed, &nominal);
     for run in look.iter_mut().chain([&mut sealed]) {
         log_check::distrust(run, &nominal);
+    }
+    let turned = signs::check(look.iter_mut().chain([&mut sealed]), &nominal);
+    if !turned.is_empty() {
+        let why =
+            format!("{} the position has the wrong sign: what the other joints feel is that of another motion", turned);
+        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
+        return Ok((
+            Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) },
+            None,
+        ));
     }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
     say("torque and position in time");

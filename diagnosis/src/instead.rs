@@ -19,8 +19,9 @@ use crate::values::{Group, WORTH, Wrong};
 
 /// Effects of which each is tried as a whole explanation.
 const SHORT_LIST: usize = 6;
-/// Cosine of the principal angle from which on the runs cannot tell an effect from values.
-const ALONG: f64 = 0.95;
+/// Cosine of the principal angle from which on the runs cannot tell an effect from values, or from another effect: what explains as
+/// much across it explains something else.
+pub(crate) const ALONG: f64 = 0.95;
 /// The same where it may be only one of several groups that the effect takes the place of.
 const PARTLY_ALONG: f64 = 0.5;
 /// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
@@ -82,14 +83,17 @@ pub(crate) fn of(
     };
     let (candidate, place) = (&first.candidate, |at: &&usize| first.replaces.contains(at));
     let mut adoption = Adopted::new(search, candidate, &selected.physics, first.gain)?;
-    let solved = wrong.without(search, &first.replaces)?;
     let c = DVector::from_column_slice(&first.c);
     for other in others {
         let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - RIVAL_GAP);
         if near && form.effect() != candidate.form.effect() && other.replaces.iter().any(|at| place(&at)) {
             let its = DVector::from_column_slice(&other.c);
+            // Values that one of them takes the place of would carry what the two have in common.
+            let mut held = first.replaces.clone();
+            held.extend(other.replaces.iter().filter(|at| !first.replaces.contains(at)));
+            let solved = wrong.without(search, &held)?;
             let cosine = search.cosine(&solved, (candidate, &c), (&other.candidate, &its))?;
-            adoption.rivals.push(Rival { form: form.clone(), cosine });
+            adoption.rivals.extend(Rival::of(form, cosine));
         }
     }
     if first.ahead < FAR_BEHIND {

@@ -53,6 +53,13 @@ pub enum LogFault {
     Sign(f64),
     /// The torque is the model's with the other sign, and not one that friction takes. Correlation of the two.
     Opposite(f64),
+    /// With the position's sign turned, a rigid arm with friction explains the torque of all joints far better.
+    PositionSign {
+        /// What it misses as logged, root mean square of all joints over what can be known of them (noise and 2 % of the torque) ...
+        as_logged: f64,
+        /// ... and with the sign turned.
+        turned: f64,
+    },
     /// The torque is the model's times this.
     Scale(f64),
     /// The joint moves and its torque is next to nothing.
@@ -142,6 +149,7 @@ impl LogFault {
     pub fn name(self) -> &'static str {
         match self {
             LogFault::Sign(_) | LogFault::Opposite(_) => "torque_sign",
+            LogFault::PositionSign { .. } => "position_sign",
             LogFault::Scale(_) => "torque_scale",
             LogFault::Silent { .. } => "torque_silent",
             LogFault::Limit(_) => "torque_limit",
@@ -169,6 +177,7 @@ impl LogFault {
             | LogFault::Frozen { seconds: v, .. }
             | LogFault::Held { seconds: v, .. }
             | LogFault::Steps { position: v, .. }
+            | LogFault::PositionSign { as_logged: v, .. }
             | LogFault::Sign(v)
             | LogFault::Opposite(v)
             | LogFault::Scale(v)
@@ -186,6 +195,7 @@ impl LogFault {
             self,
             LogFault::Sign(_)
                 | LogFault::Opposite(_)
+                | LogFault::PositionSign { .. }
                 | LogFault::Scale(_)
                 | LogFault::Silent { .. }
                 | LogFault::Filtered(_)
@@ -196,12 +206,18 @@ impl LogFault {
     pub fn text(self) -> String {
         match self {
             LogFault::Sign(v) => format!(
-                "torque runs against motion (correlation {v:.2}): its friction would give energy, so the sign or the \
-                 scale of this channel is wrong"
+                "torque runs against motion (correlation {v:.2}): its friction would give energy, so the sign of \
+                 this torque, or of this position, or the scale is wrong"
             ),
             LogFault::Opposite(v) => format!(
-                "torque runs against the model's (correlation {v:.2}) and friction takes none of it: the sign of this channel \
-                 is wrong"
+                "torque runs against the model's (correlation {v:.2}) and friction takes none of it: the sign of this \
+                 torque, or of this position, is wrong"
+            ),
+            LogFault::PositionSign { as_logged, turned } => format!(
+                "the sign of this position is wrong: a rigid arm with friction misses the torque of all joints by {} times the noise \
+                 as logged, and {} times with it turned; not evaluated",
+                digits(as_logged),
+                digits(turned)
             ),
             LogFault::Scale(v) => format!("torque is {} times the model's: another unit or gear ratio?", digits(v)),
             LogFault::Silent { carries, due } => format!(
@@ -327,7 +343,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
         let scale = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
-        let told = LogFault::of_torque(dissipates, cosine(tau, &modelled), scale);
+        let turned = run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. }));
+        let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
         let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));
         if let Some(fault) = told.or(run.silent[j]) {
             say(fault);

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use crate::background::Nominal;
 use crate::body;
+use crate::class;
 use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
@@ -20,7 +21,7 @@ use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
-use crate::report::{Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::report::{BetweenRuns, Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::rows::Column;
 use crate::sealed::Sealed;
@@ -283,7 +284,7 @@ impl Procedure<'_> {
             let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
             let shrink = shrinks[k];
             let Shrink { predicted, low, measured: measured_shrink, .. } = shrink;
-            let class: Vec<(Effect, f64)> = step.adopted.iter().flat_map(Adopted::class).collect();
+            let class = class::of(&step.adopted);
             let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
             let shown = Shown {
                 effect: step.effect,
@@ -400,8 +401,12 @@ impl Procedure<'_> {
             let of: Vec<&str> = names.iter().filter(|name| unbelieved(name)).map(String::as_str).collect();
             format!("of {} the torque cannot be believed; the other joints show no gap", of.join(", "))
         });
+        let between_runs = (verdict == Verdict::Unexplained)
+            .then(|| BetweenRuns::of(refuted, residue.at_floor(), &per_joint))
+            .flatten();
         let diagnosis = Diagnosis {
             verdict,
+            between_runs,
             before: before.all,
             after: after.all,
             noise_floor: pooled_floor,

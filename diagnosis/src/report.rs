@@ -158,6 +158,35 @@ pub struct DataUse {
     pub sealed_seconds: f64,
 }
 
+/// How the sealed run differs from those looked at where no cause explains it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BetweenRuns {
+    /// They fit to their noise, and it does not.
+    SealedDiffers,
+    /// What fits them does not hold there, and the model as given fits it to its noise.
+    SealedAsGiven,
+}
+
+impl BetweenRuns {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            BetweenRuns::SealedDiffers => "sealed_differs",
+            BetweenRuns::SealedAsGiven => "sealed_as_given",
+        }
+    }
+
+    /// `looked_at_fit`: whether nothing is left on the runs looked at.
+    pub(crate) fn of(refuted: bool, looked_at_fit: bool, sealed: &[JointGap]) -> Option<BetweenRuns> {
+        let open = |at: usize| sealed.iter().any(|gap| gap.in_motion[at] > IN_MOTION);
+        match (refuted, open(0), open(1)) {
+            (true, false, _) => Some(BetweenRuns::SealedAsGiven),
+            (_, true, true) if looked_at_fit => Some(BetweenRuns::SealedDiffers),
+            _ => None,
+        }
+    }
+}
+
 /// The whole answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnosis {
@@ -189,6 +218,8 @@ pub struct Diagnosis {
     pub left_out: Vec<String>,
     /// Whether the sealed run said that what fits the others is nothing that holds: then no cause is named.
     pub refuted: bool,
+    /// What sets the sealed run apart from those looked at.
+    pub between_runs: Option<BetweenRuns>,
     /// Places of the runs that were used among those given, the sealed one last.
     pub used: Vec<usize>,
     /// Names of the others, whose torque says nothing.
@@ -242,6 +273,7 @@ impl Diagnosis {
             remark: Some(why.to_owned()),
             left_out: Vec::new(),
             refuted: false,
+            between_runs: None,
             used: Vec::new(),
             unused: Vec::new(),
             details: None,
@@ -253,4 +285,27 @@ impl Diagnosis {
 pub(crate) fn pooled(relative: &[f64]) -> f64 {
     let finite: Vec<f64> = relative.iter().copied().filter(|r| r.is_finite()).collect();
     (finite.iter().map(|r| r * r).sum::<f64>() / finite.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_sets_the_sealed_run_apart_is_asked_of_motion() {
+        let joint = |in_motion: [f64; 2]| JointGap {
+            joint: "j".into(),
+            before: 0.0,
+            after: 0.0,
+            noise_floor: 0.01,
+            repeats: None,
+            in_motion,
+        };
+        let of = |refuted, fit, times| BetweenRuns::of(refuted, fit, &[joint([1.0, 1.0]), joint(times)]);
+        assert_eq!(of(false, true, [20.0, 18.0]), Some(BetweenRuns::SealedDiffers));
+        assert_eq!(of(true, true, [20.0, 18.0]), Some(BetweenRuns::SealedDiffers), "neither fits there");
+        assert_eq!(of(true, true, [1.1, 18.0]), Some(BetweenRuns::SealedAsGiven));
+        assert_eq!(of(false, false, [20.0, 18.0]), None, "the runs looked at are not understood either");
+        assert_eq!(of(false, true, [20.0, 1.1]), None);
+    }
 }

@@ -5,6 +5,7 @@ use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
 use crate::form::Form;
+use crate::instead::ALONG;
 use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
@@ -75,6 +76,13 @@ pub(crate) struct Rival {
     pub(crate) form: Form,
     /// Cosine of the principal angle between the two.
     pub(crate) cosine: f64,
+}
+
+impl Rival {
+    /// None where the two are so far apart that what explains as much is not the same thing.
+    pub(crate) fn of(form: &Form, cosine: f64) -> Option<Rival> {
+        (cosine >= ALONG).then(|| Rival { form: form.clone(), cosine })
+    }
 }
 
 /// What was adopted, and what was not.
@@ -281,7 +289,7 @@ pub(crate) fn best(
         for Accepted { candidate: other, standing, .. } in near.iter().map(|i| &accepted[*i]) {
             if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
                 let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
-                rivals.push(Rival { form: other.form.clone(), cosine });
+                rivals.extend(Rival::of(&other.form, cosine));
             }
         }
     }

@@ -30,14 +30,17 @@
 //! # Ok::<(), rivet_logs::LogError>(())
 //! ```
 
+mod clock;
 mod columns;
 mod csv_file;
 mod error;
 mod log;
+mod overlap;
 mod parquet_file;
 mod resample;
 mod signal;
 
+pub use clock::OtherClock;
 pub use error::{LogError, LogFault};
 pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
 pub use parquet_file::write_columns;

@@ -50,6 +50,10 @@ pub struct Document {
     /// Whether the sealed run refuted what fits the others: then no cause is named.
     #[serde(default, skip_serializing_if = "is_false")]
     pub refuted: bool,
+    /// What sets the sealed run apart from those looked at, where there is such a thing: `sealed_differs` (they fit to their noise,
+    /// it does not) or `sealed_as_given` (what fits them does not hold there, and the model as given does).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub between_runs: Option<String>,
     /// Which files and which build.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passport: Option<Passport>,

@@ -1,5 +1,7 @@
 //! The verdict as a person would say it: the gap, its cause, its place, its worth, what is not covered, what to do next.
 
+use std::fmt::Write as _;
+
 use crate::document::{Cause, Document};
 use crate::words::{effect, figure, joints_in_short, list, percent, quantity, rival};
 
@@ -36,8 +38,10 @@ impl Document {
                 lines.push(Line { head: "Not covered", text: self.findings().join("; ") + "." });
             }
             let motion = "Record a motion that uses every joint over its range and speed.";
-            let next = if self.has_computed() { MEASURE } else { motion };
-            lines.push(Line { head: "Next", text: next.to_owned() });
+            let next = self
+                .next_of_signs()
+                .unwrap_or_else(|| if self.has_computed() { MEASURE.to_owned() } else { motion.to_owned() });
+            lines.push(Line { head: "Next", text: next });
             return lines;
         }
         vec![
@@ -88,10 +92,22 @@ impl Document {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
         match self.verdict.as_str() {
             "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
-            "unexplained" if self.refuted => {
-                "Unknown: what fits the other motion does not hold on the sealed one, so none of it is believed; the hints \
-                 are what was refuted."
+            "unexplained" if self.between_runs.as_deref() == Some("sealed_differs") => {
+                "Unknown: the runs looked at fit to their noise and the sealed one does not. Something changed between them, or \
+                 shows in the sealed motion only; what it is, the runs looked at cannot tell."
                     .to_owned()
+            }
+            "unexplained" if self.refuted => {
+                let given = if self.between_runs.as_deref() == Some("sealed_as_given") {
+                    " The model as given fits the sealed run to its noise: something changed between the runs, or the others' \
+                     signals are wrong."
+                } else {
+                    ""
+                };
+                format!(
+                    "Unknown: what fits the other motion does not hold on the sealed one, so none of it is believed; the hints \
+                     are what was refuted.{given}"
+                )
             }
             "unexplained" if named.is_empty() && self.is_fitted() => {
                 "Unknown: with its values refitted the model fits, but these logs do not tell which of them are wrong."
@@ -121,6 +137,29 @@ impl Document {
         let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| rival(e)).collect();
         let or = if rivals.is_empty() { String::new() } else { format!(" or {}", rivals.join(" or ")) };
         format!("{}{or} on {}{sizes}", effect(&cause.effect), joints_in_short(&cause.joints, all))
+    }
+
+    /// The main sizes of a cause with their units, as many as fit into `columns`; none where it has no size.
+    pub fn sizes(&self, cause: &Cause, columns: usize) -> Option<String> {
+        let mut known: Vec<(&str, f64)> =
+            cause.magnitude.iter().filter_map(|(name, value)| Some((name.as_str(), (*value)?))).collect();
+        // What weighs most with a reader comes first: masses before where they are and how they turn.
+        known.sort_by_key(|(name, _)| !(*name == "mass_kg" || name.ends_with(".m")));
+        let mut text = String::new();
+        for (k, (name, value)) in known.iter().enumerate() {
+            let (name, unit) = quantity(name, self);
+            let one = format!("{name} {} {unit}", figure(*value, 3));
+            let (one, comma) = (one.trim_end(), if k > 0 { ", " } else { "" });
+            let left = known.len() - k - 1;
+            let rest = if left > 0 { format!(" and {left} more") } else { String::new() };
+            if k > 0 && (text.chars().count() + 2 + one.chars().count() + rest.chars().count()) > columns {
+                let _ = write!(text, " and {} more", left + 1);
+                break;
+            }
+            text += comma;
+            text += one;
+        }
+        (!known.is_empty()).then_some(text)
     }
 
     fn place_line(&self) -> String {
@@ -202,6 +241,26 @@ impl Document {
         self.log.iter().any(|f| f.fault == "torque_computed")
     }
 
+    /// What to do about signals of the wrong sign or scale where nothing was evaluated for them.
+    fn next_of_signs(&self) -> Option<String> {
+        let of = |names: &[&str]| {
+            let mut joints: Vec<String> =
+                self.log.iter().filter(|f| names.contains(&f.fault.as_str())).map(|f| f.joint.clone()).collect();
+            joints.sort();
+            joints.dedup();
+            (!joints.is_empty()).then(|| list(&joints))
+        };
+        if let Some(joints) = of(&["position_sign"]) {
+            return Some(format!(
+                "Turn the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
+            ));
+        }
+        let joints = of(&["torque_sign", "torque_scale"])?;
+        Some(format!(
+            "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before believing anything."
+        ))
+    }
+
     fn next_line(&self) -> String {
         if self.has_computed() {
             return MEASURE.to_owned();
@@ -221,6 +280,22 @@ impl Document {
         }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
             return format!("To tell causes apart, record {motion}.");
+        }
+        if self.verdict == "unexplained" && self.between_runs.is_some() {
+            return "Find what changed between the runs (a load, a tool, a setting), or give each state of the arm its own \
+                    diagnosis: swap the logs, or one log alone."
+                .to_owned();
+        }
+        let is_contact = |c: &Cause| c.effect == "external_force";
+        if self.causes.iter().any(is_contact) {
+            // Nobody simulates a touch that no motion tells.
+            let others: Vec<String> =
+                self.causes.iter().filter(|c| !is_contact(c)).map(|c| effect(&c.effect)).collect();
+            let rest = if others.is_empty() { String::new() } else { format!("; see to {}", list(&others)) };
+            return format!(
+                "Find what touched the arm and keep it away, then record and diagnose a new run: a contact is no part of a \
+                 simulator{rest}."
+            );
         }
         match self.verdict.as_str() {
             "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
@@ -243,5 +318,89 @@ pub(crate) fn regime(name: &str) -> String {
         "accelerating" => "accelerating".to_owned(),
         "cruise" => "at cruise".to_owned(),
         other => other.replace('_', " "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// A document of the contract's fields, and these.
+    fn document(more: &[(&str, Value)]) -> Document {
+        let mut all = json!({"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
+            "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":
+                [{"joint": "j", "before": 0.3, "after": 0.1, "noise_floor": 0.05}]},
+            "where": [], "causes": [], "log": [], "hints": [], "unexplained_share": 0.1,
+            "data": {"runs": 2, "fit_seconds": 10.0, "sealed_seconds": 5.0}, "remark": null});
+        for (name, value) in more {
+            all[*name] = value.clone();
+        }
+        serde_json::from_value(all).expect("a document")
+    }
+
+    fn cause(effect: &str, magnitude: &Value) -> Value {
+        json!({"effect": effect, "joints": [], "magnitude": magnitude, "shrink":
+            {"predicted": 0.7, "low": 0.6, "high": 0.8, "measured": 0.7}, "confidence": 0.9,
+            "indistinguishable_from": [], "separating_motion": null})
+    }
+
+    fn line(document: &Document, head: &str) -> String {
+        document.lines().into_iter().find(|l| l.head == head).map(|l| l.text).unwrap_or_default()
+    }
+
+    #[test]
+    fn a_contact_is_nothing_to_add_to_a_simulator() {
+        let touched = document(&[("causes", json!([cause("external_force", &json!({"largest_N": 80.0}))]))]);
+        let next = line(&touched, "Next");
+        assert!(next.contains("what touched the arm") && !next.contains("Add the effect"), "{next}");
+        let spring = document(&[("causes", json!([cause("joint_spring", &json!({}))]))]);
+        assert!(line(&spring, "Next").contains("Add the effect to the simulator"));
+    }
+
+    #[test]
+    fn runs_that_differ_are_said_to() {
+        let of = |refuted: bool, between: &str| {
+            let more =
+                [("verdict", json!("unexplained")), ("refuted", json!(refuted)), ("between_runs", json!(between))];
+            let document = document(&more);
+            (line(&document, "Cause"), line(&document, "Next"))
+        };
+        let (cause, next) = of(false, "sealed_differs");
+        assert!(
+            cause.contains("changed between them") && next.contains("what changed between the runs"),
+            "{cause} {next}"
+        );
+        let (cause, _) = of(true, "sealed_as_given");
+        assert!(cause.contains("The model as given fits the sealed run"), "{cause}");
+    }
+
+    #[test]
+    fn a_position_of_the_wrong_sign_says_what_to_do() {
+        let fault = json!({"run": "a", "joint": "j", "fault": "position_sign", "value": 2.6, "text": ""});
+        let told = document(&[("remark", json!("why")), ("log", json!([fault]))]);
+        assert!(line(&told, "Next").starts_with("Turn the sign of the position of j"), "{}", line(&told, "Next"));
+    }
+
+    #[test]
+    fn the_main_size_comes_first_and_the_line_is_short() {
+        let load = json!({"com_x_m": -0.0389, "com_y_m": -0.0161, "com_z_m": 0.0649, "mass_kg": 4.7033});
+        let found = document(&[("causes", json!([cause("payload", &load)]))]);
+        let whole = found.sizes(&found.causes[0], 90).expect("sizes");
+        assert_eq!(whole, "mass 4.70 kg, com x -0.0389 m, com y -0.0161 m, com z 0.0649 m");
+        assert_eq!(found.sizes(&found.causes[0], 40).as_deref(), Some("mass 4.70 kg, com x -0.0389 m and 2 more"));
+    }
+
+    #[test]
+    fn the_page_shows_the_rollout() {
+        let point = json!({"horizon_s": 1.0, "position_before_rad": 0.04321, "position_after_rad": 0.00123,
+            "torque_before": 0.2, "torque_after": 0.012});
+        let rollout = json!({"closer": true, "starts": 12, "not_simulated": [], "points": [point]});
+        let page = crate::page(&document(&[("rollout", rollout)]), &[]);
+        for text in ["<section id=\"closed-loop\"", "43.2", "1.23", "Closer to the log in closed loop"] {
+            assert!(page.contains(text), "{text}");
+        }
+        assert!(!crate::page(&document(&[]), &[]).contains("closed-loop"));
     }
 }

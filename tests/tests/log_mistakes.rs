@@ -283,4 +283,133 @@ fn the_same_log_twice_is_told() {
     assert_eq!(faults(&[&log]), Vec::<String>::new());
     assert_eq!(faults(&[&log, &again]), ["log_given_twice"]);
     assert_eq!(faults(&[&log, Path::new("--hold-out"), &again]), ["hold_out_was_learnt_from"]);
+/// A practice case whose two logs went through `change` (0 the first, 1 the second), with their desired motion.
+fn case_with(case: &Path, folder: &Path, change: impl Fn(usize, &mut Log)) -> [PathBuf; 2] {
+    [("log-a.parquet", 0), ("log-b.parquet", 1)].map(|(name, which)| {
+        let mut log = read(case.join(name), &ReadOptions::new(6)).expect("a log");
+        change(which, &mut log);
+        let groups = [
+            ("q", Some(&log.q)),
+            ("tau", log.tau.as_ref().map(|(_, tau)| tau)),
+            ("q_des", log.q_des.as_ref()),
+            ("qd_des", log.qd_des.as_ref()),
+            ("qdd_des", log.qdd_des.as_ref()),
+        ];
+        let mut columns = vec![("t".to_owned(), &log.t[..])];
+        for (group, signals) in groups {
+            let named = signals.into_iter().flatten().enumerate().map(|(j, s)| (format!("{group}{}", j + 1), &s[..]));
+            columns.extend(named);
+        }
+        let path = folder.join(name);
+        write_columns(&path, &columns).expect("written");
+        path
+    })
+}
+
+/// The verdict as JSON, and what was said.
+fn judged(robot: &Path, logs: &[PathBuf], folder: &Path) -> (serde_json::Value, String) {
+    let json = folder.join("verdict.json");
+    let (_, text) = said(rivet().arg("diagnose").arg(robot).args(logs).arg("--json").arg(&json));
+    let found = std::fs::read(&json).unwrap_or_else(|_| panic!("{text}"));
+    (serde_json::from_slice(&found).expect("JSON"), text)
+}
+
+#[test]
+fn what_was_looked_at_is_not_sealed() {
+    let Some(case) = shared("data/practice/case-16") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let refused = |logs: &[PathBuf]| {
+        let (code, text) = said(rivet().arg("diagnose").arg(case.join("robot.toml")).args(logs));
+        assert_eq!(code, Some(65), "{text}");
+        text
+    };
+    let whole = case.join("log-a.parquet");
+    let text = refused(&[whole.clone(), whole.clone()]);
+    assert!(text.contains("log-a.parquet hold the same samples: 13.00 s"), "{text}");
+    let cuts = case_with(&case, folder.path(), |which, log| {
+        *log = read(&whole, &ReadOptions::new(6)).expect("a log");
+        *log = if which == 0 { log.slice(0..9000) } else { log.slice(6000..13000) };
+    });
+    let text = refused(&cuts);
+    assert!(text.contains("log-a.parquet") && text.contains("log-b.parquet hold the same samples: 3.00 s"), "{text}");
+}
+
+#[test]
+fn a_clock_that_is_not_that_of_the_speeds_is_refused() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let logs = case_with(&case, folder.path(), |_, log| log.t.iter_mut().for_each(|t| *t *= 1.25));
+    for command in ["diagnose", "identify"] {
+        let (code, text) = said(rivet().arg(command).arg(case.join("robot.toml")).args(&logs));
+        assert!(code == Some(65) && text.contains("0.800 times as fast as the log's speeds say"), "{code:?} {text}");
+    }
+}
+
+/// Nothing is wrong with the arm: a position of the wrong sign is told as one, and nothing is named. A torque of the wrong sign is
+/// still a torque.
+#[test]
+fn a_position_of_the_wrong_sign_is_told_from_a_torque_and_spoils_all() {
+    let Some(practice) = shared("data/practice") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    // The first also where its torque does not run against its motion: gravity hides friction.
+    for (case, j) in [("case-24", 1), ("case-24", 2), ("case-16", 2)] {
+        let case = practice.join(case);
+        let logs = case_with(&case, folder.path(), |_, log| log.q[j].iter_mut().for_each(|q| *q = -*q));
+        let (found, text) = judged(&case.join("robot.toml"), &logs, folder.path());
+        assert!(found["verdict"] == "not_evaluated" && text.contains("the position has the wrong sign"), "{text}");
+        assert!(found["causes"].as_array().expect("causes").is_empty(), "{found:#}");
+        let faults: Vec<_> =
+            found["log"].as_array().expect("findings").iter().filter(|f| f["fault"] == "position_sign").collect();
+        assert_eq!(faults.len(), 2, "{found:#}");
+    }
+    let case = practice.join("case-24");
+    let logs = case_with(&case, folder.path(), |_, log| {
+        if let Some((_, tau)) = &mut log.tau {
+            tau[2].iter_mut().for_each(|t| *t = -*t);
+        }
+    });
+    let (found, text) = judged(&case.join("robot.toml"), &logs, folder.path());
+    let faults: Vec<_> = found["log"].as_array().expect("findings").iter().map(|f| &f["fault"]).collect();
+    assert!(faults.iter().all(|f| **f == "torque_sign") && text.contains("or of this position"), "{found:#}");
+}
+
+/// A load that one run has and the other has not is no effect that one of them could tell: it is said that something changed.
+#[test]
+fn what_changed_between_the_runs_is_said_to_have() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = rivet_config::load(case.join("robot.toml")).expect("a sound robot file");
+    let arm = &robot.model.arm;
+    // 6 kg at 0.1 m, of the size of a hand.
+    let (mass, at) = (6.0, 0.1);
+    let mut links = arm.links.clone();
+    let flange = links.last_mut().expect("a flange");
+    for (parameter, more) in [(0, mass), (3, mass * at), (4, mass * at * at), (7, mass * at * at)] {
+        flange[parameter] += more;
+    }
+    let load = |log: &mut Log| {
+        let [q, qd, qdd] = [&log.q_des, &log.qd_des, &log.qdd_des].map(|s| s.clone().expect("a desired motion"));
+        let mut ws = rivet_dynamics::Workspace::new(arm);
+        let (mut with, mut without) = (vec![0.0; 6], vec![0.0; 6]);
+        let (_, tau) = log.tau.as_mut().expect("torque");
+        for k in 0..log.t.len() {
+            let [q, qd, qdd] = [&q, &qd, &qdd].map(|s| s.iter().map(|s| s[k]).collect::<Vec<f64>>());
+            rivet_dynamics::inverse_dynamics(arm, &links, &mut ws, &q, &qd, &qdd, &mut with);
+            rivet_dynamics::inverse_dynamics(arm, &arm.links, &mut ws, &q, &qd, &qdd, &mut without);
+            tau.iter_mut().zip(with.iter().zip(&without)).for_each(|(tau, (with, without))| tau[k] += with - without);
+        }
+    };
+    for (loaded, between, said) in [
+        (1, "sealed_differs", "Something changed between them"),
+        (0, "sealed_as_given", "The model as given fits the sealed run to its noise"),
+    ] {
+        let logs = case_with(&case, folder.path(), |which, log| {
+            if which == loaded {
+                load(log);
+            }
+        });
+        let (found, text) = judged(&case.join("robot.toml"), &logs, folder.path());
+        assert_eq!(found["verdict"], "unexplained", "{text}");
+        assert!(found["between_runs"] == between && text.contains(said), "{} {text}", found["between_runs"]);
+    }
 }

@@ -66,6 +66,7 @@ impl Document {
             remark: found.remark.clone(),
             left_out: found.left_out.clone(),
             refuted: found.refuted,
+            between_runs: found.between_runs.map(|between| between.name().to_owned()),
             passport,
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),

@@ -6,6 +6,7 @@ mod left;
 mod patch;
 mod plot;
 mod power;
+mod rollout;
 mod sections;
 mod trust;
 mod views;
@@ -37,6 +38,7 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
         });
         sections.push(Section { id: "which", title: "Which effect", body: causes::causes(document) });
         sections.push(Section { id: "how-far", title: "How far the gap shrinks", body: sections::stages(document) });
+        sections.push(Section { id: "closed-loop", title: "In closed loop", body: rollout::rollout(document) });
         sections.push(Section { id: "left", title: "What is left", body: left::left(document) });
         sections.push(Section { id: "parameters", title: "Parameters", body: sections::parameters(document) });
         sections.push(Section { id: "patch", title: "Patch", body: patch::patch(document) });

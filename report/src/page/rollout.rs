@@ -1,0 +1,40 @@
+//! What the corrected simulator does in closed loop.
+
+use super::html::{Table, escape};
+use crate::document::Document;
+use crate::words::{figure, percent};
+
+pub(super) fn rollout(document: &Document) -> String {
+    let Some(rollout) = &document.rollout else { return String::new() };
+    let mut out = format!(
+        "<p>Both simulators, with the model as given and with what was found, from {} instants of the sealed run: they get the \
+         torque of the log and a weak position loop to its motion. {}.</p>\n",
+        rollout.starts,
+        escape(&capital(&rollout.text()))
+    );
+    let head = [
+        "After [s]",
+        "Position off, as given [mrad]",
+        "with causes [mrad]",
+        "Torque of the loop, as given [% of each joint's]",
+        "with causes [%]",
+    ];
+    let mut table = Table::new("Error by time since the start, root mean square over starts and joints", &head);
+    for p in &rollout.points {
+        let mrad = |rad: f64| figure(1e3 * rad, 3);
+        table.row(&[
+            figure(p.horizon_s, 2),
+            mrad(p.position_before_rad),
+            mrad(p.position_after_rad),
+            percent(Some(p.torque_before)),
+            percent(Some(p.torque_after)),
+        ]);
+    }
+    out += &table.html();
+    out
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
