@@ -107,13 +107,13 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
     paragraph("sampling: ", &text) + &worst
 }
 
-/// A torque that cannot be believed.
+/// A torque or a position that cannot be believed.
 pub(crate) struct Distrust {
     /// The log it is in; none where all of them together say so.
-    log: Option<String>,
-    joint: String,
-    name: &'static str,
-    text: String,
+    pub(crate) log: Option<String>,
+    pub(crate) joint: String,
+    pub(crate) name: &'static str,
+    pub(crate) text: String,
 }
 
 /// Torques of the logs (names, rows) that cannot be believed, by the rules of `rivet diagnose` and by what was found.
