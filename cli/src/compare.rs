@@ -5,6 +5,7 @@ use rivet_config::Robot;
 use rivet_estimation::offline::{Determined, Fit, Rows, torque_percent};
 use serde_json::{Value, json};
 
+use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::table::{Table, number, paragraph};
 
@@ -19,6 +20,8 @@ pub(crate) struct Alone {
     pub(crate) fit: Fit,
     /// Its rows.
     pub(crate) rows: Vec<Rows>,
+    /// Readings that were not taken.
+    pub(crate) distrusts: Vec<Distrust>,
 }
 
 /// Two fits side by side.
@@ -63,6 +66,7 @@ pub(crate) fn text(robot: &Robot, runs: &[Alone]) -> Result<String> {
     }
     let (model, base) = (&robot.model, &robot.base);
     let mut out = format!("identify {}: each log on its own\n", robot.config.name);
+    out.extend(runs.iter().map(|run| evidence::distrust_text(&run.distrusts)));
     let all = pairs(runs);
     let mut table = Table::new(["log", "decided by data", "condition", "median std as torque %"]);
     for run in runs {
@@ -110,6 +114,7 @@ pub(crate) fn to_json(robot: &Robot, runs: &[Alone]) -> Value {
             "std": run.fit.std,
             "decided_by_data": run.fit.determined.iter().map(|d| *d == Determined::ByData).collect::<Vec<_>>(),
             "median_std_torque_percent": median_torque(run),
+            "warnings": evidence::distrust_json(&run.distrusts),
         })
     };
     let pair = |pair: &Pair<'_>| {

@@ -163,14 +163,14 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
     paragraph("sampling: ", &text) + &worst
 }
 
-/// A torque that cannot be believed.
+/// A torque or a position that cannot be believed.
 pub(crate) struct Distrust {
     /// The log it is in; none where all of them together say so.
-    log: Option<String>,
+    pub(crate) log: Option<String>,
     /// None where it is about the whole log.
-    joint: Option<String>,
-    name: &'static str,
-    text: String,
+    pub(crate) joint: Option<String>,
+    pub(crate) name: &'static str,
+    pub(crate) text: String,
 }
 
 /// A log whose samples are those of another one as well: given twice, or judged by what was learnt from.

@@ -21,6 +21,7 @@ use crate::compare::{self, Alone};
 use crate::evidence::{self, Compared, Distrust};
 use crate::exit::Fault;
 use crate::export::export;
+use crate::glitches::screen;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
@@ -65,8 +66,20 @@ pub(crate) struct Args {
     stream: Option<PathBuf>,
 }
 
+/// What is taken of logs.
+#[derive(Default)]
+pub(crate) struct Taken {
+    /// Stretches, and the rows of each.
+    runs: Vec<Run>,
+    pub(crate) rows: Vec<Rows>,
+    /// What stands for the contents of each log.
+    contents: Vec<u64>,
+    /// Readings that were not taken.
+    distrusts: Vec<Distrust>,
+}
+
 /// One stretch of a log.
-pub(crate) struct Run {
+struct Run {
     piece: Piece,
     source: InstrumentSource,
     /// Joints (from 0) that do not follow the log's desired motion.
@@ -161,19 +174,20 @@ fn read_logs(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Log>> {
 }
 
 /// The stretches of every log and their rows, filtered, and what stands for the contents of each log.
-fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<(Vec<Run>, Vec<Rows>, Vec<u64>)> {
+fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
     let mut progress = Progress::new("identify: filtering", logs.len());
-    let (mut all, mut all_rows, mut contents) = (Vec::new(), Vec::new(), Vec::new());
+    let mut all = Taken::default();
     for (k, path) in logs.iter().enumerate() {
         progress.set(k);
         let log = runs::read_log(robot, path)?;
-        let (runs, rows) = rows_of(robot, &log)?;
-        all.extend(runs);
-        all_rows.extend(rows);
-        contents.push(content(&log)?);
+        let taken = rows_of(robot, &log)?;
+        all.contents.push(content(&log)?);
+        all.runs.extend(taken.runs);
+        all.rows.extend(taken.rows);
+        all.distrusts.extend(taken.distrusts);
     }
     progress.done();
-    Ok((all, all_rows, contents))
+    Ok(all)
 }
 
 /// Two logs of the same positions and torques have the same, whatever they are called.
@@ -200,7 +214,7 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
 }
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
-    let (runs, rows, contents) = read_rows(robot, logs)?;
+    let Taken { runs, rows, contents, mut distrusts } = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
     let by = |method| fit(&equations, &robot.nominal_base, prior, method);
@@ -218,9 +232,9 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
-    let held_out = held_out(robot, &chosen.values, hold_out)?;
+    let held_out = held_out(robot, &chosen.values, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
-    let mut distrusts = repeated(logs, &contents, &held_out);
+    distrusts.extend(repeated(logs, &contents, &held_out));
     for (path, joints) in unfollowed_of(&runs) {
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
@@ -254,10 +268,10 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let mut alone = Vec::new();
     for path in &args.logs {
-        let (_, rows, _) = read_rows(robot, std::slice::from_ref(path))?;
+        let Taken { rows, distrusts, .. } = read_rows(robot, std::slice::from_ref(path))?;
         let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
             .with_context(|| path.display().to_string())?;
-        alone.push(Alone { name: runs::short_name(path), fit, rows });
+        alone.push(Alone { name: runs::short_name(path), fit, rows, distrusts });
     }
     show(&compare::text(robot, &alone)?)?;
     if let Some(path) = &args.json {
@@ -269,7 +283,7 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
 }
 
 /// The stretches of a log and their rows.
-pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)> {
+pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<Taken> {
     log.torque()?;
     let settings = runs::settings(robot, log.q_des.is_some());
     if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
@@ -289,8 +303,12 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
         ))
         .into());
     }
+    let sound = screen(robot, log)?;
     let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
-    for piece in runs::pieces(log, robot.config.sample_period_s)? {
+    let why = || {
+        sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
+    };
+    for piece in runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)? {
         let record = runs::record(&piece)?;
         let mut settings = settings.clone();
         let unfollowed = match (&record.desired, settings.instrument) {
@@ -311,8 +329,8 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<(Vec<Run>, Vec<Rows>)>
         }
     }
     match still.filter(|_| found.is_empty()) {
-        Some(why) => Err(why).with_context(|| log.path.display().to_string()),
-        None => Ok((found, all_rows)),
+        Some(still) => Err(still).with_context(why),
+        None => Ok(Taken { runs: found, rows: all_rows, contents: Vec::new(), distrusts: sound.found }),
     }
 }
 
@@ -330,7 +348,7 @@ pub(crate) fn consistent(robot: &Robot, logs: &[Log]) -> Result<Vec<f64>> {
 fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection)> {
     let mut rows = Vec::new();
     for log in logs {
-        rows.extend(rows_of(robot, log)?.1);
+        rows.extend(rows_of(robot, log)?.rows);
     }
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let equations = Equations::new(&rows);
@@ -351,15 +369,19 @@ fn method(robot: &Robot) -> Method {
 }
 
 /// Errors of the identified parameters on logs that had no part in them.
-fn held_out(robot: &Robot, values: &[f64], logs: &[PathBuf]) -> Result<Vec<HeldOut>> {
+fn held_out(robot: &Robot, values: &[f64], logs: &[PathBuf], distrusts: &mut Vec<Distrust>) -> Result<Vec<HeldOut>> {
     let mut trained = robot.clone();
     trained.identified = Some(Identified { values: values.to_vec(), std: vec![0.0; values.len()] });
+    let mut nominal = robot.clone();
+    nominal.identified = None;
     let of = |path: &PathBuf| {
         let log = runs::read_log(robot, path)?;
-        let (mut nominal, identified) = (robot.clone(), predict::errors(&trained, &log)?);
-        nominal.identified = None;
-        let content = content(&log)?;
-        Ok(HeldOut { file: path.display().to_string(), content, nominal: predict::errors(&nominal, &log)?, identified })
+        let sound = screen(robot, &log)?;
+        let errors = |robot: &Robot| predict::errors(robot, &sound);
+        let (file, content) = (path.display().to_string(), content(&log)?);
+        let held = HeldOut { file, content, nominal: errors(&nominal)?, identified: errors(&trained)? };
+        distrusts.extend(sound.found);
+        Ok(held)
     };
     logs.iter().map(of).collect()
 }

@@ -14,6 +14,7 @@ mod evidence;
 mod exit;
 mod export;
 mod figures;
+mod glitches;
 mod identify;
 mod live;
 mod monitor;

@@ -11,6 +11,7 @@ use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, write_columns};
 
 use crate::exit::Fault;
+use crate::glitches::Sound;
 use crate::runs::{self, Piece};
 use crate::table::{Table, paragraph, show};
 
@@ -57,9 +58,13 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 }
 
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
-pub(crate) fn errors(robot: &Robot, log: &Log) -> Result<Vec<f64>> {
+pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    let pieces = whole_pieces(log)?;
+    let pieces = if sound.left_out.is_empty() {
+        whole_pieces(&sound.log)?
+    } else {
+        runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
+    };
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         compare(robot, piece, &predicted, &mut sums)?;

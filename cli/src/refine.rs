@@ -150,8 +150,8 @@ fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Re
     // Rows to fit and rows to judge by, part by part.
     let (mut fitted, mut judged): (Vec<Vec<Rows>>, Vec<Vec<Rows>>) = (Vec::new(), Vec::new());
     for log in logs {
-        let rows = identify::rows_of(&robot, log)?.1;
-        let all = identify::rows_of(&everywhere, log)?.1;
+        let rows = identify::rows_of(&robot, log)?.rows;
+        let all = identify::rows_of(&everywhere, log)?.rows;
         if stretches == 1 {
             fitted.push(rows);
             judged.push(all);

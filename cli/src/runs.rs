@@ -132,10 +132,15 @@ pub(crate) fn hole_s(usual_s: f64) -> f64 {
 /// Cuts a log at its holes and puts each piece on a grid of `period_s`, or of the log's own usual step where that is
 /// longer: interpolation adds no knowledge. A piece of too few rows for that is left out, which is said, unless all are.
 pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
+    pieces_without(&[], log, period_s)
+}
+
+/// The same without rows (ascending): nothing is made up across them either.
+pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Result<Vec<Piece>> {
     let usual = log.median_step_s();
     let period = if usual > 1.1 * period_s { usual } else { period_s };
     let (mut pieces, mut short) = (Vec::new(), None);
-    for logged in log.split_at_gaps(hole_s(usual)) {
+    for logged in log.split_without(left_out, hole_s(usual)) {
         match logged.resample(period) {
             Ok((grid, report)) => pieces.push(Piece { logged_t: logged.t.clone(), grid, report }),
             Err(why @ LogError { fault: LogFault::TooFewRows { .. }, .. }) => {

@@ -24,7 +24,7 @@ pub const LARGEST_EFFORT: f64 = 1e6;
 /// A position that changes at more than this many times the joint's speed limit is a jump of the reading.
 const JUMP: f64 = 10.0;
 /// Speed limit of a joint that states none \[rad/s\].
-const DEFAULT_SPEED: f64 = 10.0;
+pub(crate) const DEFAULT_SPEED: f64 = 10.0;
 /// Rows reach the estimator once the filters have run for this many periods of the cut-off: until then the first
 /// sample's noise weighs too much. (The equation holds from the first sample on.)
 pub(crate) const SETTLING: f64 = 1.0;

@@ -154,14 +154,29 @@ impl Log {
     /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
     /// Pieces too short to work with are dropped; a log without a hole is its own piece.
     pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Cow<'_, Log>> {
-        let mut cuts = vec![0];
-        cuts.extend((1..self.len()).filter(|k| self.t[*k] - self.t[k - 1] > gap_s));
-        cuts.push(self.len());
-        if cuts.len() == 2 && self.len() >= LEAST_ROWS {
+        self.split_without(&[], gap_s)
+    }
+
+    /// The same without the rows `left_out` (ascending), at which the log is cut as well.
+    pub fn split_without(&self, left_out: &[usize], gap_s: f64) -> Vec<Cow<'_, Log>> {
+        let (mut cuts, mut from) = (Vec::new(), 0);
+        let mut left_out = left_out.iter().peekable();
+        for k in 0..self.len() {
+            if k > from && self.t[k] - self.t[k - 1] > gap_s {
+                cuts.push(from..k);
+                from = k;
+            }
+            if left_out.next_if_eq(&&k).is_some() {
+                cuts.push(from..k);
+                from = k + 1;
+            }
+        }
+        cuts.push(from..self.len());
+        if cuts.len() == 1 && self.len() >= LEAST_ROWS {
             return vec![Cow::Borrowed(self)];
         }
-        let pieces = cuts.windows(2).filter(|c| c[1] - c[0] >= LEAST_ROWS);
-        pieces.map(|c| Cow::Owned(self.slice(c[0]..c[1]))).collect()
+        let pieces = cuts.into_iter().filter(|c| c.len() >= LEAST_ROWS);
+        pieces.map(|c| Cow::Owned(self.slice(c))).collect()
     }
 
     /// A log with the time `t` and every signal passed through `change`, which is told the group.

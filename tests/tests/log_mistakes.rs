@@ -283,6 +283,8 @@ fn the_same_log_twice_is_told() {
     assert_eq!(faults(&[&log]), Vec::<String>::new());
     assert_eq!(faults(&[&log, &again]), ["log_given_twice"]);
     assert_eq!(faults(&[&log, Path::new("--hold-out"), &again]), ["hold_out_was_learnt_from"]);
+}
+
 /// A practice case whose two logs went through `change` (0 the first, 1 the second), with their desired motion.
 fn case_with(case: &Path, folder: &Path, change: impl Fn(usize, &mut Log)) -> [PathBuf; 2] {
     [("log-a.parquet", 0), ("log-b.parquet", 1)].map(|(name, which)| {
@@ -412,4 +414,67 @@ fn what_changed_between_the_runs_is_said_to_have() {
         assert_eq!(found["verdict"], "unexplained", "{text}");
         assert!(found["between_runs"] == between && text.contains(said), "{} {text}", found["between_runs"]);
     }
+}
+
+/// What no arm gives is left out or taken back, and said; what is identified stays as it was.
+#[test]
+fn glitches_of_a_log_do_not_reach_the_fit() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let json = folder.path().join("result.json");
+    let sound = sound("ur10e", &log);
+    let joints = &rivet_config::load(robot("ur10e")).expect("a sound robot file").model.arm.joints;
+    let glitched = |change: &dyn Fn(&mut Log, &mut [Vec<f64>])| {
+        let (mut log, mut tau) = (sound.clone(), sound.torque().expect("torque").clone());
+        change(&mut log, &mut tau);
+        written(&log, &tau, folder.path())
+    };
+    let found = |change: &dyn Fn(&mut Log, &mut [Vec<f64>])| {
+        let path = glitched(change);
+        let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(path).arg("--json").arg(&json));
+        assert_eq!(code, Some(0), "{text}");
+        let result: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON");
+        let warnings = result["warnings"].as_array().expect("a list").clone();
+        assert_eq!(text.matches("warning: ").count(), warnings.len(), "{text}");
+        let left: Vec<f64> = result["joints"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|joint| joint["residual_percent"]["instrumental"].as_f64().expect("a number"))
+            .collect();
+        let word = |w: &serde_json::Value, key: &str| w[key].as_str().expect("a word").to_owned();
+        let warnings: Vec<[String; 3]> =
+            warnings.iter().map(|w| ["joint", "fault", "text"].map(|k| word(w, k))).collect();
+        (warnings, left)
+    };
+    let (none, as_measured) = found(&|_, _| {});
+    assert!(none.is_empty(), "{none:?}");
+    let half = sound.len() / 2;
+    let wrap =
+        |log: &mut Log, _: &mut [Vec<f64>]| log.q[2][half..].iter_mut().for_each(|q| *q += std::f64::consts::TAU);
+    let spike = |log: &mut Log, _: &mut [Vec<f64>]| log.q[1][half] += 1.0;
+    let away = |log: &mut Log, _: &mut [Vec<f64>]| log.q[1][half..half + 20].iter_mut().for_each(|q| *q += 0.6);
+    let torque = |_: &mut Log, tau: &mut [Vec<f64>]| tau[1][half] = 1e7;
+    let one = format!("1 of {} rows", sound.len());
+    let twenty = format!("20 of {} rows", sound.len());
+    type Change<'a> = &'a dyn Fn(&mut Log, &mut [Vec<f64>]);
+    let cases: [(Change<'_>, usize, &str, &str); 4] = [
+        (&wrap, 2, "position_wrapped", "unwrapped"),
+        (&spike, 1, "position_jump", &one),
+        (&away, 1, "position_jump", &twenty),
+        (&torque, 1, "torque_beyond_limit", &one),
+    ];
+    for (change, j, fault, says) in cases {
+        let (warnings, left) = found(change);
+        let [[joint, name, text]] = &warnings[..] else { panic!("{fault}: {warnings:?}") };
+        assert_eq!((joint, &name[..]), (&joints[j].name, fault));
+        assert!(text.contains(says), "{text}");
+        for (left, before) in left.iter().zip(&as_measured) {
+            assert!((left - before).abs() < 0.5, "{fault}: {left} % left, {before} % of the log as it was measured");
+        }
+    }
+    let path = glitched(&|log, _| log.q[0][half..].iter_mut().for_each(|q| *q += 0.5));
+    let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(path));
+    assert!(code == Some(65) && text.contains("cannot be true, more than a tenth"), "{code:?} {text}");
 }

@@ -52,7 +52,8 @@ fn nothing_is_named_on_an_arm_that_is_as_its_file_says_but_sticks() {
 #[test]
 fn off_line_deviations_hold_on_an_arm_that_sticks() {
     let folder = tempfile::tempdir().expect("a folder");
-    let how = "--duration 40 --bodies 1.1 --friction 1.2 --bodies-spread 0.05 --friction-spread 0.1 --payload 3 --seed 5";
+    let how =
+        "--duration 40 --bodies 1.1 --friction 1.2 --bodies-spread 0.05 --friction-spread 0.1 --payload 3 --seed 5";
     let (log, truth) = recorded("deviations", folder.path(), &how.split(' ').collect::<Vec<_>>());
     let found = folder.path().join("found.json");
     succeed(rivet().arg("identify").arg(robot("manutec-r3")).arg(&log).arg("--json").arg(&found));

@@ -1,0 +1,268 @@
+//! Readings that no arm gives: positions that jump, angles that wrap, torques beyond the drive. Looked for in the rows as
+//! they were logged, before splines and low-passes smear them over their neighbours.
+//!
+//! The rule of jumps is the daemon's (`docs/realtime.md`, encoder jump); the whole log being known, both sides of a step say
+//! what was to be expected of it, and what is usual needs no memory.
+
+use std::f64::consts::TAU;
+
+use crate::identifier::{DEFAULT_SPEED, LARGEST_EFFORT};
+
+/// No drive accelerates a joint faster than this, even in a collision \[rad/s²\].
+const LARGEST_ACCELERATION: f64 = 500.0;
+/// Nor is a step off by more than this many times what steps usually are: encoders of any noise.
+const LARGEST_CHANGE: f64 = 12.0;
+/// And by this \[rad\], as in `rivet diagnose`: at the rate of a fast log the noise of sound positions is 500 rad/s², and the
+/// model filter deals with it.
+const LEAST_JUMP: f64 = 5e-3;
+/// And by so many steps of the encoder.
+const ENCODER_STEPS: f64 = 4.0;
+/// Nor does it go faster than this many times its speed limit.
+const FASTER: f64 = 4.0;
+/// A position that was held for longer than this many times the usual stood still; how long it stood is no time for a way.
+const HELD: f64 = 2.0;
+/// Up to this many times as long the joint may also have gone on behind it.
+const WENT_ON: f64 = 10.0;
+/// Steps to either side that say what a step was to be.
+const AROUND: usize = 3;
+/// A log of which a larger share is wrong is not made sound by leaving that out; what the rest has is usual.
+pub const MOST_LEFT_OUT: f64 = 0.1;
+/// Share of a normal distribution within its standard deviation times this is 1 - [`MOST_LEFT_OUT`].
+const SIGMAS: f64 = 1.645;
+/// Torque beyond this many times the drive's limit was not made by it, peaks and ripple included ...
+const BEYOND_LIMIT: f64 = 2.0;
+/// ... unless the channel is in another unit: then it is as large in most rows, which is told elsewhere.
+const BEYOND_USUAL: f64 = 5.0;
+
+/// What limits a joint's positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Speed limit \[rad/s\]; infinite where none is stated.
+    pub speed: f64,
+    /// Step of the encoder \[rad\].
+    pub resolution: f64,
+    /// Whether a whole turn is the same place.
+    pub revolute: bool,
+}
+
+/// What was found in the positions of one joint.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Jumps {
+    /// Rows before which the angle wrapped.
+    pub wraps: Vec<usize>,
+    /// Rows whose position is that of no arm, ascending.
+    pub rows: Vec<usize>,
+    /// Farthest jump \[rad\].
+    pub farthest: f64,
+}
+
+/// One step between positions that differ.
+#[derive(Clone, Copy)]
+struct Step {
+    /// First row with the new position.
+    row: usize,
+    /// Time that there was for it, less what the position was held for beyond the usual, and with it \[s\].
+    seconds: f64,
+    longest: f64,
+    /// \[rad\]
+    way: f64,
+}
+
+/// The changes of a position. One that is held says nothing about when it came: all of that time was there for the way.
+fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
+    let (mut steps, mut before) = (Vec::new(), 0);
+    for row in 1..q.len() {
+        if q[row] != q[row - 1] {
+            let seconds = t[row] - t[before];
+            steps.push(Step { row, seconds, longest: seconds, way: q[row] - q[row - 1] });
+            before = row;
+        }
+    }
+    let mut spans: Vec<f64> = steps.iter().map(|s| s.seconds).collect();
+    spans.sort_unstable_by(f64::total_cmp);
+    let usual = HELD * spans.get(spans.len() / 2).copied().unwrap_or(0.0);
+    for step in &mut steps {
+        let most = usual.max(t[step.row] - t[step.row - 1]);
+        step.longest = step.seconds.min(WENT_ON * most);
+        step.seconds = step.seconds.min(most);
+    }
+    steps
+}
+
+/// Unwraps whole turns of `q` in place and tells the rows that jumped. Where a position does not come back the longer side
+/// is believed.
+pub fn unwrap(t: &[f64], q: &mut [f64], reach: Reach) -> Jumps {
+    let speed = if reach.speed.is_finite() && reach.speed > 0.0 { reach.speed } else { DEFAULT_SPEED };
+    let steps = steps(t, q);
+    let off: Vec<f64> = (0..steps.len()).map(|k| unexpected(&steps, k, speed)).collect();
+    let usual = LARGEST_CHANGE / SIGMAS * usual(&off);
+    let limit = |step: &Step| {
+        let way = (LARGEST_ACCELERATION * step.seconds.powi(2)).min(FASTER * speed * step.seconds);
+        way.max(usual).max(ENCODER_STEPS * reach.resolution).max(LEAST_JUMP)
+    };
+    let (mut found, mut jumps, mut turned) = (Jumps::default(), Vec::new(), 0.0);
+    let (mut at, mut turns) = (0, Vec::new());
+    for (step, off) in steps.iter().zip(&off) {
+        if off.abs() <= limit(step) {
+            continue;
+        }
+        let whole = (off / TAU).round();
+        if reach.revolute && whole != 0.0 && (off - whole * TAU).abs() <= limit(step) {
+            turns.push((at..step.row, turned));
+            (at, turned) = (step.row, turned + whole * TAU);
+            found.wraps.push(step.row);
+        } else {
+            jumps.push((step.row, limit(step)));
+            if off.abs() > found.farthest.abs() {
+                found.farthest = *off;
+            }
+        }
+    }
+    turns.push((at..q.len(), turned));
+    for (rows, turned) in turns {
+        q[rows].iter_mut().for_each(|q| *q -= turned);
+    }
+    found.rows = departed(t, q, &jumps, speed);
+    found
+}
+
+/// What the way of a step has beyond the one that was to be expected, by the median speed of the steps around it.
+fn unexpected(steps: &[Step], k: usize, speed: f64) -> f64 {
+    let Step { row, seconds, longest, way } = steps[k];
+    let around = steps[k.saturating_sub(AROUND)..(k + AROUND + 1).min(steps.len())].iter();
+    let mut speeds: Vec<f64> = around.filter(|s| s.row != row).map(|s| s.way / s.seconds).collect();
+    speeds.sort_unstable_by(f64::total_cmp);
+    let (upper, lower) = (speeds.len() / 2, speeds.len().saturating_sub(1) / 2);
+    let middle = speeds.get(upper).zip(speeds.get(lower)).map_or(0.0, |(a, b)| 0.5 * (a + b));
+    // Where jumps outnumber steps they are not what was expected.
+    let middle = middle.clamp(-FASTER * speed, FASTER * speed);
+    let (least, most) = (middle * seconds, middle * longest);
+    way - way.clamp(least.min(most), least.max(most))
+}
+
+/// What nine of ten are smaller than, in size.
+fn usual(x: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = x.iter().map(|x| x.abs()).collect();
+    let place = ((1.0 - MOST_LEFT_OUT) * sizes.len() as f64) as usize;
+    if place >= sizes.len() {
+        return 0.0;
+    }
+    *sizes.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
+/// Rows between jumps (row, limit) from which the joint could not have come to where it is believed to have been: the
+/// longest stretch, and from there on either way whatever can be reached in time.
+fn departed(t: &[f64], q: &[f64], jumps: &[(usize, f64)], speed: f64) -> Vec<usize> {
+    let ends = jumps.iter().map(|(row, _)| *row).chain([q.len()]);
+    let stretches: Vec<_> = [0].into_iter().chain(jumps.iter().map(|(row, _)| *row)).zip(ends).collect();
+    let longest = (0..stretches.len()).max_by_key(|k| stretches[*k].1 - stretches[*k].0).unwrap_or(0);
+    let reached = |a: usize, b: usize, limit: f64| (q[a] - q[b]).abs() <= speed * (t[a] - t[b]).abs() + limit;
+    let mut sound = vec![false; stretches.len()];
+    sound[longest] = true;
+    let mut last = stretches[longest].1;
+    for k in longest + 1..stretches.len() {
+        sound[k] = reached(stretches[k].0, last - 1, jumps[k - 1].1);
+        last = if sound[k] { stretches[k].1 } else { last };
+    }
+    let mut first = stretches[longest].0;
+    for k in (0..longest).rev() {
+        sound[k] = reached(stretches[k].1 - 1, first, jumps[k].1);
+        first = if sound[k] { stretches[k].0 } else { first };
+    }
+    let mut rows = Vec::new();
+    for (k, (from, until)) in stretches.into_iter().enumerate() {
+        if !sound[k] {
+            rows.extend(from..until);
+        } else if k > 0 && sound[k - 1] {
+            // A jump between places that are both in reach: nothing may be differentiated across it.
+            rows.push(from);
+        }
+    }
+    rows
+}
+
+/// Rows whose torque no drive of limit `effort` \[N m\] makes, ascending.
+pub fn beyond(tau: &[f64], effort: f64) -> Vec<usize> {
+    let made = if effort.is_finite() { BEYOND_LIMIT * effort } else { LARGEST_EFFORT };
+    let most = made.max(BEYOND_USUAL * usual(tau));
+    (0..tau.len()).filter(|k| tau[*k].abs() > most).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REACH: Reach = Reach { speed: 2.0, resolution: 1e-5, revolute: true };
+
+    /// A joint that swings with 1.5 rad/s at most, at 125 Hz with stamps that jitter, and rests between swings.
+    fn swing() -> (Vec<f64>, Vec<f64>) {
+        let jitter = |k: u32| 1e-3 * (f64::from(k) * 0.618).fract();
+        let t: Vec<f64> = (0..4000).map(|k| 0.008 * f64::from(k) + jitter(k)).collect();
+        let rests = |t: f64| if t.sin() > 0.0 { (1.5 * t.sin()).powi(2) / 1.5 } else { 0.0 };
+        let q = (0..4000).map(|k| 0.4 + (rests(0.008 * f64::from(k)) / 1e-5).round() * 1e-5).collect();
+        (t, q)
+    }
+
+    fn found(change: impl Fn(usize, f64) -> f64) -> (Jumps, Vec<f64>) {
+        let (t, sound) = swing();
+        let mut q: Vec<f64> = sound.iter().enumerate().map(|(k, q)| change(k, *q)).collect();
+        let found = unwrap(&t, &mut q, REACH);
+        (found, q)
+    }
+
+    #[test]
+    fn a_sound_position_stays_as_it_is_held_or_not() {
+        for hold in [1, 4, 12] {
+            let (_, q) = swing();
+            let (jumps, after) = found(|k, _| q[k / hold * hold]);
+            assert_eq!(jumps, Jumps::default(), "held for {hold}");
+            assert_eq!(after[100], q[100 / hold * hold]);
+        }
+    }
+
+    #[test]
+    fn the_noise_of_a_fast_log_is_no_jump() {
+        let t: Vec<f64> = (0..5000).map(|k| 2e-4 * f64::from(k)).collect();
+        let rare = |k: u32| if k % 997 == 5 { 3e-4 } else { 0.0 };
+        let mut q: Vec<f64> = (0..5000).map(|k| (2e-4 * f64::from(k)).sin() + rare(k)).collect();
+        assert_eq!(unwrap(&t, &mut q, REACH), Jumps::default());
+    }
+
+    #[test]
+    fn a_whole_turn_is_taken_back_and_nothing_left_out() {
+        let (jumps, q) = found(|k, q| if k < 700 { q } else { q + TAU });
+        assert_eq!((&jumps.wraps[..], &jumps.rows[..]), (&[700][..], &[][..]));
+        assert!(q.iter().zip(swing().1).all(|(a, b)| (a - b).abs() < 1e-12));
+        // A slide that goes by 2 pi m has jumped.
+        let (t, mut q) = swing();
+        q[700] += TAU;
+        assert_eq!(unwrap(&t, &mut q, Reach { revolute: false, ..REACH }).rows, [700]);
+    }
+
+    #[test]
+    fn rows_that_departed_are_told_moving_or_standing() {
+        // 100: in motion; 600: at rest.
+        for at in [0, 100, 600, 3999] {
+            assert_eq!(found(|k, q| if k == at { q + 1.0 } else { q }).0.rows, [at]);
+        }
+        assert_eq!(found(|k, q| if [100, 102, 104].contains(&k) { q - 0.4 } else { q }).0.rows, [100, 102, 104]);
+        // Dropped to zero for a while in which the joint goes on.
+        let (jumps, _) = found(|k, q| if (900..1020).contains(&k) { 0.0 } else { q });
+        assert_eq!(jumps.rows, (900..1020).collect::<Vec<_>>());
+        // Referenced anew: the longer side is believed.
+        assert_eq!(found(|k, q| if k < 300 { q + 0.3 } else { q }).0.rows, (0..300).collect::<Vec<_>>());
+        assert_eq!(found(|k, q| if k < 300 { q } else { q + 0.3 }).0.rows, (0..300).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_torque_beyond_the_drive_is_told_from_another_unit() {
+        let mut tau: Vec<f64> = (0..1000).map(|k| 30.0 * (0.01 * f64::from(k)).sin()).collect();
+        assert_eq!(beyond(&tau, 50.0), [] as [usize; 0]);
+        let large: Vec<f64> = tau.iter().map(|t| 1e3 * t).collect();
+        assert_eq!(beyond(&large, 50.0), [] as [usize; 0]);
+        tau[7] = -1e4;
+        tau[400] = 400.0;
+        assert_eq!(beyond(&tau, 50.0), [7, 400]);
+        assert_eq!(beyond(&tau, f64::INFINITY), [] as [usize; 0]);
+    }
+}
