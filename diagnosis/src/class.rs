@@ -31,6 +31,7 @@ mod tests {
                 gain: 50.0,
                 shares: Vec::new(),
                 share: 0.0,
+                p_value: None,
                 rivals: rivals.iter().filter_map(|(form, cosine)| Rival::of(form, *cosine)).collect(),
                 place: 0,
                 values: Vec::new(),

@@ -253,7 +253,7 @@ pub(crate) fn best(
         let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
         let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
         if standing.gain >= least && material && plausible && !by_chance {
-            accepted.push(Accepted { candidate, standing, share, shares, p_value });
+            accepted.push(Accepted { candidate, standing, shares, share, p_value });
         }
     }
     if accepted.is_empty() {
@@ -295,7 +295,7 @@ pub(crate) fn best(
     }
     let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
     let adoption =
-        Adopted { shares, share, rivals, p_value, ..Adopted::new(search, &candidate, physics, standing.gain)? };
+        Adopted { shares, share, p_value, rivals, ..Adopted::new(search, &candidate, physics, standing.gain)? };
     Some(Some((candidate, adoption)))
 }
 
