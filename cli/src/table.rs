@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn labels_that_are_cut_stay_apart() {
         let labels = labels(&["load_dependent_friction", "position_dependent_friction", "viscous_nonlinearity"], 18);
-        assert_eq!(labels, ["load_dep..friction", "position..friction", "..us_nonlinearity"]);
+        assert_eq!(labels, ["load_dep..friction", "position..friction", "..ous_nonlinearity"]);
         assert_eq!(super::labels(&["a_joint_of_a_long_name", "joint"], 10), ["..ong_name", "joint"]);
     }
 
