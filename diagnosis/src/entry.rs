@@ -132,7 +132,7 @@ fn run_all(
     let turned = signs::check(look.iter_mut().chain([&mut sealed]), &nominal);
     if !turned.is_empty() {
         let why =
-            format!("{} the position has the wrong sign: what the other joints feel is that of another motion", turned);
+            format!("{turned} the position has the wrong sign: what the other joints feel is that of another motion");
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         return Ok((
             Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) },

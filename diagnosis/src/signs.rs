@@ -125,7 +125,9 @@ impl Turned<'_> {
 
 fn flip(motion: &mut Motion, j: usize) {
     for signal in [&mut motion.q[j], &mut motion.qd[j], &mut motion.qdd[j]] {
-        signal.iter_mut().for_each(|v| *v = -*v);
+        for v in signal.iter_mut() {
+            *v = -*v;
+        }
     }
 }
 
