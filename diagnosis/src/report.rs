@@ -74,6 +74,8 @@ pub struct Cause {
     pub separating_motion: Option<String>,
     /// The sealed run with and without it, on the joints that it changes most.
     pub curves: Vec<Curve>,
+    /// Of a hint whose size no arm has: what is impossible.
+    pub impossible: Option<String>,
 }
 
 /// The gap of one joint, relative to its torque.
@@ -186,6 +188,8 @@ pub struct Diagnosis {
     pub left_out: Vec<String>,
     /// Whether the sealed run said that what fits the others is nothing that holds: then no cause is named.
     pub refuted: bool,
+    /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.
+    pub other_arm: Vec<String>,
     /// Places of the runs that were used among those given, the sealed one last.
     pub used: Vec<usize>,
     /// Names of the others, whose torque says nothing.
@@ -217,6 +221,14 @@ impl Diagnosis {
         }
     }
 
+    /// Of most joints, these, the values are so far off that nothing said of them is worth a name.
+    pub(crate) fn is_of_another_arm(&mut self, joints: Vec<String>) {
+        self.verdict = Verdict::Unexplained;
+        self.other_arm = joints;
+        self.withdrawn.append(&mut self.causes);
+        self.withdrawn.iter_mut().for_each(|hint| hint.share = None);
+    }
+
     /// No run is left whose torque says something, and `why`.
     pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
         let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
@@ -239,6 +251,7 @@ impl Diagnosis {
             remark: Some(why.to_owned()),
             left_out: Vec::new(),
             refuted: false,
+            other_arm: Vec::new(),
             used: Vec::new(),
             unused: Vec::new(),
             details: None,

@@ -50,6 +50,9 @@ pub struct Document {
     /// Whether the sealed run refuted what fits the others: then no cause is named.
     #[serde(default, skip_serializing_if = "is_false")]
     pub refuted: bool,
+    /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_arm: Vec<String>,
     /// Which files and which build.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passport: Option<Passport>,
@@ -239,6 +242,9 @@ pub struct Cause {
     /// The sealed run with and without it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
+    /// Of a hint whose size no arm has: what is impossible. Its shrink is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub impossible: Option<String>,
 }
 
 /// `1 − after/before` on the sealed run, relative to the model with the causes listed before.

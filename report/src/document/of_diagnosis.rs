@@ -66,6 +66,7 @@ impl Document {
             remark: found.remark.clone(),
             left_out: found.left_out.clone(),
             refuted: found.refuted,
+            other_arm: found.other_arm.clone(),
             passport,
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
@@ -133,6 +134,7 @@ impl Cause {
             angles_deg: cause.angles.iter().map(|angle| number(angle.to_degrees())).collect(),
             separating_motion: cause.separating_motion.clone(),
             curves: cause.curves.iter().map(Curve::new).collect(),
+            impossible: cause.impossible.clone(),
         }
     }
 }

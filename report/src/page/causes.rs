@@ -84,6 +84,9 @@ fn body(cause: &Cause, document: &Document) -> String {
     if cause.share.is_some() {
         pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
     }
+    if let Some(impossible) = &cause.impossible {
+        pairs.push(("Not named", impossible.clone()));
+    }
     if !rivals.is_empty() {
         pairs.push(("These runs cannot tell it from", list(&rivals)));
     }
