@@ -259,7 +259,9 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
         stay.push(format!("as given, since the logs do not pin them: {}", stays.unpinned.join(", ")));
     }
     if stays.free {
-        stay.push("values free of that bound are in no file: over all logs they are no nearer than those written".to_owned());
+        stay.push(
+            "values free of that bound are in no file: over all logs they are no nearer than those written".to_owned(),
+        );
     }
     if !stay.is_empty() {
         out += "\nWhat is not written, though it was found:\n\n";

@@ -97,7 +97,7 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
     let keeps = |at: &usize| wrong.groups[*at].columns.iter().all(|c| kept.columns().any(|k| k == *c));
     let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
-    let solved = wrong.frozen(search, &held)?;
+    let solved = wrong.held(search, &held, found.sized.frozen)?;
     let mut standard = search.values(&solved.x);
     for c in kept.columns() {
         standard[c] = nominal.x[c];

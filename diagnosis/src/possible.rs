@@ -67,6 +67,7 @@ pub(crate) fn of_group(group: &Group, nominal: &Nominal, standard: &[f64], adopt
         (Form::PositionFriction { joint, .. }, Parameter::Coulomb(j))
         | (Form::ViscousNonlinearity { joint }, Parameter::Viscous(j)) => *joint == j,
         (Form::Coupling { driving, driven, .. }, Parameter::RotorInertia(j)) => [*driving, *driven].contains(&j),
+        (Form::Payload, Parameter::Link { link, .. }) => link + 1 == nominal.model.arm.dof(),
         _ => false,
     };
     let judged = !adopted.iter().any(shared);

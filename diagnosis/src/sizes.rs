@@ -15,6 +15,8 @@ use crate::values::{Group, Wrong};
 pub(crate) struct Sized {
     /// Places of the wrong groups that are held as given.
     pub(crate) held: Vec<usize>,
+    /// Whether that is to the last digit: of another arm's file, where values held a little loosely would still be drawn far off.
+    pub(crate) frozen: bool,
     /// Places of the model's values that are named.
     pub(crate) named: Vec<usize>,
     /// Effects.
@@ -47,8 +49,9 @@ impl Procedure<'_> {
             (0..wrong.groups.len()).filter(|at| with(false).any(|step| has(step, &wrong.groups[*at]))).collect();
         let mut standing: Vec<Step> = with(true).cloned().collect();
         let mut refused: Vec<Refused> = Vec::new();
+        let frozen = !report.other_arm.is_empty();
         let solved = loop {
-            let solved = wrong.frozen(search, &held)?;
+            let solved = wrong.held(search, &held, frozen)?;
             let before = refused.len();
             refused.extend(self.refuse_effects(search, &mut standing, &solved));
             refused.extend(self.refuse_values(wrong, &mut held, &mut standing, &solved));
@@ -66,7 +69,7 @@ impl Procedure<'_> {
             report.verdict = Verdict::Unexplained;
         }
         let named = standing.iter().flat_map(|step| step.columns.iter().copied()).collect();
-        Some(Sized { held, named, effects: standing.into_iter().flat_map(|step| step.adopted).collect() })
+        Some(Sized { held, frozen, named, effects: standing.into_iter().flat_map(|step| step.adopted).collect() })
     }
 
     /// Takes effects from `standing` whose size no arm has, and their columns from the design.

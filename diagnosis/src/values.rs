@@ -105,8 +105,11 @@ impl Wrong {
         self.solved(search, self.widths.with(&free, &held))
     }
 
-    /// The same with those at `dropped` and impossible ones exactly as given, however much they would take.
-    pub(crate) fn frozen(&self, search: &mut Search<'_>, dropped: &[usize]) -> Option<Solved> {
+    /// The same; `frozen`: those at `dropped` and impossible ones exactly as given, however much they would take.
+    pub(crate) fn held(&self, search: &mut Search<'_>, dropped: &[usize], frozen: bool) -> Option<Solved> {
+        if !frozen {
+            return self.without(search, dropped);
+        }
         let (free, dropped) = self.split(dropped);
         let mut std = self.widths.with(&free, &self.held);
         let impossible = self.impossible.iter().flat_map(|(group, _)| &group.columns);
