@@ -12,6 +12,9 @@ use crate::export::{bodies, place_load};
 use crate::runs;
 use crate::table::number;
 
+/// Drive values that differ by a smaller share are the same.
+const SAME: f64 = 0.02;
+
 /// Writes the four files into `folder`. Gives the robot as model.toml says it.
 pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robot> {
     let named = |path: &Path| path.display().to_string();
@@ -22,24 +25,21 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     let mut moved = robot.clone();
     moved.config.urdf.clone_from(&urdf);
     place_load(&mut moved, robot, folder)?;
-    // Without an arm that can be built the bodies and drives stay those given; the data's values are in [identified].
-    let written = match &patch.consistent {
-        Ok(found) => drives(&patch.model, &found.standard),
-        Err(_) => robot.config.nominal_joints(),
-    };
-    let urdf_text = match &patch.consistent {
-        Ok(found) => {
-            let links = bodies(robot.dof(), &found.standard);
-            let made = write_urdf(&text, &links, &written.viscous, &written.coulomb);
-            made.with_context(|| named(&robot.config.urdf))?.text
-        }
-        Err(_) => text,
+    // Where bodies and drives stay those given the URDF does; what fits the data is in [identified].
+    let stay = patch.stays.as_given || patch.stays.bodies;
+    let written = if stay { robot.config.nominal_joints() } else { drives(&patch.model, &patch.written) };
+    let urdf_text = if stay {
+        text
+    } else {
+        let links = bodies(robot.dof(), &patch.written);
+        let made = write_urdf(&text, &links, &written.viscous, &written.coulomb);
+        made.with_context(|| named(&robot.config.urdf))?.text
     };
     runs::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
     let changes =
         Changes { drives: written, gravity: patch.model.arm.gravity, effects: patch.model.effects().list().to_vec() };
     let mut made = write_changed(&moved, &changes, &model).with_context(|| named(&model))?;
-    if made.model.parameters == patch.model.parameters {
+    if made.model.parameters == patch.model.parameters && !stay {
         let values = made.base.from_standard(&patch.standard);
         write_identified(&made, &values, &patch.std, &model).with_context(|| named(&model))?;
         made = rivet_config::load(&model)?;
@@ -58,6 +58,9 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         );
     }
     runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    for line in staying(robot, patch) {
+        eprintln!("rivet: {line} (see {})", notes.display());
+    }
     for report in &patch.formats {
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
             eprintln!(
@@ -143,6 +146,61 @@ fn worse(report: &FormatReport, names: &[String]) -> Option<String> {
     (!joints.is_empty()).then(|| joints.join(", "))
 }
 
+/// Drive values that the data gave and those written, where they differ.
+fn by_joint(robot: &Robot, patch: &Patch) -> String {
+    let (free, written) = (drives(&patch.model, &patch.standard), drives(&patch.model, &patch.written));
+    let given = robot.config.nominal_joints();
+    let mut out = String::new();
+    for (what, free, written, given) in [
+        ("rotor inertia", &free.rotor_inertia, &written.rotor_inertia, &given.rotor_inertia),
+        ("viscous friction", &free.viscous, &written.viscous, &given.viscous),
+        ("Coulomb friction", &free.coulomb, &written.coulomb, &given.coulomb),
+    ] {
+        for (j, name) in runs::joint_names(robot).iter().enumerate() {
+            if (free[j] - written[j]).abs() > SAME * written[j].abs().max(given[j].abs()) {
+                let [free, written, given] = [free[j], written[j], given[j]].map(|v| number(v, 3));
+                // Writing to a String cannot fail.
+                let _ = writeln!(out, "| {what} of {name} | {free} | {written} | {given} |");
+            }
+        }
+    }
+    if out.is_empty() {
+        return out;
+    }
+    format!(
+        "\nDrive values whose size in the diagnosis (and `[identified]`) is not the one of an arm that can be built:\n\n\
+         | | as the data gave it | written | given |\n|---|---:|---:|---:|\n{out}"
+    )
+}
+
+/// What of the files is as given, though something else was found, and why.
+fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
+    let (stays, all) = (&patch.stays, runs::joint_names(robot));
+    let names = |joints: &[usize]| joints.iter().map(|j| all[*j].as_str()).collect::<Vec<_>>().join(", ");
+    let mut lines = Vec::new();
+    if stays.as_given {
+        lines.push("all files hold the model as given: with what was found it is further from the logs".to_owned());
+        return lines;
+    }
+    match (&patch.consistent, stays.bodies) {
+        (Err(why), _) => lines.push(format!(
+            "bodies and drives of all files are those given: no arm that can be built is near the values found ({why})"
+        )),
+        (Ok(_), true) => lines.push(
+            "bodies and drives of all files are those given: the nearest arm that can be built is further from the logs".to_owned(),
+        ),
+        (Ok(_), false) if !stays.joints.is_empty() => lines.push(format!(
+            "drive values of {} stay as given: with those of the nearest arm that can be built they are further from the logs",
+            names(&stays.joints)
+        )),
+        _ => {}
+    }
+    if !stays.bodies && !stays.unheard.is_empty() {
+        lines.push(format!("drive values of {} stay as given: their torque is not believed", names(&stays.unheard)));
+    }
+    lines
+}
+
 fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let mut out = format!(
         "# {}: what the files of this folder do not carry\n\n\
@@ -193,15 +251,25 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
                 found.thickened.join(", ")
             );
         }
-        Ok(_) => {}
-        Err(why) => {
-            let _ = writeln!(
-                out,
-                "\nNo arm that can be built is near the values found ({why}): bodies and drives of all files are those given, \
-                 and the values found are in `[identified]` of model.toml alone."
-            );
+        _ => {}
+    }
+    let mut stay = staying(robot, patch);
+    let stays = &patch.stays;
+    if !stays.bodies && !stays.as_given && !stays.unpinned.is_empty() {
+        stay.push(format!("as given, since the logs do not pin them: {}", stays.unpinned.join(", ")));
+    }
+    if stays.free {
+        stay.push(
+            "values free of that bound are in no file: over all logs they are no nearer than those written".to_owned(),
+        );
+    }
+    if !stay.is_empty() {
+        out += "\nWhat is not written, though it was found:\n\n";
+        for line in stay {
+            let _ = writeln!(out, "* {line}");
         }
     }
+    out += &by_joint(robot, patch);
     if !patch.left_out.is_empty() {
         out += "\nNamed by the diagnosis, and in no file:\n\n";
         for (effect, why) in &patch.left_out {

@@ -44,10 +44,10 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     let motion = Trajectory::from_positions(&q, run.period_s);
     let mut arm = patch.model.arm.clone();
     for (link, body) in arm.links.iter_mut().enumerate() {
-        body.copy_from_slice(&patch.buildable()[10 * link..10 * link + 10]);
+        body.copy_from_slice(&patch.written[10 * link..10 * link + 10]);
     }
     let corrected = Model::new(arm, patch.model.structure).with_effects(patch.model.effects().clone());
-    let corrected = Truth::new(&corrected, &drives(&patch.model, patch.buildable()), &Disturbances::default());
+    let corrected = Truth::new(&corrected, &drives(&patch.model, &patch.written), &Disturbances::default());
     let given = Truth::new(&robot.model, &robot.config.nominal_joints(), &Disturbances::default());
     let gains = gains(&robot.model, &robot.config.nominal_joints());
     let limits = vec![f64::MAX; n];

@@ -11,6 +11,7 @@ use rivet_dynamics::Parameter;
 
 use crate::evidence::{Belief, FOLDS};
 use crate::form::Form;
+use crate::possible::{self, Impossible};
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Adopted, Found, Selected};
@@ -27,7 +28,13 @@ const OFF_FLANGE: f64 = 0.15;
 const HELD: f64 = 0.03;
 
 /// The body, where it is the simpler explanation; nothing where the equations of the question have no solution.
-pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Found> {
+/// `impossible`: what of a body that would be is none.
+pub(crate) fn at_flange(
+    search: &mut Search<'_>,
+    selected: &Selected<'_>,
+    impossible: &mut Option<Impossible>,
+    say: &mut dyn FnMut(&str),
+) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
     if !Residue::of(search).any_noisy() {
         return Some(None);
@@ -70,6 +77,10 @@ pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &
     if !stands {
         return Some(None);
     }
+    *impossible = possible::of_payload(added.c.as_slice(), possible::reach(search.nominal));
+    if impossible.is_some() {
+        return Some(None);
+    }
     let adoption = Adopted::new(search, &candidate, &selected.physics, gain)?;
     Some(Some((candidate, adoption)))
 }
@@ -77,9 +88,7 @@ pub(crate) fn at_flange(search: &mut Search<'_>, selected: &Selected<'_>, say: &
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
 /// others may be. Each of them free, they would take up what no body has: a negative mass far away.
 fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
-    let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
-    let reach: f64 = search.nominal.model.arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum();
-    let far = OFF_FLANGE * reach;
+    let far = OFF_FLANGE * possible::reach(search.nominal);
     let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
     let entry = |c: usize| match c {
         0 => mass,

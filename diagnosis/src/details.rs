@@ -9,11 +9,11 @@ use crate::leftover::Leftover;
 use crate::predict::Prediction;
 use crate::search::Search;
 use crate::stages::Stages;
-use crate::values::Group;
+use crate::values::Wrong;
 use crate::views::Views;
 
 /// A value is pinned when the runs leave less than this share of what was unsure about it.
-const PINNED: f64 = 0.5;
+pub(crate) const PINNED: f64 = 0.5;
 
 /// All of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,7 +170,7 @@ pub(crate) fn unsure(search: &Search<'_>) -> Option<Vec<f64>> {
 pub(crate) fn parameters(
     search: &Search<'_>,
     unsure: &[f64],
-    wrong: &[Group],
+    wrong: &Wrong,
     x: &DVector<f64>,
     prediction: &Prediction,
 ) -> Vec<ParameterLine> {
@@ -188,13 +188,16 @@ pub(crate) fn parameters(
                 Parameter::RotorInertia(_) | Parameter::Coulomb(_) | Parameter::Viscous(_) => true,
                 _ => false,
             };
+            let name = parameter.name(&model.arm);
+            let impossible = wrong.impossible.iter().any(|(_, what)| what.name == name);
             let state = match () {
+                () if impossible => ParameterState::AtBound,
                 () if positive && found <= 0.0 && x[i] != 0.0 => ParameterState::AtBound,
                 () if unsure[i] < PINNED => ParameterState::Pinned,
                 () => ParameterState::NotPinned,
             };
             ParameterLine {
-                name: parameter.name(&model.arm),
+                name,
                 unit: parameter.unit(&model.arm),
                 joint: parameter.joint(),
                 given,
@@ -202,7 +205,7 @@ pub(crate) fn parameters(
                 low: (given + low).min(found),
                 high: (given + high).max(found),
                 state,
-                wrong: wrong.iter().any(|g| g.columns.contains(&i)),
+                wrong: wrong.groups.iter().any(|g| g.columns.contains(&i)),
             }
         })
         .collect()

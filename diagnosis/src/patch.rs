@@ -2,20 +2,28 @@
 
 use nalgebra::DMatrix;
 use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter};
-use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
+use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
+use crate::evidence::Solved;
 use crate::form::Form;
 use crate::formats::{Carrying, FormatReport, Part, PartKind, reports, rms};
 use crate::known::Carried;
 use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
 use crate::parts::Told;
+use crate::possible;
 use crate::rows::Column;
 use crate::search::Search;
 use crate::select::Adopted;
-use crate::warming;
+use crate::sizes::Sized;
+use crate::values::Wrong;
+use crate::written::{Draft, Kept, Written, relative, worse};
+
+/// Free values that leave more of the squared gap of all runs than this, over what an arm that can be built leaves, fit nothing that
+/// holds.
+const LOOSE: f64 = 1.05;
 
 /// The corrected model.
 #[derive(Clone, Debug)]
@@ -26,6 +34,11 @@ pub struct Patch {
     pub standard: Vec<f64>,
     /// The nearest arm that can be built.
     pub consistent: Result<Projection, ConsistencyError>,
+    /// The standard vector to simulate and to write: of an arm that can be built, and on no joint further from the runs than the model
+    /// as given.
+    pub written: Vec<f64>,
+    /// What of it is as given, though something else was found.
+    pub stays: Stays,
     /// Base parameters of `model` that belong to `standard`.
     pub base: Vec<f64>,
     /// Their standard deviations.
@@ -45,11 +58,21 @@ pub struct Patch {
     pub torque_rms: Vec<f64>,
 }
 
-impl Patch {
-    /// The standard vector to simulate and to write: of an arm that can be built, where there is one.
-    pub fn buildable(&self) -> &[f64] {
-        self.consistent.as_ref().map_or(&self.standard, |found| &found.standard)
-    }
+/// What stays as given, though something else was found.
+#[derive(Clone, Debug, Default)]
+pub struct Stays {
+    /// Everything: with anything that was found the model is further from the runs.
+    pub as_given: bool,
+    /// Bodies and drives: no arm that can be built is nearer to the runs.
+    pub bodies: bool,
+    /// Joints whose drive values do: with others the model is further from the runs there.
+    pub joints: Vec<usize>,
+    /// Joints whose torque is not believed: so do their drive values.
+    pub unheard: Vec<usize>,
+    /// Names of drive values that the runs do not pin.
+    pub unpinned: Vec<String>,
+    /// The free values that fit are not handed on: on runs that they were not fitted to they are worse than those given.
+    pub free: bool,
 }
 
 /// What goes into the patch.
@@ -60,25 +83,33 @@ pub(crate) struct Found<'a> {
     /// Torque of the timing column by run, `[run]`.
     pub(crate) timing: Vec<&'a Column>,
     /// Causes that stand.
-    pub(crate) upheld: Vec<&'a Adopted>,
+    pub(crate) sized: &'a Sized,
     /// What the arm may do, for motions.
     pub(crate) bounds: &'a MotionBounds,
+    /// Values that stay as given.
+    pub(crate) kept: Kept,
 }
 
-/// Makes the patch: everything is solved anew in a design that has lost what was withdrawn.
-pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> {
-    let Found { nominal, runs, .. } = found;
+/// Makes the patch: everything is solved as it was for the sizes of causes, with what stays as given held.
+pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) -> Option<Patch> {
+    let Found { nominal, runs, kept, .. } = found;
+    let upheld = &found.sized.effects;
     let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
-    let solved = search.solved(search.scale)?;
+    let keeps = |at: &usize| wrong.groups[*at].columns.iter().all(|c| kept.columns().any(|k| k == *c));
+    let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
+    let solved = wrong.held(search, &held, found.sized.frozen)?;
     let mut standard = search.values(&solved.x);
+    for c in kept.columns() {
+        standard[c] = nominal.x[c];
+    }
     let mut gravity = nominal.model.arm.gravity;
     let mut effects: Vec<KnownEffect> = nominal.model.effects().list().to_vec();
     let mut left_out = Vec::new();
     let mut classes: Vec<Class<'_>> = Vec::new();
     let temperature: Option<Vec<f64>> =
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
-    for adopted in &found.upheld {
-        let c: Vec<f64> = adopted.mean.iter().enumerate().map(|(k, mean)| solved.x[adopted.place + k] + mean).collect();
+    for adopted in upheld {
+        let c = adopted.coefficients(&solved.x);
         let rivals: Vec<Form> = adopted.rivals.iter().map(|r| r.form.clone()).collect();
         if rivals.iter().chain([&adopted.form]).all(|form| form.coefficients() > 0) && !rivals.is_empty() {
             classes.push(Class { form: &adopted.form, coefficients: c.clone(), rivals });
@@ -105,6 +136,13 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
             Carried::Nothing(why) => left_out.push((adopted.form.effect(), why.to_owned())),
         }
     }
+    // Next to nothing is nothing, as causes say it; where an effect has a part of the value, only their sum means anything.
+    let alone = |j: Option<usize>| upheld.iter().all(|a| j.is_none_or(|j| !a.form.joints().contains(&j)));
+    for (c, parameter) in nominal.model.parameters.iter().enumerate() {
+        if found.sized.named.contains(&c) && possible::is_drive(*parameter) && alone(parameter.joint()) {
+            standard[c] = standard[c].max(0.0);
+        }
+    }
     let tilted = gravity != nominal.model.arm.gravity;
     let mut arm = nominal.model.arm.clone();
     arm.gravity = gravity;
@@ -117,8 +155,8 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         .with_load(nominal.model.load().to_vec())
         .with_effects(KnownEffects::new(effects.clone(), &drives));
     let base_set = BaseSet::new(&model).ok()?;
-    let base = base_set.from_standard(&standard);
-    let covariance = base_covariance(&base_set, &solved.covariance(width)?);
+    let mut base = base_set.from_standard(&standard);
+    let covariance = base_covariance(&base_set, &covariance_of_values(&solved, upheld, n, width)?);
     // Rows of all runs, under the gravity that holds.
     let fresh: Vec<Option<Vec<Column>>> =
         runs.iter().map(|run| tilted.then(|| standard_columns(&model, &run.motion, &run.chain))).collect();
@@ -127,15 +165,34 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
     for (run, columns) in runs.iter().zip(&columns) {
         add_rows(&mut reference, &base_set, columns, run, width);
     }
-    let nominal_now = nominal.x.clone();
-    let consistent = project(&model, &base_set, &base, &covariance, &nominal_now, &reference);
-    // Where no arm that can be built comes near, files keep the bodies and drives that were given.
-    let written = consistent.as_ref().map_or(&nominal.x, |found| &found.standard).clone();
-    for adopted in &found.upheld {
-        let own = nominal.model.effects().list().len();
-        warming::in_watts_of(&adopted.form, &mut effects[own..], n, &adopted.values, &written);
+    let free_values = standard.clone();
+    let draft = Draft {
+        nominal,
+        runs,
+        model: &model,
+        columns: columns.clone(),
+        standard: &free_values,
+        effects: &effects,
+        adopted: upheld,
+        kept,
+    };
+    let Written { values: written, effects, consistent, stayed, bodies_stay, as_given } =
+        draft.settle(&base_set, &base, &covariance, &reference);
+    let before = draft.gaps_as_given();
+    // Free values fit the runs that were looked at; they are kept where they do not spoil the sealed one.
+    let [loose, bound] = [&standard, &written].map(|values| draft.gaps(values, &effects));
+    let spoils = !worse(&loose, &before).is_empty() || relative(&loose, &before) > LOOSE * relative(&bound, &before);
+    let free = as_given || bodies_stay || spoils;
+    if free {
+        standard.clone_from(&written);
+        base = base_set.from_standard(&standard);
     }
-    let model = model.with_effects(KnownEffects::new(effects.clone(), &drives));
+    let (model, columns) = if as_given {
+        (nominal.model.clone(), runs.iter().map(|r| &r.standard).collect())
+    } else {
+        (model.clone().with_effects(KnownEffects::new(effects.clone(), &drives)), columns)
+    };
+    let tilted = tilted && !as_given;
 
     let told = Told { runs, model: &model, columns: columns.clone(), values: &written };
     let mut parts = told.groups();
@@ -184,6 +241,15 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         model,
         standard,
         consistent,
+        written,
+        stays: Stays {
+            as_given,
+            bodies: bodies_stay,
+            joints: stayed,
+            unheard: kept.unheard.clone(),
+            unpinned: kept.unpinned.iter().map(|c| nominal.model.parameters[*c].name(&nominal.model.arm)).collect(),
+            free,
+        },
         base,
         std,
         motions,
@@ -193,6 +259,25 @@ pub(crate) fn make(search: &mut Search<'_>, found: &Found<'_>) -> Option<Patch> 
         timing_rms,
         torque_rms,
     })
+}
+
+/// Covariance of the standard vector: values that were adopted as forms of their own, a body at the flange say, are known no better
+/// than their coefficients.
+fn covariance_of_values(solved: &Solved, adopted: &[Adopted], joints: usize, width: usize) -> Option<DMatrix<f64>> {
+    let all = solved.x.len();
+    let mut to: DMatrix<f64> = DMatrix::identity(width, all);
+    for a in adopted {
+        for k in 0..a.mean.len() {
+            let mut unit = vec![0.0; a.mean.len()];
+            unit[k] = 1.0;
+            let (carried, beside) = a.form.carried(&unit, &a.values, joints, None);
+            let changes = if let Carried::Values(changes) = carried { changes } else { Vec::new() };
+            for (at, change) in changes.into_iter().chain(beside) {
+                to[(at, a.place + k)] += change;
+            }
+        }
+    }
+    Some(&to * solved.covariance(all)? * to.transpose())
 }
 
 /// `G·C·Gᵀ` row-major, G from standard to base parameters.

@@ -1,12 +1,13 @@
 //! The whole procedure: runs to look at, a run that stays sealed, causes, predictions, then the sealed torque.
 
 use nalgebra::DVector;
+use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::body;
 use crate::class;
 use crate::design::{Prepared, unknown};
-use crate::details::{self, Details, ParameterLine, Stage};
+use crate::details::{self, Details, PINNED, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
 use crate::exhibit::{self, Shown};
@@ -29,9 +30,12 @@ use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::separate;
 use crate::shrink;
+use crate::sizes;
 use crate::stages::{RunColumns, Stages, Steps};
-use crate::values::{self, Group, Wrong};
+use crate::stranger;
+use crate::values::{self, Group};
 use crate::views;
+use crate::written::Kept;
 
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
@@ -59,12 +63,13 @@ pub(crate) struct Procedure<'a> {
 }
 
 /// A cause before it is reported.
-struct Step {
-    effect: Effect,
-    joints: Vec<usize>,
-    columns: Vec<usize>,
+#[derive(Clone)]
+pub(crate) struct Step {
+    pub(crate) effect: Effect,
+    pub(crate) joints: Vec<usize>,
+    pub(crate) columns: Vec<usize>,
     /// Empty for values that the background has.
-    adopted: Vec<Adopted>,
+    pub(crate) adopted: Vec<Adopted>,
     /// Values of joints on which something without a name is left, which they may only imitate.
     doubtful: bool,
 }
@@ -81,14 +86,15 @@ impl Procedure<'_> {
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let mut selected = Selected::new(&search)?;
         let mut left_out = Vec::new();
-        let body = body::at_flange(&mut search, &selected, say);
+        let mut no_body = None;
+        let body = body::at_flange(&mut search, &selected, &mut no_body, say);
         let body = or_said(body, "whether one body at the flange is simpler", &mut left_out);
         if let Some((candidate, adoption)) = body.flatten() {
             or_said(selected.adopt(&mut search, &candidate, adoption, say), "one body at the flange", &mut left_out);
         }
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
-        let mut wrong = values::wrong(&mut search)?;
+        let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
             let instead = instead::of(&mut search, &wrong, &selected, say);
             let instead = or_said(instead, "whether an effect stands in the place of wrong values", &mut left_out);
@@ -98,7 +104,7 @@ impl Procedure<'_> {
             let taken = or_said(taken, "an effect in the place of wrong values", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
-            wrong = values::wrong(&mut search)?;
+            wrong = values::wrong(&mut search, &selected.adopted)?;
             if taken.is_none() {
                 break;
             }
@@ -137,19 +143,23 @@ impl Procedure<'_> {
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        let (mut report, upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &solved, &means, log);
-        let parameters = details::parameters(&search, &unsure, &groups, &x, &prediction);
-        report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
-        for adopted in steps.iter().zip(&upheld).filter(|(_, u)| !**u).flat_map(|(s, _)| &s.adopted) {
-            search.design.forget(&adopted.form, adopted.place, &adopted.mean);
+        let (mut report, mut upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &solved, log);
+        let unheard = self.unheard(&report.log);
+        let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
+        if let Some(joints) = stranger::joints(self.nominal, &x, &adopted, &heard) {
+            report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
+            upheld.fill(false);
         }
-        let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld, &means);
-        or_said(sized, "sizes of causes without what was withdrawn (they stand beside it)", &mut left_out);
+        let parameters = details::parameters(&search, &unsure, &wrong, &x, &prediction);
+        report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
+        let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
+        let sized = or_said(sized, "sizes of causes without what was withdrawn (they stand beside it)", &mut left_out);
+        report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));
         for what in &left_out {
             say(&format!("no solution: {what}"));
         }
         report.left_out = left_out;
-        let Some(bounds) = patch else { return Some((report, None)) };
+        let (Some(bounds), Some(sized)) = (patch, sized) else { return Some((report, None)) };
         say("the model with what was found");
         let all = || seen.iter().chain([&hidden]);
         let found = patch::Found {
@@ -157,9 +167,10 @@ impl Procedure<'_> {
             runs: all().map(|r| r.run).collect(),
             timing: all().filter_map(|r| r.extra.first()).collect(),
             bounds,
-            upheld: steps.iter().zip(&upheld).filter(|(_, u)| **u).flat_map(|(s, _)| &s.adopted).collect(),
+            sized: &sized,
+            kept: self.kept(unheard, &unsure, &sized.named),
         };
-        let patch = patch::make(&mut search, &found);
+        let patch = patch::make(&mut search, &wrong, &found);
         Some((report, patch))
     }
 
@@ -199,6 +210,26 @@ impl Procedure<'_> {
             parameters,
             nominal_error: search.scale,
         }
+    }
+
+    /// Joints whose torque is not believed.
+    fn unheard(&self, log: &[LogFinding]) -> Vec<usize> {
+        let names = self.names();
+        (0..names.len()).filter(|j| log.iter().any(|f| f.joint == names[*j] && f.fault.spoils())).collect()
+    }
+
+    /// Values of drives that a file keeps as they are: of joints whose torque is not believed, and those that runs do not pin and
+    /// no cause `named`.
+    fn kept(&self, unheard: Vec<usize>, unsure: &[f64], named: &[usize]) -> Kept {
+        let parameters = self.nominal.model.parameters.iter().enumerate();
+        let drive = parameters.filter(|(_, p)| !matches!(p, Parameter::Link { .. }));
+        let (unbelieved, rest): (Vec<_>, Vec<_>) =
+            drive.partition(|(_, p)| p.joint().is_some_and(|j| unheard.contains(&j)));
+        let open = |(c, p): &(usize, &Parameter)| {
+            !matches!(p, Parameter::Offset(_)) && unsure[*c] >= PINNED && !named.contains(c)
+        };
+        let places = |of: Vec<(usize, &Parameter)>| of.into_iter().map(|(c, _)| c).collect();
+        Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }
     }
 
     fn names(&self) -> Vec<String> {
@@ -265,7 +296,6 @@ impl Procedure<'_> {
         measured: &Stages,
         seen: &[Stages],
         solved: &Solved,
-        means: &[f64],
         log: Vec<LogFinding>,
     ) -> (Diagnosis, Vec<bool>) {
         let names = self.names();
@@ -296,7 +326,7 @@ impl Procedure<'_> {
                 effect: step.effect,
                 curves: exhibit::curves(self.sealed, measured, &load, &names, &shown),
                 joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
-                magnitude: self.magnitude(search, step, solved, means),
+                magnitude: self.magnitude(search, step, solved),
                 shrink,
                 share: None,
                 p_value: step.adopted.iter().filter_map(|a| a.p_value).reduce(f64::max),
@@ -304,6 +334,7 @@ impl Procedure<'_> {
                 separating_motion: separate::motion(step.effect, &rivals),
                 indistinguishable_from: rivals,
                 angles: class.iter().map(|(_, angle)| *angle).collect(),
+                impossible: None,
             };
             let value = step.effect.kind() == Kind::Value;
             let on = (0..names.len()).filter(|j| value || step.joints.is_empty() || step.joints.contains(j));
@@ -420,6 +451,7 @@ impl Procedure<'_> {
             remark,
             left_out: Vec::new(),
             refuted,
+            other_arm: Vec::new(),
             used: Vec::new(),
             unused: Vec::new(),
             details: None,
@@ -458,52 +490,6 @@ impl Procedure<'_> {
         }
         cells.sort_by(|a, b| b.share.total_cmp(&a.share));
         cells
-    }
-
-    /// Sizes of the causes that stand, where no other may carry a part of them: the design has lost the effects that were
-    /// withdrawn, and values that were are held as the file has them.
-    fn size(
-        &self,
-        report: &mut Diagnosis,
-        search: &mut Search<'_>,
-        wrong: &Wrong,
-        steps: &[Step],
-        upheld: &[bool],
-        means: &[f64],
-    ) -> Option<()> {
-        let withdrawn = |group: &Group| {
-            let mut fallen = steps.iter().zip(upheld).filter(|(_, upheld)| !**upheld);
-            fallen.any(|(step, _)| group.columns.iter().all(|c| step.columns.contains(c)))
-        };
-        let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| withdrawn(&wrong.groups[*at])).collect();
-        let solved = wrong.without(search, &held)?;
-        let standing = steps.iter().zip(upheld).filter(|(_, upheld)| **upheld);
-        for (cause, (step, _)) in report.causes.iter_mut().zip(standing) {
-            cause.magnitude = self.magnitude(search, step, &solved, means);
-        }
-        Some(())
-    }
-
-    /// Sizes of all that a step adds as it was `solved`; `means` are those of the design's columns.
-    fn magnitude(&self, search: &Search<'_>, step: &Step, solved: &Solved, means: &[f64]) -> Vec<(String, f64)> {
-        let (model, x) = (&self.nominal.model, &solved.x);
-        let own = step.columns.iter().filter(|c| **c < self.nominal.x.len());
-        let mut sizes: Vec<(String, f64)> =
-            own.map(|c| (model.parameters[*c].name(&model.arm), self.nominal.x[*c] + x[*c])).collect();
-        let several = sizes.len() + step.adopted.len() > 1;
-        for adopted in &step.adopted {
-            let c: Vec<f64> = match adopted.form {
-                Form::Force { .. } => solved.stretches.iter().flatten().copied().collect(),
-                _ => (0..adopted.mean.len()).map(|k| x[adopted.place + k] + means[adopted.place + k]).collect(),
-            };
-            let values = if adopted.form.is_of_fitted() { search.values(x) } else { self.nominal.x.clone() };
-            for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
-                let joint =
-                    adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
-                sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
-            }
-        }
-        sizes
     }
 }
 

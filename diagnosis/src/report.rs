@@ -77,6 +77,8 @@ pub struct Cause {
     pub separating_motion: Option<String>,
     /// The sealed run with and without it, on the joints that it changes most.
     pub curves: Vec<Curve>,
+    /// Of a hint whose size no arm has: what is impossible.
+    pub impossible: Option<String>,
 }
 
 /// The gap of one joint, relative to its torque.
@@ -220,6 +222,8 @@ pub struct Diagnosis {
     pub refuted: bool,
     /// What sets the sealed run apart from those looked at.
     pub between_runs: Option<BetweenRuns>,
+    /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.
+    pub other_arm: Vec<String>,
     /// Places of the runs that were used among those given, the sealed one last.
     pub used: Vec<usize>,
     /// Names of the others, whose torque says nothing.
@@ -251,6 +255,14 @@ impl Diagnosis {
         }
     }
 
+    /// Of most joints, these, the values are so far off that nothing said of them is worth a name.
+    pub(crate) fn is_of_another_arm(&mut self, joints: Vec<String>) {
+        self.verdict = Verdict::Unexplained;
+        self.other_arm = joints;
+        self.withdrawn.append(&mut self.causes);
+        self.withdrawn.iter_mut().for_each(|hint| hint.share = None);
+    }
+
     /// No run is left whose torque says something, and `why`.
     pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
         let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
@@ -274,6 +286,7 @@ impl Diagnosis {
             left_out: Vec::new(),
             refuted: false,
             between_runs: None,
+            other_arm: Vec::new(),
             used: Vec::new(),
             unused: Vec::new(),
             details: None,

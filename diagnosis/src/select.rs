@@ -1,5 +1,7 @@
 //! Forward selection of effects on the runs that may be looked at.
 
+use nalgebra::DVector;
+
 use crate::bursts;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
@@ -300,6 +302,11 @@ pub(crate) fn best(
 }
 
 impl Adopted {
+    /// Its coefficients where the background is solved as `x`.
+    pub(crate) fn coefficients(&self, x: &DVector<f64>) -> Vec<f64> {
+        self.mean.iter().enumerate().map(|(k, mean)| x[self.place + k] + mean).collect()
+    }
+
     /// Effects of the rivals, each once, and the angle between it and this one \[rad\].
     pub(crate) fn class(&self) -> Vec<(Effect, f64)> {
         let mut class: Vec<(Effect, f64)> = Vec::new();

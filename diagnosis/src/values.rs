@@ -6,12 +6,16 @@ use rivet_dynamics::Parameter;
 use crate::effect::Effect;
 use crate::evidence::Solved;
 use crate::form::Form;
+use crate::possible::{self, Impossible};
 use crate::search::Search;
+use crate::select::Adopted;
 
 /// A group may be fixed at its nominal value when that costs less log evidence than this.
 pub(crate) const WORTH: f64 = 4.0;
 /// What is left to a group that is fixed, as a share of its usual error.
 const FIXED: f64 = 0.03;
+/// The same of one that is to stay as it is. Less than this and the equations lose their digits.
+const FROZEN: f64 = 1e-4;
 /// What a free group may be wrong by, at least, as a share of its usual error: where most values are right their common
 /// scale is small, and the one that is not would look impossible by it.
 const FREE: f64 = 1.0;
@@ -68,6 +72,8 @@ pub(crate) struct Wrong {
     pub(crate) groups: Vec<Group>,
     /// The others, held near their nominal values.
     pub(crate) held: Vec<Group>,
+    /// Of these, those that would come out as no arm has them.
+    pub(crate) impossible: Vec<(Group, Impossible)>,
     widths: Widths,
 }
 
@@ -94,12 +100,35 @@ impl Widths {
 impl Wrong {
     /// The background solved with the wrong groups free, but for those at `dropped`, which are held as the others.
     pub(crate) fn without(&self, search: &mut Search<'_>, dropped: &[usize]) -> Option<Solved> {
-        let split = |wanted: bool| {
-            let own = self.groups.iter().enumerate().filter(move |(at, _)| dropped.contains(at) == wanted);
-            own.map(|(_, g)| g.clone()).collect::<Vec<_>>()
-        };
-        let held: Vec<Group> = self.held.iter().cloned().chain(split(true)).collect();
-        let kept = std::mem::replace(&mut search.design.background.std, self.widths.with(&split(false), &held));
+        let (free, dropped) = self.split(dropped);
+        let held: Vec<Group> = self.held.iter().cloned().chain(dropped).collect();
+        self.solved(search, self.widths.with(&free, &held))
+    }
+
+    /// The same; `frozen`: those at `dropped` and impossible ones exactly as given, however much they would take.
+    pub(crate) fn held(&self, search: &mut Search<'_>, dropped: &[usize], frozen: bool) -> Option<Solved> {
+        if !frozen {
+            return self.without(search, dropped);
+        }
+        let (free, dropped) = self.split(dropped);
+        let mut std = self.widths.with(&free, &self.held);
+        let impossible = self.impossible.iter().flat_map(|(group, _)| &group.columns);
+        for c in dropped.iter().flat_map(|group| &group.columns).chain(impossible) {
+            std[*c] = self.widths.usual[*c] * FROZEN;
+        }
+        self.solved(search, std)
+    }
+
+    /// Groups that are not `dropped`, and those that are.
+    fn split(&self, dropped: &[usize]) -> (Vec<Group>, Vec<Group>) {
+        let (dropped, free): (Vec<_>, Vec<_>) =
+            self.groups.iter().cloned().enumerate().partition(|(at, _)| dropped.contains(at));
+        let groups = |of: Vec<(usize, Group)>| of.into_iter().map(|(_, group)| group).collect();
+        (groups(free), groups(dropped))
+    }
+
+    fn solved(&self, search: &mut Search<'_>, std: DVector<f64>) -> Option<Solved> {
+        let kept = std::mem::replace(&mut search.design.background.std, std);
         let solved = search.solved(self.widths.scale);
         search.design.background.std = kept;
         solved
@@ -111,16 +140,39 @@ impl Wrong {
     }
 }
 
-/// Groups whose values are wrong. All others are held near their nominal values from now on.
-pub(crate) fn wrong(search: &mut Search<'_>) -> Option<Wrong> {
+/// Groups whose values are wrong. All others are held near their nominal values from now on, and so are those that would come
+/// out impossible: what they would take is left, for a value that can be or for nobody.
+pub(crate) fn wrong(search: &mut Search<'_>, adopted: &[Adopted]) -> Option<Wrong> {
     let scale = search.best()?.0;
     let background = &search.design.background;
     let widths = Widths { usual: background.std.clone(), scaled: background.scaled.clone(), scale };
-    let mut free = groups(search);
-    let mut held: Vec<Group> = Vec::new();
+    let mut impossible: Vec<(Group, Impossible)> = Vec::new();
+    loop {
+        let (free, held) = chosen(search, &widths, &impossible)?;
+        search.design.background.std = widths.with(&free, &held);
+        let solved = search.solved(scale)?;
+        let standard = possible::standard(search.nominal, &solved.x, adopted);
+        let of = |group: &Group| possible::of_group(group, search.nominal, &standard, adopted);
+        let found: Vec<(Group, Impossible)> = free.iter().filter_map(|g| Some((g.clone(), of(g)?))).collect();
+        if found.is_empty() {
+            search.scale = scale;
+            return Some(Wrong { groups: free, held, impossible, widths });
+        }
+        impossible.extend(found);
+    }
+}
+
+/// Groups that the evidence wants free, but for those that came out `impossible`, and the others.
+fn chosen(
+    search: &mut Search<'_>,
+    widths: &Widths,
+    impossible: &[(Group, Impossible)],
+) -> Option<(Vec<Group>, Vec<Group>)> {
+    let (mut held, mut free): (Vec<Group>, Vec<Group>) =
+        groups(search).into_iter().partition(|g| impossible.iter().any(|(other, _)| other.columns == g.columns));
     let evidence = |search: &mut Search<'_>, free: &[Group], held: &[Group]| {
         search.design.background.std = widths.with(free, held);
-        Some(search.solved(scale)?.log_evidence)
+        Some(search.solved(widths.scale)?.log_evidence)
     };
     let mut now = evidence(search, &free, &held)?;
     while !free.is_empty() {
@@ -141,7 +193,5 @@ pub(crate) fn wrong(search: &mut Search<'_>) -> Option<Wrong> {
         now = now.max(without);
         held.push(free.remove(at));
     }
-    search.design.background.std = widths.with(&free, &held);
-    search.scale = scale;
-    Some(Wrong { groups: free, held, widths })
+    Some((free, held))
 }

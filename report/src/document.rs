@@ -54,6 +54,9 @@ pub struct Document {
     /// it does not) or `sealed_as_given` (what fits them does not hold there, and the model as given does).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between_runs: Option<String>,
+    /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_arm: Vec<String>,
     /// Which files and which build.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passport: Option<Passport>,
@@ -248,6 +251,9 @@ pub struct Cause {
     /// The sealed run with and without it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
+    /// Of a hint whose size no arm has: what is impossible. Its shrink is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub impossible: Option<String>,
 }
 
 /// `1 − after/before` on the sealed run, relative to the model with the causes listed before.

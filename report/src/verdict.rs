@@ -89,9 +89,23 @@ impl Document {
     }
 
     fn cause_line(&self) -> String {
+        let impossible: Vec<String> = self
+            .hints
+            .iter()
+            .filter_map(|hint| Some(format!(" Not named: {}, {}.", effect(&hint.effect), hint.impossible.as_ref()?)))
+            .collect();
+        self.answer() + &impossible.concat()
+    }
+
+    fn answer(&self) -> String {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
         match self.verdict.as_str() {
             "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
+            "unexplained" if !self.other_arm.is_empty() => format!(
+                "Unknown: bodies and rotors of {} are off by more than a data sheet ever is: is this the robot's file? What would \
+                 have to be changed is among the hints.",
+                list(&self.other_arm)
+            ),
             "unexplained" if self.between_runs.as_deref() == Some("sealed_differs") => {
                 "Unknown: the runs looked at fit to their noise and the sealed one does not. Something changed between them, or \
                  shows in the sealed motion only; what it is, the runs looked at cannot tell."
@@ -277,6 +291,9 @@ impl Document {
                 "Check sign, unit and scale of the torque of {} before believing anything else.",
                 list(&faults)
             );
+        }
+        if !self.other_arm.is_empty() {
+            return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
         }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
             return format!("To tell causes apart, record {motion}.");

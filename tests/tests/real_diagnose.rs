@@ -432,3 +432,56 @@ fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
         is_said(&judge(&|q, _| every(q, &|q| (q / step).round() * step)), "position_steps");
     }
 }
+
+/// What no arm has, by the names of values in sizes.
+fn impossible(cause: &Value) -> Vec<String> {
+    let sizes = cause["magnitude"].as_object().expect("sizes");
+    let drive = ["rotor_inertia", "viscous", "coulomb"];
+    let below = |name: &str| drive.iter().any(|end| name.ends_with(&format!(".{end}"))) || name.ends_with(".m");
+    let bad = |(name, value): (&String, &Value)| {
+        let value = value.as_f64()?;
+        let is = value < 0.0 && below(name) || value <= 0.0 && (name == "mass_kg" || name.ends_with("gain"));
+        is.then(|| format!("{name} {value}"))
+    };
+    sizes.iter().filter_map(bad).collect()
+}
+
+/// Where a model lacks something, values take it up: rotors and friction below zero, a load of 0.1 kg as far from the flange as the
+/// arm is long. They are hints that say so, and no causes.
+#[test]
+fn a_value_that_no_arm_has_is_no_cause() {
+    let Some(real) = shared("data/real") else { return };
+    let arms = rivet_tests::root().join("tests/robots");
+    for (file, log, hint) in [
+        (robot("ur10"), "ur10_salerno/exciting_0.0-18.4s.parquet", "rotor_inertia"),
+        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real.parquet", "viscous_friction"),
+        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real_loaded.parquet", "viscous_friction"),
+    ] {
+        let found = diagnose(&file, &[real.join(log)]);
+        for cause in found["causes"].as_array().expect("causes") {
+            assert_eq!(impossible(cause), Vec::<String>::new(), "{log}: {cause}");
+            if cause["effect"] == "payload" {
+                let far = ["com_x_m", "com_y_m", "com_z_m"].map(|name| magnitude(cause, name).powi(2));
+                assert!(far.iter().sum::<f64>().sqrt() < 0.35, "{cause}");
+            }
+        }
+        let hints = found["hints"].as_array().expect("hints");
+        let said = hints.iter().find(|h| h["effect"] == hint && !h["impossible"].is_null());
+        let said = said.unwrap_or_else(|| panic!("{log}: no {hint} that is impossible in {hints:#?}"));
+        assert!(said["impossible"].as_str().is_some_and(|text| text.contains("beyond what is possible")), "{said}");
+    }
+}
+
+/// Logs of a UR10e beside the file of another arm: six causes fit them well, and none of them is one.
+#[test]
+fn the_file_of_another_arm_is_no_list_of_causes() {
+    let Some(practice) = shared("data/practice") else { return };
+    let logs = ["log-a.parquet", "log-b.parquet"].map(|log| practice.join("case-24").join(log));
+    for file in [practice.join("case-16/robot.toml"), robot("ur5e")] {
+        let found = diagnose(&file, &logs);
+        assert_eq!(found["verdict"], "unexplained", "{}: {found:#}", file.display());
+        assert_eq!(found["causes"].as_array().map(Vec::len), Some(0), "{}", file.display());
+        let joints = found["other_arm"].as_array().map_or(0, Vec::len);
+        assert!(joints >= 3, "{}: {joints}", file.display());
+    }
+}

@@ -67,6 +67,7 @@ impl Document {
             left_out: found.left_out.clone(),
             refuted: found.refuted,
             between_runs: found.between_runs.map(|between| between.name().to_owned()),
+            other_arm: found.other_arm.clone(),
             passport,
             figures: found.details.as_ref().map(Figures::new),
             export: Vec::new(),
@@ -135,6 +136,7 @@ impl Cause {
             angles_deg: cause.angles.iter().map(|angle| number(angle.to_degrees())).collect(),
             separating_motion: cause.separating_motion.clone(),
             curves: cause.curves.iter().map(Curve::new).collect(),
+            impossible: cause.impossible.clone(),
         }
     }
 }

@@ -91,6 +91,9 @@ fn body(cause: &Cause, document: &Document) -> String {
             if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
         pairs.push(("Chance that one of all candidates looks as strong where none is there", format!("{p:.3}{why}")));
     }
+    if let Some(impossible) = &cause.impossible {
+        pairs.push(("Not named", impossible.clone()));
+    }
     if !rivals.is_empty() {
         pairs.push(("These runs cannot tell it from", list(&rivals)));
     }

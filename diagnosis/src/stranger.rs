@@ -1,0 +1,73 @@
+//! Whether the robot file is that of another arm. Bodies and rotors of a CAD model or a data sheet are off by a tenth or so; where
+//! most joints want several times what they have, a list of causes says nothing, however well it fits.
+
+use rivet_dynamics::Parameter;
+
+use crate::background::Nominal;
+use crate::form::Form;
+use crate::possible;
+use crate::select::Adopted;
+
+use nalgebra::DVector;
+
+/// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of the measured arms with files of
+/// their own this is met on two joints of six at most, with drive values that were placeholders; with another arm's on four or more.
+const FAR_OFF: f64 = 8.0;
+/// So many joints at least, and half of those that can be heard.
+const JOINTS: usize = 3;
+
+/// Joints whose body or rotor is far off, where that is most of them. `heard`: joints whose torque is believed. Friction and torque
+/// constants are in no CAD model, and a body at the flange is none of the arm's.
+pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], heard: &[usize]) -> Option<Vec<usize>> {
+    let own = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
+    let values = possible::standard(nominal, x, own);
+    let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
+    let of = |is: &dyn Fn(Parameter) -> bool| -> f64 {
+        let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));
+        all.map(|(at, _)| off(at)).sum::<f64>().sqrt()
+    };
+    let far = |j: &usize| {
+        let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
+        body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
+    };
+    let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
+    (joints.len() >= JOINTS && 2 * joints.len() >= heard.len()).then_some(joints)
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::{Arm, Model, Structure};
+
+    use super::*;
+
+    /// Rotors that are twice what the file says, a payload's worth on the last link, and friction that is nothing like the file's.
+    #[test]
+    fn values_far_off_on_most_joints_are_another_arms() {
+        let text = include_str!("../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
+        let mut given = model.arm.links.concat();
+        given.extend(vec![2.0; model.len() - given.len()]);
+        let std = given.iter().map(|v| 0.1 * v.abs().max(1e-3)).collect();
+        let nominal = Nominal { x: given, std, model };
+        let heard: Vec<usize> = (0..n).collect();
+        let with = |changes: &[(usize, f64)]| {
+            let mut x = DVector::zeros(nominal.x.len());
+            for (at, change) in changes {
+                x[*at] += change;
+            }
+            joints(&nominal, &x, &[], &heard)
+        };
+        let rotors = |count: usize| -> Vec<(usize, f64)> { (0..count).map(|j| (10 * n + j, 2.0)).collect() };
+        assert_eq!(with(&rotors(4)), Some(vec![0, 1, 2, 3]));
+        assert_eq!(with(&rotors(2)), None, "two may be placeholders");
+        assert_eq!(
+            with(&(0..n).map(|j| (10 * n + j, 0.5)).collect::<Vec<_>>()),
+            None,
+            "a quarter is a poor data sheet"
+        );
+        assert_eq!(with(&(0..n).map(|j| (12 * n + j, 50.0)).collect::<Vec<_>>()), None, "friction is in no data sheet");
+        assert_eq!(with(&[(10 * (n - 1), 50.0)]), None, "one body");
+    }
+}
