@@ -36,7 +36,8 @@ pub struct OfflineSettings {
     pub filter_order: usize,
     /// Time between rows after the filter \[s\].
     pub row_period_s: f64,
-    /// A joint's rows are left out while its filtered speed is below this \[rad/s\], and where the filter still holds some of that.
+    /// A joint's rows are left out while its filtered speed is below this \[rad/s\], and where the filter still holds some of that
+    /// unless friction has a travel.
     pub dead_zone: Vec<f64>,
     /// Where instruments come from.
     pub instrument: InstrumentSource,
@@ -103,9 +104,14 @@ impl FilteredTorque {
 }
 
 /// Whether hardly anything that the filter mixes into a sample is of a surface that sticks, `[joint][sample]`: the torque of a
-/// joint that stands is anything up to breakaway, and a row beside it would carry some of that.
+/// joint that stands is anything up to breakaway, and a row beside it would carry some of that. A law of friction that remembers
+/// its direction over some travel knows what happens beside a stop: there all rows count. (Without them, measured arms are
+/// predicted worse: AIRBOT 12.1 instead of 11.6 %.)
 fn sliding(model: &Model, settings: &OfflineSettings, record: &Record, filter: &ZeroPhase) -> Vec<Vec<bool>> {
     let (n, rows) = (model.arm.dof(), record.measured.len());
+    if model.structure.presliding_travel > 0.0 {
+        return vec![vec![true; rows]; n];
+    }
     // Less smooth than the model filter makes it: that hides a stop.
     let light = ZeroPhase::new((STOPS * settings.filter_hz).min(0.2 / record.period_s), 2, record.period_s);
     let smooth = |x: &Vec<f64>| {
