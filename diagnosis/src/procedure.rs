@@ -146,7 +146,9 @@ impl Procedure<'_> {
         let (mut report, mut upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &solved, log);
         let unheard = self.unheard(&report.log);
         let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
-        if let Some(joints) = stranger::joints(self.nominal, &x, &adopted, &heard) {
+        // Values that the sealed run refutes say nothing of the file.
+        let stranger = stranger::joints(self.nominal, &x, &adopted, &heard).filter(|_| !report.refuted);
+        if let Some(joints) = stranger {
             report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
             upheld.fill(false);
         }

@@ -1,6 +1,7 @@
 //! Whether the robot file is that of another arm. Bodies and rotors of a CAD model or a data sheet are off by a tenth or so; where
 //! most joints want several times what they have, a list of causes says nothing, however well it fits.
 
+use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
@@ -8,12 +9,10 @@ use crate::form::Form;
 use crate::possible;
 use crate::select::Adopted;
 
-use nalgebra::DVector;
-
-/// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of the measured arms with files of
-/// their own this is met on two joints of six at most, with drive values that were placeholders; with another arm's on four or more.
+/// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of measured arms with files of
+/// their own this is met on three of six joints at most; with another arm's on four of six.
 const FAR_OFF: f64 = 8.0;
-/// So many joints at least, and half of those that can be heard.
+/// So many joints at least, and two thirds of those that can be heard.
 const JOINTS: usize = 3;
 
 /// Joints whose body or rotor is far off, where that is most of them. `heard`: joints whose torque is believed. Friction and torque
@@ -31,7 +30,7 @@ pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], h
         body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
-    (joints.len() >= JOINTS && 2 * joints.len() >= heard.len()).then_some(joints)
+    (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
 }
 
 #[cfg(test)]
@@ -61,7 +60,7 @@ mod tests {
         };
         let rotors = |count: usize| -> Vec<(usize, f64)> { (0..count).map(|j| (10 * n + j, 2.0)).collect() };
         assert_eq!(with(&rotors(4)), Some(vec![0, 1, 2, 3]));
-        assert_eq!(with(&rotors(2)), None, "two may be placeholders");
+        assert_eq!(with(&rotors(3)), None, "three of six may be placeholders");
         assert_eq!(
             with(&(0..n).map(|j| (10 * n + j, 0.5)).collect::<Vec<_>>()),
             None,
