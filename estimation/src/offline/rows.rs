@@ -11,11 +11,6 @@ use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
 use super::zero_phase::ZeroPhase;
 
-/// A row counts if no more than this share of what the filter mixes into it is of a joint that stands.
-const STUCK: f64 = 0.05;
-/// Speeds are smoothed up to this many times the cut-off of the model filter to see a joint stand.
-const STOPS: f64 = 4.0;
-
 /// Where instruments come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InstrumentSource {
@@ -36,8 +31,7 @@ pub struct OfflineSettings {
     pub filter_order: usize,
     /// Time between rows after the filter \[s\].
     pub row_period_s: f64,
-    /// A joint's rows are left out while its filtered speed is below this \[rad/s\], and where the filter still holds some of that
-    /// unless friction has a travel.
+    /// A joint's rows are left out while its filtered speed is below this \[rad/s\].
     pub dead_zone: Vec<f64>,
     /// Where instruments come from.
     pub instrument: InstrumentSource,
@@ -101,32 +95,6 @@ impl FilteredTorque {
         let rate = (slope + share * bend) / self.period_s;
         Some([tau[near] + share * (slope + 0.5 * share * bend), rate, bend / self.period_s.powi(2)])
     }
-}
-
-/// Whether hardly anything that the filter mixes into a sample is of a surface that sticks, `[joint][sample]`: the torque of a
-/// joint that stands is anything up to breakaway, and a row beside it would carry some of that. A law of friction that remembers
-/// its direction over some travel knows what happens beside a stop: there all rows count. (Without them, measured arms are
-/// predicted worse: AIRBOT 12.1 instead of 11.6 %.)
-fn sliding(model: &Model, settings: &OfflineSettings, record: &Record, filter: &ZeroPhase) -> Vec<Vec<bool>> {
-    let (n, rows) = (model.arm.dof(), record.measured.len());
-    if model.structure.presliding_travel > 0.0 {
-        return vec![vec![true; rows]; n];
-    }
-    // Less smooth than the model filter makes it: that hides a stop.
-    let light = ZeroPhase::new((STOPS * settings.filter_hz).min(0.2 / record.period_s), 2, record.period_s);
-    let smooth = |x: &Vec<f64>| {
-        let mut x = x.clone();
-        light.apply(&mut x);
-        x
-    };
-    let speed: Vec<Vec<f64>> = record.measured.qd.par_iter().map(smooth).collect();
-    let of = |j: usize| {
-        let slides = |k: usize| slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
-        let mut share: Vec<f64> = (0..rows).map(|k| f64::from(u8::from(slides(k)))).collect();
-        filter.apply(&mut share);
-        share.iter().map(|share| (1.0 - share).abs() <= STUCK).collect()
-    };
-    (0..n).into_par_iter().map(of).collect()
 }
 
 /// Filtered rows of one record.
@@ -212,9 +180,7 @@ impl Rows {
             moving,
             lag_s,
         };
-        let sliding = sliding(model, settings, record, &filter);
-        let slides =
-            |j: usize, k: usize| sliding[j][k] && slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
+        let slides = |j: usize, k: usize| slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
         let mut places: Vec<Vec<usize>> =
             (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
