@@ -22,20 +22,17 @@ const BLOCK_S: f64 = 2.5;
 const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
-/// The smoothing of positions smears a stop over this time \[s\]: an arm whose friction truly sticks stands before its speed is
-/// seen to reach zero.
-const SMEARED_S: f64 = 3e-3;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
 const EXACT: f64 = 1e-3;
 /// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
 /// its sample.
 const TIMING: f64 = 0.5;
-/// Friction may turn over this many times more softly than the model says, or at once; ...
+/// Friction may turn over this many times more or less softly than the model says, ...
 const SOFTER: f64 = 3.0;
-/// ... as softly as this \[rad/s\] where the model says at once; ...
+/// ... or as softly as this \[rad/s\] where the model says at once; ...
 const SOFT: f64 = 0.02;
-/// ... what it is between either and the model's own, 0, has this standard deviation.
+/// ... what it is between the two, 0 the model's own, has this standard deviation.
 const TURN: f64 = 0.5;
 
 /// One run, prepared.
@@ -82,8 +79,8 @@ impl Prepared {
         let doubt = (0..n)
             .map(|j| {
                 let level = nominal.x[12 * n + j].abs();
-                // Friction alone stops the joint from this speed within that time: slower, the log does not show it.
-                let stopped = (level * run.period_s.max(SMEARED_S) / inertias[j].max(1e-9) - v0).max(0.0);
+                // Friction alone stops the joint from this speed within a sample: slower, the log does not show it.
+                let stopped = (level * run.period_s / inertias[j].max(1e-9) - v0).max(0.0);
                 let at = |k: usize| {
                     let half = blur[j].max(SPEED_DOUBT) + stopped + 0.5 * run.period_s * motion.qdd[j][k].abs();
                     let v = motion.qd[j][k];
@@ -146,21 +143,18 @@ impl Prepared {
         let structure = nominal.model.structure;
         let n = self.run.joints();
         let v0 = structure.sign_velocity;
-        // Softer, and sharper where the model is not at once.
-        let turns: Vec<[f64; 2]> = if v0 > 0.0 { vec![[v0, v0 * SOFTER], [0.0, v0]] } else { vec![[0.0, SOFT]] };
-        let joints = |on: &[usize], level: f64, [narrow, wide]: [f64; 2]| -> Column {
-            let turn = |v: f64| level * (friction_sign(v, wide) - friction_sign(v, narrow));
+        let (narrow, wide) = if v0 > 0.0 { (v0 / SOFTER, v0 * SOFTER) } else { (0.0, SOFT) };
+        let turn = |level: f64, v: f64| level * (friction_sign(v, wide) - friction_sign(v, narrow));
+        let joints = |on: &[usize], level: f64| -> Column {
             let speed = |k: usize| on.iter().map(|j| self.motion.qd[*j][k]).sum::<f64>();
-            let full: Vec<f64> = (0..self.motion.len()).map(|k| turn(speed(k))).collect();
+            let full: Vec<f64> = (0..self.motion.len()).map(|k| turn(level, speed(k))).collect();
             let rows = self.chain.apply(&full);
             (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
         };
-        for turn in turns {
-            columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs(), turn)));
-            let shared = nominal.model.parameters.iter().position(|p| *p == rivet_dynamics::Parameter::CouplingCoulomb);
-            if let (Some(c), Some(at)) = (structure.coupling, shared) {
-                columns.push(joints(&[c.driving, c.driven], nominal.x[at].abs(), turn));
-            }
+        columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs())));
+        let shared = nominal.model.parameters.iter().position(|p| *p == rivet_dynamics::Parameter::CouplingCoulomb);
+        if let (Some(c), Some(at)) = (structure.coupling, shared) {
+            columns.push(joints(&[c.driving, c.driven], nominal.x[at].abs()));
         }
         columns
     }
@@ -187,8 +181,7 @@ impl Prepared {
 
 /// Standard deviations of the sizes of [`Prepared::unnamed`].
 pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
-    let ways = if nominal.model.structure.sign_velocity > 0.0 { 2 } else { 1 };
-    let turns = ways * (nominal.model.arm.dof() + usize::from(nominal.model.structure.coupling.is_some()));
+    let turns = nominal.model.arm.dof() + usize::from(nominal.model.structure.coupling.is_some());
     std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
 }
 
