@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use rivet_dynamics::{Workspace, friction_sign, mass_matrix};
+use rivet_dynamics::{Parameter, Workspace, friction_sign, mass_matrix};
 
 use crate::background::{Nominal, standard_columns};
 use crate::evidence::Background;
@@ -22,17 +22,20 @@ const BLOCK_S: f64 = 2.5;
 const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
+/// The smoothing of positions smears a stop over this time \[s\]: an arm whose friction truly sticks stands before its speed is
+/// seen to reach zero. Sound arms that stick need 2 ms; 4.4 hid two effects of another program's cases.
+const SMEARED_S: f64 = 2e-3;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
 const EXACT: f64 = 1e-3;
 /// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
 /// its sample.
 const TIMING: f64 = 0.5;
-/// Friction may turn over this many times more or less softly than the model says, ...
+/// Friction may turn over this many times more softly than the model says, or at once; ...
 const SOFTER: f64 = 3.0;
-/// ... or as softly as this \[rad/s\] where the model says at once; ...
+/// ... as softly as this \[rad/s\] where the model says at once; ...
 const SOFT: f64 = 0.02;
-/// ... what it is between the two, 0 the model's own, has this standard deviation.
+/// ... what it is between two of these, 0 the model's own, has this standard deviation.
 const TURN: f64 = 0.5;
 
 /// One run, prepared.
@@ -76,18 +79,12 @@ impl Prepared {
         let [speed_gain, accel_gain] = noise_gains(&chain, run.period_s);
         let blur: Vec<f64> = position_noise.iter().map(|sigma| 2.0 * sigma * speed_gain).collect();
         let inertias: Vec<f64> = (0..n).map(|j| inertia(nominal, &motion, j)).collect();
+        let surfaces = Surface::all(nominal, &motion, &blur, &inertias);
         let doubt = (0..n)
             .map(|j| {
-                let level = nominal.x[12 * n + j].abs();
-                // Friction alone stops the joint from this speed within a sample: slower, the log does not show it.
-                let stopped = (level * run.period_s / inertias[j].max(1e-9) - v0).max(0.0);
-                let at = |k: usize| {
-                    let half = blur[j].max(SPEED_DOUBT) + stopped + 0.5 * run.period_s * motion.qdd[j][k].abs();
-                    let v = motion.qd[j][k];
-                    0.5 * level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
-                };
-                let full: Vec<f64> = (0..motion.len()).map(at).collect();
-                chain.apply(&full).iter().map(|d| d.abs()).collect()
+                let of = |surface: &Surface| chain.apply(&surface.doubt(&motion, run.period_s, v0));
+                let rows: Vec<Vec<f64>> = surfaces.iter().filter(|s| s.joints.contains(&j)).map(of).collect();
+                (0..tau[j].len()).map(|k| rows.iter().map(|rows| rows[k].abs()).sum()).collect()
             })
             .collect();
         let effects = nominal.model.effects().list();
@@ -140,21 +137,18 @@ impl Prepared {
     /// a number that no data sheet has. Their sizes are unknown by [`unknown`].
     pub(crate) fn unnamed(&self, nominal: &Nominal, physics: &Physics) -> Vec<Column> {
         let mut columns = self.columns(&Form::Lag { stands: false }, physics);
-        let structure = nominal.model.structure;
+        let v0 = nominal.model.structure.sign_velocity;
         let n = self.run.joints();
-        let v0 = structure.sign_velocity;
-        let (narrow, wide) = if v0 > 0.0 { (v0 / SOFTER, v0 * SOFTER) } else { (0.0, SOFT) };
-        let turn = |level: f64, v: f64| level * (friction_sign(v, wide) - friction_sign(v, narrow));
-        let joints = |on: &[usize], level: f64| -> Column {
-            let speed = |k: usize| on.iter().map(|j| self.motion.qd[*j][k]).sum::<f64>();
-            let full: Vec<f64> = (0..self.motion.len()).map(|k| turn(level, speed(k))).collect();
-            let rows = self.chain.apply(&full);
-            (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
-        };
-        columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs())));
-        let shared = nominal.model.parameters.iter().position(|p| *p == rivet_dynamics::Parameter::CouplingCoulomb);
-        if let (Some(c), Some(at)) = (structure.coupling, shared) {
-            columns.push(joints(&[c.driving, c.driven], nominal.x[at].abs()));
+        for [narrow, wide] in turns(v0) {
+            let joints = |on: &[usize], level: f64| -> Column {
+                let turn = |v: f64| level * (friction_sign(v, wide) - friction_sign(v, narrow));
+                let speed = |k: usize| on.iter().map(|j| self.motion.qd[*j][k]).sum::<f64>();
+                let full: Vec<f64> = (0..self.motion.len()).map(|k| turn(speed(k))).collect();
+                let rows = self.chain.apply(&full);
+                (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
+            };
+            columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs())));
+            columns.extend(coupled_motor(nominal).map(|(on, level)| joints(&on, level)));
         }
         columns
     }
@@ -179,9 +173,72 @@ impl Prepared {
     }
 }
 
+/// What rubs: a joint, or a motor that turns with the sum of two.
+struct Surface {
+    joints: Vec<usize>,
+    /// Friction torque \[N·m\].
+    level: f64,
+    /// Inertia that it stops \[kg·m²\].
+    inertia: f64,
+    /// What is unknown of its speed \[rad/s\].
+    blur: f64,
+}
+
+impl Surface {
+    fn all(nominal: &Nominal, motion: &Motion, blur: &[f64], inertias: &[f64]) -> Vec<Surface> {
+        let n = motion.joints();
+        let joint = |j: usize| {
+            let level = nominal.x[12 * n + j].abs();
+            Surface { joints: vec![j], level, inertia: inertias[j], blur: blur[j] }
+        };
+        let mut all: Vec<Surface> = (0..n).map(joint).collect();
+        if let Some((joints, level)) = coupled_motor(nominal) {
+            let inertia = inertias[joints[0]].min(inertias[joints[1]]);
+            let blur = blur[joints[0]].hypot(blur[joints[1]]);
+            all.push(Surface { joints: joints.to_vec(), level, inertia, blur });
+        }
+        all
+    }
+
+    fn sum(&self, of: &[Vec<f64>], k: usize) -> f64 {
+        self.joints.iter().map(|j| of[*j][k]).sum()
+    }
+
+    /// Doubt about its torque, sample by sample \[N·m\].
+    fn doubt(&self, motion: &Motion, period_s: f64, v0: f64) -> Vec<f64> {
+        // Friction alone stops it from this speed within a second.
+        let slows = self.level / self.inertia.max(1e-9);
+        // What it stops from within a sample the log does not show.
+        let stopped = (slows * period_s - v0).max(0.0);
+        let at = |k: usize| {
+            let half = self.blur.max(SPEED_DOUBT) + stopped + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
+            let v = self.sum(&motion.qd, k);
+            if v.abs() <= half + slows * SMEARED_S {
+                // It may stand, and carry any torque up to its friction.
+                return self.level;
+            }
+            0.5 * self.level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
+        };
+        (0..motion.len()).map(at).collect()
+    }
+}
+
+/// The two joints whose sum a motor turns with, driving one first, and its friction torque \[N·m\].
+fn coupled_motor(nominal: &Nominal) -> Option<([usize; 2], f64)> {
+    let coupling = nominal.model.structure.coupling?;
+    let at = nominal.model.parameters.iter().position(|p| *p == Parameter::CouplingCoulomb)?;
+    Some(([coupling.driving, coupling.driven], nominal.x[at].abs()))
+}
+
+/// Pairs of speeds \[rad/s\] between which friction may turn over, for a model in which it does at `v0`.
+fn turns(v0: f64) -> Vec<[f64; 2]> {
+    if v0 > 0.0 { vec![[0.0, v0 * SOFTER], [0.0, v0]] } else { vec![[0.0, SOFT]] }
+}
+
 /// Standard deviations of the sizes of [`Prepared::unnamed`].
 pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
-    let turns = nominal.model.arm.dof() + usize::from(nominal.model.structure.coupling.is_some());
+    let surfaces = nominal.model.arm.dof() + usize::from(coupled_motor(nominal).is_some());
+    let turns = turns(nominal.model.structure.sign_velocity).len() * surfaces;
     std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
 }
 
@@ -287,8 +344,8 @@ impl Design {
                     .iter()
                     .zip(&nominal.x)
                     .map(|(p, x)| match p {
-                        rivet_dynamics::Parameter::Link { .. } => true,
-                        rivet_dynamics::Parameter::Offset(_) => false,
+                        Parameter::Link { .. } => true,
+                        Parameter::Offset(_) => false,
                         // What the file gives as 0 was not measured badly, but not at all.
                         _ => *x != 0.0,
                     })

@@ -77,6 +77,7 @@ mod signs;
 mod sizes;
 mod stages;
 mod stranger;
+mod told;
 mod two_mass;
 mod values;
 mod views;

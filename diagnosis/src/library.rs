@@ -2,6 +2,7 @@
 //! own: warming joints, a base that gives way.
 
 use crate::form::Form;
+use crate::log_check;
 use crate::mounting;
 use crate::physics::Physics;
 use crate::two_mass::Gear;
@@ -85,7 +86,10 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
                 forms.push(Form::TwoMass { joint, gear });
             }
         }
-        if joint > 0 && first.nominal.model.structure.coupling.is_none() {
+        // What one joint holds while its neighbour stands no motor brings it.
+        let moves = |p: &Physics<'_>, j: usize| !log_check::is_still(p.motion, j);
+        let together = joint > 0 && runs.iter().any(|p| moves(p, joint - 1) && moves(p, joint));
+        if together && first.nominal.model.structure.coupling.is_none() {
             forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
         }
         for arm in LEVERS {

@@ -49,8 +49,10 @@ const FIRST_OF_CLASS: f64 = 0.8;
 /// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
 /// tampered with.
 const NOT_PLAIN: f64 = 0.6;
-/// A shrink below this is no cause worth naming.
+/// A shrink below this is no cause worth naming; ...
 const MATERIAL: f64 = 0.01;
+/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows.
+const LEAST: f64 = 0.002;
 
 /// Runs that are sound, and what was said of the others.
 pub(crate) struct Procedure<'a> {
@@ -153,9 +155,11 @@ impl Procedure<'_> {
             upheld.fill(false);
         }
         let parameters = details::parameters(&search, &unsure, &wrong, &x, &prediction);
-        report.details = Some(self.details(&report, &search, &steps, &prediction, &measured, parameters));
         let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
         let sized = or_said(sized, "sizes of causes without what was withdrawn (they stand beside it)", &mut left_out);
+        let told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+        let told = told.as_ref().unwrap_or(&measured);
+        report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, told], parameters));
         report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));
         for what in &left_out {
             say(&format!("no solution: {what}"));
@@ -176,14 +180,14 @@ impl Procedure<'_> {
         Some((report, patch))
     }
 
-    /// What stands behind the figures.
+    /// What stands behind the figures; `measured`: the sealed run step by step, and with what is told.
     fn details(
         &self,
         report: &Diagnosis,
         search: &Search<'_>,
         steps: &[Step],
         prediction: &Prediction,
-        measured: &Stages,
+        [measured, told]: [&Stages; 2],
         parameters: Vec<ParameterLine>,
     ) -> Details {
         let names = self.names();
@@ -205,10 +209,10 @@ impl Procedure<'_> {
         let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
         Details {
             stages: (0..measured.models.len()).map(stage).collect(),
-            ledger: details::ledger(measured, &self.sealed.floor, &names),
-            left: leftover::of(self.sealed, measured, &names),
-            views: views::of(self.sealed, measured, &load, &search.first_noise, &names),
-            excerpts: exhibit::excerpts(self.sealed, measured, &names),
+            ledger: details::ledger(told, &self.sealed.floor, &names),
+            left: leftover::of(self.sealed, told, &names),
+            views: views::of(self.sealed, told, &load, &search.first_noise, &names),
+            excerpts: exhibit::excerpts(self.sealed, told, &names),
             parameters,
             nominal_error: search.scale,
         }
@@ -234,7 +238,7 @@ impl Procedure<'_> {
         Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }
     }
 
-    fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect()
     }
 
@@ -355,9 +359,10 @@ impl Procedure<'_> {
                 Effect::ExternalForce => true,
                 // A command need not be cut again, but where it is the rest must fit.
                 Effect::TorqueSaturation => measured_shrink > -MATERIAL,
-                // A shift in time or a tilt is on every joint: what it gains on some it must not lose on others.
-                _ if everywhere => measured_shrink > 0.0,
-                _ => predicted.max(measured_shrink) > 0.0,
+                // A tilt or a load is on every joint: what it gains on some it must not lose on others.
+                _ if value && everywhere => measured_shrink > 0.0,
+                _ if value => predicted.max(measured_shrink) > 0.0,
+                _ => predicted.min(measured_shrink) > LEAST,
             };
             let material = if step.adopted.is_empty() { sure } else { takes };
             // What is said of joints whose torque cannot be believed is not worth saying.
@@ -366,7 +371,7 @@ impl Procedure<'_> {
                 Kind::Value => cause.joints.is_empty() || !cause.joints.iter().all(unbelieved),
             };
             let cut = step.effect == Effect::TorqueSaturation;
-            let helped = value || !predictable || cut || step.adopted.is_empty() || sealed.is_helped(on);
+            let helped = value || !predictable || cut || step.adopted.is_empty() || sealed.needs(k, on);
             let stands = transfers && enough && material && helped && believed && !step.doubtful;
             upheld.push(stands);
             if stands {
@@ -462,7 +467,7 @@ impl Procedure<'_> {
     }
 
     /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.
-    fn place(&self, measured: &Stages, names: &[String]) -> Vec<Cell> {
+    pub(crate) fn place(&self, measured: &Stages, names: &[String]) -> Vec<Cell> {
         let mut cells = Vec::new();
         let mut total = 0.0;
         for (j, name) in names.iter().enumerate() {
@@ -550,7 +555,7 @@ fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
 }
 
-fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
+pub(crate) fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
     let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
     if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
 }

@@ -95,8 +95,8 @@ pub struct JointGap {
     /// Motion that the runs hold twice, where there is enough of it.
     pub repeats: Option<Scatter>,
     /// Where the direction of friction is known, as given and with all causes, over the noise of the torque signal: what a joint
-    /// that stands holds by friction no model tells.
-    pub in_motion: [f64; 2],
+    /// that stands holds by friction no model tells, so it has none.
+    pub in_motion: Option<[f64; 2]>,
 }
 
 impl JointGap {
@@ -107,7 +107,7 @@ impl JointGap {
 
     /// Whether there is more than noise in motion, as given or with all causes.
     pub(crate) fn is_open(&self) -> bool {
-        self.in_motion.iter().any(|times| *times > IN_MOTION)
+        self.in_motion.iter().flatten().any(|times| *times > IN_MOTION)
     }
 }
 
@@ -180,7 +180,7 @@ impl BetweenRuns {
 
     /// `looked_at_fit`: whether nothing is left on the runs looked at.
     pub(crate) fn of(refuted: bool, looked_at_fit: bool, sealed: &[JointGap]) -> Option<BetweenRuns> {
-        let open = |at: usize| sealed.iter().any(|gap| gap.in_motion[at] > IN_MOTION);
+        let open = |at: usize| sealed.iter().any(|gap| gap.in_motion.is_some_and(|times| times[at] > IN_MOTION));
         match (refuted, open(0), open(1)) {
             (true, false, _) => Some(BetweenRuns::SealedAsGiven),
             (_, true, true) if looked_at_fit => Some(BetweenRuns::SealedDiffers),
@@ -312,7 +312,7 @@ mod tests {
             after: 0.0,
             noise_floor: 0.01,
             repeats: None,
-            in_motion,
+            in_motion: Some(in_motion),
         };
         let of = |refuted, fit, times| BetweenRuns::of(refuted, fit, &[joint([1.0, 1.0]), joint(times)]);
         assert_eq!(of(false, true, [20.0, 18.0]), Some(BetweenRuns::SealedDiffers));

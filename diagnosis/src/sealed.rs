@@ -2,6 +2,7 @@
 //! it, and that may be most of a gap of which no model knows better: rows are weighed by how sure the direction is.
 
 use crate::design::Prepared;
+use crate::log_check::is_moved;
 use crate::stages::Stages;
 
 /// A cause that is missed by less than this share of its own torque does not transfer.
@@ -15,12 +16,12 @@ const PLAIN: f64 = 0.8;
 const PLAIN_OVER_NOISE: f64 = 2.0;
 /// What acts on the whole arm and leaves a joint so much more of its torque, as a share, is something else.
 const SPOILT: f64 = 0.1;
-/// With all causes at most this much of the squares in motion is left on a joint of an effect. True ones leave 0.89 and less in
-/// 260 cases; a delay found on sound arms whose friction sticks left all of it.
+/// With an effect at most this much of the squares in motion that the others leave is left on a joint of it. A delay found on sound
+/// arms whose friction sticks left all of it.
 const HELPED: f64 = 0.9;
-/// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.6;
+/// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
 /// arms with a named effect from 2.2 on.
-const SOUND: f64 = 1.8;
+const SOUND: f64 = 2.0;
 /// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
 pub(crate) const IN_MOTION: f64 = 4.0;
 
@@ -63,24 +64,32 @@ impl Sealed<'_> {
         |row| tau[row] - model[row]
     }
 
-    /// Gap of joint `j` with the model as given and with all causes, over the noise of its torque signal.
-    pub(crate) fn in_motion(&self, j: usize) -> [f64; 2] {
+    /// Gap of joint `j` with the model as given and with all causes, over the noise of its torque signal; none where it stands.
+    pub(crate) fn in_motion(&self, j: usize) -> Option<[f64; 2]> {
         let floor = self.run.floor[j].max(f64::MIN_POSITIVE);
-        [0, self.whole()].map(|stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor)
+        let over = |stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor;
+        self.moves(j).then(|| [0, self.whole()].map(over))
+    }
+
+    /// Whether joint `j` moves for a while.
+    fn moves(&self, j: usize) -> bool {
+        is_moved(&self.run.motion, &self.run.chain, j)
+    }
+
+    /// Joints whose torque says something of motion.
+    fn heard(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none() && self.moves(*j))
     }
 
     /// Whether most joints keep more than noise in motion with all causes.
     pub(crate) fn is_mostly_open(&self) -> bool {
-        let heard = (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none());
-        let count = heard.clone().count();
-        let open = heard.filter(|j| self.in_motion(*j)[1] > IN_MOTION).count();
-        2 * open > count
+        let times: Vec<[f64; 2]> = self.heard().filter_map(|j| self.in_motion(j)).collect();
+        2 * times.iter().filter(|times| times[1] > IN_MOTION).count() > times.len()
     }
 
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.
     pub(crate) fn left_in_motion(&self) -> f64 {
-        let heard = (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none());
-        let [before, after] = heard.fold([0.0; 2], |sum, j| {
+        let [before, after] = self.heard().fold([0.0; 2], |sum, j| {
             let torque = self.mean_square(j, |row| self.stages.tau[j][row]).max(f64::MIN_POSITIVE);
             let floor = self.run.floor[j].powi(2);
             let share = |stage| (self.mean_square(j, self.left(stage, j)) - floor).max(0.0) / torque;
@@ -122,14 +131,16 @@ impl Sealed<'_> {
         missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
     }
 
-    /// Whether the model as given misses more than noise in motion, and with all causes less of it is left on one of these joints.
-    pub(crate) fn is_helped(&self, mut joints: impl Iterator<Item = usize>) -> bool {
+    /// Whether the model as given misses more than noise in motion, and step `k` takes some of what the others leave on one of these
+    /// joints.
+    pub(crate) fn needs(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
         let helped = |j: usize| {
-            let [before, after] = self.in_motion(j);
-            after * after <= HELPED * before * before
+            let with =
+                self.mean_square(j, self.left(self.whole(), j)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE);
+            with * with <= HELPED * self.without(k, j).powi(2)
         };
-        let heard = |j: &usize| self.run.silent[*j].is_none();
-        (0..self.noise.len()).filter(heard).any(|j| self.in_motion(j)[0] > SOUND) && joints.any(helped)
+        let open = |j: usize| self.in_motion(j).is_some_and(|times| times[0] > SOUND);
+        self.heard().any(open) && joints.any(|j| self.moves(j) && helped(j))
     }
 
     /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.

@@ -1,6 +1,8 @@
 //! Sizes of the causes that stand, where no other may carry a part of them: the design has lost the effects that were withdrawn,
 //! and values that were are held as the file has them. What comes out as no arm has it loses its name and is held as well.
 
+use nalgebra::DVector;
+
 use crate::effect::Effect;
 use crate::evidence::Solved;
 use crate::form::Form;
@@ -21,6 +23,8 @@ pub(crate) struct Sized {
     pub(crate) named: Vec<usize>,
     /// Effects.
     pub(crate) effects: Vec<Adopted>,
+    /// Coefficients of the design's columns; those of effects that do not stand mean nothing.
+    pub(crate) x: DVector<f64>,
 }
 
 /// A value of a cause that no arm has.
@@ -69,7 +73,8 @@ impl Procedure<'_> {
             report.verdict = Verdict::Unexplained;
         }
         let named = standing.iter().flat_map(|step| step.columns.iter().copied()).collect();
-        Some(Sized { held, frozen, named, effects: standing.into_iter().flat_map(|step| step.adopted).collect() })
+        let effects = standing.into_iter().flat_map(|step| step.adopted).collect();
+        Some(Sized { held, frozen, named, effects, x: solved.x })
     }
 
     /// Takes effects from `standing` whose size no arm has, and their columns from the design.

@@ -84,7 +84,10 @@ impl JointGap {
             before: number(gap.before),
             after: number(gap.after),
             noise_floor: number(gap.noise_floor),
-            in_motion: if gap.noise_floor.is_finite() { gap.in_motion.map(number).to_vec() } else { Vec::new() },
+            in_motion: match gap.in_motion {
+                Some(times) if gap.noise_floor.is_finite() => times.map(number).to_vec(),
+                _ => Vec::new(),
+            },
             torque_nm: None,
             before_nm: None,
             after_nm: None,

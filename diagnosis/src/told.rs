@@ -1,0 +1,54 @@
+//! What is left with no more than what is named: an effect that was withdrawn carries nothing of what a report tells.
+
+use crate::design::unknown;
+use crate::effect::Kind;
+use crate::gap::Gap;
+use crate::procedure::{Procedure, share_left};
+use crate::report::{Diagnosis, Verdict};
+use crate::sealed::Sealed;
+use crate::sizes::Sized;
+use crate::stages::{RunColumns, Stages};
+
+/// Where no more than this share of the gap is left beside wrong values, they are the answer whatever else was tried.
+const NEARLY_ALL: f64 = 0.05;
+
+impl Procedure<'_> {
+    /// The sealed run under the model as given and with what is named; `noise`: as [`Sealed::noise`]. `means`: those that the design
+    /// takes out of coefficients.
+    pub(crate) fn told(
+        &self,
+        report: &mut Diagnosis,
+        hidden: &RunColumns<'_>,
+        sized: &Sized,
+        means: &[f64],
+        noise: &[f64],
+    ) -> Option<Stages> {
+        if !report.withdrawn.iter().any(|cause| cause.effect.kind() == Kind::Structure) {
+            return None;
+        }
+        let own = self.nominal.x.len();
+        // How softly friction turns over is in no model that is handed on.
+        let first = own + unknown(self.nominal, 1.0).len();
+        let stands = |c: &usize| {
+            let of = |place: usize, len: usize| (place..place + len).contains(c);
+            *c <= own || *c >= first && sized.effects.iter().any(|a| of(a.place, a.mean.len()))
+        };
+        let columns: Vec<usize> = (0..means.len()).filter(stands).collect();
+        let stages = hidden.stages(&self.nominal.x, &vec![columns], &sized.x, means);
+        let sealed = Sealed { run: self.sealed, stages: &stages, noise };
+        let [before, after] = [0, 1].map(|stage| Gap::new(&stages.tau, &stages.models[stage]));
+        report.after = after.all;
+        for (j, gap) in report.per_joint.iter_mut().enumerate() {
+            gap.after = after.per_joint[j];
+            gap.in_motion = sealed.in_motion(j);
+        }
+        report.place = self.place(&stages, &self.names());
+        report.unexplained_share = share_left(&before, &after, report.noise_floor);
+        let values = !report.causes.is_empty() && report.causes.iter().all(|c| c.effect.kind() == Kind::Value);
+        if report.verdict == Verdict::Unexplained && values && report.unexplained_share <= NEARLY_ALL {
+            report.verdict = Verdict::Parameter;
+            report.between_runs = None;
+        }
+        Some(stages)
+    }
+}
