@@ -206,17 +206,18 @@ impl Surface {
 
     /// Doubt about its torque, sample by sample \[N·m\].
     fn doubt(&self, motion: &Motion, period_s: f64, v0: f64) -> Vec<f64> {
-        // Friction alone stops it from this speed within a second.
+        // Friction alone slows it down by so much in a second.
         let slows = self.level / self.inertia.max(1e-9);
-        // What it stops from within a sample the log does not show.
+        // What it stops from within a sample the log does not show, but for what the model's own turn shows of it.
         let stopped = (slows * period_s - v0).max(0.0);
         let at = |k: usize| {
-            let half = self.blur.max(SPEED_DOUBT) + stopped + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
+            let unsure = self.blur.max(SPEED_DOUBT) + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
             let v = self.sum(&motion.qd, k);
-            if v.abs() <= half + slows * SMEARED_S {
+            if v.abs() <= unsure + slows * SMEARED_S {
                 // It may stand, and carry any torque up to its friction.
                 return self.level;
             }
+            let half = unsure + stopped;
             0.5 * self.level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
         };
         (0..motion.len()).map(at).collect()

@@ -132,12 +132,13 @@ impl Sealed<'_> {
     }
 
     /// Whether the model as given misses more than noise in motion, and step `k` takes some of what the others leave on one of these
-    /// joints.
+    /// joints, or as much as would be a gap.
     pub(crate) fn needs(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
         let helped = |j: usize| {
             let with =
-                self.mean_square(j, self.left(self.whole(), j)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE);
-            with * with <= HELPED * self.without(k, j).powi(2)
+                self.mean_square(j, self.left(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
+            let without = self.without(k, j).powi(2);
+            with <= HELPED * without || without - with > IN_MOTION * IN_MOTION
         };
         let open = |j: usize| self.in_motion(j).is_some_and(|times| times[0] > SOUND);
         self.heard().any(open) && joints.any(|j| self.moves(j) && helped(j))
