@@ -61,6 +61,9 @@ pub(crate) struct Nominal {
     pub(crate) x: Vec<f64>,
     /// Standard deviation of each entry's error.
     pub(crate) std: Vec<f64>,
+    /// Standard vector by which it is told what a log cannot show: as `x`, but for drives' values that the file does not know, which are
+    /// as a first fit has them ([`first_fit`](crate::first_fit)).
+    pub(crate) near: Vec<f64>,
 }
 
 impl Nominal {
@@ -73,12 +76,12 @@ impl Nominal {
         let value = |p: &Parameter| model.parameters.iter().position(|q| q == p).map_or(0.0, |i| nominal[i]);
         let x: Vec<f64> = with_offset.parameters.iter().map(value).collect();
         let std = with_offset.parameters.iter().map(|p| usual_error(*p, &with_offset, &x, typical)).collect();
-        Nominal { model: with_offset, x, std }
+        Nominal { model: with_offset, near: x.clone(), x, std }
     }
 
     /// A model whose values are not in doubt.
     pub(crate) fn exact(model: &Model, x: &[f64]) -> Nominal {
-        Nominal { model: model.clone(), x: x.to_vec(), std: vec![0.0; x.len()] }
+        Nominal { model: model.clone(), x: x.to_vec(), std: vec![0.0; x.len()], near: x.to_vec() }
     }
 }
 

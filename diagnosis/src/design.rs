@@ -147,7 +147,7 @@ impl Prepared {
                 let rows = self.chain.apply(&full);
                 (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
             };
-            columns.extend((0..n).map(|j| joints(&[j], nominal.x[12 * n + j].abs())));
+            columns.extend((0..n).map(|j| joints(&[j], nominal.near[12 * n + j].abs())));
             columns.extend(coupled_motor(nominal).map(|(on, level)| joints(&on, level)));
         }
         columns
@@ -188,7 +188,7 @@ impl Surface {
     fn all(nominal: &Nominal, motion: &Motion, blur: &[f64], inertias: &[f64]) -> Vec<Surface> {
         let n = motion.joints();
         let joint = |j: usize| {
-            let level = nominal.x[12 * n + j].abs();
+            let level = nominal.near[12 * n + j].abs();
             Surface { joints: vec![j], level, inertia: inertias[j], blur: blur[j] }
         };
         let mut all: Vec<Surface> = (0..n).map(joint).collect();
@@ -228,7 +228,7 @@ impl Surface {
 fn coupled_motor(nominal: &Nominal) -> Option<([usize; 2], f64)> {
     let coupling = nominal.model.structure.coupling?;
     let at = nominal.model.parameters.iter().position(|p| *p == Parameter::CouplingCoulomb)?;
-    Some(([coupling.driving, coupling.driven], nominal.x[at].abs()))
+    Some(([coupling.driving, coupling.driven], nominal.near[at].abs()))
 }
 
 /// Pairs of speeds \[rad/s\] between which friction may turn over, for a model in which it does at `v0`.
@@ -292,7 +292,7 @@ fn inertia(nominal: &Nominal, motion: &Motion, joint: usize) -> f64 {
             m[joint * n + joint]
         })
         .sum();
-    nominal.x[10 * n + joint] + sum / picked.len().max(1) as f64
+    nominal.near[10 * n + joint] + sum / picked.len().max(1) as f64
 }
 
 /// A stretch of rows of one run.

@@ -5,6 +5,7 @@ use rivet_dynamics::Model;
 use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::design::Prepared;
+use crate::first_fit;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
@@ -123,7 +124,7 @@ fn run_all(
         return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, why) }, None));
     }
     say("motion, regressors");
-    let nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
+    let mut nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
     let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let mut sealed = Prepared::new(sealed, &nominal);
     for run in look.iter_mut().chain([&mut sealed]) {
@@ -146,6 +147,9 @@ fn run_all(
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));
     }
+    let looked_at = look.len();
+    let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();
+    first_fit::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
     let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
     // The seal is open: motion that it has in common with the others counts as well.

@@ -33,6 +33,7 @@ mod effect;
 mod entry;
 mod evidence;
 mod exhibit;
+mod first_fit;
 mod flips;
 mod form;
 mod formats;

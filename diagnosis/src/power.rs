@@ -12,6 +12,7 @@ use crate::bursts;
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::entry::{DiagnosisError, check};
+use crate::first_fit;
 use crate::orders;
 use crate::physics::Physics;
 use crate::residue::Residue;
@@ -57,9 +58,12 @@ pub fn probe<T>(
     if runs.is_empty() {
         return Err(DiagnosisError::NoRun);
     }
-    let nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let mut nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
     let mut runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     alignment::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
+    let looked_at = runs.len();
+    let known = first_fit::know(&mut nominal, looked_at, &mut runs.iter_mut().collect::<Vec<_>>());
+    known.ok_or(DiagnosisError::Singular)?;
     let mut probe = Probe::new(&runs, &nominal, say).ok_or(DiagnosisError::Singular)?;
     Ok(ask(&mut probe))
 }

@@ -39,6 +39,8 @@ use crate::written::Kept;
 
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
+/// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
+const MOST: f64 = 0.75;
 /// Confidence in a form that was adopted, at least.
 const LEAST_FORM: f64 = 0.9;
 /// In a value that was only refitted: in 23 drawn cases 11 were the effect itself, the others a part of another one (inertia
@@ -125,8 +127,9 @@ impl Procedure<'_> {
         let contact = search.design.local_torque(&solved.stretches);
         let x = solved.x.clone();
         let residue = Residue::of(&search);
-        let (doubtful, sound): (Vec<Group>, Vec<Group>) =
-            groups.iter().cloned().partition(|g| residue.is_nameless(g.joint));
+        let missing = |g: &Group| g.columns.iter().all(|c| self.nominal.x[*c] == 0.0);
+        let imitates = |g: &Group| residue.is_nameless(g.joint) && !(missing(g) && self.takes_most(&search, g.joint));
+        let (doubtful, sound): (Vec<Group>, Vec<Group>) = groups.iter().cloned().partition(imitates);
         let steps = Self::steps(&search, &adopted, sound, doubtful);
         let means: Vec<f64> = std::iter::repeat_n(0.0, self.nominal.x.len() + unknown(self.nominal, 1.0).len())
             .chain(adopted.iter().flat_map(|a| a.mean.iter().copied()))
@@ -178,6 +181,20 @@ impl Procedure<'_> {
         };
         let patch = patch::make(&mut search, &wrong, &found);
         Some((report, patch))
+    }
+
+    /// Whether values refitted take most of the squared gap of joint `j` on the runs looked at.
+    fn takes_most(&self, search: &Search<'_>, j: usize) -> bool {
+        let none = Vec::new();
+        let gap = |run: &Prepared| {
+            let as_given =
+                RunColumns { run, extra: Vec::new() }.stages(&self.nominal.x, &none, &DVector::zeros(0), &[]);
+            let of = |k: usize| as_given.tau[j][k] - as_given.models[0][j][k];
+            (0..run.rows()).fold((0.0, 0.0), |(square, rows), k| (square + of(k).powi(2), rows + 1.0))
+        };
+        let (square, rows) =
+            self.look.iter().map(gap).fold((0.0, 0.0), |(s, n), (square, rows)| (s + square, n + rows));
+        search.first_noise[j].powi(2) * f64::max(rows, 1.0) < (1.0 - MOST) * square
     }
 
     /// What stands behind the figures; `measured`: the sealed run step by step, and with what is told.

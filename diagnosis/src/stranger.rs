@@ -49,7 +49,7 @@ mod tests {
         let mut given = model.arm.links.concat();
         given.extend(vec![2.0; model.len() - given.len()]);
         let std = given.iter().map(|v| 0.1 * v.abs().max(1e-3)).collect();
-        let nominal = Nominal { x: given, std, model };
+        let nominal = Nominal { near: given.clone(), x: given, std, model };
         let heard: Vec<usize> = (0..n).collect();
         let with = |changes: &[(usize, f64)]| {
             let mut x = DVector::zeros(nominal.x.len());

@@ -455,7 +455,7 @@ fn a_value_that_no_arm_has_is_no_cause() {
     for (file, log, hint) in [
         (robot("ur10"), "ur10_salerno/exciting_0.0-18.4s.parquet", "rotor_inertia"),
         (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real.parquet", "viscous_friction"),
-        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real_loaded.parquet", "viscous_friction"),
+        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real_loaded.parquet", "payload"),
     ] {
         let found = diagnose(&file, &[real.join(log)]);
         for cause in found["causes"].as_array().expect("causes") {

@@ -47,3 +47,33 @@ fn nothing_is_named_on_an_arm_that_is_as_its_file_says_but_sticks() {
     assert_eq!(end.status.code(), Some(0), "{said}");
     assert_eq!(json(&found)["verdict"], "no_gap", "{said}");
 }
+
+/// A file that knows of no friction, as from a URDF alone: with no friction to doubt, a delay was named beside it.
+#[test]
+fn an_arm_that_sticks_lacks_friction_and_nothing_else_where_its_file_has_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = recorded("unknown-friction", folder.path(), &["--duration", "26", "--seed", "11"]);
+    let given = robot("manutec-r3");
+    for file in std::fs::read_dir(given.parent().expect("its folder")).expect("readable") {
+        let file = file.expect("an entry").path();
+        std::fs::copy(&file, folder.path().join(file.file_name().expect("a name"))).expect("copied");
+    }
+    let none = |line: &str| {
+        let key = line.split('=').next().unwrap_or("").trim();
+        if ["coulomb", "viscous"].contains(&key) { format!("{key} = [0, 0, 0, 0, 0, 0]") } else { line.to_owned() }
+    };
+    let text = std::fs::read_to_string(&given).expect("a robot file");
+    let file = folder.path().join("robot.toml");
+    std::fs::write(&file, text.lines().map(none).collect::<Vec<_>>().join("\n")).expect("written");
+    let found = folder.path().join("found.json");
+    let end = rivet().arg("diagnose").arg(&file).arg(&log).arg("--json").arg(&found).output().expect("it starts");
+    let said = String::from_utf8_lossy(&end.stdout);
+    let found = json(&found);
+    assert_eq!(found["verdict"], "parameter", "{said}");
+    for cause in found["causes"].as_array().expect("causes") {
+        assert!(
+            ["coulomb_friction", "viscous_friction"].contains(&cause["effect"].as_str().expect("a name")),
+            "{cause}"
+        );
+    }
+}
