@@ -263,6 +263,33 @@ pub(crate) fn distrust_json(found: &[Distrust]) -> Value {
     found.iter().map(of).collect()
 }
 
+/// Rows that count less than others are worth a word where they take so much away from all that a joint's rows count.
+const LESS: f64 = 0.01;
+
+/// Whether rows beside a stop count noticeably less than others, joint by joint.
+fn doubted(fit: &Fit, j: usize) -> bool {
+    fit.beside[j] * (1.0 - fit.trust[j]) > LESS
+}
+
+/// What rows beside a stop count, for people; empty where they count like any other.
+pub(crate) fn beside_text(names: &[String], fit: &Fit) -> String {
+    let of = |(j, name): (usize, &String)| {
+        let (share, trust) = (100.0 * fit.beside[j], number(fit.trust[j], 2));
+        doubted(fit, j).then(|| format!("{name} {share:.0} % of its rows, {trust} of another's weight each"))
+    };
+    let each: Vec<String> = names.iter().enumerate().filter_map(of).collect();
+    if each.is_empty() {
+        return String::new();
+    }
+    let why = "the model misses them by more than others, as it does where friction sticks: they count by what the fit leaves of them";
+    paragraph("rows beside a stop: ", &format!("{} ({why})", each.join("; ")))
+}
+
+/// The same of one joint; null where they count like any other.
+pub(crate) fn beside_json(fit: &Fit, j: usize) -> Value {
+    if doubted(fit, j) { json!({"share": fit.beside[j], "weight": fit.trust[j]}) } else { Value::Null }
+}
+
 /// Delays of two joints are not one where they are further apart than this \[s\], and than so many of their deviations.
 const APART_S: f64 = 2e-3;
 const APART_STD: f64 = 5.0;

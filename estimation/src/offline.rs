@@ -10,6 +10,7 @@
 //! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
 //! ```
 //!
+//! w: one over the variance of what an independent row of the joint leaves; rows beside a stop count less where friction sticks.
 //! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
@@ -24,6 +25,7 @@ mod sense;
 mod setpoint;
 mod shifts;
 mod sums;
+mod trust;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
