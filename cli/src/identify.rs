@@ -11,14 +11,17 @@ use anyhow::{Context, Result};
 use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, Rows, bias, fit, solve, torque_delay,
-    unfollowed,
+    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Rows, bias, fit, solve,
+    torque_delay, unfollowed,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
 
+use crate::channels;
+use crate::coarse::coarse;
 use crate::compare::{self, Alone};
-use crate::evidence::{self, Distrust};
+use crate::delays;
+use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
 use crate::glitches::screen;
@@ -207,9 +210,12 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
     let name = |k: usize| runs::short_name(&logs[k]);
     let first = |content: &u64| contents.iter().position(|c| c == content);
     let again = contents.iter().enumerate().filter_map(|(k, content)| Some((k, first(content).filter(|f| *f < k)?)));
-    let mut found: Vec<Distrust> = again.map(|(k, before)| evidence::repeated(name(k), &name(before), false)).collect();
+    let mut found: Vec<Distrust> =
+        again.map(|(k, before)| evidence::repeated(name(k), &name(before), Purpose::Learning)).collect();
     let learnt = held_out.iter().filter_map(|held| Some((held, first(&held.content)?)));
-    found.extend(learnt.map(|(held, k)| evidence::repeated(runs::short_name(Path::new(&held.file)), &name(k), true)));
+    found.extend(
+        learnt.map(|(held, k)| evidence::repeated(runs::short_name(Path::new(&held.file)), &name(k), Purpose::Judging)),
+    );
     found
 }
 
@@ -239,6 +245,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
+    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays));
     Ok(Findings {
         runs,
         rows,
@@ -266,9 +273,12 @@ fn unfollowed_of(runs: &[Run]) -> BTreeMap<&Path, BTreeSet<usize>> {
 /// Fits every log on its own.
 fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
-    let mut alone = Vec::new();
+    let (mut alone, mut known) = (Vec::new(), Vec::<(u64, String)>::new());
     for path in &args.logs {
-        let Taken { rows, distrusts, .. } = read_rows(robot, std::slice::from_ref(path))?;
+        let Taken { rows, mut distrusts, contents, .. } = read_rows(robot, std::slice::from_ref(path))?;
+        let before = known.iter().find(|(content, _)| contents.contains(content));
+        distrusts.extend(before.map(|(_, name)| evidence::repeated(runs::short_name(path), name, Purpose::Comparing)));
+        known.extend(contents.into_iter().map(|content| (content, runs::short_name(path))));
         let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
             .with_context(|| path.display().to_string())?;
         alone.push(Alone { name: runs::short_name(path), fit, rows, distrusts });
@@ -284,8 +294,18 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
 
 /// The stretches of a log and their rows.
 pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<Taken> {
+    rows_with(robot, log, &runs::settings(robot, log.q_des.is_some()))
+}
+
+/// The same with the rows at standstill.
+pub(crate) fn rows_everywhere(robot: &Robot, log: &Log) -> Result<Taken> {
+    let mut settings = runs::settings(robot, log.q_des.is_some());
+    settings.dead_zone.fill(0.0);
+    rows_with(robot, log, &settings)
+}
+
+fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Taken> {
     log.torque()?;
-    let settings = runs::settings(robot, log.q_des.is_some());
     if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
         return Err(Fault::Data(format!(
             "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
@@ -303,13 +323,20 @@ pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<Taken> {
         ))
         .into());
     }
-    let sound = screen(robot, log)?;
+    channels::varies(robot, log)?;
+    let mut sound = screen(robot, log)?;
+    sound.found.extend(channels::clipped(robot, log)?);
+    let coarse = coarse(robot, &sound.log);
+    sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
     let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
     let why = || {
         sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
     };
     for piece in runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)? {
-        let record = runs::record(&piece)?;
+        let mut record = runs::record(&piece)?;
+        if let Some(coarse) = &coarse {
+            coarse.smooth(robot, &mut record);
+        }
         let mut settings = settings.clone();
         let unfollowed = match (&record.desired, settings.instrument) {
             (Some(desired), InstrumentSource::Desired) => unfollowed(&record.measured, desired, record.period_s),

@@ -52,11 +52,17 @@ fn nothing_is_named_on_an_arm_that_is_as_its_file_says_but_sticks() {
 /// True values within two standard deviations of those that `rivet identify` gives for a simulated arm, how many values there are,
 /// and what was said of rows beside a stop, joint by joint.
 fn coverage(arm: &str, how: &str) -> (usize, usize, Vec<Value>) {
+    let (held, all, found) = identified(arm, &robot(arm), how);
+    (held, all, found["joints"].as_array().expect("a list").iter().map(|joint| joint["beside_stop"].clone()).collect())
+}
+
+/// The same of a robot file, and all that was found.
+fn identified(arm: &str, file: &Path, how: &str) -> (usize, usize, Value) {
     let folder = tempfile::tempdir().expect("a folder");
     let how: Vec<&str> = how.split(' ').collect();
-    let [log, truth] = recorded(arm, &robot(arm), folder.path(), &how);
+    let [log, truth] = recorded(arm, file, folder.path(), &how);
     let found = folder.path().join("found.json");
-    let said = succeed(rivet().arg("identify").arg(robot(arm)).arg(&log).arg("--json").arg(&found));
+    let said = succeed(rivet().arg("identify").arg(file).arg(&log).arg("--json").arg(&found));
     let (found, truth) = (json(&found), json(&truth));
     let list = |value: &Value| value.as_array().expect("a list").clone();
     let of = |v: &Value| v.as_f64().expect("a number");
@@ -68,10 +74,10 @@ fn coverage(arm: &str, how: &str) -> (usize, usize, Vec<Value>) {
     let parameters = list(&found["parameters"]);
     let held = parameters.iter().filter(within).count();
     println!("{arm}: {held} of {} within two deviations", parameters.len());
-    let beside: Vec<Value> = list(&found["joints"]).iter().map(|joint| joint["beside_stop"].clone()).collect();
     let told = String::from_utf8_lossy(&said.stdout).contains("rows beside a stop: ");
-    assert_eq!(told, beside.iter().any(|b| !b.is_null()), "the text says what the file says");
-    (held, parameters.len(), beside)
+    let beside = list(&found["joints"]).iter().any(|joint| !joint["beside_stop"].is_null());
+    assert_eq!(told, beside, "the text says what the file says");
+    (held, parameters.len(), found)
 }
 
 /// With rows beside a stop counting like any other 46, 49 and 86 % of the true values lay within two standard deviations.
@@ -100,4 +106,29 @@ fn rows_beside_a_stop_count_where_nothing_sticks() {
     let less = |joint: &&Value| joint["weight"].as_f64().is_some_and(|weight| weight < 0.2);
     assert!(beside.iter().filter(less).count() == 0, "{beside:?}");
     assert!(beside.iter().filter(|joint| joint.is_null()).count() >= 3, "{beside:?}");
+}
+
+/// With differences of the steps as they are, 69, 62 and 67 % of the true values lay within two standard deviations.
+#[test]
+fn off_line_deviations_hold_with_coarse_encoders() {
+    let (mut held, mut all) = (0, 0);
+    for (arm, step) in [("manutec-r3", "1e-4"), ("manutec-r3", "3e-4"), ("ur10e", "3e-4")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = std::fs::read_to_string(robot(arm)).expect("a robot file");
+        let line = text.lines().find(|line| line.starts_with("encoder_resolution")).expect("it has encoders");
+        let file = folder.path().join("robot.toml");
+        std::fs::write(&file, text.replace(line, &format!("encoder_resolution = [{}]", [step; 6].join(", "))))
+            .expect("written");
+        std::fs::copy(robot(arm).with_file_name("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+        let how = "--duration 40 --bodies 1.1 --friction 1.2 --bodies-spread 0.05 --friction-spread 0.1 --seed 5";
+        let (within, of, found) = identified(arm, &file, how);
+        assert!(100 * within >= 80 * of, "{arm}, {step}: {within} of {of}");
+        (held, all) = (held + within, all + of);
+        let warnings = found["warnings"].as_array().expect("a list");
+        let steps: Vec<_> = warnings.iter().filter(|w| w["fault"] == "coarse_positions").collect();
+        assert_eq!(steps.len(), 6, "every joint: {warnings:?}");
+        let said = format!("steps of {:.1}e-4 rad", 1e4 * step.parse::<f64>().expect("a number"));
+        assert!(steps.iter().all(|w| w["text"].as_str().is_some_and(|text| text.contains(&said))), "{steps:?}");
+    }
+    assert!(100 * held >= 85 * all, "{held} of {all}");
 }

@@ -8,6 +8,7 @@ use rivet_estimation::offline::{Determined, InstrumentSource, Rows};
 use serde_json::{Value, json};
 
 use super::{Findings, Run};
+use crate::delays;
 use crate::evidence::{self, Compared};
 use crate::runs;
 use crate::table::{Table, number, paragraph};
@@ -105,7 +106,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     );
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
     out += &evidence::bias_text(&result.bias, &Compared::OFFLINE);
-    out += &evidence::delay_text(&result.delays);
+    out += &delays::text(&runs::joint_names(robot), &result.delays);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &evidence::consistency_text(&result.consistent);
     out.push('\n');
@@ -166,6 +167,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             "mean_rate_hz": report.mean_rate_hz,
             "jitter_s": report.jitter_s,
             "gaps": report.gaps.len(),
+            "missing_rows": report.missing,
             "period_s": report.period_s,
             "resampling": report.to_string(),
             "motion_s": [run.piece.grid.t[range.start], run.piece.grid.t[range.end - 1]],
@@ -178,7 +180,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             },
         })
     };
-    let delays = evidence::delay_json(&result.delays);
+    let late = delays::json(&result.delays);
     let per_joint = |j: usize| {
         json!({
             "joint": model.arm.joints[j].name,
@@ -187,7 +189,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
-            "torque_delay_s": delays[j],
+            "torque_delay_s": late[j],
             "noise": chosen.noise[j],
             "rows_per_free_row": chosen.correlation[j],
             "beside_stop": evidence::beside_json(chosen, j),
