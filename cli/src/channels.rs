@@ -41,7 +41,7 @@ pub(crate) fn varies(robot: &Robot, log: &Log) -> Result<()> {
             return Err(Fault::Data(format!(
                 "{file}: column {column} is {} in every row although {joint} moves by {} rad: the channel says nothing; log its torque, or give \
                  logs in which it does",
-                number(tau[0], 6),
+                tau[0],
                 number(moves, 3)
             ))
             .into());
