@@ -6,7 +6,7 @@ use rivet_config::{Differentiator, Filtering, Instruments, Robot};
 use rivet_diagnosis::LogFault;
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
-use rivet_estimation::offline::{Bias, Delay, Fit, Rows, giving_friction, torque_sense};
+use rivet_estimation::offline::{Bias, Fit, Rows, giving_friction, torque_sense};
 use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
@@ -173,15 +173,27 @@ pub(crate) struct Distrust {
     pub(crate) text: String,
 }
 
+/// What a log that is there twice was given for.
+#[derive(Clone, Copy)]
+pub(crate) enum Purpose {
+    Learning,
+    Judging,
+    Comparing,
+}
+
 /// A log whose samples are those of another one as well: given twice, or judged by what was learnt from.
-pub(crate) fn repeated(log: String, of: &str, held_out: bool) -> Distrust {
-    let (name, text) = if held_out {
-        ("hold_out_was_learnt_from", "held out, but learnt from: its errors are not those on another motion")
-    } else {
-        (
+pub(crate) fn repeated(log: String, of: &str, given: Purpose) -> Distrust {
+    let (name, text) = match given {
+        Purpose::Judging => {
+            ("hold_out_was_learnt_from", "held out, but learnt from: its errors are not those on another motion")
+        }
+        Purpose::Learning => (
             "log_given_twice",
             "counts twice: values lean on it, and deviations are smaller than they should be, by up to the root of 2",
-        )
+        ),
+        Purpose::Comparing => {
+            ("log_given_twice", "a run agrees with itself whatever it says: this pair proves nothing")
+        }
     };
     Distrust { log: Some(log), joint: None, name, text: format!("the same samples as {of}; {text}") }
 }
@@ -243,17 +255,22 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
     joints.iter().map(of).collect()
 }
 
+/// Positions in steps that matter.
+pub(crate) const COARSE_NAME: &str = "coarse_positions";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
 
-/// For people; empty where all can be believed. Joints without a plan share a paragraph: often it is all of them.
+/// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
+/// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let alike = |a: &Distrust, b: &Distrust| a.name == UNFOLLOWED_NAME && (&a.log, a.name) == (&b.log, b.name);
+    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME].contains(&d.name);
+    let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {
         let of_what: Vec<&str> =
             group[0].log.iter().chain(group.iter().filter_map(|d| d.joint.as_ref())).map(String::as_str).collect();
-        paragraph("warning: ", &format!("{}: {}", of_what.join(", "), group[0].text))
+        let of_what = if of_what.is_empty() { String::new() } else { of_what.join(", ") + ": " };
+        paragraph("warning: ", &(of_what + &group[0].text))
     };
     found.chunk_by(alike).map(of).collect()
 }
@@ -263,44 +280,31 @@ pub(crate) fn distrust_json(found: &[Distrust]) -> Value {
     found.iter().map(of).collect()
 }
 
-/// Delays of two joints are not one where they are further apart than this \[s\], and than so many of their deviations.
-const APART_S: f64 = 2e-3;
-const APART_STD: f64 = 5.0;
-const BY_JOINT: &str =
-    "differs by joint: friction that the model lacks, or a channel of its own, not the clock of the log";
+/// Rows that count less than others are worth a word where they take so much away from all that a joint's rows count.
+const LESS: f64 = 0.01;
 
-/// Whether the delays that are told cannot be one and the same, which a clock's would be.
-fn by_joint(delays: &[Delay]) -> bool {
-    let told = || delays.iter().filter(|d| d.doubt.is_none());
-    let apart = |a: &Delay, b: &Delay| (a.seconds - b.seconds).abs() > APART_S.max(APART_STD * a.std.hypot(b.std));
-    told().any(|a| told().any(|b| apart(a, b)))
+/// Whether rows beside a stop count noticeably less than others, joint by joint.
+fn doubted(fit: &Fit, j: usize) -> bool {
+    fit.beside[j] * (1.0 - fit.trust[j]) > LESS
 }
 
-/// How late torque is behind position, for people.
-pub(crate) fn delay_text(delays: &[Delay]) -> String {
-    let of = |d: &Delay| match d.doubt {
-        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
-        Some(doubt) => format!("({doubt})"),
+/// What rows beside a stop count, for people; empty where they count like any other.
+pub(crate) fn beside_text(names: &[String], fit: &Fit) -> String {
+    let of = |(j, name): (usize, &String)| {
+        let (share, trust) = (100.0 * fit.beside[j], number(fit.trust[j], 2));
+        doubted(fit, j).then(|| format!("{name} {share:.0} % of its rows, {trust} of another's weight each"))
     };
-    let each: Vec<String> = delays.iter().map(of).collect();
-    let caveat = if by_joint(delays) { format!("; {BY_JOINT}") } else { String::new() };
-    // What the model lacks is no noise: the deviation does not hold it.
-    let text = format!(
-        "{} ms (one std of noise; friction at standstill that the model lacks shifts it as well){caveat}",
-        each.join("  ")
-    );
-    paragraph("torque behind position: ", &text)
+    let each: Vec<String> = names.iter().enumerate().filter_map(of).collect();
+    if each.is_empty() {
+        return String::new();
+    }
+    let why = "the model misses them by more than others, as it does where friction sticks: they count by what the fit leaves of them";
+    paragraph("rows beside a stop: ", &format!("{} ({why})", each.join("; ")))
 }
 
-/// The same joint by joint; a value is null where the data do not tell, and has a doubt where it cannot be the log's clock.
-pub(crate) fn delay_json(delays: &[Delay]) -> Vec<Value> {
-    let by_joint = by_joint(delays);
-    let of = |delay: &Delay| match delay.doubt {
-        None if by_joint => json!({"value": delay.seconds, "std": delay.std, "doubt": BY_JOINT}),
-        None => json!({"value": delay.seconds, "std": delay.std}),
-        Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
-    };
-    delays.iter().map(of).collect()
+/// The same of one joint; null where they count like any other.
+pub(crate) fn beside_json(fit: &Fit, j: usize) -> Value {
+    if doubted(fit, j) { json!({"share": fit.beside[j], "weight": fit.trust[j]}) } else { Value::Null }
 }
 
 /// What physical consistency costs, for people.
@@ -352,22 +356,6 @@ pub(crate) fn consistency_json(robot: &Robot, consistent: &Result<Projection, Co
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn delays(ms: &[(f64, f64)]) -> Vec<Delay> {
-        ms.iter().map(|(ms, std)| Delay { seconds: 1e-3 * ms, std: 1e-3 * std, doubt: None }).collect()
-    }
-
-    #[test]
-    fn a_delay_of_one_joint_is_no_clock() {
-        let friction = delays(&[(0.1, 0.2), (-7.5, 0.4), (0.3, 0.2)]);
-        assert!(delay_text(&friction).contains("differs by joint"));
-        assert!(delay_json(&friction).iter().all(|d| d["value"].is_number() && d["doubt"].is_string()));
-        for clock in [&[(6.1, 0.3), (5.8, 0.4), (6.6, 0.2)][..], &[(3.8, 3.4), (-10.0, 7.1), (17.9, 5.2)]] {
-            let text = delay_text(&delays(clock));
-            assert!(!text.contains("differs by joint") && text.contains("friction at standstill"), "{text}");
-            assert!(delay_json(&delays(clock)).iter().all(|d| d.get("doubt").is_none()));
-        }
-    }
 
     fn bias(spread: f64, p_value: f64, ratio: &[f64]) -> Bias {
         Bias { hausman: 0.6, degrees: 52, spread, p_value, ratio: ratio.to_vec() }

@@ -3,10 +3,13 @@
 mod bench_loop;
 mod blind;
 mod changes;
+mod channels;
 mod check;
 mod children;
+mod coarse;
 mod compare;
 mod control;
+mod delays;
 mod demo;
 mod diagnose;
 mod doctor;

@@ -65,6 +65,14 @@ pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
     } else {
         runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
     };
+    if pieces.iter().all(|piece| moving(robot, piece).is_none()) {
+        return Err(Fault::Data(format!(
+            "{}: no joint moves faster than its dead zone: what is left of torque at standstill says nothing of the parameters; hold out a \
+             log in which the arm moves",
+            sound.log.path.display()
+        ))
+        .into());
+    }
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         compare(robot, piece, &predicted, &mut sums)?;
@@ -150,8 +158,7 @@ fn positions(robot: &Robot, piece: &Piece) -> Vec<Vec<f64>> {
 /// Adds the squares of a piece, from its first to its last motion and without the ends that the filter colours.
 fn compare(robot: &Robot, piece: &Piece, predicted: &[Vec<f64>], sums: &mut [Sums]) -> Result<()> {
     let filter = runs::model_filter(robot, piece.report.period_s);
-    let edge = filter.edge();
-    let range = moving(robot, piece, edge);
+    let range = moving(robot, piece).unwrap_or(0..piece.grid.len());
     let measured = piece.grid.torque()?;
     for (j, sums) in sums.iter_mut().enumerate() {
         let add = |to: &mut [f64; 2], tau: &[f64], predicted: &[f64]| {
@@ -169,15 +176,14 @@ fn compare(robot: &Robot, piece: &Piece, predicted: &[Vec<f64>], sums: &mut [Sum
     Ok(())
 }
 
-/// Samples of the grid between first and last motion of any joint.
-fn moving(robot: &Robot, piece: &Piece, edge: usize) -> Range<usize> {
+/// Samples of the grid between first and last motion of any joint; none where all stand still.
+fn moving(robot: &Robot, piece: &Piece) -> Option<Range<usize>> {
     let filter = runs::model_filter(robot, piece.report.period_s);
     let mut speed = Trajectory::from_positions(&piece.grid.q, piece.report.period_s).qd;
     for speed in &mut speed {
         filter.apply(speed);
     }
-    let rows = piece.grid.len();
-    rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, edge).unwrap_or(0..rows)
+    rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, filter.edge())
 }
 
 fn report(robot: &Robot, log: &str, piece: Option<&Piece>, sums: Option<&[Sums]>) -> String {

@@ -144,14 +144,12 @@ impl Search<'_> {
 /// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
 fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
     let robot = robot.with_instruments(instruments).with_friction_law(law)?;
-    let mut everywhere = robot.clone();
-    everywhere.config.signal.dead_zone.fill(0.0);
     let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
     // Rows to fit and rows to judge by, part by part.
     let (mut fitted, mut judged): (Vec<Vec<Rows>>, Vec<Vec<Rows>>) = (Vec::new(), Vec::new());
     for log in logs {
         let rows = identify::rows_of(&robot, log)?.rows;
-        let all = identify::rows_of(&everywhere, log)?.rows;
+        let all = identify::rows_everywhere(&robot, log)?.rows;
         if stretches == 1 {
             fitted.push(rows);
             judged.push(all);

@@ -10,6 +10,7 @@
 //! IV:  x = (Σ w ZᵀD + P⁻¹)⁻¹ (Σ w Zᵀτ + P⁻¹ x₀)      Z: the regressor on motion without the position noise
 //! ```
 //!
+//! w: one over the variance of what an independent row of the joint leaves; rows beside a stop count less where friction sticks.
 //! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
@@ -23,7 +24,9 @@ mod rows;
 mod sense;
 mod setpoint;
 mod shifts;
+mod steps;
 mod sums;
+mod trust;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
@@ -34,5 +37,6 @@ pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sense::{TorqueSense, giving_friction, torque_sense};
 pub use setpoint::unfollowed;
+pub use steps::{position_step, told_up_to_hz};
 pub use sums::Equations;
 pub use zero_phase::ZeroPhase;

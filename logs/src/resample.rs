@@ -9,6 +9,8 @@ use crate::signal::{Decimator, linear, spline};
 
 /// A step longer than this many usual steps is a gap.
 const GAP_STEPS: f64 = 2.5;
+/// A step within this share of a usual one of two of them or more lacks rows, and is no jitter.
+const WHOLE: f64 = 0.1;
 /// Most rows that are made between two of the log, on average, and in all: a day at 1 kHz. What asks for more has its time in
 /// another unit.
 const MOST_ROWS_EACH: f64 = 1000.0;
@@ -57,8 +59,10 @@ pub struct ResampleReport {
     pub mean_rate_hz: f64,
     /// The usual (median) step \[s\].
     pub median_step_s: f64,
-    /// Root mean square of step minus usual step, gaps left out \[s\].
+    /// Root mean square of step minus usual step \[s\], gaps and steps that lack rows left out.
     pub jitter_s: f64,
+    /// Rows that are not there: steps of whole multiples of the usual one.
+    pub missing: usize,
     /// Steps longer than 2.5 usual ones.
     pub gaps: Vec<Gap>,
     /// Per joint: share of the rows in motion at which the position repeats the row before (stair-case encoders).
@@ -143,12 +147,15 @@ impl Log {
 
     fn describe_time(&self, period_s: f64) -> ResampleReport {
         let median_step_s = self.median_step_s();
-        let (mut gaps, mut square, mut regular) = (Vec::new(), 0.0, 0_usize);
+        let (mut gaps, mut missing, mut square, mut regular) = (Vec::new(), 0, 0.0, 0_usize);
         for (k, w) in self.t.windows(2).enumerate() {
             let step = w[1] - w[0];
+            let steps = (step / median_step_s).round();
+            let lacks = steps >= 2.0 && (step / median_step_s - steps).abs() < WHOLE;
+            missing += if lacks { steps as usize - 1 } else { 0 };
             if step > GAP_STEPS * median_step_s {
                 gaps.push(Gap { row: k + 2, from_s: w[0], length_s: step });
-            } else {
+            } else if !lacks {
                 square += (step - median_step_s).powi(2);
                 regular += 1;
             }
@@ -159,6 +166,7 @@ impl Log {
             mean_rate_hz: (self.len() - 1) as f64 / self.duration_s(),
             median_step_s,
             jitter_s: (square / regular.max(1) as f64).sqrt(),
+            missing,
             gaps,
             repeated: self.q.iter().map(|q| repeated_share(q)).collect(),
             period_s,
@@ -203,6 +211,13 @@ impl fmt::Display for ResampleReport {
             1e3 * self.median_step_s,
             1e3 * self.jitter_s
         )?;
+        if self.missing > 0 {
+            write!(
+                f,
+                ", {} missing",
+                if self.missing == 1 { "1 row".to_owned() } else { format!("{} rows", self.missing) }
+            )?;
+        }
         let longest = self.gaps.iter().max_by(|a, b| a.length_s.total_cmp(&b.length_s));
         if let Some(longest) = longest {
             let (count, ms) = (self.gaps.len(), 1e3 * longest.length_s);

@@ -65,6 +65,20 @@ fn uneven_logs_are_interpolated_without_lag() {
     assert!(even.t.windows(2).all(|w| (w[1] - w[0] - 0.001).abs() < 1e-9));
 }
 
+/// Rows that are not there are no jitter of those that are.
+#[test]
+fn missing_rows_are_called_so() {
+    let t: Vec<f64> = (0..2000).filter(|k| k % 97 != 50 && k % 301 > 2).map(|k| 1e-3 * f64::from(k)).collect();
+    let (_, report) = log(&t, 3.0).resample(0.001).expect("resampled");
+    // The first row is not missing from within.
+    let between = 2000 - t.len() - 3;
+    assert!(report.missing == between && report.jitter_s < 1e-9, "{between}: {report}");
+    assert!(report.to_string().contains(&format!(", {between} rows missing")), "{report}");
+    assert_eq!(report.gaps.len(), 6, "{report}");
+    let (_, even) = log(&uniform(2000, 0.001), 3.0).resample(0.001).expect("resampled");
+    assert!(even.missing == 0 && !even.to_string().contains("missing"), "{even}");
+}
+
 /// 300 Hz to 125 Hz: neither a multiple of the other.
 #[test]
 fn foreign_rates_are_interpolated_then_decimated() {

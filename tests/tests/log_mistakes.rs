@@ -285,6 +285,71 @@ fn the_same_log_twice_is_told() {
     assert_eq!(faults(&[&log, Path::new("--hold-out"), &again]), ["hold_out_was_learnt_from"]);
 }
 
+/// Nor do two runs that are one agree because the deviations are right.
+#[test]
+fn a_log_compared_with_itself_is_told() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let (code, text) = said(rivet().arg("identify").arg("--compare").arg(robot("ur10e")).args([&log, &log]));
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("the same samples as 20_02_10-20sec_7harm.parquet; a run agrees with itself"), "{text}");
+}
+
+/// What a torque channel says whatever the arm does is refused; what it cannot say is told.
+#[test]
+fn torque_that_is_one_number_is_refused_and_torque_that_is_cut_off_is_told() {
+    let Some(path) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = sound("ur10e", &path);
+    let changed = |change: &dyn Fn(f64) -> f64| {
+        let mut tau = log.torque().expect("torque").clone();
+        tau[1].iter_mut().for_each(|tau| *tau = change(*tau));
+        said(rivet().arg("identify").arg(robot("ur10e")).arg(written(&log, &tau, folder.path())))
+    };
+    let (code, text) = changed(&|_| 5.0);
+    let says = "changed.parquet: column tau2 is 5 in every row although shoulder_lift_joint moves by";
+    assert!(code == Some(65) && text.contains(says), "{code:?} {text}");
+    let mut sorted = log.torque().expect("torque")[1].clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    // In a twentieth of the rows it would have been more.
+    let limit = sorted[sorted.len() * 19 / 20];
+    let (code, text) = changed(&|tau| tau.min(limit));
+    assert!(code == Some(0) && text.contains("shoulder_lift_joint: column tau2 stands at"), "{code:?} {text}");
+    assert_eq!(text.matches("warning: ").count(), 1, "{text}");
+    let (_, text) = changed(&|tau| tau);
+    assert!(!text.contains("warning: "), "{text}");
+}
+
+#[test]
+fn a_torque_that_is_late_is_warned_of_with_its_time() {
+    let Some(path) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = sound("staubli-tx40", &path);
+    let late = |rows: usize| {
+        let shift = |tau: &Vec<f64>| (0..tau.len()).map(|k| tau[k.saturating_sub(rows)]).collect();
+        let tau: Vec<Vec<f64>> = log.torque().expect("torque").iter().map(shift).collect();
+        let (code, text) =
+            said(rivet().arg("identify").arg(robot("staubli-tx40")).arg(written(&log, &tau, folder.path())));
+        assert_eq!(code, Some(0), "{text}");
+        text
+    };
+    // 5 kHz.
+    let text = late(50);
+    let told = text.split("warning: torque is ").nth(1).expect("a warning");
+    let ms: f64 = told.split(' ').next().and_then(|word| word.parse().ok()).expect("its time");
+    assert!((8.0..12.0).contains(&ms) && told.contains("ms (one std) behind position on joint_1"), "{told}");
+    assert!(!late(0).contains("warning: torque is"), "as it was measured");
+}
+
+#[test]
+fn nothing_is_judged_by_a_log_in_which_the_arm_stands() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let still = changed("ur10e", &log, folder.path(), |_, _, q| q.fill(0.1));
+    let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(&log).arg("--hold-out").arg(still));
+    let says = "changed.parquet: no joint moves faster than its dead zone";
+    assert!(code == Some(65) && text.contains(says), "{code:?} {text}");
+}
+
 /// A practice case whose two logs went through `change` (0 the first, 1 the second), with their desired motion.
 fn case_with(case: &Path, folder: &Path, change: impl Fn(usize, &mut Log)) -> [PathBuf; 2] {
     [("log-a.parquet", 0), ("log-b.parquet", 1)].map(|(name, which)| {

@@ -52,7 +52,7 @@ impl Bias {
     }
 }
 
-/// Compares both methods on the same rows, weighed by the noise of `fit`.
+/// Compares both methods on the same rows, weighed by the noise of `fit` and by its trust in rows beside a stop.
 ///
 /// * `nominal`, `prior`: as for [`fit`](super::fit())
 ///
@@ -61,9 +61,10 @@ impl Bias {
 pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -> Result<Bias, OfflineError> {
     let k = nominal.len();
     let x0 = DVector::from_column_slice(nominal);
-    let weights: Vec<f64> = fit.noise.iter().zip(&fit.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
+    let weights = fit.weights();
+    let sums = equations.trusting(&fit.trust);
     let solve = |method| -> Result<(DVector<f64>, DMatrix<f64>), OfflineError> {
-        let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
+        let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
         // The scale is that of the regressor, so it is the same for both.
         Ok((solution.x.component_div(&solution.scale), solution.covariance(method)))
@@ -72,8 +73,7 @@ pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -
     let (instrumental, other) = solve(Method::Instrumental)?;
     let Statistic { hausman, degrees, spread } = statistic(&(instrumental - least_squares), &own, &other)?;
     let delayed = equations.rows.iter().any(|r| r.lag_s.is_empty());
-    let ratio =
-        if delayed { Vec::new() } else { equations.joints.iter().map(|joint| ratio(joint, &fit.values)).collect() };
+    let ratio = if delayed { Vec::new() } else { sums.iter().map(|joint| ratio(joint, &fit.values)).collect() };
     Ok(Bias { hausman, degrees, spread, p_value: crate::chi_square::above(hausman, degrees), ratio })
 }
 
@@ -138,6 +138,7 @@ mod tests {
             let mut joint = JointRows { columns: (0..5).collect(), ..JointRows::default() };
             for at in 0..300 {
                 joint.place.push(at);
+                joint.beside.push(false);
                 let exact: Vec<f64> = (0..5).map(|_| random.normal()).collect();
                 joint.tau.push(exact.iter().zip(&x).map(|(d, x)| d * x).sum::<f64>() + 0.3 * random.normal());
                 joint.d.extend(exact.iter().map(|d| d + noise * random.normal()));

@@ -83,13 +83,13 @@ pub fn torque_delay(
     let coarse = search(equations, found, &DVector::from_column_slice(nominal), prior)?;
     let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(std::iter::repeat_n(0.0, n)));
     let (weights, mut late) = (&coarse.weights, coarse.late_s.clone());
-    let of = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s);
+    let sums = equations.trusting(&found.trust);
+    let of = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s, found.trust[j]);
     let mut rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| of(j, late[j])).collect();
     let (mut more, mut std) = (vec![0.0_f64; n], vec![0.0; n]);
     for begun in 1..=STARTS {
         for round in 1..=ROUNDS {
-            let joints: Vec<JointSums> =
-                (0..n).map(|j| widen(&equations.joints[j], &rates[j], k + j, more[j])).collect();
+            let joints: Vec<JointSums> = (0..n).map(|j| widen(&sums[j], &rates[j], k + j, more[j])).collect();
             let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
             let solution = Solution::new(&normals, weights, &start, prior, Method::Instrumental)?;
             let next = |(j, more): (usize, &mut f64)| *more = (*more + solution.x[k + j]).clamp(-APART_S, APART_S);
@@ -127,8 +127,8 @@ struct Rates {
     own: [[f64; 4]; 4],
 }
 
-/// Sums with the torque of joint `j` so late \[s\] and its rates, stretch by stretch.
-fn rates(equations: &Equations<'_>, j: usize, x: &[f64], late_s: f64) -> Vec<Rates> {
+/// Sums with the torque of joint `j` so late \[s\] and its rates, stretch by stretch, rows beside a stop counting `trust`.
+fn rates(equations: &Equations<'_>, j: usize, x: &[f64], late_s: f64, trust: f64) -> Vec<Rates> {
     let mut found = Vec::new();
     let width = equations.joints[j].columns.len();
     let zeros = || [(); 4].map(|()| vec![0.0; width]);
@@ -143,13 +143,13 @@ fn rates(equations: &Equations<'_>, j: usize, x: &[f64], late_s: f64) -> Vec<Rat
                 let torque = record.torque_after(j, joint.place[row], late_s);
                 let [torque, rate, bend] = torque.unwrap_or([modelled[row], expected[row], 0.0]);
                 let all = [torque, rate, bend, expected[row]];
-                let at = row * width..(row + 1) * width;
+                let (at, counts) = (row * width..(row + 1) * width, joint.weight(row, trust));
                 for (k, value) in all.iter().enumerate() {
-                    axpy(*value, &joint.d[at.clone()], &mut sums.d[k]);
-                    axpy(*value, &joint.z[at.clone()], &mut sums.z[k]);
+                    axpy(counts * value, &joint.d[at.clone()], &mut sums.d[k]);
+                    axpy(counts * value, &joint.z[at.clone()], &mut sums.z[k]);
                 }
                 for (own, a) in sums.own.iter_mut().zip(all) {
-                    own.iter_mut().zip(all).for_each(|(sum, b)| *sum += a * b);
+                    own.iter_mut().zip(all).for_each(|(sum, b)| *sum += counts * a * b);
                 }
             }
             found.push(sums);

@@ -6,6 +6,7 @@ use super::covariance::{Whole, long_run};
 use super::record::OfflineError;
 use super::rows::Rows;
 use super::sums::{Equations, JointSums, Normal};
+use super::trust;
 use crate::linear::dot;
 
 /// Rounds of weighting by the residual of the fit before.
@@ -45,14 +46,29 @@ pub struct Fit {
     pub covariance: Vec<f64>,
     /// What decided each value.
     pub determined: Vec<Determined>,
-    /// Standard deviation of the residual per joint \[N m\].
+    /// Standard deviation of the residual per joint, rows beside a stop weighed by `trust` \[N m\].
     pub noise: Vec<f64>,
     /// Rows that make one independent row, per joint: 1 for a white residual.
     pub correlation: Vec<f64>,
+    /// Share of the rows that are beside a stop, per joint: the filter mixes standstill into them.
+    pub beside: Vec<f64>,
+    /// What such a row counts, per joint, others counting 1: variance of the residual of the others over that of these.
+    pub trust: Vec<f64>,
     /// Directions of the parameter space that the data sees at all.
     pub rank: usize,
     /// Condition of the weighted regressor with columns scaled to one, over those directions.
     pub condition: f64,
+}
+
+impl Fit {
+    /// Of a joint's rows: one over the variance of what one independent row leaves.
+    pub(super) fn weights(&self) -> Vec<f64> {
+        weights(&self.noise, &self.correlation)
+    }
+}
+
+fn weights(noise: &[f64], correlation: &[f64]) -> Vec<f64> {
+    noise.iter().zip(correlation).map(|(s, c)| 1.0 / (s * s * c)).collect()
 }
 
 /// Fits base parameters to the rows of several records.
@@ -63,15 +79,16 @@ pub struct Fit {
 ///   would make 0.5 % of the torque of some joint)
 pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
-    let Weighed { solution, noise, correlation } = weigh(equations, nominal, prior, method)?;
-    let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-    let scaled = solution.long_run_covariance(&equations.joints, &weights, method);
+    let Weighed { solution, noise, correlation, trust } = weigh(equations, nominal, prior, method)?;
+    let weights = weights(&noise, &correlation);
+    let scaled = solution.long_run_covariance(&equations.trusting(&trust), &weights, method);
     let (std, determined) = solution.certainty(&scaled);
     let scale = &solution.scale;
     let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
     let (rank, condition) = solution.conditioning();
     let values = solution.x.as_slice().to_vec();
-    Ok(Fit { values, std, covariance, determined, noise, correlation, rank, condition })
+    let beside = (0..noise.len()).map(|j| equations.share_beside(j)).collect();
+    Ok(Fit { values, std, covariance, determined, noise, correlation, beside, trust, rank, condition })
 }
 
 /// The values of [`fit`] alone, for a part of the work.
@@ -87,6 +104,7 @@ struct Weighed {
     solution: Solution,
     noise: Vec<f64>,
     correlation: Vec<f64>,
+    trust: Vec<f64>,
 }
 
 fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Weighed, OfflineError> {
@@ -101,27 +119,40 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     if let Some(joint) = (0..n).find(|j| equations.joints[*j].torque_square() == 0.0) {
         return Err(OfflineError::NoTorque { joint });
     }
-    let joints: Vec<Normal> = equations.joints.iter().map(|joint| Normal::new(joint, k, method)).collect();
     let x0 = DVector::from_column_slice(nominal);
-    let mut noise: Vec<f64> =
-        joints.iter().map(|j| (j.torque_square / j.count).sqrt().max(f64::MIN_POSITIVE)).collect();
-    let mut correlation = vec![1.0; n];
-    let mut solved = None;
-    for _ in 0..ROUNDS {
-        let weights: Vec<f64> = noise.iter().zip(&correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-        let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
-        for j in 0..n {
-            let residuals = equations.residuals(j, solution.x.as_slice());
-            let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
-            // A perfect fit (noise-free data) must not make a weight infinite.
-            let least = 1e-12 * (joints[j].torque_square / joints[j].count).sqrt();
-            noise[j] = (square / joints[j].count).sqrt().max(least).max(f64::MIN_POSITIVE);
-            correlation[j] = rows_per_independent_row(&residuals);
+    let level = |j: usize| (equations.joints[j].torque_square() / equations.joints[j].count()).sqrt();
+    let mut noise: Vec<f64> = (0..n).map(|j| level(j).max(f64::MIN_POSITIVE)).collect();
+    let (mut correlation, mut trust) = (vec![1.0; n], vec![1.0; n]);
+    // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
+    for last in [false, true] {
+        let sums = equations.trusting(&trust);
+        let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
+        let mut solved = None;
+        for _ in 0..ROUNDS {
+            let solution = Solution::new(&joints, &weights(&noise, &correlation), &x0, prior, method)?;
+            for j in 0..n {
+                let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
+                let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
+                // A perfect fit (noise-free data) must not make a weight infinite.
+                noise[j] = (square / joints[j].count).sqrt().max(1e-12 * level(j)).max(f64::MIN_POSITIVE);
+                correlation[j] = rows_per_independent_row(&residuals);
+            }
+            solved = Some(solution);
         }
-        solved = Some(solution);
+        let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
+        if last {
+            return Ok(Weighed { solution, noise, correlation, trust });
+        }
+        let of = |j: usize| {
+            let residuals = equations.weighed_residuals(j, solution.x.as_slice(), 1.0);
+            trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
+        };
+        trust = (0..n).map(of).collect();
+        if trust.iter().all(|trust| *trust == 1.0) {
+            return Ok(Weighed { solution, noise, correlation, trust });
+        }
     }
-    let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
-    Ok(Weighed { solution, noise, correlation })
+    unreachable!("the second turn is the last")
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].

@@ -129,6 +129,19 @@ pub struct Record {
     pub second: Option<Trajectory>,
 }
 
+impl Record {
+    /// Takes out what `filter` does: of the positions that were measured, before they are differentiated anew, and of the torque, so that
+    /// neither comes after the other and what is linear stays equal.
+    pub fn smooth(&mut self, filter: &ZeroPhase) {
+        let smooth = |signals: &mut [Vec<f64>]| signals.par_iter_mut().for_each(|signal| filter.apply(signal));
+        for motion in std::iter::once(&mut self.measured).chain(&mut self.second) {
+            smooth(&mut motion.q);
+            *motion = Trajectory::from_positions(&motion.q, self.period_s);
+        }
+        smooth(&mut self.tau);
+    }
+}
+
 /// Torque of the model with base parameters `x` along a motion \[N m\], `[joint][sample]`, its instant effects included
 /// ([`Model::add_effects`]), low-passed by `smooth`: the second differences of quantised positions are noise without it.
 pub fn predict(

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
+use super::trust::beside_stop;
 use super::zero_phase::ZeroPhase;
 
 /// Where instruments come from.
@@ -50,6 +51,8 @@ pub(super) struct JointRows {
     pub(super) tau: Vec<f64>,
     /// Which instant each row belongs to, of the [`Rows::kept`] instants of the record.
     pub(super) place: Vec<usize>,
+    /// Whether the filter mixes standstill of the joint into the row.
+    pub(super) beside: Vec<bool>,
 }
 
 impl JointRows {
@@ -65,6 +68,11 @@ impl JointRows {
             return vec![0.0; self.tau.len()];
         }
         self.d.chunks_exact(own.len()).map(|d| dot(d, &own)).collect()
+    }
+
+    /// Weight of row `row` if those beside a stop have `trust` and the others 1.
+    pub(super) fn weight(&self, row: usize, trust: f64) -> f64 {
+        if self.beside[row] { trust } else { 1.0 }
     }
 
     /// What the base parameters `x` leave of the torque \[N m\].
@@ -186,12 +194,14 @@ impl Rows {
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
         let torque: Vec<Vec<f64>> = torque.par_iter().map(filtered).collect();
+        let stops = beside_stop(model, settings, record, &filter);
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
         for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
             let tau = used.iter().map(|k| torque[j][*k]).collect();
-            result.joints.push(JointRows { columns, d, z, tau, place });
+            let beside = used.iter().map(|k| stops[j][*k]).collect();
+            result.joints.push(JointRows { columns, d, z, tau, place, beside });
         }
         result.torque = Arc::new(FilteredTorque { joints: torque, period_s: record.period_s });
         Ok(result)
@@ -219,6 +229,7 @@ impl Rows {
                 z: rows.z[from * k..until * k].to_vec(),
                 tau: rows.tau[from..until].to_vec(),
                 place: rows.place[from..until].iter().map(|p| p - first).collect(),
+                beside: rows.beside[from..until].to_vec(),
             }
         };
         let length = self.moving.len();

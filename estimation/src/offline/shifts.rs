@@ -66,7 +66,8 @@ struct Shifts {
 }
 
 impl Shifts {
-    fn new(equations: &Equations<'_>, j: usize) -> Shifts {
+    /// Rows beside a stop count `trust`.
+    fn new(equations: &Equations<'_>, j: usize, trust: f64) -> Shifts {
         let width = equations.joints[j].columns.len();
         let rows = equations.joints[j].count();
         let stride = (rows as usize).div_ceil(MOST_ROWS).max(1);
@@ -76,8 +77,6 @@ impl Shifts {
             dd: vec![0.0; width * width],
             count: 0.0,
         };
-        // A row stands for those that are left out.
-        let stands = stride as f64;
         for record in equations.rows {
             let joint = &record.joints[j];
             for (row, place) in joint.place.iter().enumerate().step_by(stride) {
@@ -86,8 +85,10 @@ impl Shifts {
                 if ends.iter().any(Option::is_none) {
                     continue;
                 }
+                // A row stands for those that are left out.
+                let stands = stride as f64 * joint.weight(row, trust);
                 sums.dd.chunks_exact_mut(width.max(1)).zip(d).for_each(|(dd, x)| axpy(stands * x, d, dd));
-                sums.count += stands;
+                sums.count += stride as f64;
                 for (step, (dt, tt)) in sums.dt.iter_mut().zip(&mut sums.tt).enumerate() {
                     let Some([tau, ..]) = record.torque_after(j, *place, late_s(step)) else { continue };
                     axpy(stands * tau, d, dt);
@@ -167,7 +168,7 @@ pub(super) fn search(
     prior: f64,
 ) -> Result<Coarse, OfflineError> {
     let n = equations.joints.len();
-    let shifts: Vec<Shifts> = (0..n).into_par_iter().map(|j| Shifts::new(equations, j)).collect();
+    let shifts: Vec<Shifts> = (0..n).into_par_iter().map(|j| Shifts::new(equations, j, found.trust[j])).collect();
     let normal = |(joint, shifts): (&JointSums, &Shifts)| {
         let mut normal = Normal::new(joint, start.len(), Method::LeastSquares);
         normal.dd.fill(0.0);
@@ -178,8 +179,7 @@ pub(super) fn search(
     let normals: Vec<Normal> = equations.joints.iter().zip(&shifts).map(normal).collect();
     if shifts.iter().all(|s| s.count < 1.0) {
         let (late_s, doubt) = (vec![0.0; n], vec![Some(DelayDoubt::NotTold); n]);
-        let weights = found.noise.iter().zip(&found.correlation).map(|(s, c)| 1.0 / (s * s * c)).collect();
-        return Ok(Coarse { late_s, doubt, values: found.values.clone(), weights });
+        return Ok(Coarse { late_s, doubt, values: found.values.clone(), weights: found.weights() });
     }
     let weight = |noise: f64, j: usize| 1.0 / (noise * noise * found.correlation[j]);
     let mut weights: Vec<f64> = (0..n).map(|j| weight(found.noise[j], j)).collect();

@@ -69,6 +69,8 @@ impl JointSums {
 pub struct Equations<'a> {
     pub(super) rows: &'a [Rows],
     pub(super) joints: Vec<JointSums>,
+    /// The same over the rows beside a stop alone; without stretches where a joint has no such row.
+    beside: Vec<JointSums>,
     /// Of a stretch \[s\].
     length: f64,
 }
@@ -79,12 +81,37 @@ impl<'a> Equations<'a> {
         let n = rows.iter().map(|r| r.joints.len()).min().unwrap_or(0);
         let seconds: f64 = rows.iter().map(Rows::seconds).sum();
         let length = STRETCH_S.min(seconds / LEAST_STRETCHES);
-        let of = |j: usize| {
-            let columns = rows.first().map_or_else(Vec::new, |r| r.joints[j].columns.clone());
+        let columns = |j: usize| rows.first().map_or_else(Vec::new, |r| r.joints[j].columns.clone());
+        let all = |j: usize| {
             let of = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::new(&r.joints[j], range));
-            JointSums { columns, stretches: rows.iter().flat_map(of).collect() }
+            JointSums { columns: columns(j), stretches: rows.iter().flat_map(of).collect() }
         };
-        Equations { rows, joints: (0..n).into_par_iter().map(of).collect(), length }
+        let beside = |j: usize| {
+            let of = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::beside_stops(&r.joints[j], range));
+            let any = rows.iter().any(|r| r.joints[j].beside.contains(&true));
+            let stretches = if any { rows.iter().flat_map(of).collect() } else { Vec::new() };
+            JointSums { columns: columns(j), stretches }
+        };
+        let (joints, beside) = (0..n).into_par_iter().map(|j| (all(j), beside(j))).unzip();
+        Equations { rows, joints, beside, length }
+    }
+
+    /// The sums with rows beside a stop counting by `trust`, joint by joint. Counts stay: a row that counts less has a
+    /// residual that is larger by as much, so that weighed it varies like any other.
+    pub(super) fn trusting(&self, trust: &[f64]) -> Vec<JointSums> {
+        let of = |((all, beside), trust): ((&JointSums, &JointSums), &f64)| {
+            let mut sums = all.clone();
+            if *trust < 1.0 {
+                sums.stretches.iter_mut().zip(&beside.stretches).for_each(|(sums, part)| sums.add(*trust - 1.0, part));
+            }
+            sums
+        };
+        self.joints.iter().zip(&self.beside).zip(trust).map(of).collect()
+    }
+
+    /// Share of a joint's rows that are beside a stop.
+    pub(super) fn share_beside(&self, j: usize) -> f64 {
+        self.beside[j].count() / self.joints[j].count().max(1.0)
     }
 
     /// Rows of joint `j` of a record in each of its stretches.
@@ -92,9 +119,13 @@ impl<'a> Equations<'a> {
         ranges(record, j, self.length)
     }
 
-    /// Residuals of parameters `x` over the rows of joint `j`, record by record.
-    pub(super) fn residuals(&self, j: usize, x: &[f64]) -> Vec<Vec<f64>> {
-        self.rows.iter().map(|record| record.joints[j].residual(x)).collect()
+    /// Residuals of parameters `x` over the rows of joint `j`, record by record, times the root of what a row counts.
+    pub(super) fn weighed_residuals(&self, j: usize, x: &[f64], trust: f64) -> Vec<Vec<f64>> {
+        let of = |rows: &JointRows| -> Vec<f64> {
+            let weighed = |(row, e): (usize, f64)| rows.weight(row, trust).sqrt() * e;
+            rows.residual(x).into_iter().enumerate().map(weighed).collect()
+        };
+        self.rows.iter().map(|record| of(&record.joints[j])).collect()
     }
 
     /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\], to about 1e-4 %.
@@ -159,6 +190,29 @@ impl Stretch {
             axpy(*tau, z, &mut sums.zt);
         }
         sums
+    }
+
+    /// Those of the rows beside a stop alone.
+    fn beside_stops(rows: &JointRows, range: Range<usize>) -> Stretch {
+        let n = rows.columns.len();
+        let mut part = JointRows { columns: rows.columns.clone(), ..JointRows::default() };
+        for row in range.filter(|row| rows.beside[*row]) {
+            part.d.extend_from_slice(&rows.d[row * n..(row + 1) * n]);
+            part.z.extend_from_slice(&rows.z[row * n..(row + 1) * n]);
+            part.tau.push(rows.tau[row]);
+        }
+        let count = part.tau.len();
+        Stretch::new(&part, 0..count)
+    }
+
+    /// Adds `factor` times the sums over some of the same rows; the count stays.
+    fn add(&mut self, factor: f64, part: &Stretch) {
+        axpy(factor, &part.dd, &mut self.dd);
+        axpy(factor, &part.zd, &mut self.zd);
+        axpy(factor, &part.zz, &mut self.zz);
+        axpy(factor, &part.dt, &mut self.dt);
+        axpy(factor, &part.zt, &mut self.zt);
+        self.tt += factor * part.tt;
     }
 
     /// The side that is multiplied from the left: instruments, or the regressor itself.

@@ -1,0 +1,152 @@
+//! What `rivet identify` says of torque that is late against position, or early.
+
+use rivet_estimation::offline::Delay;
+use serde_json::{Value, json};
+
+use crate::evidence::Distrust;
+use crate::table::paragraph;
+
+/// A joint's delay is the clock's, which all have in common, if it is no further from it than this \[s\], or than so many of its
+/// deviations.
+const APART_S: f64 = 2e-3;
+const APART_STD: f64 = 5.0;
+/// What friction at standstill makes of a joint's delay, beside its deviation (one standard deviation) \[s\].
+const FRICTION_S: f64 = 1e-3;
+/// A common delay is worth a warning beyond this \[s\], and beyond so many of its deviations.
+const LATE_S: f64 = 1.5e-3;
+const LATE_STD: f64 = 4.0;
+
+/// What the joints' delays have in common.
+struct Common {
+    seconds: f64,
+    std: f64,
+    /// Joints (from 0) that have it, and those that have another.
+    joints: Vec<usize>,
+    others: Vec<usize>,
+}
+
+/// The delay that most of the joints have, of those that are told.
+fn common(delays: &[Delay]) -> Option<Common> {
+    let told: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt.is_none()).collect();
+    let mut sorted: Vec<f64> = told.iter().map(|j| delays[*j].seconds).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let middle = sorted.len().checked_sub(1)? / 2;
+    // Of an even number, between the two in the middle.
+    let median = 0.5 * (sorted[middle] + sorted[sorted.len() / 2]);
+    let has = |j: &usize| (delays[*j].seconds - median).abs() <= APART_S.max(APART_STD * delays[*j].std);
+    let (joints, others): (Vec<usize>, Vec<usize>) = told.into_iter().partition(has);
+    let weight = |j: &usize| 1.0 / (delays[*j].std.powi(2) + FRICTION_S.powi(2));
+    let weights: f64 = joints.iter().map(weight).sum();
+    let seconds = joints.iter().map(|j| weight(j) * delays[*j].seconds).sum::<f64>() / weights;
+    Some(Common { seconds, std: weights.sqrt().recip(), joints, others })
+}
+
+const BY_JOINT: &str =
+    "not that of the other joints: friction that the model lacks, or a channel of its own, not the clock of the log";
+
+fn named(names: &[String], joints: &[usize]) -> String {
+    joints.iter().map(|j| names[*j].as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// How late torque is behind position, for people.
+pub(crate) fn text(names: &[String], delays: &[Delay]) -> String {
+    let of = |d: &Delay| match d.doubt {
+        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
+        Some(doubt) => format!("({doubt})"),
+    };
+    let each: Vec<String> = delays.iter().map(of).collect();
+    let others = common(delays).map_or_else(Vec::new, |common| common.others);
+    let caveat = if others.is_empty() {
+        String::new()
+    } else {
+        format!("; differs by joint: {} is {BY_JOINT}", named(names, &others))
+    };
+    // What the model lacks is no noise: the deviation does not hold it.
+    let text = format!(
+        "{} ms (one std of noise; friction at standstill that the model lacks shifts it as well){caveat}",
+        each.join("  ")
+    );
+    paragraph("torque behind position: ", &text)
+}
+
+/// The same joint by joint; a value is null where the data do not tell, and has a doubt where it cannot be the log's clock.
+pub(crate) fn json(delays: &[Delay]) -> Vec<Value> {
+    let others = common(delays).map_or_else(Vec::new, |common| common.others);
+    let of = |(j, delay): (usize, &Delay)| match delay.doubt {
+        None if others.contains(&j) => {
+            json!({"value": delay.seconds, "std": delay.std, "doubt": format!("differs by joint: {BY_JOINT}")})
+        }
+        None => json!({"value": delay.seconds, "std": delay.std}),
+        Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
+    };
+    delays.iter().enumerate().map(of).collect()
+}
+
+/// Torque that most joints have late, or early, by about the same.
+pub(crate) fn distrust(names: &[String], delays: &[Delay]) -> Option<Distrust> {
+    let Common { seconds, std, joints, .. } = common(delays)?;
+    if 2 * joints.len() <= delays.len() || seconds.abs() <= LATE_S.max(LATE_STD * std) {
+        return None;
+    }
+    let ms = 1e3 * seconds.abs();
+    let which = if seconds > 0.0 { "behind" } else { "ahead of" };
+    Some(Distrust {
+        log: None,
+        joint: None,
+        name: "torque_late",
+        text: format!(
+            "torque is {ms:.1} +- {:.1} ms (one std) {which} position on {}: rotors and viscous friction trade by it. No key of the robot \
+             file moves it: log torque and position of one instant, or move the torque columns by so much; `rivet diagnose` does so by \
+             itself where torque is late",
+            1e3 * std,
+            named(names, &joints)
+        ),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn delays(ms: &[(f64, f64)]) -> Vec<Delay> {
+        ms.iter().map(|(ms, std)| Delay { seconds: 1e-3 * ms, std: 1e-3 * std, doubt: None }).collect()
+    }
+
+    fn names() -> Vec<String> {
+        (1..=6).map(|j| format!("j{j}")).collect()
+    }
+
+    #[test]
+    fn a_delay_of_one_joint_is_no_clock() {
+        let friction = delays(&[(0.1, 0.2), (-7.5, 0.4), (0.3, 0.2)]);
+        assert!(text(&names(), &friction).contains("differs by joint: j2 is"));
+        assert!(json(&friction).iter().all(|d| d["value"].is_number()));
+        assert_eq!(json(&friction).iter().map(|d| d["doubt"].is_string()).collect::<Vec<_>>(), [false, true, false]);
+        for clock in [&[(6.1, 0.3), (5.8, 0.4), (6.6, 0.2)][..], &[(3.8, 3.4), (-10.0, 7.1), (17.9, 5.2)]] {
+            let text = text(&names(), &delays(clock));
+            assert!(!text.contains("differs by joint") && text.contains("friction at standstill"), "{text}");
+            assert!(json(&delays(clock)).iter().all(|d| d.get("doubt").is_none()));
+        }
+    }
+
+    /// Two joints on either side of what all have agree with it, if not with each other.
+    #[test]
+    fn joints_are_compared_with_what_they_have_in_common() {
+        let sides = delays(&[(2.3, 0.1), (4.0, 0.2), (4.1, 0.2), (5.9, 0.1)]);
+        assert!(!text(&names(), &sides).contains("differs by joint"));
+        assert!((common(&sides).expect("one").seconds - 4.075e-3).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_delay_that_most_joints_have_is_told_and_uncertain_ones_are_none() {
+        let of = |ms: &[(f64, f64)]| distrust(&names(), &delays(ms)).map(|d| d.text);
+        let late = of(&[(4.0, 0.3), (4.0, 0.4), (3.0, 0.3), (3.2, 0.2), (2.0, 0.3), (-0.4, 0.2)]).expect("late");
+        assert!(late.contains("behind position on j1, j2, j3, j4, j5:"), "{late}");
+        let early = of(&[(-5.0, 0.3), (-5.2, 0.2)]).expect("early");
+        assert!(early.contains("5.1 +- 0.7 ms (one std) ahead of position"), "{early}");
+        assert_eq!(of(&[(0.5, 0.1), (-0.4, 0.2), (4.2, 0.6)]), None);
+        // As the UR10e was measured.
+        assert_eq!(of(&[(3.8, 3.2), (-7.6, 7.7), (-9.9, 6.8), (6.1, 5.1), (17.0, 8.4), (13.3, 8.2)]), None);
+        assert_eq!(of(&[]), None);
+    }
+}

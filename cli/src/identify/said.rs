@@ -1,0 +1,219 @@
+//! What `rivet identify` found, for people and as JSON.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use rivet_config::{EstimatorKind, Instruments, Robot};
+use rivet_estimation::offline::{Determined, InstrumentSource, Rows};
+use serde_json::{Value, json};
+
+use super::{Findings, Run};
+use crate::delays;
+use crate::evidence::{self, Compared};
+use crate::runs;
+use crate::table::{Table, number, paragraph};
+
+/// Why these instruments, in words.
+fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
+    match run.source {
+        InstrumentSource::Desired => {
+            let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
+            format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
+        }
+        InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
+        InstrumentSource::Delayed(seconds) => {
+            let back = (seconds / run.piece.report.period_s).round();
+            let grid = &run.piece.grid;
+            let why = match robot.config.estimator.instruments {
+                Instruments::Auto { .. } if grid.q_des.is_none() => "no desired trajectory in the log: ",
+                Instruments::Auto { .. } => "desired trajectory not followed: ",
+                Instruments::PreviousCycle { .. } => {
+                    "\"previous-cycle\" acts on line only, off line no cycle is looked for: "
+                }
+                _ => "as the robot file asks: ",
+            };
+            // On line "auto" takes them by itself.
+            let second = match robot.config.estimator.instruments {
+                Instruments::Auto { .. } if grid.q_link.iter().all(Option::is_some) => {
+                    "; off line, q_link is taken only with instruments = \"second-encoder\""
+                }
+                _ => "",
+            };
+            format!("{why}delayed instruments, k = {back} samples ({seconds} s){second}")
+        }
+    }
+}
+
+pub(super) fn text(robot: &Robot, result: &Findings) -> String {
+    let (model, base) = (&robot.model, &robot.base);
+    let chosen = result.chosen(robot);
+    let signal = &robot.config.signal;
+    let mut out = format!(
+        "identify {}: {} joints, {} base parameters, model filter {} Hz (zero-phase)\n",
+        robot.config.name,
+        robot.dof(),
+        base.len(),
+        signal.model_filter_hz
+    );
+    for (run, rows) in result.runs.iter().zip(&result.rows) {
+        let (grid, range) = (&run.piece.grid, &rows.moving);
+        out += &paragraph("  log         ", &format!("{}: {}", runs::short_name(&grid.path), run.piece.report));
+        let left_out: Vec<String> = rows.left_out.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
+        let counts: Vec<String> = (0..robot.dof()).map(|j| rows.count(j).to_string()).collect();
+        out += &paragraph(
+            "  motion      ",
+            &format!(
+                "{:.2} s to {:.2} s; rows per joint {}, left out below the dead zone {} %",
+                grid.t[range.start],
+                grid.t[range.end - 1],
+                counts.join(" "),
+                left_out.join(" ")
+            ),
+        );
+        out += &paragraph("  instruments ", &instrument_text(robot, run, rows));
+    }
+    out += &evidence::signal_text(robot);
+    out += &evidence::distrust_text(&result.distrusts);
+    out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
+    let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
+    for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
+        let percent = |k: usize| format!("{:.1}", result.residuals[k][j]);
+        let (noise, correlation) = (number(chosen.noise[j], 3), format!("{:.1}", chosen.correlation[j]));
+        table.row([name, percent(0), percent(1), percent(2), noise, correlation]);
+    }
+    out += &table.text();
+    out += &evidence::beside_text(&runs::joint_names(robot), chosen);
+    for held in &result.held_out {
+        out +=
+            &paragraph("\n", &format!("held out, 100*|tau-pred|/|tau| on {}", runs::short_name(Path::new(&held.file))));
+        let mut table = Table::new(["joint", "nominal %", "identified %"]);
+        for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
+            table.row([name, format!("{:.1}", held.nominal[j]), format!("{:.1}", held.identified[j])]);
+        }
+        out += &table.text();
+    }
+    let by_prior = chosen.determined.iter().filter(|d| **d == Determined::ByPrior).count();
+    let (shift, at) = largest_shift(result);
+    // Writing to a String cannot fail, here and below.
+    let _ = writeln!(
+        out,
+        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)",
+        chosen.rank,
+        base.len(),
+        number(chosen.condition, 2),
+        base.len() - by_prior,
+        by_prior
+    );
+    let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
+    out += &evidence::bias_text(&result.bias, &Compared::OFFLINE);
+    out += &delays::text(&runs::joint_names(robot), &result.delays);
+    out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
+    out += &evidence::consistency_text(&result.consistent);
+    out.push('\n');
+    let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
+    let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
+    for i in 0..base.len() {
+        let decided = match chosen.determined[i] {
+            Determined::ByData => "data",
+            Determined::ByPrior => "prior",
+        };
+        table.row([
+            base.name(model, i),
+            number(chosen.values[i], 4),
+            number(chosen.std[i], 2),
+            decided.to_owned(),
+            number(result.least_squares.values[i], 4),
+            number(robot.nominal_base[i], 4),
+            base.parameter(model, i).unit(&model.arm).to_owned(),
+        ]);
+    }
+    out + &table.text()
+}
+
+/// The largest |IV - LS| over its standard deviation and the parameter it belongs to: noise in the regressor shows here.
+fn largest_shift(result: &Findings) -> (f64, usize) {
+    let (iv, ls) = (&result.instrumental, &result.least_squares);
+    let shift = |i: usize| (iv.values[i] - ls.values[i]).abs() / iv.std[i].max(f64::MIN_POSITIVE);
+    (0..iv.values.len()).map(|i| (shift(i), i)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
+}
+
+pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
+    let (model, base) = (&robot.model, &robot.base);
+    let chosen = result.chosen(robot);
+    let parameter = |i: usize| {
+        let regrouped: Vec<Value> = base
+            .regrouping(i)
+            .into_iter()
+            .map(|(k, factor)| json!({"name": model.parameters[k].name(&model.arm), "factor": factor}))
+            .collect();
+        json!({
+            "name": base.name(model, i),
+            "unit": base.parameter(model, i).unit(&model.arm),
+            "value": chosen.values[i],
+            "std": chosen.std[i],
+            "decided_by": if chosen.determined[i] == Determined::ByData { "data" } else { "prior" },
+            "instrumental": result.instrumental.values[i],
+            "least_squares": result.least_squares.values[i],
+            "nominal": robot.nominal_base[i],
+            "regrouped": regrouped,
+        })
+    };
+    let log = |(run, rows): (&Run, &Rows)| {
+        let report = &run.piece.report;
+        let range = &rows.moving;
+        json!({
+            "file": run.piece.grid.path.display().to_string(),
+            "rows": report.rows_in,
+            "mean_rate_hz": report.mean_rate_hz,
+            "jitter_s": report.jitter_s,
+            "gaps": report.gaps.len(),
+            "missing_rows": report.missing,
+            "period_s": report.period_s,
+            "resampling": report.to_string(),
+            "motion_s": [run.piece.grid.t[range.start], run.piece.grid.t[range.end - 1]],
+            "rows_per_joint": (0..robot.dof()).map(|j| rows.count(j)).collect::<Vec<_>>(),
+            "left_out": rows.left_out,
+            "instruments": match run.source {
+                InstrumentSource::Desired => json!({"kind": "desired", "lag_s": rows.lag_s}),
+                InstrumentSource::SecondEncoder => json!({"kind": "second_encoder"}),
+                InstrumentSource::Delayed(delay_s) => json!({"kind": "delayed", "delay_s": delay_s}),
+            },
+        })
+    };
+    let late = delays::json(&result.delays);
+    let per_joint = |j: usize| {
+        json!({
+            "joint": model.arm.joints[j].name,
+            "residual_percent": {
+                "nominal": result.residuals[0][j],
+                "least_squares": result.residuals[1][j],
+                "instrumental": result.residuals[2][j],
+            },
+            "torque_delay_s": late[j],
+            "noise": chosen.noise[j],
+            "rows_per_free_row": chosen.correlation[j],
+            "beside_stop": evidence::beside_json(chosen, j),
+        })
+    };
+    let (shift, at) = largest_shift(result);
+    json!({
+        "robot": robot.config.name,
+        "model_hash": format!("{:016x}", robot.hash),
+        "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
+        "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
+        "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
+        "warnings": evidence::distrust_json(&result.distrusts),
+        "rank": chosen.rank,
+        "base_parameters": base.len(),
+        "condition": chosen.condition,
+        "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
+        "bias": evidence::bias_json(&result.bias),
+        "consistent": evidence::consistency_json(robot, &result.consistent),
+        "held_out": result.held_out.iter().map(|held| json!({
+            "file": held.file,
+            "nominal_percent": held.nominal,
+            "identified_percent": held.identified,
+        })).collect::<Vec<_>>(),
+        "parameters": (0..base.len()).map(parameter).collect::<Vec<_>>(),
+    })
+}
