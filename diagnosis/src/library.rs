@@ -33,6 +33,8 @@ const BEYOND: f64 = 1.15;
 const MOSTLY_CUT: f64 = 0.85;
 /// Single samples beyond it are no command.
 const SELDOM_CUT: f64 = 2e-4;
+/// A torque over the angle alone is looked for on joints that turn so far \[rad\].
+const LEAST_TURN: f64 = 0.1;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
@@ -54,8 +56,6 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             Form::ViscousNonlinearity { joint },
             Form::Load { joint },
             Form::Gain { joint },
-            Form::Spring { joint },
-            Form::Counterweight { joint },
             Form::EncoderOffset { joint },
             Form::Eccentricity { joint },
             Form::LinkScale { link: joint },
@@ -92,13 +92,18 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         if together && first.nominal.model.structure.coupling.is_none() {
             forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
         }
+        let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
+        // Within a small angle any torque is a straight line, and as large as one likes.
+        if high - low < LEAST_TURN {
+            continue;
+        }
+        forms.extend([Form::Spring { joint }, Form::Counterweight { joint }]);
         for arm in LEVERS {
             for step in 0..PHASES {
                 let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
                 forms.push(Form::Counterbalance { joint, arm, phase });
             }
         }
-        let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
         for step in 1..PULLS {
             let from = low + (high - low) * step as f64 / PULLS as f64;
             forms.extend([true, false].map(|above| Form::Pull { joint, from, above }));

@@ -53,7 +53,8 @@ const FIRST_OF_CLASS: f64 = 0.8;
 const NOT_PLAIN: f64 = 0.6;
 /// A shrink below this is no cause worth naming; ...
 const MATERIAL: f64 = 0.01;
-/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows.
+/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows, unless it is plain there
+/// where friction's direction is known.
 const LEAST: f64 = 0.002;
 
 /// Runs that are sound, and what was said of the others.
@@ -362,7 +363,8 @@ impl Procedure<'_> {
             let value = step.effect.kind() == Kind::Value;
             let on = (0..names.len()).filter(|j| value || step.joints.is_empty() || step.joints.contains(j));
             let everywhere = step.joints.is_empty();
-            if !step.adopted.is_empty() && predictable && !sealed.is_plain(k, on.clone()) {
+            let plain = sealed.is_plain(k, on.clone());
+            if !step.adopted.is_empty() && predictable && !plain {
                 cause.confidence *= NOT_PLAIN;
             }
             let transfers = !predictable
@@ -379,6 +381,7 @@ impl Procedure<'_> {
                 // A tilt or a load is on every joint: what it gains on some it must not lose on others.
                 _ if value && everywhere => measured_shrink > 0.0,
                 _ if value => predicted.max(measured_shrink) > 0.0,
+                _ if !everywhere && plain => predicted.max(measured_shrink) > 0.0,
                 _ => predicted.min(measured_shrink) > LEAST,
             };
             let material = if step.adopted.is_empty() { sure } else { takes };

@@ -17,7 +17,9 @@ const MOST_STOPS: usize = 12;
 /// Acceleration of the state under `tau`, phases of the friction as they are.
 pub(crate) fn acceleration(mechanics: &mut Mechanics, friction: &Friction, state: &State, tau: &Vector) -> Vector {
     mechanics.factor(&state.q, &state.qd);
-    friction.acceleration(mechanics, mechanics.free_force(tau, &state.qd), &state.qd)
+    let qdd = friction.acceleration(mechanics, mechanics.free_force(tau, &state.qd), &state.qd);
+    mechanics.accelerated(&qdd);
+    qdd
 }
 
 fn along(state: &State, qd: &Vector, qdd: &Vector, h: f64) -> State {

@@ -26,6 +26,8 @@ pub(crate) struct Mechanics {
     factor: [Vector; MAX_JOINTS],
     /// Bias b of the same state.
     bias: Vector,
+    /// Acceleration last found, for the load on gears: friction that hangs on it decides the next one, a quarter of a step later.
+    qdd: Vector,
     /// Further effects, and the state that they are asked for.
     effects: Vec<KnownEffect>,
     at: (Vector, Vector),
@@ -59,6 +61,7 @@ impl Mechanics {
             mass: [0.0; MAX_JOINTS * MAX_JOINTS],
             factor: [[0.0; MAX_JOINTS]; MAX_JOINTS],
             bias: [0.0; MAX_JOINTS],
+            qdd: [0.0; MAX_JOINTS],
             effects: truth.effects.clone(),
             at: ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]),
         }
@@ -151,17 +154,35 @@ impl Mechanics {
     }
 
     /// What effects add to the dry friction of joint `j` that slides, or is held from sliding, in the direction `sign`, in
-    /// the state last given to `factor`. Of the load, gravity and velocity products count, not acceleration.
+    /// the state last given to `factor`. The load is the torque of the links, their acceleration included.
     pub(crate) fn dry(&self, j: usize, sign: f64) -> f64 {
         let (q, qd) = (self.at.0[j], self.at.1[j]);
         let level = |effect: &KnownEffect| match effect.kind {
             EffectKind::FrictionAsymmetry => effect.values[0] * sign,
             EffectKind::StribeckFriction
             | EffectKind::LoadDependentFriction
-            | EffectKind::PositionDependentFriction => own_torque(effect, 1.0, self.bias[j], q, qd),
+            | EffectKind::PositionDependentFriction => own_torque(effect, 1.0, self.carried(j), q, qd),
             _ => 0.0,
         };
         self.effects.iter().filter(|e| e.joint == j).map(level).sum()
+    }
+
+    /// Takes note of the acceleration of the state last given to `factor`.
+    pub(crate) fn accelerated(&mut self, qdd: &Vector) {
+        self.qdd = *qdd;
+    }
+
+    /// Torque of the links at joint `j`, what the gear carries: of the state last given to `factor` and the acceleration before it.
+    fn carried(&self, j: usize) -> f64 {
+        let row = &self.mass[j * self.n..(j + 1) * self.n];
+        let with_drives: f64 = row.iter().zip(&self.qdd).map(|(m, a)| m * a).sum();
+        let drives = self.rotor_inertia[j] * self.qdd[j]
+            + match self.coupling {
+                Some((WristCoupling { driving, driven }, inertia)) if j == driving => inertia * self.qdd[driven],
+                Some((WristCoupling { driving, driven }, inertia)) if j == driven => inertia * self.qdd[driving],
+                _ => 0.0,
+            };
+        self.bias[j] + with_drives - drives
     }
 
     /// Whether effects make dry friction on joint `j`.
