@@ -61,8 +61,8 @@ pub(crate) struct Nominal {
     pub(crate) x: Vec<f64>,
     /// Standard deviation of each entry's error.
     pub(crate) std: Vec<f64>,
-    /// Standard vector by which it is told what a log cannot show: as `x`, but for drives' values that the file does not know, which are
-    /// as a first fit has them ([`first_fit`](crate::first_fit)).
+    /// Standard vector by which it is told what a log cannot show: as `x`, but for friction that a first fit has more of, and for
+    /// rotors that the file does not know ([`first_fit`](crate::first_fit)).
     pub(crate) near: Vec<f64>,
 }
 

@@ -1,32 +1,50 @@
-//! Friction and rotors that the file does not know: how long an arm may have stood, and what it holds then, is told by their real
-//! size. With no friction to doubt, an arm that sticks shows delays, bristles and Stribeck curves that it does not have.
+//! Friction and rotors as the arm has them: how long it may have stood, and what it holds then, is told by their real size. With no
+//! friction to doubt, or too little, an arm that sticks shows delays, bristles and Stribeck curves that it does not have.
 
 use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::design::Prepared;
+use crate::sealed::IN_MOTION;
 use crate::search::Search;
 
-/// Puts drives' values that the file gives as 0 into [`Nominal::near`] as the runs have them, and prepares the runs anew; `looked_at` of
-/// them are asked. None where the equations have no solution.
+/// Rows in doubt count little, so that a fit without doubt is the first of so many.
+const ROUNDS: usize = 2;
+/// Friction that is at most this many times what the file says is as given: the usual error of a file. So is one that is more by less
+/// than would be a gap, [`IN_MOTION`] times the joint's noise.
+const AS_GIVEN: f64 = 1.25;
+
+/// Puts friction that the runs have more of than the file, and rotors that it gives as 0, into [`Nominal::near`], and prepares the runs anew;
+/// `looked_at` of them are asked. None where the equations have no solution.
 pub(crate) fn know(nominal: &mut Nominal, looked_at: usize, runs: &mut [&mut Prepared]) -> Option<()> {
-    let parameters = nominal.model.parameters.iter().enumerate();
-    let drive =
-        |p: &Parameter| matches!(p, Parameter::Coulomb(_) | Parameter::RotorInertia(_) | Parameter::CouplingCoulomb);
-    let missing: Vec<usize> = parameters.filter(|(c, p)| drive(p) && nominal.x[*c] == 0.0).map(|(c, _)| c).collect();
-    if missing.is_empty() {
-        return Some(());
-    }
-    let solved = {
-        let search = Search::new(runs[..looked_at].iter().map(|run| &**run).collect(), nominal)?;
-        search.solved(search.scale)?
-    };
-    for c in missing {
-        nominal.near[c] = solved.x[c].max(0.0);
-    }
     let still = vec![0; nominal.model.arm.dof()];
-    for run in runs {
-        **run = run.later(&still, nominal);
+    for _ in 0..ROUNDS {
+        let (solved, floor) = {
+            let search = Search::new(runs[..looked_at].iter().map(|run| &**run).collect(), nominal)?;
+            (search.solved(search.scale)?, search.floor.clone())
+        };
+        let noise = |p: Parameter| match (p.joint(), nominal.model.structure.coupling) {
+            (Some(j), _) => floor[j],
+            (None, Some(coupling)) => floor[coupling.driven],
+            (None, None) => 0.0,
+        };
+        let near = |c: usize| match nominal.model.parameters[c] {
+            Parameter::Coulomb(_) | Parameter::CouplingCoulomb => {
+                let (given, fitted) = (nominal.x[c].abs(), nominal.x[c] + solved.x[c]);
+                let more = fitted - given > IN_MOTION * noise(nominal.model.parameters[c]);
+                if more && fitted > AS_GIVEN * given { fitted } else { given }
+            }
+            Parameter::RotorInertia(_) if nominal.x[c] == 0.0 => solved.x[c].max(0.0),
+            _ => nominal.x[c],
+        };
+        let near: Vec<f64> = (0..nominal.x.len()).map(near).collect();
+        if near == nominal.near {
+            break;
+        }
+        nominal.near = near;
+        for run in runs.iter_mut() {
+            **run = run.later(&still, nominal);
+        }
     }
     Some(())
 }

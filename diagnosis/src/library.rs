@@ -34,7 +34,7 @@ const MOSTLY_CUT: f64 = 0.85;
 /// Single samples beyond it are no command.
 const SELDOM_CUT: f64 = 2e-4;
 /// A torque over the angle alone is looked for on joints that turn so far \[rad\].
-const LEAST_TURN: f64 = 0.1;
+const LEAST_TURN: f64 = 0.03;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.

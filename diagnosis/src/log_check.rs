@@ -21,8 +21,11 @@ const LIKE_THE_MODEL: f64 = 0.5;
 const UNLIKE_THE_MODEL: f64 = -0.7;
 /// A torque this many times the model's (or one over it) is in another unit ...
 const OTHER_UNIT: f64 = 3.0;
-/// ... (this many times where the file knows of no friction, and so of less of the joint's torque) ...
+/// ... (this many times where the file knows of no friction: 150 kg on a KR300 are 3.2 times the torque of axis 3 without it; ...
 const LOADED: f64 = 5.0;
+/// ... this many where all but this share of the squares is friction, which may be anything) ...
+const ALL_FRICTION: f64 = 10.0;
+const FELT: f64 = 0.05;
 /// ... if it is the model's torque but for the factor.
 const SAME_SHAPE: f64 = 0.9;
 /// From this factor on it is as well where bodies and drive are both off by it, ...
@@ -344,14 +347,27 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
         let dissipates = cosine(tau, &speed);
-        // Friction that the file does not know is no other unit.
+        let whole = dot(tau, &modelled) / dot(&modelled, &modelled).max(f64::MIN_POSITIVE);
+        // Friction that is another than the file's is no other unit: what is beside it says so too, where it is felt.
+        let beside = [speed.clone(), speed.iter().map(|v| v.signum()).collect()];
+        let (own, due) = (apart(tau, &beside), apart(&modelled, &beside));
+        let rest = dot(&own, &due) / dot(&due, &due).max(f64::MIN_POSITIVE);
+        let felt = dot(&due, &due) > FELT * dot(&modelled, &modelled);
         let n = run.silent.len();
         let unknown = [11, 12].iter().all(|at| nominal.x[at * n + j] == 0.0);
-        let beside = if unknown { vec![speed.clone(), speed.iter().map(|v| v.signum()).collect()] } else { Vec::new() };
-        let (own, due) = (apart(tau, &beside), apart(&modelled, &beside));
-        let scale = dot(&own, &due) / dot(&due, &due).max(f64::MIN_POSITIVE);
-        // Nor is the load that its bodies lack: of a KR300 150 kg are 3.2 times the torque of axis 3.
-        let scale = if unknown && (1.0 / LOADED..LOADED).contains(&scale) { 1.0 } else { scale };
+        let least = if !felt {
+            ALL_FRICTION
+        } else if unknown {
+            LOADED
+        } else {
+            OTHER_UNIT
+        };
+        let off = |scale: f64| !(1.0 / least..least).contains(&scale);
+        let scale = match (felt, unknown) {
+            (true, true) => rest,
+            _ => whole,
+        };
+        let scale = if off(scale) && (!felt || off(rest)) { scale } else { 1.0 };
         let turned = run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. }));
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
         let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));

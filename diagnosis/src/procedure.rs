@@ -39,6 +39,8 @@ use crate::written::Kept;
 
 /// Share of the gap above the floor that may be left beside wrong values.
 const MOST_LEFT: f64 = 0.5;
+/// What comes where an interval of the promised shrink holds 0 is no more than this many times its upper end.
+const FAR_MORE: f64 = 2.0;
 /// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
 const MOST: f64 = 0.75;
 /// Confidence in a form that was adopted, at least.
@@ -384,7 +386,9 @@ impl Procedure<'_> {
                 _ if !everywhere && plain => predicted.max(measured_shrink) > 0.0,
                 _ => predicted.min(measured_shrink) > LEAST,
             };
-            let material = if step.adopted.is_empty() { sure } else { takes };
+            // Where nothing was promised, far more than was thought possible is no confirmation.
+            let kept = value || !predictable || low > 0.0 || measured_shrink <= FAR_MORE * shrink.high;
+            let material = if step.adopted.is_empty() { sure } else { takes && kept };
             // What is said of joints whose torque cannot be believed is not worth saying.
             let believed = match step.effect.kind() {
                 Kind::Structure => !cause.joints.iter().any(unbelieved),

@@ -130,7 +130,11 @@ impl Document {
             "unexplained" if named.is_empty() => {
                 "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
             }
-            "unexplained" => format!("Unknown: {} came out, and does not explain the gap.", list(&named)),
+            "unexplained" => format!(
+                "Unknown: wrong values came out ({}), and {} % of the squared gap above the noise is explained by nothing.",
+                list(&named),
+                figure(100.0 * self.unexplained_share.unwrap_or(0.0), 2)
+            ),
             "parameter" => format!("Wrong values of what the model has: {}.", list(&named)),
             _ => format!("{}.", list(&named)),
         }
