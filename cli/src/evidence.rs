@@ -257,6 +257,8 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
 
 /// Positions in steps that matter.
 pub(crate) const COARSE_NAME: &str = "coarse_positions";
+/// Positions that are held over rows.
+pub(crate) const HELD_NAME: &str = "positions_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
@@ -264,7 +266,7 @@ pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not reco
 /// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME].contains(&d.name);
+    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME, HELD_NAME].contains(&d.name);
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {
         let of_what: Vec<&str> =

@@ -332,7 +332,12 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     let why = || {
         sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
     };
-    for piece in runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)? {
+    for mut piece in
+        runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)?
+    {
+        if let Some(repeated) = &sound.repeated {
+            piece.report.repeated.clone_from(repeated);
+        }
         let mut record = runs::record(&piece)?;
         if let Some(coarse) = &coarse {
             coarse.smooth(robot, &mut record);
