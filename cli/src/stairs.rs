@@ -12,7 +12,8 @@ use crate::runs;
 /// Draws held positions of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
     let least_s = robot.config.sample_period_s;
-    let Some((log, stairs)) = sound.log.without_stairs(&sound.left_out, least_s) else { return };
+    let hole_s = runs::hole_s(sound.log.median_step_s());
+    let Some((log, stairs)) = sound.log.without_stairs(&mut sound.left_out, least_s, hole_s) else { return };
     let name = runs::short_name(&log.path);
     for (joint, stairs) in robot.model.arm.joints.iter().zip(&stairs) {
         let Some(stairs) = stairs else { continue };

@@ -31,8 +31,6 @@ pub struct Stairs {
     pub share: f64,
     /// Rows of a usual (median) stair, in fast motion.
     pub rows: usize,
-    /// Rows whose positions were drawn anew.
-    pub drawn: usize,
     /// Whether torque is held in the same rows.
     pub with_torque: bool,
 }
@@ -42,8 +40,14 @@ impl Log {
     /// more than 8 % of the rows in motion repeat; none where no joint has such stairs. Every signal of the joint that is held in the
     /// same rows is drawn likewise. `left_out` (ascending): rows that are not to be used.
     ///
-    /// Between samples it is the cubic through the two before and the two after, and a straight line where these are uneven.
-    pub fn without_stairs(&self, left_out: &[usize], least_s: f64) -> Option<(Log, Vec<Option<Stairs>>)> {
+    /// Between samples it is the cubic through the two before and the two after, and a straight line where these are uneven. Rows
+    /// beside an end, a hole (`hole_s` \[s\]) or a row that is not to be used, that have no sample on one side, are added to `left_out`.
+    pub fn without_stairs(
+        &self,
+        left_out: &mut Vec<usize>,
+        least_s: f64,
+        hole_s: f64,
+    ) -> Option<(Log, Vec<Option<Stairs>>)> {
         let step = self.median_step_s();
         let found: Vec<Option<(Stairs, Vec<Range<usize>>)>> = self
             .q
@@ -58,6 +62,7 @@ impl Log {
         if found.iter().all(Option::is_none) {
             return None;
         }
+        let given = left_out.clone();
         let mut log = self.clone();
         let mut said = Vec::with_capacity(found.len());
         for (j, found) in found.into_iter().enumerate() {
@@ -65,8 +70,8 @@ impl Log {
                 said.push(None);
                 continue;
             };
-            stairs.drawn = held.iter().map(|run| run.len() - 1).sum();
-            let draw = |signal: &mut Vec<f64>| *signal = drawn(&self.t, signal, &held, left_out);
+            left_out.extend(self.without_neighbour(&held, &given, hole_s));
+            let draw = |signal: &mut Vec<f64>| *signal = drawn(&self.t, signal, &held, &given);
             let together =
                 |signal: Option<&mut Vec<f64>>| signal.filter(|signal| is_held(signal, &held)).map(draw).is_some();
             stairs.with_torque = together(log.tau.as_mut().map(|(_, tau)| &mut tau[j]));
@@ -77,7 +82,20 @@ impl Log {
             together(Some(&mut log.q[j]));
             said.push(Some(stairs));
         }
+        left_out.sort_unstable();
+        left_out.dedup();
         Some((log, said))
+    }
+
+    /// Rows of stairs at which a piece of the log begins or ends: when their samples came is not known, or what came next.
+    fn without_neighbour(&self, held: &[Range<usize>], left_out: &[usize], hole_s: f64) -> Vec<usize> {
+        let apart = |k: usize| {
+            let used = |k: &usize| left_out.binary_search(k).is_err();
+            k == 0 || k >= self.len() || !used(&k) || !used(&(k - 1)) || self.t[k] - self.t[k - 1] > hole_s
+        };
+        let begins = held.iter().filter(|run| apart(run.start)).flat_map(Range::clone);
+        let ends = held.iter().filter(|run| apart(run.end)).flat_map(|run| run.clone().skip(1));
+        begins.chain(ends).collect()
     }
 }
 
@@ -86,8 +104,7 @@ fn runs(q: &[f64], longest: usize) -> Vec<Range<usize>> {
     let (mut found, mut from) = (Vec::new(), 0);
     for k in 1..=q.len() {
         if k == q.len() || q[k].to_bits() != q[from].to_bits() {
-            // What is held at the end has no next sample.
-            if (2..=longest).contains(&(k - from)) && k < q.len() {
+            if (2..=longest).contains(&(k - from)) {
                 found.push(from..k);
             }
             from = k;
@@ -117,11 +134,13 @@ fn stairs(q: &[f64]) -> Option<(Stairs, usize)> {
     let size = q.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
     let steps = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > ROUNDING * size);
     let quantum = steps.fold(f64::INFINITY, f64::min);
-    let fast = |run: &Range<usize>| (q[run.end] - q[run.start]).abs() > STEPS_A_ROW * quantum * run.len() as f64;
+    let fast = |run: &Range<usize>| {
+        run.end < q.len() && (q[run.end] - q[run.start]).abs() > STEPS_A_ROW * quantum * run.len() as f64
+    };
     let mut rows: Vec<usize> = runs(q, usize::MAX).iter().filter(|run| fast(run)).map(ExactSizeIterator::len).collect();
     rows.sort_unstable();
     let longest = *rows.get(rows.len().checked_sub(1 + rows.len() / RARE)?)?;
-    Some((Stairs { share, rows: rows[rows.len() / 2], drawn: 0, with_torque: false }, longest))
+    Some((Stairs { share, rows: rows[rows.len() / 2], with_torque: false }, longest))
 }
 
 /// Whether a signal repeats where positions do.
@@ -204,10 +223,14 @@ mod tests {
             [(4, &(|k: usize| k % 4 != 0) as &dyn Fn(usize) -> bool), (2, &|k| k % 2 != 0), (2, &chance)]
         {
             let stairs = log(1e-6, false, held);
-            let (drawn, said) = stairs.without_stairs(&[], STEP).expect("stairs");
+            let mut left_out = vec![9_001];
+            let (drawn, said) = stairs.without_stairs(&mut left_out, STEP, 0.1).expect("stairs");
+            assert!(left_out.contains(&9_001) && left_out.len() <= 1 + 4 * rows, "{left_out:?}");
             let said = said[0].expect("of the joint");
             assert_eq!((said.rows, said.with_torque), (rows, false));
-            let worst = |log: &Log| (0..19_980).map(|k| (log.q[0][k] - motion(k)).abs()).fold(0.0, f64::max);
+            let used = |k: &usize| left_out.binary_search(k).is_err();
+            let worst =
+                |log: &Log| (0..20_000).filter(used).map(|k| (log.q[0][k] - motion(k)).abs()).fold(0.0, f64::max);
             assert!(worst(&drawn) < 2e-6, "{} of {}", worst(&drawn), worst(&stairs));
             assert!(worst(&stairs) > 1e-3, "{}", worst(&stairs));
             assert_eq!(drawn.tau, stairs.tau);
@@ -216,7 +239,7 @@ mod tests {
 
     #[test]
     fn what_is_held_with_them_is_drawn_as_well() {
-        let (drawn, said) = log(1e-6, true, |k| k % 8 != 0).without_stairs(&[], STEP).expect("stairs");
+        let (drawn, said) = log(1e-6, true, |k| k % 8 != 0).without_stairs(&mut Vec::new(), STEP, 0.1).expect("stairs");
         assert!(said[0].expect("of the joint").with_torque);
         let tau = &drawn.tau.expect("torque").1[0];
         let worst = (0..19_980).map(|k| (tau[k] - (3.0 * STEP * k as f64).sin()).abs()).fold(0.0, f64::max);
@@ -227,9 +250,9 @@ mod tests {
     #[test]
     fn steps_and_standstill_are_no_stairs() {
         for encoder in [1e-7, 1e-4, 1e-3, 5e-3] {
-            assert_eq!(log(encoder, false, |_| false).without_stairs(&[], STEP), None, "{encoder}");
+            assert_eq!(log(encoder, false, |_| false).without_stairs(&mut Vec::new(), STEP, 0.1), None, "{encoder}");
         }
-        assert_eq!(log(1e-6, false, |k| k % 4000 > 2000).without_stairs(&[], STEP), None);
-        assert_eq!(log(1e-6, false, |k| k % 2 != 0).without_stairs(&[], 4.0 * STEP), None);
+        assert_eq!(log(1e-6, false, |k| k % 4000 > 2000).without_stairs(&mut Vec::new(), STEP, 0.1), None);
+        assert_eq!(log(1e-6, false, |k| k % 2 != 0).without_stairs(&mut Vec::new(), 4.0 * STEP, 0.1), None);
     }
 }
