@@ -9,12 +9,15 @@ use crate::table::paragraph;
 /// A joint's delay is the clock's, which all have in common, if it is no further from it than this \[s\], or than so many of its
 /// deviations.
 const APART_S: f64 = 2e-3;
-const APART_STD: f64 = 5.0;
-/// What friction at standstill makes of a joint's delay, beside its deviation (one standard deviation) \[s\].
-const FRICTION_S: f64 = 1e-3;
-/// A common delay is worth a warning beyond this \[s\], and beyond so many of its deviations.
-const LATE_S: f64 = 1.5e-3;
-const LATE_STD: f64 = 4.0;
+const APART_STD: f64 = 3.0;
+/// What friction at standstill makes of a joint's delay, beside its deviation (one standard deviation) \[s\]: so much of any, and so
+/// much more, times the square of its share, where dry friction is all of the torque. Of 25 sound simulated logs with friction that
+/// sticks, joints with less than 0.4 were off by 0.8 ms at most, wrists with 0.5 and more by up to 8.5 ms.
+const LEAST_S: f64 = 0.5e-3;
+const DRY_S: f64 = 6e-3;
+/// A common delay is worth a warning from this on \[s\], and beyond so many of its deviations.
+const LATE_S: f64 = 2e-3;
+const LATE_STD: f64 = 3.0;
 
 /// What the joints' delays have in common.
 struct Common {
@@ -25,37 +28,37 @@ struct Common {
     others: Vec<usize>,
 }
 
-/// The delay that most of the joints have, of those that are told.
-fn common(delays: &[Delay]) -> Option<Common> {
-    let told: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt.is_none()).collect();
-    let mut sorted: Vec<f64> = told.iter().map(|j| delays[*j].seconds).collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let middle = sorted.len().checked_sub(1)? / 2;
-    // Of an even number, between the two in the middle.
-    let median = 0.5 * (sorted[middle] + sorted[sorted.len() / 2]);
-    let has = |j: &usize| (delays[*j].seconds - median).abs() <= APART_S.max(APART_STD * delays[*j].std);
+/// The delay that the joints have that tell it best; `dry`: share of friction in their torque.
+fn common(delays: &[Delay], dry: &[f64]) -> Option<Common> {
+    let variance = |j: &usize| delays[*j].std.powi(2) + (LEAST_S + DRY_S * dry[*j].powi(2)).powi(2);
+    let mut told: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt.is_none()).collect();
+    told.sort_by(|a, b| delays[*a].seconds.total_cmp(&delays[*b].seconds));
+    let weights = |joints: &[usize]| joints.iter().map(|j| variance(j).recip()).sum::<f64>();
+    let half = 0.5 * weights(&told);
+    let middle = (0..told.len()).find(|k| weights(&told[..=*k]) >= half)?;
+    let median = delays[told[middle]].seconds;
+    let has = |j: &usize| (delays[*j].seconds - median).abs() <= APART_S.max(APART_STD * variance(j).sqrt());
+    told.sort_unstable();
     let (joints, others): (Vec<usize>, Vec<usize>) = told.into_iter().partition(has);
-    let weight = |j: &usize| 1.0 / (delays[*j].std.powi(2) + FRICTION_S.powi(2));
-    let weights: f64 = joints.iter().map(weight).sum();
-    let seconds = joints.iter().map(|j| weight(j) * delays[*j].seconds).sum::<f64>() / weights;
-    Some(Common { seconds, std: weights.sqrt().recip(), joints, others })
+    let sum = weights(&joints);
+    let seconds = joints.iter().map(|j| delays[*j].seconds / variance(j)).sum::<f64>() / sum;
+    Some(Common { seconds, std: sum.sqrt().recip(), joints, others })
 }
 
-const BY_JOINT: &str =
-    "not that of the other joints: friction that the model lacks, or a channel of its own, not the clock of the log";
+const BY_JOINT: &str = "not that of the joints that tell it best; whether friction that the model lacks or a channel of its own makes it so, cannot be told";
 
 fn named(names: &[String], joints: &[usize]) -> String {
     joints.iter().map(|j| names[*j].as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// How late torque is behind position, for people.
-pub(crate) fn text(names: &[String], delays: &[Delay]) -> String {
+pub(crate) fn text(names: &[String], delays: &[Delay], dry: &[f64]) -> String {
     let of = |d: &Delay| match d.doubt {
         None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
         Some(doubt) => format!("({doubt})"),
     };
     let each: Vec<String> = delays.iter().map(of).collect();
-    let others = common(delays).map_or_else(Vec::new, |common| common.others);
+    let others = common(delays, dry).map_or_else(Vec::new, |common| common.others);
     let caveat = if others.is_empty() {
         String::new()
     } else {
@@ -70,8 +73,8 @@ pub(crate) fn text(names: &[String], delays: &[Delay]) -> String {
 }
 
 /// The same joint by joint; a value is null where the data do not tell, and has a doubt where it cannot be the log's clock.
-pub(crate) fn json(delays: &[Delay]) -> Vec<Value> {
-    let others = common(delays).map_or_else(Vec::new, |common| common.others);
+pub(crate) fn json(delays: &[Delay], dry: &[f64]) -> Vec<Value> {
+    let others = common(delays, dry).map_or_else(Vec::new, |common| common.others);
     let of = |(j, delay): (usize, &Delay)| match delay.doubt {
         None if others.contains(&j) => {
             json!({"value": delay.seconds, "std": delay.std, "doubt": format!("differs by joint: {BY_JOINT}")})
@@ -82,10 +85,10 @@ pub(crate) fn json(delays: &[Delay]) -> Vec<Value> {
     delays.iter().enumerate().map(of).collect()
 }
 
-/// Torque that most joints have late, or early, by about the same.
-pub(crate) fn distrust(names: &[String], delays: &[Delay]) -> Option<Distrust> {
-    let Common { seconds, std, joints, .. } = common(delays)?;
-    if 2 * joints.len() <= delays.len() || seconds.abs() <= LATE_S.max(LATE_STD * std) {
+/// Torque that the joints that tell it best have late, or early, by about the same.
+pub(crate) fn distrust(names: &[String], delays: &[Delay], dry: &[f64]) -> Option<Distrust> {
+    let Common { seconds, std, joints, .. } = common(delays, dry)?;
+    if joints.len() < delays.len().min(2) || seconds.abs() < LATE_S || seconds.abs() <= LATE_STD * std {
         return None;
     }
     let ms = 1e3 * seconds.abs();
@@ -112,6 +115,9 @@ mod tests {
         ms.iter().map(|(ms, std)| Delay { seconds: 1e-3 * ms, std: 1e-3 * std, doubt: None }).collect()
     }
 
+    /// Shoulder and elbow carry links, the wrist mostly rubs.
+    const DRY: [f64; 6] = [0.3, 0.2, 0.2, 0.4, 0.5, 0.5];
+
     fn names() -> Vec<String> {
         (1..=6).map(|j| format!("j{j}")).collect()
     }
@@ -119,13 +125,16 @@ mod tests {
     #[test]
     fn a_delay_of_one_joint_is_no_clock() {
         let friction = delays(&[(0.1, 0.2), (-7.5, 0.4), (0.3, 0.2)]);
-        assert!(text(&names(), &friction).contains("differs by joint: j2 is"));
-        assert!(json(&friction).iter().all(|d| d["value"].is_number()));
-        assert_eq!(json(&friction).iter().map(|d| d["doubt"].is_string()).collect::<Vec<_>>(), [false, true, false]);
+        assert!(text(&names(), &friction, &DRY).contains("differs by joint: j2 is"));
+        assert!(json(&friction, &DRY).iter().all(|d| d["value"].is_number()));
+        assert_eq!(
+            json(&friction, &DRY).iter().map(|d| d["doubt"].is_string()).collect::<Vec<_>>(),
+            [false, true, false]
+        );
         for clock in [&[(6.1, 0.3), (5.8, 0.4), (6.6, 0.2)][..], &[(3.8, 3.4), (-10.0, 7.1), (17.9, 5.2)]] {
-            let text = text(&names(), &delays(clock));
+            let text = text(&names(), &delays(clock), &DRY);
             assert!(!text.contains("differs by joint") && text.contains("friction at standstill"), "{text}");
-            assert!(json(&delays(clock)).iter().all(|d| d.get("doubt").is_none()));
+            assert!(json(&delays(clock), &DRY).iter().all(|d| d.get("doubt").is_none()));
         }
     }
 
@@ -133,20 +142,35 @@ mod tests {
     #[test]
     fn joints_are_compared_with_what_they_have_in_common() {
         let sides = delays(&[(2.3, 0.1), (4.0, 0.2), (4.1, 0.2), (5.9, 0.1)]);
-        assert!(!text(&names(), &sides).contains("differs by joint"));
-        assert!((common(&sides).expect("one").seconds - 4.075e-3).abs() < 1e-4);
+        assert!(!text(&names(), &sides, &DRY).contains("differs by joint"));
+        assert!((common(&sides, &[0.2; 4]).expect("one").seconds - 4.075e-3).abs() < 1e-4);
     }
 
     #[test]
     fn a_delay_that_most_joints_have_is_told_and_uncertain_ones_are_none() {
-        let of = |ms: &[(f64, f64)]| distrust(&names(), &delays(ms)).map(|d| d.text);
+        let of = |ms: &[(f64, f64)]| distrust(&names(), &delays(ms), &DRY).map(|d| d.text);
         let late = of(&[(4.0, 0.3), (4.0, 0.4), (3.0, 0.3), (3.2, 0.2), (2.0, 0.3), (-0.4, 0.2)]).expect("late");
-        assert!(late.contains("behind position on j1, j2, j3, j4, j5:"), "{late}");
+        assert!(late.contains("behind position on j1, j2, j3, j4, j5, j6:"), "{late}");
         let early = of(&[(-5.0, 0.3), (-5.2, 0.2)]).expect("early");
-        assert!(early.contains("5.1 +- 0.7 ms (one std) ahead of position"), "{early}");
+        assert!(early.contains("5.1 +- 0.6 ms (one std) ahead of position"), "{early}");
         assert_eq!(of(&[(0.5, 0.1), (-0.4, 0.2), (4.2, 0.6)]), None);
         // As the UR10e was measured.
         assert_eq!(of(&[(3.8, 3.2), (-7.6, 7.7), (-9.9, 6.8), (6.1, 5.1), (17.0, 8.4), (13.3, 8.2)]), None);
         assert_eq!(of(&[]), None);
+    }
+
+    /// As simulated arms with friction that sticks were read: sound, and 3 and 6 ms late. Their wrists are not to be blamed.
+    #[test]
+    fn wrists_that_stick_neither_hide_a_clock_nor_make_one() {
+        let dry = [0.41, 0.28, 0.69, 0.60, 1.0, 0.91];
+        let sound = [(-0.1, 0.05), (-0.1, 0.05), (0.3, 0.1), (3.3, 0.5), (7.2, 0.7), (5.4, 0.3)];
+        let late3 = [(2.8, 0.2), (2.5, 0.2), (3.3, 0.4), (6.5, 0.4), (9.7, 0.6), (8.4, 0.3)];
+        let late6 = [(5.8, 0.3), (5.7, 0.3), (6.3, 0.4), (9.4, 0.4), (13.4, 0.7), (11.9, 0.3)];
+        assert!(distrust(&names(), &delays(&sound), &dry).is_none());
+        for (ms, late) in [(3.0, &late3), (6.0, &late6)] {
+            let found = common(&delays(late), &dry).expect("one");
+            assert!((1e3 * found.seconds - ms).abs() < 1.0 && found.others.is_empty(), "{}", found.seconds);
+            assert!(distrust(&names(), &delays(late), &dry).is_some());
+        }
     }
 }

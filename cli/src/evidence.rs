@@ -104,21 +104,26 @@ pub(crate) fn signal_text(robot: &Robot) -> String {
 
 /// Share of repeated rows, or of jitter in a step, that is worth a word.
 const UNEVEN: f64 = 0.02;
+/// Readings that stand for this many samples while the joint moves are frozen to the daemon: one that came and four that equal it.
+const FROZEN_ROWS: f64 = 4.5;
 /// Jitter of this share of a step is worth a warning: the measured arm with the most has 0.12.
 const LARGE_JITTER: f64 = 0.2;
 
 /// What uneven sampling of the logs asks of the differentiator, for people; empty where there is none.
 ///
-/// Off line nothing is to be chosen: differences pass the model filter with every column. The daemon sees samples as they
-/// come, and its window has to cover two of the longest steps.
+/// Off line nothing is to be chosen: held positions are drawn anew where they matter ([`HELD_NAME`]), the rest passes the model filter.
+/// The daemon sees samples as they come: its window has to cover two of the longest steps, and what stands for more than four samples
+/// while the joint moves is refused as frozen.
 pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a ResampleReport>) -> String {
     let period = robot.config.sample_period_s;
     let (mut reach, mut why, mut worst_jitter) = (0.0_f64, Vec::new(), None::<(f64, f64)>);
+    let mut frozen = false;
     for report in reports {
         let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
         let step = report.median_step_s;
         // A position that repeats with share s is held for 1/(1 - s) rows on average; a jittered row is off by as much.
         let held = step / (1.0 - share).max(0.01);
+        frozen |= share > UNEVEN && held >= FROZEN_ROWS * period;
         if share > UNEVEN && !why.contains(&"stair-case positions") {
             why.push("stair-case positions");
         }
@@ -158,6 +163,11 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         Differentiator::Central | Differentiator::SavitzkyGolay { .. } => {
             format!("savitzky-golay with half_width of at least {needed} would cover them")
         }
+    };
+    let verdict = if frozen {
+        "positions that stand so long while the joint moves are refused as frozen: give the daemon the source's own rate".to_owned()
+    } else {
+        verdict
     };
     let text = format!("{}; on line (every {} ms), {verdict}", why.join(" and "), number(1e3 * period, 3));
     paragraph("sampling: ", &text) + &worst
@@ -257,6 +267,8 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
 
 /// Positions in steps that matter.
 pub(crate) const COARSE_NAME: &str = "coarse_positions";
+/// Positions that are held over rows.
+pub(crate) const HELD_NAME: &str = "positions_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
@@ -264,7 +276,7 @@ pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not reco
 /// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME].contains(&d.name);
+    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME, HELD_NAME].contains(&d.name);
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {
         let of_what: Vec<&str> =

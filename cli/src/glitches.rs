@@ -11,6 +11,7 @@ use rivet_logs::{Log, Signals};
 use crate::evidence::Distrust;
 use crate::exit::Fault;
 use crate::runs;
+use crate::stairs;
 use crate::table::number;
 
 /// A log without what no arm gives.
@@ -19,6 +20,8 @@ pub(crate) struct Sound<'a> {
     pub(crate) log: Cow<'a, Log>,
     /// Rows that are not to be used, ascending.
     pub(crate) left_out: Vec<usize>,
+    /// Share of the rows in motion at which positions repeated, per joint, where they were drawn anew for it.
+    pub(crate) repeated: Option<Vec<f64>>,
     /// What was found.
     pub(crate) found: Vec<Distrust>,
 }
@@ -39,7 +42,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         resolution: robot.config.drive.encoder_resolution[j],
         revolute: joints[j].kind == JointKind::Revolute,
     };
-    let mut sound = Sound { log: Cow::Borrowed(log), left_out: Vec::new(), found: Vec::new() };
+    let mut sound = Sound { log: Cow::Borrowed(log), left_out: Vec::new(), repeated: None, found: Vec::new() };
     let mut say = |j: usize, name: &'static str, text: String| {
         let (log, joint) = (Some(runs::short_name(&log.path)), Some(joints[j].name.clone()));
         sound.found.push(Distrust { log, joint, name, text });
@@ -113,6 +116,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         ))
         .into());
     }
+    stairs::take_out(robot, &mut sound);
     Ok(sound)
 }
 

@@ -11,8 +11,8 @@ use anyhow::{Context, Result};
 use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Rows, bias, fit, solve,
-    torque_delay, unfollowed,
+    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Rows, bias, fit,
+    friction_share, solve, torque_delay, unfollowed,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// A log that is not learnt from, on which the result is judged; may be given several times.
-    #[arg(long, value_name = "LOG", conflicts_with = "online")]
+    #[arg(long, value_name = "LOG", conflicts_with_all = ["online", "compare"])]
     hold_out: Vec<PathBuf>,
     /// Also write the result as JSON.
     #[arg(long, value_name = "FILE")]
@@ -110,6 +110,8 @@ struct Findings {
     bias: Bias,
     /// How late torque is behind position, per joint.
     delays: Vec<Delay>,
+    /// Share of dry friction in the torque, per joint.
+    dry: Vec<f64>,
     /// All rows as sums.
     reference: Reference,
     /// Physically consistent parameters near those of the fit that counts.
@@ -238,6 +240,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
+    let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let held_out = held_out(robot, &chosen.values, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
     distrusts.extend(repeated(logs, &contents, &held_out));
@@ -245,7 +248,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
-    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays));
+    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry));
     Ok(Findings {
         runs,
         rows,
@@ -254,6 +257,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         residuals,
         bias,
         delays,
+        dry,
         reference,
         consistent,
         held_out,
@@ -332,7 +336,12 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     let why = || {
         sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
     };
-    for piece in runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)? {
+    for mut piece in
+        runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)?
+    {
+        if let Some(repeated) = &sound.repeated {
+            piece.report.repeated.clone_from(repeated);
+        }
         let mut record = runs::record(&piece)?;
         if let Some(coarse) = &coarse {
             coarse.smooth(robot, &mut record);

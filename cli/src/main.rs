@@ -32,6 +32,7 @@ mod replay;
 mod rollout;
 mod runs;
 mod self_check;
+mod stairs;
 mod stream;
 mod study;
 mod summary;

@@ -35,7 +35,7 @@ pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, 
 pub use glitches::{Jumps, MOST_LEFT_OUT, Reach, beyond, unwrap};
 pub use record::{OfflineError, Record, Trajectory, predict};
 pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
-pub use sense::{TorqueSense, giving_friction, torque_sense};
+pub use sense::{TorqueSense, friction_share, giving_friction, torque_sense};
 pub use setpoint::unfollowed;
 pub use steps::{position_step, told_up_to_hz};
 pub use sums::Equations;

@@ -39,6 +39,7 @@ mod overlap;
 mod parquet_file;
 mod resample;
 mod signal;
+mod stairs;
 
 pub use clock::OtherClock;
 pub use error::{LogError, LogFault};
@@ -46,3 +47,4 @@ pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
 pub use parquet_file::write_columns;
 pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;
+pub use stairs::Stairs;

@@ -81,8 +81,9 @@ impl Log {
     /// * A coarser grid: first the spline to a whole multiple of the wanted rate (nothing to do when the log is on it),
     ///   then one linear-phase low-pass over every signal and every k-th row. Half the filter is lost at either end.
     ///
-    /// Stairs of a position that updates more slowly than the log are left in it: their ripple lies at the log's rate,
-    /// which the low-pass removes when rows are dropped; `repeated` says how many there are.
+    /// Stairs of a position that updates more slowly than the log are left in it: where they are short, their ripple lies at the
+    /// log's rate, which the low-pass removes when rows are dropped; `repeated` says how many there are. Longer ones are taken out
+    /// before ([`Log::without_stairs`]).
     pub fn resample(&self, period_s: f64) -> Result<(Log, ResampleReport), LogError> {
         if !(period_s.is_finite() && period_s > 0.0) {
             return Err(LogFault::Period(period_s).at(&self.path));
@@ -186,7 +187,7 @@ fn whole_factor(ratio: f64) -> usize {
 
 /// Share of the rows in motion whose position equals the one before. In motion: over ten rows either side the position
 /// moves by more than four of its smallest steps, so that a slow joint's coarse encoder is not called a stair-case.
-fn repeated_share(q: &[f64]) -> f64 {
+pub(crate) fn repeated_share(q: &[f64]) -> f64 {
     const REACH: usize = 10;
     let steps = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0);
     let quantum = steps.fold(f64::INFINITY, f64::min);

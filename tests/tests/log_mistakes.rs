@@ -545,3 +545,37 @@ fn glitches_of_a_log_do_not_reach_the_fit() {
     let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(path));
     assert!(code == Some(65) && text.contains("cannot be true, more than a tenth"), "{code:?} {text}");
 }
+
+/// A source at a fourth of the log's rate: positions are drawn through its samples, and it is said; standstill, other joints and a log
+/// without stairs are left as they are.
+#[test]
+fn positions_that_are_held_over_rows_are_drawn_anew_and_said() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-30sec_12harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let held = std::cell::RefCell::new(Vec::new());
+    let stairs = changed("ur10e", &log, folder.path(), |row, _, q| {
+        let mut held = held.borrow_mut();
+        if row % 4 == 0 {
+            *held = q.to_vec();
+        }
+        q.copy_from_slice(&held);
+    });
+    let identified = |log: &Path| {
+        let json = folder.path().join("found.json");
+        let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(log).arg("--json").arg(&json));
+        assert_eq!(code, Some(0), "{text}");
+        let found: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(&json).expect("readable")).expect("json");
+        let percent = |joint: &serde_json::Value| joint["residual_percent"]["instrumental"].as_f64().expect("a number");
+        let percent: Vec<f64> = found["joints"].as_array().expect("joints").iter().map(percent).collect();
+        (percent, text)
+    };
+    let (sound, text) = identified(&log);
+    assert!(!text.contains("are held"), "{text}");
+    let (found, text) = identified(&stairs);
+    println!("{sound:.1?} {found:.1?}");
+    assert!(text.contains("positions are held") && text.contains("stairs are 4 rows long"), "{text}");
+    for (found, sound) in found.iter().zip(&sound) {
+        assert!(found < &(2.0 * sound), "{found} % after {sound} %");
+    }
+}

@@ -17,7 +17,7 @@ use crate::table::{Table, number, paragraph};
 fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
     match run.source {
         InstrumentSource::Desired => {
-            let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", 1e3 * lag)).collect();
+            let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", (1e3 * lag).round() + 0.0)).collect();
             format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
         }
         InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
@@ -106,12 +106,16 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     );
     let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
     out += &evidence::bias_text(&result.bias, &Compared::OFFLINE);
-    out += &delays::text(&runs::joint_names(robot), &result.delays);
+    out += &delays::text(&runs::joint_names(robot), &result.delays, &result.dry);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &evidence::consistency_text(&result.consistent);
     out.push('\n');
-    let which = if robot.config.estimator.kind == EstimatorKind::Riv { "IV" } else { "LS" };
-    let mut table = Table::new(["parameter", which, "std", "decided by", "LS", "nominal", "unit"]);
+    let (which, other, others) = if robot.config.estimator.kind == EstimatorKind::Riv {
+        ("IV", "LS", &result.least_squares)
+    } else {
+        ("LS", "IV", &result.instrumental)
+    };
+    let mut table = Table::new(["parameter", which, "std", "decided by", other, "nominal", "unit"]);
     for i in 0..base.len() {
         let decided = match chosen.determined[i] {
             Determined::ByData => "data",
@@ -122,7 +126,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
             number(chosen.values[i], 4),
             number(chosen.std[i], 2),
             decided.to_owned(),
-            number(result.least_squares.values[i], 4),
+            number(others.values[i], 4),
             number(robot.nominal_base[i], 4),
             base.parameter(model, i).unit(&model.arm).to_owned(),
         ]);
@@ -180,7 +184,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             },
         })
     };
-    let late = delays::json(&result.delays);
+    let late = delays::json(&result.delays, &result.dry);
     let per_joint = |j: usize| {
         json!({
             "joint": model.arm.joints[j].name,

@@ -27,7 +27,11 @@ pub enum OfflineError {
         edge: usize,
     },
     /// A joint without a single usable row.
-    #[error("joint {} never moves faster than its dead zone in any record", joint + 1)]
+    #[error(
+        "joint {} never moves faster than its dead zone in any record: give a log in which every joint moves (several logs may be \
+         given together)",
+        joint + 1
+    )]
     JointStill {
         /// Joint, from 0.
         joint: usize,

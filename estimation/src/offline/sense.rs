@@ -105,5 +105,27 @@ pub fn giving_friction(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) 
     found
 }
 
+/// Dry friction as found over torque, joint by joint (root mean squares, at most 1; 1 for a joint without torque): how much of a
+/// joint's torque is of a kind whose law near standstill is known least.
+pub fn friction_share(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) -> Vec<f64> {
+    let share = |j: usize| {
+        let dry = [Parameter::Coulomb(j), Parameter::CouplingCoulomb, Parameter::LoadFriction(j)];
+        let (mut rubs, mut all) = (0.0, 0.0);
+        for rows in rows.iter().map(|r| &r.joints[j]) {
+            let of = |c: &usize| if dry.contains(&base.parameter(model, *c)) { fit.values[*c] } else { 0.0 };
+            let values: Vec<f64> = rows.columns.iter().map(of).collect();
+            if values.is_empty() {
+                continue;
+            }
+            for (row, tau) in rows.d.chunks_exact(values.len()).zip(&rows.tau) {
+                rubs += dot(row, &values).powi(2);
+                all += tau * tau;
+            }
+        }
+        if all > 0.0 { (rubs / all).sqrt().min(1.0) } else { 1.0 }
+    };
+    (0..model.arm.dof()).map(share).collect()
+}
+
 /// Friction gives energy surely from so many standard deviations below zero.
 const SURELY: f64 = 3.0;

@@ -1,0 +1,42 @@
+//! Positions that come more slowly than the rows of a log: drawn through those at which they came, and said.
+
+use std::borrow::Cow;
+
+use rivet_config::Robot;
+use rivet_logs::Stairs;
+
+use crate::evidence::{Distrust, HELD_NAME};
+use crate::glitches::Sound;
+use crate::runs;
+
+/// Draws held positions of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.
+pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
+    let least_s = robot.config.sample_period_s;
+    let hole_s = runs::hole_s(sound.log.median_step_s());
+    let Some((log, stairs)) = sound.log.without_stairs(&mut sound.left_out, least_s, hole_s) else { return };
+    let name = runs::short_name(&log.path);
+    for (joint, stairs) in robot.model.arm.joints.iter().zip(&stairs) {
+        let Some(stairs) = stairs else { continue };
+        let (log, joint) = (Some(name.clone()), Some(joint.name.clone()));
+        sound.found.push(Distrust { log, joint, name: HELD_NAME, text: text(stairs) });
+    }
+    sound.repeated = Some(stairs.iter().map(|stairs| stairs.map_or(0.0, |stairs| stairs.share)).collect());
+    sound.log = Cow::Owned(log);
+}
+
+/// Rounded, so that joints of one source share a paragraph.
+fn text(stairs: &Stairs) -> String {
+    let torque = if stairs.with_torque { "positions and torque" } else { "positions" };
+    let late = if stairs.with_torque {
+        "both are"
+    } else {
+        "torque was not held with them, so look at how late it is; positions are"
+    };
+    format!(
+        "{torque} are held: {:.0} % of the rows in motion repeat the one before, stairs are {} rows long as a rule. Differences of stairs \
+         are no speed: {late} drawn through the rows at which a new sample came (cubic), as far as off-line work goes. A log at the rate \
+         of its source is better; on line nothing is drawn anew",
+        100.0 * stairs.share,
+        stairs.rows,
+    )
+}
