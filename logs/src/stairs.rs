@@ -116,7 +116,7 @@ fn runs(q: &[f64], longest: usize) -> Vec<Range<usize>> {
 /// The runs, those of two stairs or more that happen to be equal, as where a joint turns back, in their parts.
 fn parted(runs: Vec<Range<usize>>, usual: usize, longest: usize) -> Vec<Range<usize>> {
     let parts = |run: Range<usize>| -> Vec<Range<usize>> {
-        if run.len() > longest && run.len() % usual == 0 {
+        if run.len() > longest && run.len().is_multiple_of(usual) {
             run.step_by(usual).map(|from| from..from + usual).collect()
         } else {
             vec![run]
@@ -156,8 +156,12 @@ fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
 /// The signal with the rows after the first of every run drawn through the others.
 fn drawn(t: &[f64], signal: &[f64], held: &[Range<usize>], left_out: &[usize]) -> Vec<f64> {
     let mut fresh = vec![true; signal.len()];
-    held.iter().for_each(|run| fresh[run.start + 1..run.end].fill(false));
-    left_out.iter().for_each(|k| fresh[*k] = false);
+    for run in held {
+        fresh[run.start + 1..run.end].fill(false);
+    }
+    for k in left_out {
+        fresh[*k] = false;
+    }
     let nodes: Vec<usize> = (0..signal.len()).filter(|k| fresh[*k]).collect();
     let mut result = signal.to_vec();
     for run in held {
@@ -199,7 +203,7 @@ mod tests {
 
     /// A log of one joint with an encoder step, its positions and, where asked, its torque held for rows told by `held`.
     fn log(encoder: f64, with_torque: bool, held: impl Fn(usize) -> bool) -> Log {
-        let t: Vec<f64> = (0..20_000).map(|k| STEP * k as f64).collect();
+        let t: Vec<f64> = (0..20_000).map(|k| STEP * f64::from(k)).collect();
         let mut q: Vec<f64> = (0..t.len()).map(|k| (motion(k) / encoder).round() * encoder).collect();
         let mut tau: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
         for k in 1..t.len() {
@@ -219,9 +223,11 @@ mod tests {
     #[test]
     fn positions_are_drawn_through_their_renewals() {
         let chance = |k: usize| (k as f64 * 0.618_033_988_75).fract() < 0.125;
-        for (rows, held) in
-            [(4, &(|k: usize| k % 4 != 0) as &dyn Fn(usize) -> bool), (2, &|k| k % 2 != 0), (2, &chance)]
-        {
+        for (rows, held) in [
+            (4, &(|k: usize| !k.is_multiple_of(4)) as &dyn Fn(usize) -> bool),
+            (2, &|k| !k.is_multiple_of(2)),
+            (2, &chance),
+        ] {
             let stairs = log(1e-6, false, held);
             let mut left_out = vec![9_001];
             let (drawn, said) = stairs.without_stairs(&mut left_out, STEP, 0.1).expect("stairs");
