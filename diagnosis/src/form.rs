@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use rivet_dynamics::{Workspace, inverse_dynamics};
 
+use crate::design::SMEARED_S;
 use crate::effect::Effect;
 use crate::mounting::Mode;
 use crate::physics::{Physics, bodies, displaced};
@@ -263,8 +264,8 @@ impl Form {
             Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
             Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
             // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
-            Form::Delay { .. } => (0.5..2.0).contains(&c[0]),
-            // Less travel than that is a stop, smeared by the smoothing of positions.
+            // Less than stops are smeared by is no delay where friction sticks; true ones were 3.2 ms and more.
+            Form::Delay { seconds } => (0.5..2.0).contains(&c[0]) && c[0] * seconds > SMEARED_S,
             Form::Presliding { length, .. } => c[0] > 0.2 && *length > LEAST_TRAVEL,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
             Form::LinkScale { .. } => c[0] > -0.9,
@@ -403,8 +404,9 @@ impl Physics<'_> {
 
 /// Samples by which a command that stands for one is late on average.
 const HELD: f64 = 0.5;
-/// Bristles give way over more than this \[rad\]. False ones on simulated arms that stick had 0.04 to 0.09 mrad.
-const LEAST_TRAVEL: f64 = 1.5e-4;
+/// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
+/// mrad, true ones of other programs 2.4 mrad and more.
+const LEAST_TRAVEL: f64 = 1e-3;
 
 /// Value between samples, linear; the ends hold.
 fn at(x: &[f64], place: f64) -> f64 {

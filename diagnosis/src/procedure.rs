@@ -372,7 +372,12 @@ impl Procedure<'_> {
             let transfers = !predictable
                 || if value && !everywhere { sealed.misses(k, on.clone()) } else { sealed.notices(k, on.clone()) }
                     && !(everywhere && sealed.spoils(k));
-            let enough = step.adopted.iter().all(|a| residue.upholds(a));
+            // Refined, it may have become as little as a stop is smeared by.
+            let smeared = |a: &Adopted| {
+                matches!(a.form, Form::Delay { .. } | Form::Presliding { .. })
+                    && !a.form.plausible(&a.coefficients(&solved.x))
+            };
+            let enough = step.adopted.iter().all(|a| residue.upholds(a) && !smeared(a));
             // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
             let sure = low > 0.0 && measured_shrink > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
             // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
