@@ -290,6 +290,22 @@ fn payload_and_counterbalance_of_a_kr300_are_named() {
     assert!(share < 0.15, "the law found misses the published one by {:.1} %", 100.0 * share);
 }
 
+/// The same file without friction: all of it is named on all axes, and what 150 kg and friction do to axis 3, more than three times the torque
+/// of its model, is no other unit.
+#[test]
+fn a_kr300_whose_file_knows_of_no_friction_has_it_on_six_axes() {
+    let Some(logs) = shared("data/real/kuka_kr300") else { return };
+    let none = "[0, 0, 0, 0, 0, 0]";
+    let (_folder, file) = changed("kuka-kr300-r2500", |text| with(&with(text, "coulomb", none), "viscous", none));
+    let found = diagnose(&file, &["traj_A_10s.parquet", "traj_B_10s.parquet"].map(|r| logs.join(r)));
+    assert!(found["log"].as_array().expect("findings").iter().all(|f| f["fault"] != "torque_scale"), "{found:#}");
+    for effect in ["coulomb_friction", "viscous_friction"] {
+        assert_eq!(joints(cause(&found, effect)).len(), 6, "{effect}: {found:#}");
+    }
+    assert!(magnitude(cause(&found, "payload"), "mass_kg") > 100.0, "{found:#}");
+    assert_eq!(joints(cause(&found, "counterbalance")), ["joint_a2"], "{found:#}");
+}
+
 /// Channels of a Gen3 that carry nothing of the drive: joint 1, 5 and 7 where each moves alone, joint 7 in all. They are said
 /// and judged nowhere, nor are those that give energy; the joints beside them are. The load that is known (about 1 kg) is not found: the torque knows no
 /// friction, which the file gives as 1 N m on each joint, and only two joints move where they can be heard.

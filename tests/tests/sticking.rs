@@ -49,6 +49,29 @@ fn nothing_is_named_on_an_arm_that_is_as_its_file_says_but_sticks() {
     assert_eq!(json(&found)["verdict"], "no_gap", "{said}");
 }
 
+/// With the friction of the file alone to doubt, too little of it, a delay, presliding or Stribeck friction was named on each of these.
+#[test]
+fn friction_beyond_that_of_the_file_is_that_and_no_effect() {
+    let more = |arm, how: &str| (arm, format!("--duration 26 {how}"));
+    let cases = [
+        more("ur5e", "--motion point-to-point --friction 2 --seed 366"),
+        more("staubli-tx40", "--motion point-to-point --friction 1.5 --seed 383"),
+        more("staubli-tx40", "--friction 1.5 --seed 389"),
+        more("manutec-r3", "--friction 1.5 --seed 402"),
+    ];
+    for (arm, how) in cases {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [log, _] = recorded(arm, &robot(arm), folder.path(), &how.split(' ').collect::<Vec<_>>());
+        let found = folder.path().join("found.json");
+        let end = rivet().arg("diagnose").arg(robot(arm)).arg(&log).arg("--json").arg(&found).output();
+        let said = String::from_utf8_lossy(&end.expect("it starts").stdout).into_owned();
+        let found = json(&found);
+        assert_eq!(found["verdict"], "parameter", "{arm}, {how}: {said}");
+        let named = found["causes"].as_array().expect("causes").iter().any(|c| c["effect"] == "coulomb_friction");
+        assert!(named, "{arm}, {how}: {said}");
+    }
+}
+
 /// A file that knows of no friction, as from a URDF alone: with no friction to doubt, a delay was named beside it.
 #[test]
 fn an_arm_that_sticks_lacks_friction_and_nothing_else_where_its_file_has_none() {
