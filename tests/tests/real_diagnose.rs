@@ -212,7 +212,10 @@ fn what_the_sealed_run_refutes_is_not_named() {
         let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
         let found = diagnose(&file, &runs);
         assert_eq!(found["verdict"], "unexplained", "{found:#}");
-        assert_eq!(found["causes"].as_array().map(Vec::len), Some(0), "{found:#}");
+        // A joint's own run tells its friction, of which the file has a guess, but nothing of bodies.
+        let friction =
+            |c: &Value| ["coulomb_friction", "viscous_friction"].contains(&c["effect"].as_str().unwrap_or(""));
+        assert!(found["causes"].as_array().expect("causes").iter().all(friction), "{found:#}");
     }
 }
 
@@ -471,7 +474,7 @@ fn a_value_that_no_arm_has_is_no_cause() {
     for (file, log, hint) in [
         (robot("ur10"), "ur10_salerno/exciting_0.0-18.4s.parquet", "rotor_inertia"),
         (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real.parquet", "viscous_friction"),
-        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real_loaded.parquet", "payload"),
+        (arms.join("airbot-play/robot.toml"), "airbot_play/chirp_motion_real_loaded.parquet", "viscous_friction"),
     ] {
         let found = diagnose(&file, &[real.join(log)]);
         for cause in found["causes"].as_array().expect("causes") {
