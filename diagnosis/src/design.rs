@@ -23,7 +23,7 @@ const LEAST_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
 /// The smoothing of positions smears a stop over this time \[s\]: an arm whose friction truly sticks stands before its speed is
-/// seen to reach zero. Sound arms that stick need 2 ms; 4.4 hid two effects of another program's cases.
+/// seen to reach zero. Sound arms that stick need 2 ms; 3 ms hid two effects of another program's cases.
 pub(crate) const SMEARED_S: f64 = 2e-3;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.

@@ -363,10 +363,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             OTHER_UNIT
         };
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
-        let scale = match (felt, unknown) {
-            (true, true) => rest,
-            _ => whole,
-        };
+        let scale = if felt && unknown { rest } else { whole };
         let scale = if off(scale) && (!felt || off(rest)) { scale } else { 1.0 };
         let turned = run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. }));
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));

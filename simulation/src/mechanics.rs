@@ -26,7 +26,7 @@ pub(crate) struct Mechanics {
     factor: [Vector; MAX_JOINTS],
     /// Bias b of the same state.
     bias: Vector,
-    /// Acceleration last found, for the load on gears: friction that hangs on it decides the next one, a quarter of a step later.
+    /// Acceleration last found, for the load on gears: friction that hangs on it decides the next one, a stage of the integrator later.
     qdd: Vector,
     /// Further effects, and the state that they are asked for.
     effects: Vec<KnownEffect>,
