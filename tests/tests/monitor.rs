@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Rounds of three stretches, one each alone, watched and flooded, and samples of a stretch at least, at their own rate.
+/// Rounds of four stretches, one each alone, beside a stranger, watched and flooded, and samples of a stretch at least, at their own rate.
 const ROUNDS: usize = 4;
 const SAMPLES: u64 = 800;
 
@@ -48,6 +48,18 @@ fn watch(config: &BusConfig, stop: &AtomicBool) -> u64 {
     looks
 }
 
+/// Starts processes that do not know the bus until told to stop: what these do to processor and caches, a monitor may do.
+fn strangers(stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        succeed(rivet().arg("check").arg(robot("dd2")));
+    }
+}
+
+/// How many bins of the histogram, each twice the one before, `a` lies above `b`, both ends of bins \[ns\].
+fn bins_above(a: u64, b: u64) -> u32 {
+    a.max(1).ilog2().saturating_sub(b.max(1).ilog2())
+}
+
 /// Asks as fast as there are answers until told to stop; how often.
 fn flood(config: &BusConfig, stop: &AtomicBool) -> u64 {
     let bus = Bus::open(config, &name(), "test-flood").expect("the bus");
@@ -67,10 +79,11 @@ fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
     let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
     let daemon = running(config);
     let mut feed = Feed::begin(&bus, &daemon, Duration::from_millis(1));
-    let (mut alone, mut watched, mut flooded) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut alone, mut beside, mut watched, mut flooded) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut looks, mut requests) = (0, 0);
     for _ in 0..ROUNDS {
         alone.push(feed.stretch(SAMPLES, |_| {}).0);
+        beside.push(feed.stretch(SAMPLES, strangers).0);
         let (stretch, count) = feed.stretch(SAMPLES, |stop| watch(config, stop));
         watched.push(stretch);
         looks += count;
@@ -83,24 +96,26 @@ fn neither_monitors_nor_a_flood_of_requests_are_felt_by_the_loop() {
     assert_eq!((health.samples, health.lost, health.dropped_messages), (health.seq, 0, 0));
     // It waits for the next period, and for nothing else: who holds a lock that the loop wants makes it give its processor away
     // once more. One in a hundred is left to pages that are not there where memory could not be locked.
-    for stretch in alone.iter().chain(&watched).chain(&flooded) {
+    for stretch in alone.iter().chain(&beside).chain(&watched).chain(&flooded) {
         let (periods, switches) = (stretch.periods, stretch.switches);
         assert!(switches <= periods + periods / 100, "{switches} waits in {periods} periods");
     }
-    let median = |stretch: &Stretch| stretch.work(0.5);
-    let most = |stretch: &Stretch| stretch.work(0.95);
+    let median: fn(&Stretch) -> u64 = |stretch| stretch.work(0.5);
+    let most: fn(&Stretch) -> u64 = |stretch| stretch.work(0.95);
+    // What a stranger's processes cost the loop is the machine's doing, and no word on those that look at it.
+    let without = |of: fn(&Stretch) -> u64| least(&alone, of).max(least(&beside, of));
+    let [at_without, high_without] = [without(median), without(most)];
     for (what, stretches) in [("watched", &watched), ("flooded", &flooded)] {
         let [at, high, stall] = [least(stretches, median), least(stretches, most), least(stretches, Stretch::stall)];
-        let [at_alone, high_alone] = [least(&alone, median), least(&alone, most)];
         let limit = stall_limit(&alone, Stretch::stall);
         println!(
-            "{what}: work {at} ns at the median, {high} ns at 95 %, held up {stall} ns; alone {at_alone}, {high_alone}"
+            "{what}: work {at} ns at the median, {high} ns at 95 %, held up {stall} ns; without {at_without}, {high_without}"
         );
-        // Bins double: a duration at the border of two reads as twice what it is. As much again for caches that are shared.
-        assert!(at <= 4 * at_alone, "{what}: {at} ns at the median, alone {at_alone} ns");
+        // A duration at the border of two bins reads as twice what it is; one more for caches that are shared.
+        assert!(bins_above(at, at_without) <= 2, "{what}: {at} ns at the median, without {at_without} ns");
         // A bin more: without a priority the loop shares two processors with the neighbour, the daemon's own threads and this
         // test, and is turned out in some of its periods.
-        assert!(high <= 8 * high_alone, "{what}: {high} ns at 95 %, alone {high_alone} ns");
+        assert!(bins_above(high, high_without) <= 3, "{what}: {high} ns at 95 %, without {high_without} ns");
         assert!(stall <= limit, "{what}: held up for {stall} ns in every stretch, {limit} ns are nothing unusual");
     }
 }

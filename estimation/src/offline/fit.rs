@@ -122,13 +122,11 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     let x0 = DVector::from_column_slice(nominal);
     let level = |j: usize| (equations.joints[j].torque_square() / equations.joints[j].count()).sqrt();
     let mut noise: Vec<f64> = (0..n).map(|j| level(j).max(f64::MIN_POSITIVE)).collect();
-    let (mut correlation, mut trust) = (vec![1.0; n], vec![1.0; n]);
-    // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
-    for last in [false, true] {
-        let sums = equations.trusting(&trust);
+    let mut correlation = vec![1.0; n];
+    let mut turn = |trust: &[f64]| -> Result<(Solution, Vec<f64>, Vec<f64>), OfflineError> {
+        let sums = equations.trusting(trust);
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
-        let mut solved = None;
-        for _ in 0..ROUNDS {
+        let mut round = || {
             let solution = Solution::new(&joints, &weights(&noise, &correlation), &x0, prior, method)?;
             for j in 0..n {
                 let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
@@ -137,22 +135,26 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
                 noise[j] = (square / joints[j].count).sqrt().max(1e-12 * level(j)).max(f64::MIN_POSITIVE);
                 correlation[j] = rows_per_independent_row(&residuals);
             }
-            solved = Some(solution);
-        }
-        let Some(solution) = solved else { unreachable!("ROUNDS is not zero") };
-        if last {
-            return Ok(Weighed { solution, noise, correlation, trust });
-        }
-        let of = |j: usize| {
-            let residuals = equations.weighed_residuals(j, solution.x.as_slice(), 1.0);
-            trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
+            Ok(solution)
         };
-        trust = (0..n).map(of).collect();
-        if trust.iter().all(|trust| *trust == 1.0) {
-            return Ok(Weighed { solution, noise, correlation, trust });
+        let mut solution = round()?;
+        for _ in 1..ROUNDS {
+            solution = round()?;
         }
+        Ok((solution, noise.clone(), correlation.clone()))
+    };
+    // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
+    let (alike, noise, correlation) = turn(&vec![1.0; n])?;
+    let of = |j: usize| {
+        let residuals = equations.weighed_residuals(j, alike.x.as_slice(), 1.0);
+        trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
+    };
+    let trust: Vec<f64> = (0..n).map(of).collect();
+    if trust.iter().all(|trust| *trust == 1.0) {
+        return Ok(Weighed { solution: alike, noise, correlation, trust });
     }
-    unreachable!("the second turn is the last")
+    let (solution, noise, correlation) = turn(&trust)?;
+    Ok(Weighed { solution, noise, correlation, trust })
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
