@@ -4,8 +4,9 @@ use anyhow::Result;
 use rivet_config::Robot;
 use rivet_logs::{Log, TorqueSource};
 
-use crate::evidence::Distrust;
+use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
+use crate::identify;
 use crate::runs;
 use crate::table::number;
 
@@ -28,26 +29,53 @@ fn column(log: &Log, j: usize) -> String {
 
 /// Refuses torque that is one number in all rows although the joint moves. (Zero is a channel that was not recorded: the fit says so.)
 pub(crate) fn varies(robot: &Robot, log: &Log) -> Result<()> {
-    for (j, (tau, q)) in log.torque()?.iter().zip(&log.q).enumerate() {
-        let span = |x: &[f64]| {
-            let [low, high] = [f64::min, f64::max].map(|of| x.iter().copied().reduce(of).unwrap_or(0.0));
-            (high - low, low.abs().max(high.abs()))
-        };
+    match constant(robot, log)?.first() {
+        Some((_, why)) => Err(Fault::Data(format!("{}: {why}", log.path.display())).into()),
+        None => Ok(()),
+    }
+}
+
+/// Joints whose torque is one number in all rows, but not 0, although they move, and what to say of each.
+fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>> {
+    let span = |x: &[f64]| {
+        let [low, high] = [f64::min, f64::max].map(|of| x.iter().copied().reduce(of).unwrap_or(0.0));
+        (high - low, low.abs().max(high.abs()))
+    };
+    let of = |(j, (tau, q)): (usize, (&Vec<f64>, &Vec<f64>))| {
         let ((varies, size), (moves, _)) = (span(tau), span(q));
         // As far as the dead zone is passed in a tenth of a second: less is no motion.
         let still = 0.1 * robot.config.signal.dead_zone[j];
-        if size > 0.0 && varies <= CONSTANT * size && moves > still {
-            let (file, column, joint) = (log.path.display(), column(log, j), &robot.model.arm.joints[j].name);
-            return Err(Fault::Data(format!(
-                "{file}: column {column} is {} in every row although {joint} moves by {} rad: the channel says nothing; log its torque, or give \
-                 logs in which it does",
+        let joint = &robot.model.arm.joints[j].name;
+        (size > 0.0 && varies <= CONSTANT * size && moves > still).then(|| {
+            let why = format!(
+                "column {} is {} in every row although {joint} moves by {} rad: the channel says nothing; log its torque, or give logs \
+                 in which it does",
+                column(log, j),
                 tau[0],
                 number(moves, 3)
-            ))
-            .into());
-        }
+            );
+            (j, why)
+        })
+    };
+    Ok(log.torque()?.iter().zip(&log.q).enumerate().filter_map(of).collect())
+}
+
+/// Torque channels of a log that cannot be believed, by themselves and by the model as given, whatever is learnt from them later.
+pub(crate) fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
+    let of = |(j, text): (usize, String)| {
+        let joint = Some(robot.model.arm.joints[j].name.clone());
+        Distrust { log: None, joint, name: "torque_constant", text }
+    };
+    let mut found: Vec<Distrust> = constant(robot, log)?.into_iter().map(of).collect();
+    if !found.is_empty() {
+        return Ok(found);
     }
-    Ok(())
+    found = clipped(robot, log)?;
+    // A log without rows, as where nothing moves, says nothing here; what learns from it says why.
+    if let Ok(taken) = identify::rows_without_plan(robot, log) {
+        found.extend(evidence::of_torque(robot, taken.rows.iter().map(|rows| (runs::short_name(&log.path), rows))));
+    }
+    Ok(found)
 }
 
 /// Torques that stand at their largest or smallest value for many rows: the drive, or what recorded it, can give no more.

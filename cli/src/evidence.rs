@@ -217,6 +217,23 @@ pub(crate) fn distrusts<'a>(
 ) -> Vec<Distrust> {
     let (model, base) = (&robot.model, &robot.base);
     let joint = |j: usize| Some(model.arm.joints[j].name.clone());
+    let mut found = of_torque(robot, logs);
+    for (j, power, std) in giving_friction(model, base, fit, rows) {
+        if found.iter().any(|d| d.joint == joint(j)) {
+            continue;
+        }
+        let text = format!(
+            "friction as found gives energy ({power:.2} +- {std:.2} of torque times speed, one std): the sign of this channel is \
+             wrong, or values hold what the model lacks"
+        );
+        found.push(Distrust { log: None, joint: joint(j), name: "friction_gives_energy", text });
+    }
+    found
+}
+
+/// Torques of the logs (names, rows) that the model as given does not believe, by the rules of `rivet diagnose`.
+pub(crate) fn of_torque<'a>(robot: &Robot, logs: impl Iterator<Item = (String, &'a Rows)>) -> Vec<Distrust> {
+    let (model, base) = (&robot.model, &robot.base);
     let mut found = Vec::new();
     for (log, rows) in logs {
         for (j, sense) in torque_sense(model, base, &robot.nominal_base, rows).into_iter().enumerate() {
@@ -229,23 +246,13 @@ pub(crate) fn distrusts<'a>(
                     LogFault::Scale(_) => " Or are the values in the file as wrong as that?",
                     _ => "",
                 };
-                let (log, name, joint) = (Some(log.clone()), fault.name(), joint(j));
+                let (log, name, joint) = (Some(log.clone()), fault.name(), Some(model.arm.joints[j].name.clone()));
                 // Once for the pieces of a log.
                 if !found.iter().any(|d: &Distrust| d.log == log && d.joint == joint && d.name == name) {
                     found.push(Distrust { log, joint, name, text: fault.text() + or });
                 }
             }
         }
-    }
-    for (j, power, std) in giving_friction(model, base, fit, rows) {
-        if found.iter().any(|d| d.joint == joint(j)) {
-            continue;
-        }
-        let text = format!(
-            "friction as found gives energy ({power:.2} +- {std:.2} of torque times speed, one std): the sign of this channel is \
-             wrong, or values hold what the model lacks"
-        );
-        found.push(Distrust { log: None, joint: joint(j), name: "friction_gives_energy", text });
     }
     found
 }

@@ -308,6 +308,12 @@ pub(crate) fn rows_everywhere(robot: &Robot, log: &Log) -> Result<Taken> {
     rows_with(robot, log, &settings)
 }
 
+/// The same where the log need not have what instruments are made of: torque and measured motion are all that is asked.
+pub(crate) fn rows_without_plan(robot: &Robot, log: &Log) -> Result<Taken> {
+    let instrument = InstrumentSource::Delayed(robot.config.sample_period_s * robot.config.signal.decimation as f64);
+    rows_with(robot, log, &OfflineSettings { instrument, ..runs::settings(robot, false) })
+}
+
 fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Taken> {
     log.torque()?;
     if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {

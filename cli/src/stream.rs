@@ -1,5 +1,7 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
+use crate::channels::doubted;
+use crate::evidence::Distrust;
 use crate::exit::Fault;
 use crate::runs::{hole_s, read_log};
 use anyhow::{Context, Result};
@@ -28,6 +30,8 @@ pub(crate) struct Recording {
     /// What resampling did to the log.
     pub(crate) report: ResampleReport,
     period_s: f64,
+    /// Torque channels that cannot be believed.
+    pub(crate) distrusts: Vec<Distrust>,
 }
 
 /// Rows without a hole: how many rows come before, and the first sequence number.
@@ -43,7 +47,7 @@ impl Recording {
         let config = &robot.config;
         let joints = robot.model.arm.dof();
         let log = read_log(robot, path)?;
-        log.torque()?;
+        let distrusts = doubted(robot, &log)?;
         let period_s = config.sample_period_s;
         let begin = log.t.first().copied().unwrap_or(0.0);
         let mut pieces: Vec<Stretch> = Vec::new();
@@ -60,7 +64,7 @@ impl Recording {
         }
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
-        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s })
+        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts })
     }
 
     /// The log's file.

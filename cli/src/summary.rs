@@ -1,6 +1,6 @@
 //! What an on-line run identified, for people and for programs.
 
-use crate::evidence::{Compared, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
+use crate::evidence::{Compared, Distrust, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
 use crate::stream::Recording;
 use crate::table::paragraph;
@@ -24,6 +24,8 @@ pub(crate) struct Summary<'a> {
     samples: usize,
     /// Joints that do not follow the setpoints of the log.
     unfollowed: BTreeSet<usize>,
+    /// Torque channels of the log that cannot be believed.
+    distrusts: &'a [Distrust],
 }
 
 /// Why no parameters were published for a log of so many samples.
@@ -55,8 +57,14 @@ fn unused(health: &Health, samples: usize) -> Option<String> {
 }
 
 impl<'a> Summary<'a> {
-    pub(crate) fn new(robot: &'a Robot, recording: &Recording, parameters: &'a Parameters, health: &'a Health) -> Self {
-        Summary { robot, parameters, health, samples: recording.len(), unfollowed: recording.unfollowed() }
+    pub(crate) fn new(
+        robot: &'a Robot,
+        recording: &'a Recording,
+        parameters: &'a Parameters,
+        health: &'a Health,
+    ) -> Self {
+        let (samples, unfollowed, distrusts) = (recording.len(), recording.unfollowed(), &recording.distrusts);
+        Summary { robot, parameters, health, samples, unfollowed, distrusts }
     }
 
     /// Whether nothing is learnt for want of instruments.
@@ -107,7 +115,7 @@ impl<'a> Summary<'a> {
         }
     }
 
-    /// What of the torque cannot be believed, by what was found.
+    /// What of the torque cannot be believed, by the log alone and by what was found.
     fn doubts(&self) -> Vec<String> {
         let (p, model, base) = (self.parameters, &self.robot.model, &self.robot.base);
         let place = |of: Parameter| (0..p.len()).find(|i| base.parameter(model, *i) == of);
@@ -115,6 +123,9 @@ impl<'a> Summary<'a> {
         let size = |of| place(of).filter(|i| self.state(*i) != "open").map(|i| p.values[i] / p.std[i]);
         let joint = |(j, joint): (usize, &rivet_dynamics::Joint)| {
             let name = &joint.name;
+            if self.distrusts.iter().any(|d| d.joint.as_ref() == Some(name)) {
+                return None;
+            }
             // Without a row in the window both are 0.
             if self.health.torque_rms[j] == 0.0 && self.health.nominal_residual_rms[j] > 0.0 {
                 return Some(format!("torque of {name} is 0: the channel is dead or was not recorded"));
@@ -136,7 +147,11 @@ impl<'a> Summary<'a> {
                 unfollowed.join(", ")
             )
         });
-        strays.into_iter().chain(model.arm.joints.iter().enumerate().filter_map(joint)).collect()
+        let found = self.distrusts.iter().map(|d| match &d.joint {
+            Some(joint) => format!("{joint}: {}", d.text),
+            None => d.text.clone(),
+        });
+        strays.into_iter().chain(found).chain(model.arm.joints.iter().enumerate().filter_map(joint)).collect()
     }
 
     fn state(&self, i: usize) -> &'static str {

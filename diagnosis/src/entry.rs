@@ -111,11 +111,13 @@ fn run_all(
     let mute: Vec<Prepared> = mute.into_iter().map(|(_, run)| Prepared::new(run, &all)).collect();
     log.extend(mute.iter().flat_map(|run| log_check::check(run, &all)));
     let (used, telling): (Vec<usize>, Vec<Run>) = telling.into_iter().unzip();
+    let cut = telling.len() == 1;
     let Some((look, sealed)) = split(telling) else {
         return Ok((Diagnosis::unheard(log, "the torque channels of all joints that move say nothing"), None));
     };
     let data = DataUse {
         runs: look.len() + 1,
+        cut,
         fit_seconds: look.iter().map(Run::seconds).sum(),
         sealed_seconds: sealed.seconds(),
     };
@@ -145,7 +147,13 @@ fn run_all(
     log.extend(alignment::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
-        return Ok((Diagnosis::unheard(log, "of no joint that moves can the torque be believed"), None));
+        let stands = |run: &Prepared| (0..joints).all(|j| log_check::is_still(&run.motion, j));
+        let why = if stands(&sealed) {
+            "no joint moves in the last part, which is kept sealed: nothing could be checked on it"
+        } else {
+            "of no joint that moves can the torque be believed"
+        };
+        return Ok((Diagnosis::unheard(log, why), None));
     }
     let looked_at = look.len();
     let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();

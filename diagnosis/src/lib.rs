@@ -49,6 +49,7 @@ mod log_check;
 mod magnitude;
 mod motions;
 mod mounting;
+mod opened;
 mod orders;
 mod parallel;
 mod parts;

@@ -5,31 +5,26 @@ use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::body;
-use crate::class;
 use crate::design::{Prepared, unknown};
 use crate::details::{self, Details, PINNED, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
-use crate::evidence::Solved;
-use crate::exhibit::{self, Shown};
+use crate::exhibit;
 use crate::form::Form;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
-use crate::lmg;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
+use crate::opened::Opened;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
-use crate::report::{BetweenRuns, Cause, Cell, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::report::{Cell, DataUse, Diagnosis};
 use crate::residue::Residue;
 use crate::rows::Column;
-use crate::sealed::Sealed;
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
-use crate::separate;
-use crate::shrink;
 use crate::sizes;
 use crate::stages::{RunColumns, Stages, Steps};
 use crate::stranger;
@@ -37,28 +32,8 @@ use crate::values::{self, Group};
 use crate::views;
 use crate::written::Kept;
 
-/// Share of the gap above the floor that may be left beside wrong values.
-const MOST_LEFT: f64 = 0.5;
-/// What comes where an interval of the promised shrink holds 0 is no more than this many times its upper end.
-const FAR_MORE: f64 = 2.0;
 /// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
 const MOST: f64 = 0.75;
-/// Confidence in a form that was adopted, at least.
-const LEAST_FORM: f64 = 0.9;
-/// In a value that was only refitted: in 23 drawn cases 11 were the effect itself, the others a part of another one (inertia
-/// that a coupled motor brings, say).
-const VALUE_ALONE: f64 = 0.5;
-/// How often the one of two that is named is the right one: in 15 of 19 drawn cases.
-const FIRST_OF_CLASS: f64 = 0.8;
-/// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
-/// tampered with.
-const NOT_PLAIN: f64 = 0.6;
-/// A shrink below this is no cause worth naming; ...
-const MATERIAL: f64 = 0.01;
-/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows, unless it is plain there
-/// where friction's direction is known.
-const LEAST: f64 = 0.002;
-
 /// Runs that are sound, and what was said of the others.
 pub(crate) struct Procedure<'a> {
     pub(crate) nominal: &'a Nominal,
@@ -78,7 +53,7 @@ pub(crate) struct Step {
     /// Empty for values that the background has.
     pub(crate) adopted: Vec<Adopted>,
     /// Values of joints on which something without a name is left, which they may only imitate.
-    doubtful: bool,
+    pub(crate) doubtful: bool,
 }
 
 impl Procedure<'_> {
@@ -151,7 +126,17 @@ impl Procedure<'_> {
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
         let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
-        let (mut report, mut upheld) = self.report(&search, &steps, &prediction, &measured, &stages, &solved, log);
+        let opened = Opened {
+            procedure: self,
+            search: &search,
+            steps: &steps,
+            prediction: &prediction,
+            measured: &measured,
+            seen: &stages,
+            solved: &solved,
+            log,
+        };
+        let (mut report, mut upheld) = opened.diagnosis();
         let unheard = self.unheard(&report.log);
         let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.
@@ -314,187 +299,6 @@ impl Procedure<'_> {
         RunColumns { run, extra }
     }
 
-    fn report(
-        &self,
-        search: &Search<'_>,
-        steps: &[Step],
-        prediction: &Prediction,
-        measured: &Stages,
-        seen: &[Stages],
-        solved: &Solved,
-        log: Vec<LogFinding>,
-    ) -> (Diagnosis, Vec<bool>) {
-        let names = self.names();
-        let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
-        let gaps: Vec<Gap> = measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect();
-        let mut causes = Vec::new();
-        let mut withdrawn = Vec::new();
-        let mut upheld = Vec::new();
-        let residue = Residue::of(search);
-        let sealed = Sealed { run: self.sealed, stages: measured, noise: &search.first_noise };
-        let (before, after) = (&gaps[0], &gaps[gaps.len() - 1]);
-        let unbelieved = |name: &String| log.iter().any(|f| f.joint == *name && f.fault.spoils());
-        let shrink = |(k, step): (usize, &Step)| shrink::of(step.effect, k, prediction, seen, &gaps);
-        let shrinks: Vec<Shrink> = steps.iter().enumerate().map(shrink).collect();
-        for (k, step) in steps.iter().enumerate() {
-            let predictable = step.adopted.iter().all(|a| a.form.is_predictable());
-            let shrink = shrinks[k];
-            let Shrink { predicted, low, measured: measured_shrink, .. } = shrink;
-            let class = class::of(&step.adopted);
-            let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
-            let shown = Shown {
-                effect: step.effect,
-                joints: &step.joints,
-                forms: step.adopted.iter().map(|a| &a.form).collect(),
-                stage: k,
-            };
-            let mut cause = Cause {
-                effect: step.effect,
-                curves: exhibit::curves(self.sealed, measured, &load, &names, &shown),
-                joints: step.joints.iter().map(|j| names[*j].clone()).collect(),
-                magnitude: self.magnitude(search, step, solved),
-                shrink,
-                share: None,
-                p_value: step.adopted.iter().filter_map(|a| a.p_value).reduce(f64::max),
-                confidence: confidence(step, shrink, rivals.len()),
-                separating_motion: separate::motion(step.effect, &rivals),
-                indistinguishable_from: rivals,
-                angles: class.iter().map(|(_, angle)| *angle).collect(),
-                impossible: None,
-            };
-            let value = step.effect.kind() == Kind::Value;
-            let on = (0..names.len()).filter(|j| value || step.joints.is_empty() || step.joints.contains(j));
-            let everywhere = step.joints.is_empty();
-            let plain = sealed.is_plain(k, on.clone());
-            if !step.adopted.is_empty() && predictable && !plain {
-                cause.confidence *= NOT_PLAIN;
-            }
-            let transfers = !predictable
-                || if value && !everywhere { sealed.misses(k, on.clone()) } else { sealed.notices(k, on.clone()) }
-                    && !(everywhere && sealed.spoils(k));
-            // Refined, it may have become as little as a stop is smeared by.
-            let smeared = |a: &Adopted| {
-                matches!(a.form, Form::Delay { .. } | Form::Presliding { .. })
-                    && !a.form.plausible(&a.coefficients(&solved.x))
-            };
-            let enough = step.adopted.iter().all(|a| residue.upholds(a) && !smeared(a));
-            // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
-            let sure = low > 0.0 && measured_shrink > 0.0 && (predicted >= MATERIAL || measured_shrink >= MATERIAL);
-            // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
-            let takes = match step.effect {
-                Effect::ExternalForce => true,
-                // A command need not be cut again, but where it is the rest must fit.
-                Effect::TorqueSaturation => measured_shrink > -MATERIAL,
-                // A tilt or a load is on every joint: what it gains on some it must not lose on others.
-                _ if value && everywhere => measured_shrink > 0.0,
-                _ if value => predicted.max(measured_shrink) > 0.0,
-                _ if !everywhere && plain => predicted.max(measured_shrink) > 0.0,
-                _ => predicted.min(measured_shrink) > LEAST,
-            };
-            // Where nothing was promised, far more than was thought possible is no confirmation.
-            let kept = value || !predictable || low > 0.0 || measured_shrink <= FAR_MORE * shrink.high;
-            let material = if step.adopted.is_empty() { sure } else { takes && kept };
-            // What is said of joints whose torque cannot be believed is not worth saying.
-            let believed = match step.effect.kind() {
-                Kind::Structure => !cause.joints.iter().any(unbelieved),
-                Kind::Value => cause.joints.is_empty() || !cause.joints.iter().all(unbelieved),
-            };
-            let cut = step.effect == Effect::TorqueSaturation;
-            let helped = value || !predictable || cut || step.adopted.is_empty() || sealed.needs(k, on);
-            let stands = transfers && enough && material && helped && believed && !step.doubtful;
-            upheld.push(stands);
-            if stands {
-                causes.push(cause);
-            } else {
-                withdrawn.push(cause);
-            }
-        }
-        let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
-        // A channel that went wrong on the sealed run says nothing against what the others say.
-        let faulty = log.iter().any(|f| f.run == self.sealed.run.name && f.fault.spoils());
-        let refuted = !faulty && shrink::is_refuted(&gaps, &promises);
-        let left_over = residue.any_noisy();
-        let effects = || steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
-        // When contact comes again no motion tells.
-        let told = effects().next().is_some() && effects().all(|a| !matches!(a.form, Form::Force { .. }));
-        // An effect beside which most of the gap in motion is left may be a part of what nobody knows, where that is everywhere. On a
-        // joint by itself it may be a form that goes on otherwise than it began.
-        let open = !faulty && told && left_over && sealed.is_mostly_open() && sealed.left_in_motion() > MOST_LEFT;
-        if refuted || open {
-            withdrawn.append(&mut causes);
-            upheld.fill(false);
-        }
-        let players: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
-        for (cause, share) in causes.iter_mut().zip(lmg::shares(seen, &players).into_iter().flatten()) {
-            cause.share = Some(share);
-        }
-        let floors = sealed.floor();
-        let per_joint: Vec<JointGap> = (0..names.len())
-            .map(|j| JointGap {
-                joint: names[j].clone(),
-                before: before.per_joint[j],
-                after: after.per_joint[j],
-                noise_floor: floors[j],
-                repeats: None,
-                in_motion: sealed.in_motion(j),
-            })
-            .collect();
-        let pooled_floor = pooled(&floors);
-        let unexplained_share = share_left(before, after, pooled_floor);
-        let structure = causes.iter().filter(|c| c.effect.kind() == Kind::Structure).count();
-        let nameless = steps.iter().flat_map(|s| &s.adopted).any(|a| a.form.is_nameless());
-        let withdrawn_structure = withdrawn.iter().any(|c| c.effect.kind() == Kind::Structure);
-        // Where the floor is reached with what was withdrawn after all, that is no answer.
-        let refused = steps.iter().zip(&upheld).filter(|(s, upheld)| !**upheld && s.effect.kind() == Kind::Structure);
-        let lacking = refused.flat_map(|(s, _)| &s.joints).any(|j| residue.was_noisy(*j));
-        let verdict = match (structure, causes.is_empty()) {
-            _ if open || refuted && shrink::is_plain(before.all, pooled_floor) => Verdict::Unexplained,
-            // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
-            (0, true) if left_over => Verdict::Unexplained,
-            // Taken up, but by nothing that has a name.
-            (0, _) if nameless => Verdict::Unexplained,
-            (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
-            (0, _) if lacking || withdrawn_structure && !residue.at_floor() => Verdict::Unexplained,
-            // Values that fit, or motion of its own kind that was looked at by nobody, are no answer either.
-            (0, true) if per_joint.iter().any(JointGap::is_open) => Verdict::Unexplained,
-            // Of an arm with a joint that cannot be judged nobody says that nothing is wrong.
-            (0, true) if (0..names.len()).any(|j| unbelieved(&names[j])) => Verdict::NotEvaluated,
-            (0, true) => Verdict::NoGap,
-            (0, false) => Verdict::Parameter,
-            (1, _) => Verdict::Effect,
-            _ => Verdict::Several,
-        };
-        let remark = (verdict == Verdict::NotEvaluated).then(|| {
-            let of: Vec<&str> = names.iter().filter(|name| unbelieved(name)).map(String::as_str).collect();
-            format!("of {} the torque cannot be believed; the other joints show no gap", of.join(", "))
-        });
-        let between_runs = (verdict == Verdict::Unexplained)
-            .then(|| BetweenRuns::of(refuted, residue.at_floor(), &per_joint))
-            .flatten();
-        let diagnosis = Diagnosis {
-            verdict,
-            between_runs,
-            before: before.all,
-            after: after.all,
-            noise_floor: pooled_floor,
-            per_joint,
-            place: self.place(measured, &names),
-            causes,
-            withdrawn,
-            log,
-            unexplained_share,
-            data: self.data,
-            remark,
-            left_out: Vec::new(),
-            refuted,
-            other_arm: Vec::new(),
-            used: Vec::new(),
-            unused: Vec::new(),
-            details: None,
-        };
-        (diagnosis, upheld)
-    }
-
     /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.
     pub(crate) fn place(&self, measured: &Stages, names: &[String]) -> Vec<Cell> {
         let mut cells = Vec::new();
@@ -573,20 +377,6 @@ fn in_order(
     }
     order.push(remainder.to_vec());
     (ordered, order)
-}
-
-/// How often such a name is that of the effect itself.
-fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
-    let agreement = (shrink.predicted - shrink.measured).abs();
-    let held = if agreement < 0.1 { 0.97 } else { 0.85 };
-    let gains = step.adopted.iter().map(|a| a.gain);
-    let strong = gains.reduce(f64::max).map_or(VALUE_ALONE, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
-    held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
-}
-
-pub(crate) fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
-    let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
-    if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
 }
 
 #[cfg(test)]

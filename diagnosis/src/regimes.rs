@@ -1,6 +1,7 @@
 //! Where the gap lies: which joint, doing what.
 
 use crate::design::Prepared;
+use crate::log_check::is_moved;
 
 /// What a joint does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -38,8 +39,11 @@ const REVERSAL_S: f64 = 0.15;
 /// Share of a joint's top speed below which it is slow, and below which it rests.
 const SLOW: [f64; 2] = [0.1, 0.005];
 
-/// The regime of every row of one joint.
+/// The regime of every row of one joint. What its position does where it never moves for a while is its sensor's noise: it rests.
 pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
+    if !is_moved(&run.motion, &run.chain, joint) {
+        return vec![Regime::Rest; run.rows()];
+    }
     let speed = run.chain.sample(&run.motion.qd[joint]);
     let accel = run.chain.sample(&run.motion.qdd[joint]);
     let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt();

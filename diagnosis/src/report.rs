@@ -154,6 +154,8 @@ impl Cell {
 pub struct DataUse {
     /// Runs, the sealed one included.
     pub runs: usize,
+    /// Whether they are two parts of one run.
+    pub cut: bool,
     /// Looked at.
     pub fit_seconds: f64,
     /// Sealed.
@@ -265,7 +267,7 @@ impl Diagnosis {
 
     /// No run is left whose torque says something, and `why`.
     pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
-        let data = DataUse { runs: 0, fit_seconds: 0.0, sealed_seconds: 0.0 };
+        let data = DataUse { runs: 0, cut: false, fit_seconds: 0.0, sealed_seconds: 0.0 };
         Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }
     }
 

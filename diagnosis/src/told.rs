@@ -3,7 +3,8 @@
 use crate::design::unknown;
 use crate::effect::Kind;
 use crate::gap::Gap;
-use crate::procedure::{Procedure, share_left};
+use crate::opened::share_left;
+use crate::procedure::Procedure;
 use crate::report::{Diagnosis, Verdict};
 use crate::sealed::Sealed;
 use crate::sizes::Sized;

@@ -323,6 +323,9 @@ pub struct LogFinding {
 pub struct DataUse {
     /// Runs, the sealed one included.
     pub runs: usize,
+    /// Whether they are two parts of one run: what it began with was looked at, its rest was sealed.
+    #[serde(default)]
+    pub cut: bool,
     /// Looked at.
     pub fit_seconds: Number,
     /// Sealed.

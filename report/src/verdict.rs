@@ -107,16 +107,27 @@ impl Document {
                 list(&self.other_arm)
             ),
             "unexplained" if self.between_runs.as_deref() == Some("sealed_differs") => {
-                "Unknown: the runs looked at fit to their noise and the sealed one does not. Something changed between them, or \
-                 shows in the sealed motion only; what it is, the runs looked at cannot tell."
-                    .to_owned()
+                let [looked_at, sealed, fits, change] = if self.data.cut {
+                    ["the part of the run looked at", "the sealed part", "fits to its", "on the way"]
+                } else {
+                    ["the runs looked at", "the sealed one", "fit to their", "between them"]
+                };
+                format!(
+                    "Unknown: {looked_at} {fits} noise and {sealed} does not. Something changed {change}, or shows in the sealed motion \
+                     only; what it is, {looked_at} cannot tell."
+                )
             }
             "unexplained" if self.refuted => {
-                let given = if self.between_runs.as_deref() == Some("sealed_as_given") {
-                    " The model as given fits the sealed run to its noise: something changed between the runs, or the others' \
-                     signals are wrong."
-                } else {
-                    ""
+                let given = match self.between_runs.as_deref() {
+                    Some("sealed_as_given") if self.data.cut => {
+                        " The model as given fits the sealed part to its noise: something changed on the way, or the signals before it \
+                         are wrong."
+                    }
+                    Some("sealed_as_given") => {
+                        " The model as given fits the sealed run to its noise: something changed between the runs, or the others' \
+                         signals are wrong."
+                    }
+                    _ => "",
                 };
                 format!(
                     "Unknown: what fits the other motion does not hold on the sealed one, so none of it is believed; the hints \
@@ -303,6 +314,11 @@ impl Document {
             return format!("To tell causes apart, record {motion}.");
         }
         if self.verdict == "unexplained" && self.between_runs.is_some() {
+            if self.data.cut {
+                return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \
+                        its part after their own diagnoses."
+                    .to_owned();
+            }
             return "Find what changed between the runs (a load, a tool, a setting), or give each state of the arm its own \
                     diagnosis: swap the logs, or one log alone."
                 .to_owned();
@@ -395,6 +411,22 @@ mod tests {
         );
         let (cause, _) = of(true, "sealed_as_given");
         assert!(cause.contains("The model as given fits the sealed run"), "{cause}");
+    }
+
+    #[test]
+    fn parts_of_one_run_are_no_runs_to_swap() {
+        let data = json!({"runs": 2, "cut": true, "fit_seconds": 10.0, "sealed_seconds": 5.0});
+        for (refuted, between) in [(false, "sealed_differs"), (true, "sealed_as_given")] {
+            let document = document(&[
+                ("verdict", json!("unexplained")),
+                ("refuted", json!(refuted)),
+                ("between_runs", json!(between)),
+                ("data", data.clone()),
+            ]);
+            let (cause, next) = (line(&document, "Cause"), line(&document, "Next"));
+            assert!(cause.contains("omething changed on the way") && !cause.contains("between"), "{cause}");
+            assert!(next.contains("during the run") && !next.contains("swap"), "{next}");
+        }
     }
 
     #[test]

@@ -59,6 +59,7 @@ impl Document {
             unexplained_share: number(found.unexplained_share),
             data: DataUse {
                 runs: found.data.runs,
+                cut: found.data.cut,
                 fit_seconds: number(found.data.fit_seconds),
                 sealed_seconds: number(found.data.sealed_seconds),
                 unused: found.unused.clone(),

@@ -1,0 +1,321 @@
+//! Once the seal is open: which steps are upheld as causes, and the verdict that follows.
+
+use crate::class;
+use crate::effect::{Effect, Kind};
+use crate::evidence::Solved;
+use crate::exhibit::{self, Shown};
+use crate::form::Form;
+use crate::gap::Gap;
+use crate::lmg;
+use crate::log_check::LogFinding;
+use crate::predict::Prediction;
+use crate::procedure::{Procedure, Step};
+use crate::report::{BetweenRuns, Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::residue::Residue;
+use crate::sealed::Sealed;
+use crate::search::Search;
+use crate::select::Adopted;
+use crate::separate;
+use crate::shrink;
+use crate::stages::Stages;
+
+/// Share of the gap above the floor that may be left beside wrong values.
+const MOST_LEFT: f64 = 0.5;
+/// What comes where an interval of the promised shrink holds 0 is no more than this many times its upper end.
+const FAR_MORE: f64 = 2.0;
+/// Confidence in a form that was adopted, at least.
+const LEAST_FORM: f64 = 0.9;
+/// In a value that was only refitted: in 23 drawn cases 11 were the effect itself, the others a part of another one (inertia
+/// that a coupled motor brings, say).
+const VALUE_ALONE: f64 = 0.5;
+/// How often the one of two that is named is the right one: in 15 of 19 drawn cases.
+const FIRST_OF_CLASS: f64 = 0.8;
+/// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
+/// tampered with.
+const NOT_PLAIN: f64 = 0.6;
+/// A shrink below this is no cause worth naming; ...
+const MATERIAL: f64 = 0.01;
+/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows, unless it is plain there
+/// where friction's direction is known.
+const LEAST: f64 = 0.002;
+
+/// Everything that is known when the sealed torque has been read.
+pub(crate) struct Opened<'a> {
+    pub(crate) procedure: &'a Procedure<'a>,
+    pub(crate) search: &'a Search<'a>,
+    pub(crate) steps: &'a [Step],
+    pub(crate) prediction: &'a Prediction,
+    /// The sealed run step by step.
+    pub(crate) measured: &'a Stages,
+    /// The runs looked at, step by step.
+    pub(crate) seen: &'a [Stages],
+    pub(crate) solved: &'a Solved,
+    pub(crate) log: Vec<LogFinding>,
+}
+
+/// What the sealed run is asked.
+struct Judge<'a> {
+    sealed: Sealed<'a>,
+    residue: Residue<'a>,
+    gaps: Vec<Gap>,
+    names: Vec<String>,
+    log: &'a [LogFinding],
+}
+
+impl Judge<'_> {
+    fn is_unbelieved(&self, name: &String) -> bool {
+        self.log.iter().any(|f| f.joint == *name && f.fault.spoils())
+    }
+
+    /// Joints on which step `step` is asked of the sealed run: a value on all of them, an effect where it acts.
+    fn joints<'b>(&self, step: &'b Step) -> impl Iterator<Item = usize> + Clone + use<'b> {
+        let everywhere = step.effect.kind() == Kind::Value || step.joints.is_empty();
+        (0..self.names.len()).filter(move |j| everywhere || step.joints.contains(j))
+    }
+
+    /// Whether step `k` is upheld with that shrink.
+    fn upholds(&self, k: usize, step: &Step, shrink: Shrink, solved: &Solved) -> bool {
+        let value = step.effect.kind() == Kind::Value;
+        let everywhere = step.joints.is_empty();
+        let predictable = is_predictable(step);
+        let on = self.joints(step);
+        let transfers = !predictable
+            || if value && !everywhere {
+                self.sealed.misses(k, on.clone())
+            } else {
+                self.sealed.notices(k, on.clone()) && !(everywhere && self.sealed.spoils(k))
+            };
+        // Refined, it may have become as little as a stop is smeared by.
+        let smeared = |a: &Adopted| {
+            matches!(a.form, Form::Delay { .. } | Form::Presliding { .. })
+                && !a.form.plausible(&a.coefficients(&solved.x))
+        };
+        let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
+        let plain = self.sealed.is_plain(k, on.clone());
+        let cut = step.effect == Effect::TorqueSaturation;
+        let helped = value || !predictable || cut || step.adopted.is_empty() || self.sealed.needs(k, on);
+        let material = is_material(step, shrink, plain, predictable);
+        transfers && enough && material && helped && self.is_believed(step) && !step.doubtful
+    }
+
+    /// What is said of joints whose torque cannot be believed is not worth saying.
+    fn is_believed(&self, step: &Step) -> bool {
+        let mut unbelieved = step.joints.iter().map(|j| self.is_unbelieved(&self.names[*j]));
+        match step.effect.kind() {
+            Kind::Structure => !unbelieved.any(|u| u),
+            Kind::Value => step.joints.is_empty() || !unbelieved.all(|u| u),
+        }
+    }
+
+    /// Whether so much is left beside `effects`, which are upheld, that they may be a part of what nobody knows: most of the gap in
+    /// motion, everywhere. On a joint by itself an effect may be a form that goes on otherwise than it began.
+    fn is_open<'b>(&self, effects: impl Iterator<Item = &'b Adopted>, faulty: bool) -> bool {
+        let (mut any, mut all) = (false, true);
+        for adopted in effects {
+            any = true;
+            // When contact comes again no motion tells.
+            all &= !matches!(adopted.form, Form::Force { .. });
+        }
+        let left_over = self.residue.any_noisy();
+        !faulty && any && all && left_over && self.sealed.is_mostly_open() && self.sealed.left_in_motion() > MOST_LEFT
+    }
+
+    /// Figures of the joints.
+    fn per_joint(&self, floors: &[f64]) -> Vec<JointGap> {
+        let (before, after) = (&self.gaps[0], &self.gaps[self.gaps.len() - 1]);
+        let joint = |(j, name): (usize, &String)| JointGap {
+            joint: name.clone(),
+            before: before.per_joint[j],
+            after: after.per_joint[j],
+            noise_floor: floors[j],
+            repeats: None,
+            in_motion: self.sealed.in_motion(j),
+        };
+        self.names.iter().enumerate().map(joint).collect()
+    }
+}
+
+impl Opened<'_> {
+    /// The diagnosis, and which of the steps are upheld.
+    pub(crate) fn diagnosis(self) -> (Diagnosis, Vec<bool>) {
+        let Opened { procedure, search, steps, measured, seen, .. } = self;
+        let names = procedure.names();
+        let judge = Judge {
+            sealed: Sealed { run: procedure.sealed, stages: measured, noise: &search.first_noise },
+            residue: Residue::of(search),
+            gaps: measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect(),
+            names: names.clone(),
+            log: &self.log,
+        };
+        let load = exhibit::load(procedure.sealed, procedure.nominal, &procedure.nominal.x);
+        let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, step) in steps.iter().enumerate() {
+            let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
+            let stands = judge.upholds(k, step, shrink, self.solved);
+            upheld.push(stands);
+            if stands { &mut causes } else { &mut withdrawn }.push(self.cause(k, step, shrink, &judge, &load));
+        }
+        let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
+        // A channel that went wrong on the sealed run says nothing against what the others say.
+        let faulty = self.log.iter().any(|f| f.run == procedure.sealed.run.name && f.fault.spoils());
+        let refuted = !faulty && shrink::is_refuted(&judge.gaps, &promises);
+        let effects = steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
+        let open = judge.is_open(effects, faulty);
+        if refuted || open {
+            withdrawn.append(&mut causes);
+            upheld.fill(false);
+        }
+        let players: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
+        for (cause, share) in causes.iter_mut().zip(lmg::shares(seen, &players).into_iter().flatten()) {
+            cause.share = Some(share);
+        }
+        let floors = judge.sealed.floor();
+        let floor = pooled(&floors);
+        let per_joint = judge.per_joint(&floors);
+        let (before, after) = (&judge.gaps[0], &judge.gaps[judge.gaps.len() - 1]);
+        let unexplained_share = share_left(before, after, floor);
+        let undone = open || refuted && shrink::is_plain(before.all, floor);
+        let verdict = if undone {
+            Verdict::Unexplained
+        } else {
+            verdict(&judge, [&causes, &withdrawn], steps, &upheld, &per_joint, unexplained_share)
+        };
+        let remark = (verdict == Verdict::NotEvaluated).then(|| {
+            let of: Vec<&str> = names.iter().filter(|name| judge.is_unbelieved(name)).map(String::as_str).collect();
+            format!("of {} the torque cannot be believed; the other joints show no gap", of.join(", "))
+        });
+        let between_runs = (verdict == Verdict::Unexplained)
+            .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))
+            .flatten();
+        let diagnosis = Diagnosis {
+            verdict,
+            between_runs,
+            before: before.all,
+            after: after.all,
+            noise_floor: floor,
+            per_joint,
+            place: procedure.place(measured, &names),
+            causes,
+            withdrawn,
+            unexplained_share,
+            data: procedure.data,
+            remark,
+            left_out: Vec::new(),
+            refuted,
+            other_arm: Vec::new(),
+            used: Vec::new(),
+            unused: Vec::new(),
+            details: None,
+            log: self.log,
+        };
+        (diagnosis, upheld)
+    }
+
+    /// Step `k` as it is told, whether it is upheld or not.
+    fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
+        let class = class::of(&step.adopted);
+        let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
+        let shown = Shown {
+            effect: step.effect,
+            joints: &step.joints,
+            forms: step.adopted.iter().map(|a| &a.form).collect(),
+            stage: k,
+        };
+        let mut confidence = confidence(step, shrink, rivals.len());
+        if !step.adopted.is_empty() && is_predictable(step) && !judge.sealed.is_plain(k, judge.joints(step)) {
+            confidence *= NOT_PLAIN;
+        }
+        Cause {
+            effect: step.effect,
+            curves: exhibit::curves(self.procedure.sealed, self.measured, load, &judge.names, &shown),
+            joints: step.joints.iter().map(|j| judge.names[*j].clone()).collect(),
+            magnitude: self.procedure.magnitude(self.search, step, self.solved),
+            shrink,
+            share: None,
+            p_value: step.adopted.iter().filter_map(|a| a.p_value).reduce(f64::max),
+            confidence,
+            separating_motion: separate::motion(step.effect, &rivals),
+            indistinguishable_from: rivals,
+            angles: class.iter().map(|(_, angle)| *angle).collect(),
+            impossible: None,
+        }
+    }
+}
+
+/// The verdict where what was fitted holds; `causes`: those upheld, those withdrawn.
+fn verdict(
+    judge: &Judge<'_>,
+    causes: [&[Cause]; 2],
+    steps: &[Step],
+    upheld: &[bool],
+    per_joint: &[JointGap],
+    unexplained_share: f64,
+) -> Verdict {
+    let [structure, withdrawn_structure] =
+        causes.map(|of| of.iter().filter(|c| c.effect.kind() == Kind::Structure).count());
+    let left_over = judge.residue.any_noisy();
+    let nameless = steps.iter().flat_map(|s| &s.adopted).any(|a| a.form.is_nameless());
+    let withdrawn_structure = withdrawn_structure > 0;
+    // Where the floor is reached with what was withdrawn after all, that is no answer.
+    let refused = steps.iter().zip(upheld).filter(|(s, upheld)| !**upheld && s.effect.kind() == Kind::Structure);
+    let lacking = refused.flat_map(|(s, _)| &s.joints).any(|j| judge.residue.was_noisy(*j));
+    match (structure, causes[0].is_empty()) {
+        // Wrong values are the answer unless most of the gap, or a thing without a name, is left beside them.
+        (0, true) if left_over => Verdict::Unexplained,
+        // Taken up, but by nothing that has a name.
+        (0, _) if nameless => Verdict::Unexplained,
+        (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
+        (0, _) if lacking || withdrawn_structure && !judge.residue.at_floor() => Verdict::Unexplained,
+        // Values that fit, or motion of its own kind that was looked at by nobody, are no answer either.
+        (0, true) if per_joint.iter().any(JointGap::is_open) => Verdict::Unexplained,
+        // Of an arm with a joint that cannot be judged nobody says that nothing is wrong.
+        (0, true) if judge.names.iter().any(|name| judge.is_unbelieved(name)) => Verdict::NotEvaluated,
+        (0, true) => Verdict::NoGap,
+        (0, false) => Verdict::Parameter,
+        (1, _) => Verdict::Effect,
+        _ => Verdict::Several,
+    }
+}
+
+/// Whether the motion tells of it.
+fn is_predictable(step: &Step) -> bool {
+    step.adopted.iter().all(|a| a.form.is_predictable())
+}
+
+/// Whether step `step` takes enough to be a cause.
+fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> bool {
+    let Shrink { predicted, low, high, measured } = shrink;
+    if step.adopted.is_empty() {
+        // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
+        return low > 0.0 && measured > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL);
+    }
+    let value = step.effect.kind() == Kind::Value;
+    let everywhere = step.joints.is_empty();
+    // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
+    let takes = match step.effect {
+        Effect::ExternalForce => true,
+        // A command need not be cut again, but where it is the rest must fit.
+        Effect::TorqueSaturation => measured > -MATERIAL,
+        // A tilt or a load is on every joint: what it gains on some it must not lose on others.
+        _ if value && everywhere => measured > 0.0,
+        _ if value || !everywhere && plain => predicted.max(measured) > 0.0,
+        _ => predicted.min(measured) > LEAST,
+    };
+    // Where nothing was promised, far more than was thought possible is no confirmation.
+    takes && (value || !predictable || low > 0.0 || measured <= FAR_MORE * high)
+}
+
+/// How often such a name is that of the effect itself.
+fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
+    let agreement = (shrink.predicted - shrink.measured).abs();
+    let held = if agreement < 0.1 { 0.97 } else { 0.85 };
+    let gains = step.adopted.iter().map(|a| a.gain);
+    let strong = gains.reduce(f64::max).map_or(VALUE_ALONE, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
+    held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
+}
+
+/// Share of the squared gap above the floor that is left.
+pub(crate) fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
+    let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
+    if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
+}
