@@ -77,7 +77,7 @@ pub(crate) fn at_flange(
     if !stands {
         return Some(None);
     }
-    *impossible = possible::of_payload(added.c.as_slice(), possible::reach(search.nominal));
+    *impossible = possible::of_payload(added.c.as_slice(), possible::reach(&search.nominal.model.arm));
     if impossible.is_some() {
         return Some(None);
     }
@@ -88,7 +88,7 @@ pub(crate) fn at_flange(
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
 /// others may be. Each of them free, they would take up what no body has: a negative mass far away.
 fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
-    let far = OFF_FLANGE * possible::reach(search.nominal);
+    let far = OFF_FLANGE * possible::reach(&search.nominal.model.arm);
     let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
     let entry = |c: usize| match c {
         0 => mass,

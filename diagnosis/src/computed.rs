@@ -3,10 +3,13 @@
 //! Bodies alone explain such a torque along the desired motion but for rounding: no friction, no noise. Along the measured motion, which
 //! lags behind, they do not. Whatever is then fitted (elasticity, delay, friction) is the tracking error, and says nothing of the arm.
 
-use nalgebra::{DMatrix, DVector};
+use std::fmt;
+
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use rivet_dynamics::{Arm, LINK_PARAMETERS, Workspace, regressor};
 use rivet_estimation::offline::Trajectory;
 
+use crate::possible;
 use crate::run::{Motion, Run};
 
 /// Both sides are averaged over stretches of this length \[s\], which keeps what is linear exact and takes noise away.
@@ -23,6 +26,8 @@ const APART: f64 = 0.01;
 const SLOW: f64 = 0.5;
 /// Speed below which a joint stands still \[rad/s\].
 const STILL: f64 = 0.02;
+/// A body at the flange is told where it takes this share of the squares that the file's bodies miss.
+const MOSTLY: f64 = 0.9;
 /// Directions weaker than this share of the strongest are rounding.
 const ROUNDING: f64 = 1e-7;
 
@@ -61,6 +66,56 @@ pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
         .collect();
     let late = |m: &Misses| m.measured > APART && is_late(&desired.q[m.joint], &run.q[m.joint], &starts, stretch);
     if found.iter().all(|m| m.desired < EXACT) && found.iter().any(late) { found } else { Vec::new() }
+}
+
+/// A body at the flange that the arm's file lacks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FlangeBody {
+    /// \[kg\]
+    pub(crate) mass: f64,
+    /// Centre of mass in the last link's frame \[m\].
+    pub(crate) centre: [f64; 3],
+    /// Share of the squares that the file's bodies miss which it takes.
+    pub(crate) takes: f64,
+}
+
+impl fmt::Display for FlangeBody {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let FlangeBody { mass, centre: [x, y, z], takes } = self;
+        write!(
+            f,
+            "carries {mass:.2} kg at the flange that the file lacks, centre at ({x:.3}, {y:.3}, {z:.3}) m in the last link's frame: \
+             {:.0} % of the squares that set the two apart",
+            100.0 * takes
+        )
+    }
+}
+
+/// The body at the flange that is in the model by which the torque of these runs was computed and not in the file: mass and first
+/// moment of the last link beside the file's bodies, along the desired motion. None where that is not most of what sets the two apart.
+pub(crate) fn flange_body<'a>(arm: &Arm, runs: impl IntoIterator<Item = &'a Run>) -> Option<FlangeBody> {
+    let n = arm.dof();
+    let file = DVector::from_iterator(LINK_PARAMETERS * n, arm.links.iter().flatten().copied());
+    let last = LINK_PARAMETERS * n - LINK_PARAMETERS;
+    let (mut normal, mut moment, mut missed) = (Matrix4::zeros(), Vector4::zeros(), 0.0);
+    for run in runs {
+        let Some(Trajectory { q, qd, qdd }) = run.desired.clone() else { continue };
+        let stretch = (STRETCH_S / run.period_s).round().max(1.0) as usize;
+        let starts = starts(run.len(), stretch);
+        let motion = Motion { period_s: run.period_s, q, qd, qdd };
+        for (j, rows) in averaged(arm, &motion, &starts, stretch).iter().enumerate() {
+            let tau = DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));
+            let left = tau - rows * &file;
+            let y = rows.fixed_columns::<4>(last);
+            normal += y.tr_mul(&y);
+            moment += y.tr_mul(&left);
+            missed += left.norm_squared();
+        }
+    }
+    let x = normal.cholesky()?.solve(&moment);
+    let body = FlangeBody { mass: x[0], centre: [1, 2, 3].map(|k| x[k] / x[0]), takes: x.dot(&moment) / missed };
+    let possible = possible::of_payload(x.as_slice(), possible::reach(arm)).is_none();
+    (possible && body.takes >= MOSTLY).then_some(body)
 }
 
 /// Whether the joint follows otherwise than by noise: its error averaged over stretches is no smaller than it is from sample
@@ -211,6 +266,24 @@ mod tests {
             tau.iter_mut().zip(qd).for_each(|(t, v)| *t += size * v.signum());
         }
         assert!(joints(&arm, &run(&desired, &measured, with_friction)).is_empty(), "friction is measured");
+    }
+
+    #[test]
+    fn a_body_in_the_model_that_computed_the_torque_is_weighed() {
+        let (arm, desired, computed) = along(0.0);
+        let mut lacking = arm.clone();
+        let last = lacking.links.last_mut().expect("a link");
+        let (mass, centre) = (0.3, [0.02, -0.01, 0.1]);
+        last[0] -= mass;
+        (0..3).for_each(|k| last[1 + k] -= mass * centre[k]);
+        let run = run(&desired, &desired, computed);
+        let found = flange_body(&lacking, [&run]).expect("a body");
+        assert!((found.mass - mass).abs() < 1e-6 && found.takes > 0.999, "{found:?}");
+        assert!((0..3).all(|k| (found.centre[k] - centre[k]).abs() < 1e-6), "{found:?}");
+        // Another link that is heavier is no body at the flange.
+        let mut other = arm.clone();
+        other.links[1][1] -= 2.0;
+        assert_eq!(flange_body(&other, [&run]), None);
     }
 
     #[test]

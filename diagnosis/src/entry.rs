@@ -4,6 +4,7 @@ use rivet_dynamics::Model;
 
 use crate::alignment;
 use crate::background::{Nominal, Typical};
+use crate::computed;
 use crate::design::Prepared;
 use crate::first_fit;
 use crate::log_check::{self, LogFinding};
@@ -93,15 +94,18 @@ fn run_all(
         log.extend(found.into_iter().map(finding));
         run
     };
-    let mut runs: Vec<(usize, Run)> = runs.into_iter().map(mend).enumerate().collect();
-    runs.retain(|(_, run)| {
-        let computed = log_check::computed(model, run);
-        log.extend(computed.iter().cloned());
-        computed.is_empty()
+    let runs: Vec<(usize, Run)> = runs.into_iter().map(mend).enumerate().collect();
+    let (computed, runs): (Vec<_>, Vec<_>) = runs.into_iter().partition(|(_, run)| {
+        let found = log_check::computed(model, run);
+        log.extend(found.iter().cloned());
+        !found.is_empty()
     });
     if runs.is_empty() {
-        let why = "the torque of every run was computed along the desired motion, not measured";
-        return if names.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, why), None)) };
+        let mut why = "the torque of every run was computed along the desired motion, not measured".to_owned();
+        if let Some(body) = computed::flange_body(&model.arm, computed.iter().map(|(_, run)| run)) {
+            why = format!("{why}; the model it was computed with {body}");
+        }
+        return if names.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, &why), None)) };
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
     let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));

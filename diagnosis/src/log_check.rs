@@ -225,9 +225,12 @@ impl LogFault {
                 digits(turned)
             ),
             LogFault::Scale(v) => format!("torque is {} times the model's: another unit or gear ratio?", digits(v)),
+            LogFault::Silent { carries: 0.0, .. } => {
+                "torque is 0 while the joint moves: the channel is dead or was not recorded".to_owned()
+            }
             LogFault::Silent { carries, due } => format!(
                 "torque in motion is {carries:.2e} N m where friction and rotor of the file alone take {due:.3} N m: the \
-                 channel is dead, or of a sensor or a computation that knows nothing of the drive; not evaluated"
+                 channel is dead, or of a sensor or a computation that knows nothing of the drive"
             ),
             LogFault::Limit(v) => format!("torque stands at its limit of {v:.3} N m for stretches of time"),
             LogFault::Computed(v) => format!(

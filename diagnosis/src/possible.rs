@@ -2,7 +2,7 @@
 //! and comes out as an inertia below zero. Such a value is no finding, it stands for something else.
 
 use nalgebra::DVector;
-use rivet_dynamics::Parameter;
+use rivet_dynamics::{Arm, Parameter};
 
 use crate::background::Nominal;
 use crate::form::Form;
@@ -79,7 +79,7 @@ pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64
     let n = nominal.model.arm.dof();
     let at = |at: usize| of_value(at, nominal, standard);
     match *form {
-        Form::Payload => of_payload(c, reach(nominal)),
+        Form::Payload => of_payload(c, reach(&nominal.model.arm)),
         Form::LinkScale { link } => (10 * link..10 * link + 10).find_map(at),
         Form::Gain { joint } if 1.0 + c[0] <= 0.0 => {
             let name = format!("gain of {}", nominal.model.arm.joints[joint].name);
@@ -116,9 +116,9 @@ pub(crate) fn is_drive(parameter: Parameter) -> bool {
 }
 
 /// Sum of the distances between the arm's joints \[m\].
-pub(crate) fn reach(nominal: &Nominal) -> f64 {
+pub(crate) fn reach(arm: &Arm) -> f64 {
     let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
-    nominal.model.arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum()
+    arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum()
 }
 
 fn of_value(at: usize, nominal: &Nominal, standard: &[f64]) -> Option<Impossible> {

@@ -191,6 +191,11 @@ fn a_torque_that_was_computed_is_a_fault_of_the_log() {
     let computed: Vec<&str> = findings.iter().filter_map(|f| f["joint"].as_str()).collect();
     assert_eq!(computed, ["joint_1", "joint_2", "joint_4", "joint_5", "joint_7"], "{found:#}");
     assert!(findings.iter().all(|f| f["fault"] == "torque_computed"), "{found:#}");
+    // The arm carried a gripper of about 1 kg; in that model it weighs 1.3 kg.
+    let remark = found["remark"].as_str().expect("a reason");
+    let (before, _) = remark.split_once(" kg at the flange that the file lacks").expect(remark);
+    let mass: f64 = before.rsplit(' ').next().and_then(|m| m.parse().ok()).expect(remark);
+    assert!((0.8..1.5).contains(&mass), "{remark}");
     // That of the motors was measured.
     let found = diagnose(&file, &runs);
     let findings = found["log"].as_array().expect("findings");
