@@ -98,13 +98,9 @@ fn drives(robot: &Robot, standard: &[f64]) -> Joints {
 /// What robot.urdf cannot say and what it costs: torque that a reader of the URDF misses on the identified log.
 fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, reference: &Reference) -> String {
     let (model, base) = (&robot.model, &robot.base);
-    let cost = |groups: &[ParameterGroup]| {
-        let part: Vec<f64> = model
-            .parameters
-            .iter()
-            .zip(&found.standard)
-            .map(|(p, x)| if groups.contains(&p.group()) { *x } else { 0.0 })
-            .collect();
+    let cost = |lost: &dyn Fn(&Parameter) -> bool| {
+        let values = model.parameters.iter().zip(&found.standard);
+        let part: Vec<f64> = values.map(|(p, x)| if lost(p) { *x } else { 0.0 }).collect();
         reference.rms(&base.from_standard(&part))
     };
     let mut out = format!(
@@ -127,19 +123,33 @@ fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, ref
         let _ = writeln!(out, "| {what} | {place} | {} |", cells.join(" | "));
     };
     use ParameterGroup::{Coupling, Friction, Offset, RotorInertia};
-    row("rotor inertia behind the gear", "model.toml [drive]", &cost(&[RotorInertia]));
+    row("rotor inertia behind the gear", "model.toml [drive]", &cost(&|p| p.group() == RotorInertia));
     if model.structure.offset {
-        row("torque offset", "model.toml [friction]", &cost(&[Offset]));
+        row("torque offset", "model.toml [friction]", &cost(&|p| p.group() == Offset));
+    }
+    let of_load = |p: &Parameter| matches!(p, Parameter::LoadFriction(_));
+    let quadratic = |p: &Parameter| matches!(p, Parameter::ViscousQuadratic(_));
+    if model.structure.load_friction {
+        row("friction with load", "model.toml [friction]", &cost(&of_load));
+    }
+    if model.parameters.iter().any(quadratic) {
+        row("friction with the square of speed", "model.toml [friction]", &cost(&quadratic));
     }
     if model.structure.coupling.is_some() {
-        row("coupled wrist motor: inertia and friction", "model.toml [coupling]", &cost(&[Coupling]));
+        row("coupled wrist motor: inertia and friction", "model.toml [coupling]", &cost(&|p| p.group() == Coupling));
     }
-    let mut all = vec![RotorInertia, Offset, Coupling];
+    let all = |p: &Parameter| matches!(p.group(), RotorInertia | Offset | Coupling) || of_load(p) || quadratic(p);
     row("all of these", "", &cost(&all));
-    all.push(Friction);
-    row("all of these, for a reader that ignores `<dynamics>`", "", &cost(&all));
+    row("all of these, for a reader that ignores `<dynamics>`", "", &cost(&|p| all(p) || p.group() == Friction));
     row("unconstrained instead of physically consistent values", "model.toml [identified]", &found.torque_rms);
-    if model.structure.sign_velocity > 0.0 {
+    if model.structure.presliding_travel > 0.0 {
+        let _ = write!(
+            out,
+            "\nCoulomb friction builds up over a travel of {} rad after each reversal in the model (presliding); in a URDF its law\n\
+             near standstill is the reader's, and so is what the two differ by there.\n",
+            model.structure.presliding_travel
+        );
+    } else if model.structure.sign_velocity > 0.0 {
         let _ = write!(
             out,
             "\nCoulomb friction changes sign as tanh(speed/{} rad/s) in the model; in a URDF its slope is the reader's.\n",
