@@ -94,7 +94,10 @@ impl Prepared {
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
         let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
-        let floor = white.zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least)).collect();
+        let floor = white.zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
+        // What rounding to steps takes from a torque that no noise carries over them is no faster than the torque.
+        let rounding = |tau: &Vec<f64>| signals::resolution(tau) / 12.0_f64.sqrt();
+        let floor = floor.zip(&run.tau).map(|(floor, tau)| floor.max(rounding(tau))).collect();
         let silent = (0..n).map(|j| log_check::silence(&tau[j], &motion, &chain, &nominal.x, j)).collect();
         Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, position_noise, blur, doubt }
     }

@@ -16,6 +16,7 @@ use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
 use crate::signs;
+use crate::upright;
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
 const LEAST_SPEED: f64 = 0.02;
@@ -159,6 +160,11 @@ fn run_all(
         };
         return Ok((Diagnosis::unheard(log, why), None));
     }
+    let given = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log };
+    if let Some(found) = upright::check(&given, say) {
+        return Ok((Diagnosis { unused: unused(&used), used, ..found }, None));
+    }
+    let log = given.mute;
     let looked_at = look.len();
     let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();
     first_fit::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;

@@ -35,6 +35,9 @@ pub(crate) enum Form {
     PositionFriction { joint: usize, order: f64 },
     /// The joint's whole torque
     Gain { joint: usize },
+    /// `τ³`, τ the joint's whole torque: a motor that saturates, or a current that tells it ever less. No effect of the list; what
+    /// explains torque that hangs on torque has to be better than this
+    TorqueLaw { joint: usize },
     /// `cos(cq)`, `sin(cq)`
     Ripple { joint: usize, order: f64 },
     /// The link's angle is off by `cos(cq)`, `sin(cq)`
@@ -96,7 +99,8 @@ impl Form {
             Form::Temperature { .. } | Form::Warming { .. } => Effect::TemperatureDependentFriction,
             Form::Presliding { .. } => Effect::PreslidingFriction,
             Form::PositionFriction { .. } => Effect::PositionDependentFriction,
-            Form::Gain { .. } => Effect::TorqueConstant,
+            // What a law of the torque would be taken for.
+            Form::Gain { .. } | Form::TorqueLaw { .. } => Effect::TorqueConstant,
             Form::Ripple { .. } => Effect::TorqueRipple,
             Form::TransmissionError { .. } => Effect::TransmissionError,
             Form::TwoMass { gear, .. } if gear.gap > 0.0 => Effect::Backlash,
@@ -142,6 +146,7 @@ impl Form {
             | Form::Presliding { joint, .. }
             | Form::PositionFriction { joint, .. }
             | Form::Gain { joint }
+            | Form::TorqueLaw { joint }
             | Form::Ripple { joint, .. }
             | Form::TransmissionError { joint, .. }
             | Form::TwoMass { joint, .. }
@@ -235,14 +240,14 @@ impl Form {
 
     /// Whether it is no effect of the list, only what is held against one.
     pub(crate) fn is_nameless(&self) -> bool {
-        matches!(self, Form::Pull { .. })
+        matches!(self, Form::Pull { .. } | Form::TorqueLaw { .. })
     }
 
     /// Forms of one effect on the same joints that are refined apart from each other.
     pub(crate) fn kind(&self) -> usize {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
-            Form::Pull { .. } => 2,
+            Form::Pull { .. } | Form::TorqueLaw { .. } => 2,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
             _ => 0,
         }
@@ -321,6 +326,7 @@ impl Form {
                 ]
             }
             Form::Gain { joint: j } => vec![on(j, &|k| p.torque[j][k])],
+            Form::TorqueLaw { joint: j } => vec![on(j, &|k| p.torque[j][k].powi(3))],
             Form::Ripple { joint: j, order } => {
                 vec![on(j, &|k| (order * q(j, k)).cos()), on(j, &|k| (order * q(j, k)).sin())]
             }
@@ -489,9 +495,17 @@ fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3], still: Option<
     full
 }
 
-/// Torque per m/s² of gravity along the base's x and y: that of the arm at rest, since gravity enters linearly.
+/// Torque per m/s² of gravity along the base's x and y.
 fn gravity(p: &Physics<'_>) -> Vec<Full> {
+    weight(p, &AXES[..2])
+}
+
+/// The base's axes.
+pub(crate) const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Torque per m/s² of gravity along each of `axes`: that of the arm at rest, since gravity enters linearly.
+pub(crate) fn weight(p: &Physics<'_>, axes: &[[f64; 3]]) -> Vec<Full> {
     let links = bodies(&p.x, p.joints());
     let still = vec![0.0; p.joints()];
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|g| rigid(p, &links, g, Some(&still))).into()
+    axes.iter().map(|g| rigid(p, &links, *g, Some(&still))).collect()
 }

@@ -79,6 +79,9 @@ impl Form {
                 effect(Kind::PositionDependentFriction, joint, &[c[0], c[1], order])
             }
             Form::Gain { joint } => effect(Kind::TorqueConstant, joint, c),
+            Form::TorqueLaw { .. } => {
+                Carried::Nothing("torque that is not in proportion to its signal is no effect of the list")
+            }
             Form::Ripple { joint, order } => effect(Kind::TorqueRipple, joint, &[c[0], c[1], order]),
             Form::TransmissionError { joint, order } => effect(Kind::TransmissionError, joint, &[c[0], c[1], order]),
             Form::TwoMass { joint, gear } if gear.gap > 0.0 => {

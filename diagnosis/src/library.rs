@@ -56,6 +56,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             Form::ViscousNonlinearity { joint },
             Form::Load { joint },
             Form::Gain { joint },
+            Form::TorqueLaw { joint },
             Form::EncoderOffset { joint },
             Form::Eccentricity { joint },
             Form::LinkScale { link: joint },

@@ -10,6 +10,8 @@ use crate::computed;
 use crate::design::Prepared;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
+use crate::signals;
+use crate::swapped;
 
 /// Correlation of torque with speed below which a joint would make energy: over a motion that comes back, what bodies
 /// and gravity take they give again, and friction only takes.
@@ -45,6 +47,8 @@ const CARRIES: f64 = 1e-3;
 const FOLLOWS: f64 = 0.3;
 /// ... over at least so long a time in motion \[s\].
 const IN_MOTION_S: f64 = 0.5;
+/// Steps of torque worth a word, as a share of its rms.
+const COARSE: f64 = 0.05;
 /// Speeds that are not known to this are worth a word \[rad/s\].
 const MUCH_BLUR: f64 = 3e-3;
 /// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
@@ -76,6 +80,10 @@ pub enum LogFault {
     },
     /// The torque stands at its largest value \[N·m\] for stretches of time.
     Limit(f64),
+    /// Torque is known in steps of this size only \[N·m\].
+    Coarse(f64),
+    /// By the model the torque is that of another joint, from 0, whose torque is this one's.
+    Swapped(usize),
     /// Bodies alone along the desired motion miss this share of the torque: it was computed, not measured.
     Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
@@ -158,6 +166,8 @@ impl LogFault {
             LogFault::Scale(_) => "torque_scale",
             LogFault::Silent { .. } => "torque_silent",
             LogFault::Limit(_) => "torque_limit",
+            LogFault::Coarse(_) => "torque_coarse",
+            LogFault::Swapped(_) => "torque_swapped",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
             LogFault::Late(_) => "torque_late",
@@ -177,6 +187,7 @@ impl LogFault {
         match self {
             LogFault::Silent { carries, .. } => carries,
             LogFault::Glitches(count) | LogFault::Wrapped(count) => count as f64,
+            LogFault::Swapped(other) => (other + 1) as f64,
             LogFault::Spikes { torque: v, .. }
             | LogFault::Jump { by: v, .. }
             | LogFault::Frozen { seconds: v, .. }
@@ -187,6 +198,7 @@ impl LogFault {
             | LogFault::Opposite(v)
             | LogFault::Scale(v)
             | LogFault::Limit(v)
+            | LogFault::Coarse(v)
             | LogFault::Computed(v)
             | LogFault::Late(v)
             | LogFault::Filtered(v)
@@ -204,6 +216,7 @@ impl LogFault {
                 | LogFault::Scale(_)
                 | LogFault::Silent { .. }
                 | LogFault::Filtered(_)
+                | LogFault::Swapped(_)
         )
     }
 
@@ -233,6 +246,11 @@ impl LogFault {
                  channel is dead, or of a sensor or a computation that knows nothing of the drive"
             ),
             LogFault::Limit(v) => format!("torque stands at its limit of {v:.3} N m for stretches of time"),
+            LogFault::Coarse(v) => format!("torque comes in steps of {v:.3} N m: what is less is not known of it"),
+            LogFault::Swapped(other) => format!(
+                "torque is that of joint {} by the model, and that joint's is this one's: two columns in each other's place?",
+                other + 1
+            ),
             LogFault::Computed(v) => format!(
                 "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
                  there a motor current (torque_from in robot.toml)?",
@@ -311,6 +329,10 @@ pub(crate) fn computed(model: &Model, run: &Run) -> Vec<LogFinding> {
 
 /// Torque that cannot be believed counts nowhere.
 pub(crate) fn distrust(run: &mut Prepared, nominal: &Nominal) {
+    for (a, b) in swapped::pairs(run, nominal) {
+        run.silent[a] = Some(LogFault::Swapped(b));
+        run.silent[b] = Some(LogFault::Swapped(a));
+    }
     for finding in check(run, nominal).into_iter().filter(|f| f.fault.spoils()) {
         if let Some(j) = nominal.model.arm.joints.iter().position(|joint| joint.name == finding.joint) {
             run.silent[j] = Some(finding.fault);
@@ -368,7 +390,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
         let scale = if felt && unknown { rest } else { whole };
         let scale = if off(scale) && (!felt || off(rest)) { scale } else { 1.0 };
-        let turned = run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. }));
+        let turned =
+            run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. } | LogFault::Swapped(_)));
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
         let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));
         if let Some(fault) = told.or(run.silent[j]) {
@@ -377,7 +400,13 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         if run.blur[j] > MUCH_BLUR {
             say(LogFault::Steps { position: run.position_noise[j], speed: run.blur[j] });
         }
-        if let Some(limit) = limit(&run.run.tau[j]) {
+        let step = signals::resolution(&run.run.tau[j]);
+        let rms = (dot(tau, tau) / tau.len().max(1) as f64).sqrt();
+        if step > COARSE * rms {
+            say(LogFault::Coarse(step));
+        }
+        // In coarse steps every turn stands for a while.
+        if let Some(limit) = limit(&run.run.tau[j]).filter(|limit| step < COARSE * limit) {
             say(LogFault::Limit(limit));
         }
     }

@@ -50,6 +50,7 @@ impl Form {
             Form::Eccentricity { .. } => named(&[("amplitude_rad", wave(c))]),
             // Measured torque over the model's: the drive delivers less than it reports when this is above 1.
             Form::Gain { .. } => named(&[("gain", 1.0 / (1.0 + c[0]))]),
+            Form::TorqueLaw { .. } => named(&[("cubic_per_Nm2", c[0])]),
             Form::TwoMass { gear, .. } => {
                 let mut size = named(&[("stiffness_Nm_rad", gear.stiffness)]);
                 if gear.gap > 0.0 {

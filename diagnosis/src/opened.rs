@@ -6,13 +6,14 @@ use crate::evidence::Solved;
 use crate::exhibit::{self, Shown};
 use crate::form::Form;
 use crate::gap::Gap;
+use crate::held_load::held_load;
 use crate::lmg;
 use crate::log_check::LogFinding;
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step};
 use crate::report::{BetweenRuns, Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
-use crate::sealed::Sealed;
+use crate::sealed::{IN_MOTION, SOUND, Sealed};
 use crate::search::Search;
 use crate::select::Adopted;
 use crate::separate;
@@ -33,6 +34,10 @@ const FIRST_OF_CLASS: f64 = 0.8;
 /// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
 /// tampered with.
 const NOT_PLAIN: f64 = 0.6;
+/// ... and one of which the sealed run keeps less than was thought possible: its form goes on otherwise than the effect.
+const PROMISE_BROKEN: f64 = 0.6;
+/// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
+const MOST_TAKEN: f64 = 0.5;
 /// A shrink below this is no cause worth naming; ...
 const MATERIAL: f64 = 0.01;
 /// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows, unless it is plain there
@@ -98,6 +103,29 @@ impl Judge<'_> {
         transfers && enough && material && helped && self.is_believed(step) && !step.doubtful
     }
 
+    /// Whether two laws of the angle stand on one joint: together they fit one that nobody knows.
+    fn is_patched(&self, steps: &[Step], step: &Step) -> bool {
+        let laws = |j: usize| {
+            let all = steps.iter().flat_map(|s| &s.adopted);
+            all.filter(|a| (a.form.of_angle_alone() || matches!(a.form, Form::Pull { .. })) && a.form.joints() == [j])
+                .count()
+        };
+        step.adopted.iter().any(|a| a.form.of_angle_alone() && a.form.joints().iter().any(|j| laws(*j) > 1))
+    }
+
+    /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it.
+    fn is_beside_nameless(steps: &[Step], step: &Step) -> bool {
+        let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| a.form.is_nameless());
+        let joints: Vec<usize> = nameless.flat_map(|a| a.form.joints()).collect();
+        step.effect.kind() == Kind::Structure && step.joints.iter().any(|j| joints.contains(j))
+    }
+
+    /// Whether a joint that the model as given fits is left with a gap: what fits the others is not what the arm has.
+    fn is_spoilt(&self) -> bool {
+        let times = (0..self.names.len()).filter_map(|j| self.sealed.in_motion(j));
+        times.into_iter().any(|[before, after]| before <= SOUND && after > IN_MOTION)
+    }
+
     /// What is said of joints whose torque cannot be believed is not worth saying.
     fn is_believed(&self, step: &Step) -> bool {
         let mut unbelieved = step.joints.iter().map(|j| self.is_unbelieved(&self.names[*j]));
@@ -151,14 +179,28 @@ impl Opened<'_> {
         let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
         for (k, step) in steps.iter().enumerate() {
             let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
-            let stands = judge.upholds(k, step, shrink, self.solved);
+            let alone = !judge.is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
+            let stands = alone && judge.upholds(k, step, shrink, self.solved) && self.load_instead(k, step).is_none();
             upheld.push(stands);
             if stands { &mut causes } else { &mut withdrawn }.push(self.cause(k, step, shrink, &judge, &load));
+        }
+        let refused: Vec<String> =
+            withdrawn.iter().filter(|c| is_most(c)).flat_map(|c: &Cause| c.joints.clone()).collect();
+        let beside = |c: &Cause| is_structure(c) && c.joints.iter().any(|j| refused.contains(j));
+        if causes.iter().any(beside) {
+            for (k, step) in steps.iter().enumerate() {
+                let of_step =
+                    |c: &Cause| c.effect == step.effect && step.joints.iter().map(|j| &names[*j]).eq(&c.joints);
+                upheld[k] &= !causes.iter().any(|c| beside(c) && of_step(c));
+            }
+            let (out, kept) = causes.into_iter().partition(beside);
+            causes = kept;
+            withdrawn.extend::<Vec<Cause>>(out);
         }
         let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
         // A channel that went wrong on the sealed run says nothing against what the others say.
         let faulty = self.log.iter().any(|f| f.run == procedure.sealed.run.name && f.fault.spoils());
-        let refuted = !faulty && shrink::is_refuted(&judge.gaps, &promises);
+        let refuted = !faulty && (shrink::is_refuted(&judge.gaps, &promises) || judge.is_spoilt());
         let effects = steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
         let open = judge.is_open(effects, faulty);
         if refuted || open {
@@ -211,6 +253,20 @@ impl Opened<'_> {
         (diagnosis, upheld)
     }
 
+    /// Of contact that a load explains as well, which was picked up or put down during a run: why it is none.
+    fn load_instead(&self, k: usize, step: &Step) -> Option<String> {
+        let Form::Force { windows } = step.adopted.iter().map(|a| &a.form).find(|f| matches!(f, Form::Force { .. }))?
+        else {
+            return None;
+        };
+        let runs = self.procedure.look.iter().zip(self.seen).zip(windows);
+        let mut loads = runs.filter_map(|((run, seen), own)| {
+            let force = |j: usize, row: usize| seen.models[k + 1][j][row] - seen.models[k][j][row];
+            held_load(run, own, force)
+        });
+        loads.next().map(|load| load.to_string())
+    }
+
     /// Step `k` as it is told, whether it is upheld or not.
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
         let class = class::of(&step.adopted);
@@ -225,6 +281,9 @@ impl Opened<'_> {
         if !step.adopted.is_empty() && is_predictable(step) && !judge.sealed.is_plain(k, judge.joints(step)) {
             confidence *= NOT_PLAIN;
         }
+        if step.effect.kind() == Kind::Structure && is_predictable(step) && shrink.measured < shrink.low {
+            confidence *= PROMISE_BROKEN;
+        }
         Cause {
             effect: step.effect,
             curves: exhibit::curves(self.procedure.sealed, self.measured, load, &judge.names, &shown),
@@ -237,7 +296,7 @@ impl Opened<'_> {
             separating_motion: separate::motion(step.effect, &rivals),
             indistinguishable_from: rivals,
             angles: class.iter().map(|(_, angle)| *angle).collect(),
-            impossible: None,
+            impossible: self.load_instead(k, step),
         }
     }
 }
@@ -275,6 +334,15 @@ fn verdict(
         (1, _) => Verdict::Effect,
         _ => Verdict::Several,
     }
+}
+
+fn is_structure(cause: &Cause) -> bool {
+    cause.effect.kind() == Kind::Structure
+}
+
+/// Whether an effect takes most of the gap, whatever it is called.
+fn is_most(cause: &Cause) -> bool {
+    is_structure(cause) && !cause.joints.is_empty() && cause.shrink.measured > MOST_TAKEN
 }
 
 /// Whether the motion tells of it.

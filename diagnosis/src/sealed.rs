@@ -21,7 +21,7 @@ const SPOILT: f64 = 0.1;
 const HELPED: f64 = 0.9;
 /// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
 /// arms with a named effect from 2.2 on.
-const SOUND: f64 = 2.0;
+pub(crate) const SOUND: f64 = 2.0;
 /// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
 pub(crate) const IN_MOTION: f64 = 4.0;
 

@@ -184,7 +184,7 @@ pub(crate) fn best(
         let form = &candidates[standing.at].form;
         // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
         // this one does too, and that may look so.
-        if let Form::OneSided { joint, .. } | Form::Pull { joint, .. } = form
+        if let Form::OneSided { joint, .. } | Form::Pull { joint, .. } | Form::TorqueLaw { joint } = form
             && (0..search.noise.len()).any(|j| j != *joint && residue.is_noisy(j))
         {
             continue;
