@@ -60,7 +60,9 @@ impl Bounded {
             }
             let columns: Vec<usize> = beyond.iter().map(|held| held.column).collect();
             rows.iter_mut().for_each(|rows| rows.take_out(&columns));
-            columns.iter().for_each(|column| left.nominal[*column] = 0.0);
+            for &column in &columns {
+                left.nominal[column] = 0.0;
+            }
             left.held.extend(beyond);
         }
     }

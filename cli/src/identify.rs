@@ -243,7 +243,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let as_given = whole.unwrap_or_else(|| equations.residual_percent(nominal));
     let mut residuals = [as_given, by_least_squares, by_instruments];
     let still = still(&rows);
-    residuals.iter_mut().for_each(|percent| still.iter().for_each(|j| percent[*j] = f64::NAN));
+    for percent in &mut residuals {
+        for &j in &still {
+            percent[j] = f64::NAN;
+        }
+    }
     let chosen = choose(robot, &least_squares, &instrumental);
     let reference = equations.reference();
     let ((bias, delays), consistent) = rayon::join(

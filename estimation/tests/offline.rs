@@ -149,7 +149,9 @@ fn a_joint_that_stands_keeps_its_drive_and_does_not_spoil_the_others() {
         let mut noise = Noise(3);
         tau.iter_mut().flatten().for_each(|tau| *tau += 0.05 * noise.next());
         // Stuck friction holds whatever it has to.
-        still.iter().for_each(|j| tau[*j].iter_mut().for_each(|tau| *tau = 2.0 + 0.01 * noise.next()));
+        for &j in &still {
+            tau[j].fill_with(|| 2.0 + 0.01 * noise.next());
+        }
         let record = Record { period_s: PERIOD, measured: motion, tau, desired: None, second: None };
         let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
         let equations = Equations::new(&rows);
