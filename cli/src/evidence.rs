@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use rivet_config::{Differentiator, Filtering, Instruments, Robot};
+use rivet_config::keys::Fallback;
+use rivet_config::{Differentiator, Filtering, Instruments, Origin, Resolved, Robot, Value as Given};
 use rivet_diagnosis::LogFault;
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
@@ -21,24 +22,44 @@ pub(crate) struct Compared {
     pub(crate) distorts: Option<&'static str>,
     /// Why ratios per joint are not known, where they are not.
     pub(crate) without_ratio: &'static str,
+    /// The largest difference of the two, where there is one to tell.
+    pub(crate) largest: Option<Largest>,
+}
+
+/// The parameter that least squares and instruments differ most in.
+pub(crate) struct Largest {
+    name: String,
+    /// How many of its standard deviations.
+    deviations: f64,
+}
+
+impl Largest {
+    /// Of values by instruments, by least squares and standard deviations, of those that count.
+    pub(crate) fn new(robot: &Robot, [iv, ls, std]: [&[f64]; 3], counts: impl Fn(usize) -> bool) -> Option<Largest> {
+        let of = |i: usize| (i, (iv[i] - ls[i]).abs() / std[i].max(f64::MIN_POSITIVE));
+        let known = (0..iv.len()).filter(|i| counts(*i)).map(of).filter(|(_, size)| size.is_finite());
+        let (at, deviations) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(Largest { name: robot.base.name(&robot.model, at), deviations })
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        json!({"parameter": self.name, "standard_deviations": self.deviations})
+    }
 }
 
 pub(crate) const OF_DELAYED: &str = "not known with delayed instruments, which differ from the regressor by motion";
 
-impl Compared {
-    /// Off line: central differences, whatever the robot file asks for.
-    pub(crate) const OFFLINE: Compared = Compared { distorts: None, without_ratio: OF_DELAYED };
-}
-
-/// Two lines on bias, for people.
+/// Three lines on bias, for people.
 pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     let p = if bias.p_value < 1e-12 { "p < 1e-12".to_owned() } else { format!("p = {}", number(bias.p_value, 2)) };
     let meaning = if bias.degrees == 0 {
         "regressor and instruments are the same: nothing to compare".to_owned()
     } else if bias.p_value < SIGNIFICANT {
         let distorts = compared.distorts.map_or_else(String::new, |how| format!(", or {how}"));
+        let small = compared.largest.as_ref().is_some_and(|largest| largest.deviations < 1.0);
+        let small = if small { "; significant, but below the standard deviations of all parameters" } else { "" };
         format!(
-            "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}"
+            "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}{small}"
         )
     } else if bias.blind() {
         format!(
@@ -56,16 +77,20 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     } else if bias.ratio.is_empty() {
         compared.without_ratio.to_owned()
     } else {
-        let each: Vec<String> = bias.ratio.iter().map(|r| number(*r, 2)).collect();
+        let one = |r: &f64| if r.is_finite() { number(*r, 2) } else { "-".to_owned() };
+        let each: Vec<String> = bias.ratio.iter().map(one).collect();
         format!(
             "noise that pulls LS over what IV keeps of it, per joint: {} (below 3: tracking error outweighs the noise)",
             each.join(" ")
         )
     };
-    paragraph("bias of LS: ", &statistic) + &paragraph("bias left in IV: ", &ratio)
+    let size = compared.largest.as_ref().map_or_else(String::new, |Largest { name, deviations }| {
+        paragraph("largest difference IV - LS: ", &format!("{deviations:.1} standard deviations ({name})"))
+    });
+    paragraph("bias of LS: ", &statistic) + &size + &paragraph("bias left in IV: ", &ratio)
 }
 
-pub(crate) fn bias_json(bias: &Bias) -> Value {
+pub(crate) fn bias_json(bias: &Bias, compared: &Compared) -> Value {
     // An infinite ratio, of instruments equal to the regressor, is null in JSON.
     json!({
         "hausman": bias.hausman,
@@ -75,6 +100,7 @@ pub(crate) fn bias_json(bias: &Bias) -> Value {
         "deviation_ratio": bias.spread,
         "cannot_tell": bias.p_value >= SIGNIFICANT && bias.blind(),
         "instrument_ratio": bias.ratio,
+        "largest_difference": compared.largest.as_ref().map(Largest::json),
     })
 }
 
@@ -100,6 +126,34 @@ pub(crate) fn signal_text(robot: &Robot) -> String {
     let text = "central differences through the zero-phase model filter; the robot file's";
     let act = if unused.len() > 1 { "act" } else { "acts" };
     paragraph("  signals     ", &format!("off line, {text} {} {act} on line only", unused.join(" and ")))
+}
+
+/// Keys that the robot file sets to something else than their default and that nothing off line asks for; `delayed`: whether instruments
+/// are delayed ones.
+pub(crate) fn online_text(robot: &Robot, delayed: bool) -> String {
+    let acts = |section: &str, name: &str| match section {
+        "supervision" => true,
+        "estimator" => {
+            ["window", "window_s", "window_deviation", "longest_cycle_s"].contains(&name)
+                || (name == "delay_s" && !delayed)
+        }
+        "signal" => name == "torque_noise",
+        _ => false,
+    };
+    let set = |resolved: &&Resolved| {
+        let default = match (resolved.key.fallback, &resolved.value) {
+            (Fallback::Number(default), Given::Number(x)) => *x == default,
+            (Fallback::Integer(default), Given::Integer(x)) => *x == default,
+            (Fallback::Text(default), Given::Text(x)) => x == default,
+            (_, value) => *value == Given::Absent,
+        };
+        matches!(resolved.origin, Origin::Line(_)) && !default && acts(resolved.key.section, resolved.key.name)
+    };
+    let names: Vec<String> = robot.config.resolved.iter().filter(set).map(|resolved| resolved.key.path()).collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    paragraph("  on line only ", &names.join(", "))
 }
 
 /// Share of repeated rows, or of jitter in a step, that is worth a word.
@@ -277,13 +331,44 @@ pub(crate) const COARSE_NAME: &str = "coarse_positions";
 /// Positions that are held over rows.
 pub(crate) const HELD_NAME: &str = "positions_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
+const UNEXPLAINED_NAME: &str = "torque_unexplained";
+const STILL_NAME: &str = "joint_stands";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
+
+/// Of a joint's torque, what the fit may leave \[%\] and still be said to explain it.
+const EXPLAINS: f64 = 90.0;
+
+/// Joints of whose torque the fit leaves next to all, given what it leaves of each \[%\].
+pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
+    let of = |(name, _): (&String, &f64)| Distrust {
+        log: None,
+        joint: Some(name.clone()),
+        name: UNEXPLAINED_NAME,
+        text: format!(
+            "the model explains next to nothing of this torque (more than {EXPLAINS:.0} % is left): what is found from it means nothing, \
+             whatever its standard deviation; is it the torque of this joint, and of this motion?"
+        ),
+    };
+    names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(of).collect()
+}
+
+/// Joints that do not move in any log.
+pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
+    let of = |j: &usize| Distrust {
+        log: None,
+        joint: Some(robot.model.arm.joints[*j].name.clone()),
+        name: STILL_NAME,
+        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay as given".to_owned(),
+    };
+    joints.iter().map(of)
+}
 
 /// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let shared = |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME, HELD_NAME].contains(&d.name);
+    let shared =
+        |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME].contains(&d.name);
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {
         let of_what: Vec<&str> =
@@ -380,13 +465,29 @@ mod tests {
         Bias { hausman: 0.6, degrees: 52, spread, p_value, ratio: ratio.to_vec() }
     }
 
+    const ALONE: Compared = Compared { distorts: None, without_ratio: OF_DELAYED, largest: None };
+
+    #[test]
+    fn a_bias_has_a_size_beside_its_significance() {
+        let of = |deviations: f64, p_value: f64| {
+            let compared = Compared { largest: Some(Largest { name: "j2.coulomb".to_owned(), deviations }), ..ALONE };
+            let bias = bias(1.5, p_value, &[8.0]);
+            assert_eq!(bias_json(&bias, &compared)["largest_difference"]["standard_deviations"], deviations);
+            bias_text(&bias, &compared).split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        let small = of(0.4, 1e-20);
+        assert!(small.contains("significant, but below the standard deviations"), "{small}");
+        assert!(small.contains("largest difference IV - LS: 0.4 standard deviations (j2.coulomb)"), "{small}");
+        assert!(!of(3.0, 1e-20).contains("but below") && !of(0.4, 0.5).contains("but below"));
+    }
+
     #[test]
     fn no_sign_of_bias_is_not_said_where_none_would_show() {
-        let text = |bias: &Bias| bias_text(bias, &Compared::OFFLINE).split_whitespace().collect::<Vec<_>>().join(" ");
+        let text = |bias: &Bias| bias_text(bias, &ALONE).split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(text(&bias(1.5, 0.4, &[8.0])).contains("no sign of bias in LS"));
         let weak = bias(200.0, 1.0, &[8.0]);
         assert!(text(&weak).contains("cannot tell: IV is 200 times as uncertain"), "{}", text(&weak));
-        assert_eq!(bias_json(&weak)["cannot_tell"], true);
+        assert_eq!(bias_json(&weak, &ALONE)["cannot_tell"], true);
         assert!(text(&bias(200.0, 1e-9, &[8.0])).contains("position noise pulls LS"), "what is seen is seen");
         // Not known while running.
         assert!(text(&bias(f64::NAN, 0.4, &[8.0])).contains("no sign of bias in LS"));
@@ -394,13 +495,13 @@ mod tests {
 
     #[test]
     fn a_copy_of_the_positions_is_called_one() {
-        let same = bias_text(&Bias { degrees: 0, ..bias(f64::NAN, 1.0, &[f64::INFINITY; 2]) }, &Compared::OFFLINE);
+        let same = bias_text(&Bias { degrees: 0, ..bias(f64::NAN, 1.0, &[f64::INFINITY; 2]) }, &ALONE);
         assert!(same.contains("does not differ from q") && !same.contains("inf"), "{same}");
     }
 
     #[test]
     fn the_differentiator_is_named_where_it_may_be_the_cause() {
-        let compared = Compared { distorts: Some("it rounds off"), without_ratio: "no joint's" };
+        let compared = Compared { distorts: Some("it rounds off"), without_ratio: "no joint's", largest: None };
         let text = bias_text(&bias(f64::NAN, 1e-9, &[]), &compared);
         assert!(text.contains("or it rounds off") && text.contains("no joint's"), "{text}");
     }

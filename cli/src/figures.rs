@@ -24,11 +24,17 @@ pub(crate) struct Args {
 
 /// Computes, writes the page, prints the table; fails if a number does not hold.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let numbers = if args.numbers.is_empty() { FIGURES.to_vec() } else { args.numbers.clone() };
+    let mut numbers: Vec<u32> = Vec::new();
+    for number in if args.numbers.is_empty() { &FIGURES[..] } else { &args.numbers } {
+        if !numbers.contains(number) {
+            numbers.push(*number);
+        }
+    }
     if let Some(unknown) = numbers.iter().find(|n| !FIGURES.contains(n)) {
         let there = FIGURES.map(|n| n.to_string()).join(", ");
         return Err(Fault::Usage(format!("figure {unknown} is not computed; there are {there}")).into());
     }
+    runs::writable(&args.out).with_context(|| args.out.display().to_string())?;
     let mut figures: Vec<Figure> = Vec::new();
     let mut progress = Progress::new("computing the figures,", numbers.len());
     for (done, number) in numbers.iter().enumerate() {

@@ -17,6 +17,7 @@ use rivet_estimation::offline::{
 use rivet_logs::Log;
 use rivet_studies::real::Found;
 
+use crate::bounds::Bounded;
 use crate::channels;
 use crate::coarse::coarse;
 use crate::compare::{self, Alone};
@@ -222,21 +223,35 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
 }
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
-    let Taken { runs, rows, contents, mut distrusts } = read_rows(robot, logs)?;
+    let Taken { runs, mut rows, contents, mut distrusts } = read_rows(robot, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    // Before a column is taken out that the robot file has a value for.
+    let whole =
+        robot.model.structure.load_friction.then(|| Equations::new(&rows).residual_percent(&robot.nominal_base));
+    let bounded = bounded(robot, &mut rows, prior)?;
+    let nominal = &bounded.nominal;
     let equations = Equations::new(&rows);
-    let by = |method| fit(&equations, &robot.nominal_base, prior, method);
+    let by = |method| {
+        let mut found = fit(&equations, nominal, prior, method)?;
+        bounded.hold(&mut found);
+        Ok::<Fit, OfflineError>(found)
+    };
     let (least_squares, instrumental) = rayon::join(|| by(Method::LeastSquares), || by(Method::Instrumental));
     let (least_squares, instrumental) = (least_squares?, instrumental?);
-    let residuals =
-        [&robot.nominal_base, &least_squares.values, &instrumental.values].map(|x| equations.residual_percent(x));
+    let [by_least_squares, by_instruments] =
+        [&least_squares, &instrumental].map(|fit| equations.residual_percent(&fit.values));
+    let as_given = whole.unwrap_or_else(|| equations.residual_percent(nominal));
+    let mut residuals = [as_given, by_least_squares, by_instruments];
+    let still = still(&rows);
+    for percent in &mut residuals {
+        for &j in &still {
+            percent[j] = f64::NAN;
+        }
+    }
     let chosen = choose(robot, &least_squares, &instrumental);
     let reference = equations.reference();
     let ((bias, delays), consistent) = rayon::join(
-        || {
-            let nominal = &robot.nominal_base;
-            (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen))
-        },
+        || (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen)),
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
@@ -247,7 +262,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     for (path, joints) in unfollowed_of(&runs) {
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
+    distrusts.extend(evidence::still(robot, &still));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
+    let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
+    distrusts.extend(evidence::unexplained(&runs::joint_names(robot), left));
+    distrusts.extend(bounded.said(robot));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry));
     Ok(Findings {
         runs,
@@ -265,6 +284,17 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     })
 }
 
+/// Joints (from 0) that do not move in any of the rows.
+fn still(rows: &[Rows]) -> Vec<usize> {
+    let joints = rows.first().map_or(0, |r| r.left_out.len());
+    (0..joints).filter(|j| rows.iter().all(|r| r.count(*j) == 0)).collect()
+}
+
+/// Takes out of the rows what comes out as no arm has it, by the fit that counts.
+fn bounded(robot: &Robot, rows: &mut [Rows], prior: f64) -> Result<Bounded, OfflineError> {
+    Bounded::new(robot, rows, |equations, nominal| solve(equations, nominal, prior, method(robot)))
+}
+
 /// Joints that do not follow the desired motion, log by log, over all pieces of each.
 fn unfollowed_of(runs: &[Run]) -> BTreeMap<&Path, BTreeSet<usize>> {
     let mut found = BTreeMap::<&Path, BTreeSet<usize>>::new();
@@ -279,12 +309,17 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let (mut alone, mut known) = (Vec::new(), Vec::<(u64, String)>::new());
     for path in &args.logs {
-        let Taken { rows, mut distrusts, contents, .. } = read_rows(robot, std::slice::from_ref(path))?;
+        let Taken { mut rows, mut distrusts, contents, .. } = read_rows(robot, std::slice::from_ref(path))?;
         let before = known.iter().find(|(content, _)| contents.contains(content));
         distrusts.extend(before.map(|(_, name)| evidence::repeated(runs::short_name(path), name, Purpose::Comparing)));
         known.extend(contents.into_iter().map(|content| (content, runs::short_name(path))));
-        let fit = fit(&Equations::new(&rows), &robot.nominal_base, prior, method(robot))
-            .with_context(|| path.display().to_string())?;
+        let named = || path.display().to_string();
+        let bounded = bounded(robot, &mut rows, prior).with_context(named)?;
+        let mut fit = fit(&Equations::new(&rows), &bounded.nominal, prior, method(robot)).with_context(named)?;
+        bounded.hold(&mut fit);
+        let of_log = |d: Distrust| Distrust { log: Some(runs::short_name(path)), ..d };
+        distrusts.extend(evidence::still(robot, &still(&rows)).map(of_log));
+        distrusts.extend(bounded.said(robot).map(of_log));
         alone.push(Alone { name: runs::short_name(path), fit, rows, distrusts });
     }
     show(&compare::text(robot, &alone)?)?;
@@ -393,17 +428,23 @@ fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection)> 
         rows.extend(rows_of(robot, log)?.rows);
     }
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
+    let bounded = bounded(robot, &mut rows, prior)?;
     let equations = Equations::new(&rows);
-    let fit = fit(&equations, &robot.nominal_base, prior, method(robot))?;
+    let mut fit = fit(&equations, &bounded.nominal, prior, method(robot))?;
+    bounded.hold(&mut fit);
     let reference = equations.reference();
     let near = project(&robot.model, &robot.base, &fit.values, &fit.covariance, &robot.nominal, &reference)?;
     Ok((fit, near))
 }
 
 /// The values of the fit that counts, of rows.
-pub(crate) fn values_of(robot: &Robot, rows: &[Rows]) -> Result<Vec<f64>> {
+pub(crate) fn values_of(robot: &Robot, rows: &mut [Rows]) -> Result<Vec<f64>> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
-    Ok(solve(&Equations::new(rows), &robot.nominal_base, prior, method(robot))?)
+    let bounded = bounded(robot, rows, prior)?;
+    match bounded.values {
+        Some(values) => Ok(values),
+        None => Ok(solve(&Equations::new(rows), &bounded.nominal, prior, method(robot))?),
+    }
 }
 
 fn method(robot: &Robot) -> Method {

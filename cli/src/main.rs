@@ -2,6 +2,7 @@
 
 mod bench_loop;
 mod blind;
+mod bounds;
 mod changes;
 mod channels;
 mod check;

@@ -27,14 +27,15 @@ const STRETCHES: usize = 4;
 pub(crate) struct Tried {
     pub(crate) law: FrictionLaw,
     pub(crate) instruments: bool,
-    /// `100*|tau - D x|/|tau|` per joint \[%\].
+    /// `100*|tau - D x|/|tau|` per joint \[%\]; NaN of a joint that never moves, of which nothing is found.
     pub(crate) joints: Vec<f64>,
 }
 
 impl Tried {
     /// Root mean square over the joints \[%\].
     pub(crate) fn error(&self) -> f64 {
-        (self.joints.iter().map(|e| e * e).sum::<f64>() / self.joints.len().max(1) as f64).sqrt()
+        let known: Vec<f64> = self.joints.iter().copied().filter(|e| !e.is_nan()).collect();
+        (known.iter().map(|e| e * e).sum::<f64>() / known.len().max(1) as f64).sqrt()
     }
 }
 
@@ -160,13 +161,20 @@ fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Re
             }
         }
     }
+    let moves = |rows: &[&Rows], j: usize| rows.iter().any(|r| r.count(j) > 0);
+    let all: Vec<&Rows> = fitted.iter().flatten().collect();
+    let moving: Vec<usize> = (0..robot.dof()).filter(|j| moves(&all, *j)).collect();
     let mut sums = vec![[0.0; 2]; robot.dof()];
     let mut failed = None;
     for (out, judged) in judged.iter().enumerate() {
         let rest = fitted.iter().enumerate().filter(|(k, _)| *k != out);
-        let rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
+        let mut rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
         // A part that alone moves a joint cannot be left out.
-        let x = match identify::values_of(&robot, &rest) {
+        if moving.iter().any(|j| !moves(&rest.iter().collect::<Vec<_>>(), *j)) {
+            failed = Some(anyhow!("every part moves a joint that no other part moves"));
+            continue;
+        }
+        let x = match identify::values_of(&robot, &mut rest) {
             Ok(x) => x,
             Err(why) => {
                 failed = Some(why);
@@ -181,6 +189,7 @@ fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Re
     if sums.iter().all(|[_, torque]| *torque == 0.0) {
         return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
     }
-    let joints = sums.iter().map(|[error, torque]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt()).collect();
+    let percent = |[error, torque]: [f64; 2]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt();
+    let joints = (0..sums.len()).map(|j| if moving.contains(&j) { percent(sums[j]) } else { f64::NAN }).collect();
     Ok(Tried { law, instruments, joints })
 }

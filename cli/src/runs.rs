@@ -262,6 +262,16 @@ pub(crate) fn joint_names(robot: &Robot) -> Vec<String> {
     robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect()
 }
 
+/// That [`write_whole`] can write there: asked before what takes long.
+pub(crate) fn writable(path: &Path) -> std::io::Result<()> {
+    if path.is_dir() {
+        return Err(std::io::ErrorKind::IsADirectory.into());
+    }
+    let mut probe = path.as_os_str().to_owned();
+    probe.push(format!(".{}.part", std::process::id()));
+    std::fs::write(&probe, "").and_then(|()| std::fs::remove_file(&probe))
+}
+
 /// `text` written beside `path` and renamed: the file is whole or absent.
 pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
     let mut temporary = path.as_os_str().to_owned();

@@ -1,7 +1,8 @@
 //! What an on-line run identified, for people and for programs.
 
-use crate::evidence::{Compared, Distrust, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
+use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text, unexplained};
 use crate::exit::Fault;
+use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
 use rivet_config::{Differentiator, EstimatorKind, Instruments, Robot};
@@ -151,7 +152,17 @@ impl<'a> Summary<'a> {
             Some(joint) => format!("{joint}: {}", d.text),
             None => d.text.clone(),
         });
-        strays.into_iter().chain(found).chain(model.arm.joints.iter().enumerate().filter_map(joint)).collect()
+        let left = |j: usize| 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
+        let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
+        let unexplained = unexplained(&runs::joint_names(self.robot), &left);
+        let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
+        let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
+        strays
+            .into_iter()
+            .chain(found)
+            .chain(unexplained)
+            .chain(model.arm.joints.iter().enumerate().filter_map(joint))
+            .collect()
     }
 
     fn state(&self, i: usize) -> &'static str {
@@ -165,6 +176,9 @@ impl<'a> Summary<'a> {
 
     /// Least squares against the instruments in the last window, once it has been compared.
     fn bias(&self) -> Option<Bias> {
+        if self.robot.config.estimator.kind.least_squares() {
+            return None;
+        }
         let health = self.health;
         let ratio = &health.instrument_ratio[..self.robot.model.arm.dof()];
         health.hausman.is_finite().then(|| Bias {
@@ -193,7 +207,11 @@ impl<'a> Summary<'a> {
             EstimatorKind::Energy | EstimatorKind::RlsEnergy => "not known: a row of energies belongs to no joint",
             _ => OF_DELAYED,
         };
-        Compared { distorts, without_ratio }
+        // What is held is not what the instruments say.
+        let p = self.parameters;
+        let [values, reference, std] = [&p.values, &p.reference, &p.std].map(|x| &x[..p.len()]);
+        let largest = Largest::new(self.robot, [values, reference, std], |i| self.state(i) == "active");
+        Compared { distorts, without_ratio, largest }
     }
 
     /// Everything, under the same names as the text.
@@ -230,7 +248,7 @@ impl<'a> Summary<'a> {
             "lost": self.health.lost,
             "input_faults": faults_met(self.health).into_iter().collect::<std::collections::BTreeMap<_, _>>(), "epoch": p.epoch, "seq": p.seq, "model_hash": format!("{:016x}", p.model_hash),
             "instruments": self.instruments(), "advice": self.advice(), "warnings": self.doubts(), "parameters": parameters, "joints": joints,
-            "bias": self.bias().as_ref().map(bias_json),
+            "bias": self.bias().map(|bias| bias_json(&bias, &self.compared())),
         })
     }
 }
@@ -303,6 +321,9 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "residual: model-filtered torque not explained one step ahead, rms over the window\n")?;
         match self.bias() {
             Some(bias) => write!(f, "{}", bias_text(&bias, &self.compared()).trim_end()),
+            None if self.robot.config.estimator.kind.least_squares() => {
+                write!(f, "bias of LS: nothing to compare: least squares alone, without instruments")
+            }
             None => write!(f, "bias of LS: the last window has too few rows to compare it with the instruments"),
         }
     }

@@ -329,7 +329,7 @@ pub const KEYS: &[Key] = &[
         "A joint's equation is left out while the joint is slower than this: its friction is then not known. As long as the model filter still holds some of that, the equation counts for less. 0 uses all."),
     key("signal", "torque_noise", PerJointOrOne, "N m", Above(0.0, 1e5), Absent,
         "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
-         estimated while running."),
+         estimated while running. On line only: off line it is estimated from the whole log."),
 
     key("estimator", "kind", Choice(&["riv", "rls", "energy", "rls-energy"]), "", Bounds::None, Fallback::Text("riv"),
         "Recursive instrumental variables, or recursive least squares (biased by position noise; for comparison). `energy` and \
@@ -347,9 +347,9 @@ pub const KEYS: &[Key] = &[
         "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
     key("estimator", "window", Choice(&["exponential", "constant-trace", "none"]), "", Bounds::None, Fallback::Text("exponential"),
         "Forget old samples exponentially; as much as keeps the average variance of the parameters (Sripada & Fisher 1987: little \
-         excitation makes the window long, but one direction that is not excited makes it long for all); or never (off-line on one record)."),
+         excitation makes the window long, but one direction that is not excited makes it long for all); or never. On line only: off line (`rivet identify`) all rows count alike."),
     key("estimator", "window_s", Number, "s", Within(0.05, 3600.0), Fallback::Number(10.0),
-        "Time constant of the exponential window; the shortest of `constant-trace`. At least 20 samples after decimation."),
+        "Time constant of the exponential window; the shortest of `constant-trace`. At least 20 samples after decimation. On line only."),
     key("estimator", "window_deviation", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.1),
         "`constant-trace`: standard deviation that parameters are kept at, rms over all of them, of each one's torque on the reference \
          workload [torque-noise sigma]. Nothing is forgotten until it is reached."),
@@ -359,7 +359,8 @@ pub const KEYS: &[Key] = &[
          `q_link`); the same phase of the previous cycle of repetitive work, delayed while none is found; the measured one `delay_s` ago. \
          `auto` takes the first of them that is at hand, in this order but for the raw setpoint, and health says which."),
     key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
-        "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation."),
+        "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation. Off line it acts where a log has no desired \
+         motion that the joints follow."),
     key("estimator", "longest_cycle_s", Number, "s", Within(1.0, 120.0), Fallback::Number(20.0),
         "`auto`, `previous-cycle`: longest cycle that is looked for. At 100 rows a second and six joints, 20 s take 300 kB."),
     key("estimator", "prior", Number, "-", Above(0.0, 1000.0), Fallback::Number(1.0),
@@ -367,7 +368,8 @@ pub const KEYS: &[Key] = &[
 
     key("supervision", "kind", Choice(&["tracked", "eigen", "columns", "off"]), "", Bounds::None, Fallback::Text("eigen"),
         "By directions that follow the information from sample to sample; by the eigenvalues and eigenvectors of the information; by its \
-         column norms, angles, trace and condition number; or not at all."),
+         column norms, angles, trace and condition number; or not at all. All of `[supervision]` acts on line only: off line the prior settles what \
+         the motion leaves open."),
     key("supervision", "tolerance", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.5),
         "`tracked`, `eigen`, `columns`: a direction moves once its standard deviation, as torque on a reference workload, is below this many \
          standard deviations of the torque noise; with `tracked` and `eigen`, one that is known less well than that already moves as soon as \

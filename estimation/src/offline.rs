@@ -18,6 +18,7 @@ mod covariance;
 mod delay;
 mod fit;
 mod glitches;
+mod held;
 mod pass;
 mod record;
 mod rows;

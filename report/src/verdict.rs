@@ -225,7 +225,8 @@ impl Document {
             .collect();
         let more = self.causes.len().saturating_sub(SHRINKS);
         let more = if more > 0 { format!("; {more} more below") } else { String::new() };
-        format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.", each.join("; "))
+        let contact = if self.causes.iter().any(is_contact) { format!(" {OTHER_CONTACT}.") } else { String::new() };
+        format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.{contact}", each.join("; "))
     }
 
     fn open_line(&self) -> String {
@@ -323,7 +324,6 @@ impl Document {
                     diagnosis: swap the logs, or one log alone."
                 .to_owned();
         }
-        let is_contact = |c: &Cause| c.effect == "external_force";
         if self.causes.iter().any(is_contact) {
             // Nobody simulates a touch that no motion tells.
             let others: Vec<String> =
@@ -345,6 +345,16 @@ impl Document {
         }
     }
 }
+
+/// Whether a cause is a touch from outside.
+pub(crate) fn is_contact(cause: &Cause) -> bool {
+    cause.effect == "external_force"
+}
+
+/// Why a contact has a share and shrinks nothing.
+pub(crate) const OTHER_CONTACT: &str = "A contact is no law of the arm: one in the sealed run is another contact, which no model of the \
+                                        first predicts, so it shrinks nothing there, and what it leaves stays unexplained; its share \
+                                        is of the runs looked at";
 
 /// A regime in a sentence.
 pub(crate) fn regime(name: &str) -> String {
@@ -392,7 +402,12 @@ mod tests {
         let touched = document(&[("causes", json!([cause("external_force", &json!({"largest_N": 80.0}))]))]);
         let next = line(&touched, "Next");
         assert!(next.contains("what touched the arm") && !next.contains("Add the effect"), "{next}");
+        // A share of the runs looked at beside a shrink of 0 on the sealed one.
+        let why =
+            |touched: &Document| line(touched, "How far").contains("is another contact, which no model of the first");
+        assert!(why(&touched) && crate::page(&touched, &[]).matches("is another contact").count() == 2);
         let spring = document(&[("causes", json!([cause("joint_spring", &json!({}))]))]);
+        assert!(!why(&spring));
         assert!(line(&spring, "Next").contains("Add the effect to the simulator"));
     }
 

@@ -3,10 +3,26 @@
 use std::f64::consts::TAU;
 
 use rivet_config::{Robot, load};
-use rivet_dynamics::{Workspace, smallest_eigenvalue};
+use rivet_dynamics::{Parameter, Workspace, smallest_eigenvalue};
 use rivet_logs::write_columns;
 use rivet_tests::{rivet, robot, succeed};
 use serde_json::Value;
+
+/// Positions, speeds and accelerations of `n` joints at a time.
+fn motion(n: usize, t: f64) -> [Vec<f64>; 3] {
+    let mut all = [(); 3].map(|()| vec![0.0; n]);
+    let [q, qd, qdd] = &mut all;
+    for j in 0..n {
+        for (i, hz) in [0.21, 0.47, 0.93].into_iter().enumerate() {
+            let w = TAU * hz * (1.0 + 0.07 * j as f64);
+            let (at, a) = (w * t + (3 * i + 2 * j) as f64, [0.5, 0.3, 0.15][i]);
+            q[j] += a * at.sin();
+            qd[j] += a * w * at.cos();
+            qdd[j] -= a * w * w * at.sin();
+        }
+    }
+    all
+}
 
 /// Twelve seconds of all joints at 500 Hz, torque of the nominal arm with drives a fifth stronger, and its noise.
 fn log(robot: &Robot, path: &std::path::Path) {
@@ -26,16 +42,7 @@ fn log(robot: &Robot, path: &std::path::Path) {
     };
     for k in 0..6000 {
         let t = f64::from(k) / 500.0;
-        let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        for j in 0..n {
-            for (i, hz) in [0.21, 0.47, 0.93].into_iter().enumerate() {
-                let w = TAU * hz * (1.0 + 0.07 * j as f64);
-                let (at, a) = (w * t + (3 * i + 2 * j) as f64, [0.5, 0.3, 0.15][i]);
-                q[j] += a * at.sin();
-                qd[j] += a * w * at.cos();
-                qdd[j] -= a * w * w * at.sin();
-            }
-        }
+        let [q, qd, qdd] = motion(n, t);
         robot.model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
         columns[0].push(t);
         for j in 0..n {
@@ -94,4 +101,58 @@ fn exported_urdf_is_the_consistent_set_and_the_model_the_identified_one() {
         let urdf = std::fs::read_to_string(out.join("robot.urdf")).expect("a URDF");
         assert!(urdf.contains("<dynamics damping="));
     }
+}
+
+/// What a URDF has no word for costs its reader the torque that these terms make along the log.
+#[test]
+fn what_a_urdf_cannot_say_of_refined_friction_has_its_price() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = robot("ur10e");
+    std::fs::copy(source.with_file_name("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    let text = std::fs::read_to_string(&source).expect("readable");
+    let refined = "[friction]\nload_dependent = 0.06\nviscous_quadratic = [-3, -3, -2, -0.4, -0.3, -0.4]\npresliding_travel = 3e-4";
+    let file = folder.path().join("robot.toml");
+    std::fs::write(&file, text.replacen("[friction]", refined, 1)).expect("written");
+    let known = load(&file).expect("a sound robot file");
+    let (path, out) = (folder.path().join("log.parquet"), folder.path().join("model"));
+    log(&known, &path);
+    succeed(rivet().arg("identify").arg(&file).arg(&path).arg("--export").arg(&out));
+    let notes = std::fs::read_to_string(out.join("not-expressible.md")).expect("notes");
+    assert!(notes.contains("over a travel of 0.0003 rad after each reversal"), "{notes}");
+    let cells = |row: &str| -> Vec<f64> {
+        let line = notes.lines().find(|line| line.starts_with(&format!("| {row} |"))).expect(row);
+        line.split('|').skip(3).filter_map(|cell| cell.trim().parse().ok()).collect()
+    };
+    // The same of the exported values, along the motion as it was made, unfiltered.
+    let found = load(out.join("model.toml")).expect("the model reads back");
+    let wanted = |of: &dyn Fn(&Parameter) -> bool| -> Vec<f64> {
+        let (n, full) = (known.dof(), known.model.len());
+        let values: Vec<f64> =
+            known.model.parameters.iter().zip(&found.nominal).map(|(p, x)| if of(p) { *x } else { 0.0 }).collect();
+        let (mut ws, mut y, mut squares) = (Workspace::new(&known.model.arm), vec![0.0; n * full], vec![0.0; n]);
+        let samples = 3000;
+        for k in 0..samples {
+            let [q, qd, qdd] = motion(n, 12.0 * f64::from(k) / f64::from(samples));
+            known.model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+            for (square, y) in squares.iter_mut().zip(y.chunks_exact(full)) {
+                *square += y.iter().zip(&values).map(|(y, x)| y * x).sum::<f64>().powi(2) / f64::from(samples);
+            }
+        }
+        squares.iter().map(|square| square.sqrt()).collect()
+    };
+    let rows: [(&str, &dyn Fn(&Parameter) -> bool); 2] = [
+        ("friction with load", &|p| matches!(p, Parameter::LoadFriction(_))),
+        ("friction with the square of speed", &|p| matches!(p, Parameter::ViscousQuadratic(_))),
+    ];
+    for (row, of) in rows {
+        let (told, wanted) = (cells(row), wanted(of));
+        println!("{row}: {told:.3?} {wanted:.3?}");
+        assert_eq!(told.len(), wanted.len());
+        for (told, wanted) in told.iter().zip(&wanted) {
+            assert!((told - wanted).abs() <= 0.15 * wanted + 0.02, "{row}: {told} for {wanted} N m");
+        }
+    }
+    let all = cells("all of these");
+    let part = cells("friction with load");
+    assert!(all.iter().zip(&part).any(|(all, part)| (all - part).abs() > 0.1), "{all:?}");
 }

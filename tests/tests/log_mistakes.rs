@@ -254,7 +254,15 @@ fn off_line_says_what_it_does_not_take_from_the_robot_file() {
         assert_eq!(code, Some(0), "{text}");
         text
     };
-    assert!(words("").contains("robot file's half_width = 40 acts on line only"));
+    let text = words("");
+    assert!(text.contains("robot file's half_width = 40 acts on line only"), "{text}");
+    // Delayed instruments are in use here, so delay_s is.
+    assert!(text.contains("on line only estimator.window_s") && !text.contains("estimator.delay_s"), "{text}");
+    let text = words("torque_noise = 1.0\n[supervision]\ntolerance = 0.3\nkind = \"eigen\"");
+    for key in ["signal.torque_noise", "estimator.window_s", "supervision.tolerance"] {
+        assert!(text.contains(key), "{key}: {text}");
+    }
+    assert!(!text.contains("supervision.kind"), "the default: {text}");
     let text = words("filtering = \"none\"");
     assert!(text.contains("half_width = 40 and filtering = \"none\" act on line only"), "{text}");
     let file = robot_with("ur10e", folder.path(), "[estimator]", "[estimator]\ninstruments = \"previous-cycle\"");
@@ -578,4 +586,155 @@ fn positions_that_are_held_over_rows_are_drawn_anew_and_said() {
     for (found, sound) in found.iter().zip(&sound) {
         assert!(found < &(2.0 * sound), "{found} % after {sound} %");
     }
+}
+
+/// What a program gave, with what it wrote as JSON.
+fn result(command: &mut Command, folder: &Path) -> (String, serde_json::Value) {
+    let json = folder.join("result.json");
+    let (code, text) = said(command.arg("--json").arg(&json));
+    assert_eq!(code, Some(0), "{text}");
+    (text, serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON"))
+}
+
+/// Friction over torque carried is a share: where a joint carries next to nothing, the column would hold what the model lacks.
+#[test]
+fn friction_with_load_that_no_gear_has_is_held_at_zero_and_said() {
+    let [Some(first), Some(second)] = ["20_02_10-30sec_12harm", "20_02_12-50sec_12harm"]
+        .map(|name| shared(&format!("data/real/ur10e_innopolis/{name}.parquet")))
+    else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let law = "[friction]\nload_dependent = 0.0\nviscous_quadratic = 0.0\npresliding_travel = 1e-4";
+    let file = robot_with("ur10e", folder.path(), "[friction]", law);
+    let out = folder.path().join("model");
+    let (text, found) =
+        result(rivet().arg("identify").arg(&file).args([&first, &second]).arg("--export").arg(&out), folder.path());
+    let parameter = |name: &str| {
+        let all = found["parameters"].as_array().expect("a list").iter();
+        all.into_iter().find(|p| p["name"] == name).expect("a parameter").clone()
+    };
+    for j in 1..=6 {
+        let load = parameter(&format!("j{j}.load_friction"));
+        let value = load["value"].as_f64().expect("a number");
+        println!("{load}");
+        assert!((0.0..=1.0).contains(&value), "{load}");
+        assert_eq!(load["decided_by"] == "bound", load["std"].is_null(), "{load}");
+    }
+    let wrist = parameter("j6.load_friction");
+    assert!(wrist["value"] == 0.0 && wrist["decided_by"] == "bound", "{wrist}");
+    assert!(text.contains("wrist_3_joint: friction with load came out as"), "{text}");
+    assert!(found["warnings"].as_array().expect("a list").iter().any(|w| w["fault"] == "load_friction_impossible"));
+    let exported = rivet_config::load(out.join("model.toml")).expect("the model reads back");
+    let load = exported.config.friction.load_dependent.expect("a list");
+    assert!(load[5].abs() < 1e-3 && load.iter().all(|share| (-1e-3..=1.0).contains(share)), "{load:?}");
+}
+
+/// Without instruments there is nothing to compare with, and nothing that is a copy.
+#[test]
+fn least_squares_on_line_has_nothing_to_compare() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    for (kind, compares) in [("rls", false), ("riv", true)] {
+        let file = robot_with("ur10e", folder.path(), "[estimator]", &format!("[estimator]\nkind = \"{kind}\""));
+        let (text, found) = result(rivet().args(["identify", "--online"]).arg(&file).arg(&log), folder.path());
+        assert_eq!(found["bias"].is_null(), !compares, "{found}");
+        assert_eq!(text.contains("nothing to compare: least squares alone"), !compares, "{text}");
+        assert!(!text.contains("is it a copy"), "{text}");
+        if compares {
+            let largest = &found["bias"]["largest_difference"];
+            let size = largest["standard_deviations"].as_f64().expect("a number");
+            assert!(text.contains(&format!("largest difference IV - LS: {size:.1} standard deviations")), "{text}");
+        }
+    }
+}
+
+/// Logs in which a joint stands are learnt from: of its drive nothing is, and that is said. Whatever is made of the result is made.
+#[test]
+fn a_joint_that_stands_is_told_and_the_others_are_learnt() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let Some(other) = shared("data/real/ur10e_innopolis/20_02_10-30sec_12harm.parquet") else { return };
+    let folders = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+    let held = |log: &Path, folder: &Path| changed("ur10e", log, folder, |_, _, q| q[3] = -0.4);
+    let [log, other] = [held(&log, folders[0].path()), held(&other, folders[1].path())];
+    let folder = folders[0].path();
+    let out = folder.join("model");
+    let mut command = rivet();
+    command.arg("identify").arg(robot("ur10e")).arg(&log).arg("--refine").arg("--hold-out").arg(&other);
+    let (text, found) = result(command.arg("--export").arg(&out), folder);
+    assert!(text.contains("warning: wrist_1_joint: no motion in these logs"), "{text}");
+    let joint = &found["joints"][3];
+    let left = &joint["residual_percent"];
+    let unknown = [&joint["noise"], &joint["rows_per_free_row"], &left["nominal"], &left["instrumental"]];
+    assert!(unknown.iter().all(|x| x.is_null()), "{joint}");
+    assert!(found["joints"][2]["residual_percent"]["instrumental"].as_f64().expect("a number") < 20.0, "{found}");
+    for p in found["parameters"].as_array().expect("a list") {
+        let name = p["name"].as_str().expect("a name");
+        if ["j4.rotor_inertia", "j4.viscous", "j4.coulomb"].contains(&name) {
+            let (value, nominal) = (p["value"].as_f64().expect("a number"), p["nominal"].as_f64().expect("a number"));
+            assert!((value - nominal).abs() < 1e-6 && p["decided_by"] == "prior", "{p}");
+        }
+    }
+    assert!(found["bias"]["hausman"].is_number() && found["consistent"]["torque_percent"].is_number(), "{found}");
+    assert!(rivet_config::load(out.join("model.toml")).is_ok());
+    let (text, found) =
+        result(rivet().args(["identify", "--compare"]).arg(robot("ur10e")).args([&log, &other]), folder);
+    assert!(text.contains("wrist_1_joint: no motion in these logs") && found["of"].as_u64() > Some(10), "{text}");
+}
+
+/// Torque that has nothing to do with the motion decides parameters all the same: the fit says that it explains none of it.
+#[test]
+fn torque_that_the_model_does_not_explain_is_told() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = sound("ur10e", &log);
+    let mut state = 1_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
+    };
+    let mut tau = log.torque().expect("torque").clone();
+    tau[1].iter_mut().for_each(|tau| *tau = 100.0 * random());
+    tau[4].iter_mut().for_each(|tau| *tau = 20.0 * random());
+    let path = written(&log, &tau, folder.path());
+    let (text, found) = result(rivet().arg("identify").arg(robot("ur10e")).arg(&path), folder.path());
+    let why = "shoulder_lift_joint, wrist_2_joint: the model explains next to nothing of this torque";
+    assert!(text.contains(why), "{text}");
+    let named = found["warnings"].as_array().expect("a list").iter().filter(|w| w["fault"] == "torque_unexplained");
+    assert_eq!(named.count(), 2);
+    let (text, _) = result(rivet().args(["identify", "--online"]).arg(robot("ur10e")).arg(&path), folder.path());
+    assert!(text.contains("the model explains next to nothing"), "{text}");
+}
+
+/// A plan that comes after the motion is one that the joint is ahead of.
+#[test]
+fn a_negative_lag_is_said_to_be_ahead() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = sound("ur10e", &log);
+    let after = |q: &Vec<f64>| (0..q.len()).map(|k| q[k.saturating_sub(2)]).collect::<Vec<f64>>();
+    log.q_des = Some(log.q.iter().map(after).collect());
+    let tau = log.torque().expect("torque").clone();
+    let path = written(&log, &tau, folder.path());
+    let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(&path));
+    assert!(code == Some(0) && text.contains("ms (negative: the joint is ahead of it)"), "{text}");
+    assert!(text.contains("estimator.delay_s"), "delayed instruments are not in use: {text}");
+}
+
+/// What cannot be written or is not there is told before anything is computed.
+#[test]
+fn what_cannot_end_well_is_refused_at_the_start() {
+    let begun = std::time::Instant::now();
+    let folder = tempfile::tempdir().expect("a folder");
+    let (code, text) = said(rivet().args(["figures", "--out", "/nonexistent/x.html"]));
+    assert!(code != Some(0) && text.contains("/nonexistent/x.html") && !text.contains("Figure"), "{code:?} {text}");
+    for study in ["real", "withheld"] {
+        let (code, text) = said(rivet().args(["study", study]).current_dir(folder.path()));
+        assert!(code == Some(64) && text.contains("--root DIR"), "{code:?} {text}");
+    }
+    assert!(begun.elapsed() < std::time::Duration::from_secs(10), "{:?}", begun.elapsed());
+    let page = folder.path().join("figures.html");
+    let (code, text) = said(rivet().args(["figures", "12", "12", "--out"]).arg(&page));
+    assert!(code == Some(0) && text.matches("Figure 12").count() == 1, "{code:?} {text}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1, "the page alone");
 }

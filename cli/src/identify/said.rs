@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::{Findings, Run};
 use crate::delays;
-use crate::evidence::{self, Compared};
+use crate::evidence::{self, Compared, Largest};
 use crate::runs;
 use crate::table::{Table, number, paragraph};
 
@@ -17,8 +17,10 @@ use crate::table::{Table, number, paragraph};
 fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
     match run.source {
         InstrumentSource::Desired => {
-            let lags: Vec<String> = rows.lag_s.iter().map(|lag| format!("{:.0}", (1e3 * lag).round() + 0.0)).collect();
-            format!("desired trajectory, delayed by the tracking lag of {} ms", lags.join(" "))
+            let lags: Vec<f64> = rows.lag_s.iter().map(|lag| (1e3 * lag).round() + 0.0).collect();
+            let each: Vec<String> = lags.iter().map(|lag| format!("{lag:.0}")).collect();
+            let ahead = if lags.iter().any(|lag| *lag < 0.0) { " (negative: the joint is ahead of it)" } else { "" };
+            format!("desired trajectory, delayed by the tracking lag of {} ms{ahead}", each.join(" "))
         }
         InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
         InstrumentSource::Delayed(seconds) => {
@@ -73,12 +75,16 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         out += &paragraph("  instruments ", &instrument_text(robot, run, rows));
     }
     out += &evidence::signal_text(robot);
+    let delayed = result.runs.iter().any(|run| matches!(run.source, InstrumentSource::Delayed(_)));
+    out += &evidence::online_text(robot, delayed);
     out += &evidence::distrust_text(&result.distrusts);
     out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
     for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
-        let percent = |k: usize| format!("{:.1}", result.residuals[k][j]);
-        let (noise, correlation) = (number(chosen.noise[j], 3), format!("{:.1}", chosen.correlation[j]));
+        // Of a joint that never moves nothing is known.
+        let known = |text: String| if chosen.noise[j].is_nan() { "-".to_owned() } else { text };
+        let percent = |k: usize| known(format!("{:.1}", result.residuals[k][j]));
+        let (noise, correlation) = (known(number(chosen.noise[j], 3)), known(format!("{:.1}", chosen.correlation[j])));
         table.row([name, percent(0), percent(1), percent(2), noise, correlation]);
     }
     out += &table.text();
@@ -92,20 +98,22 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         }
         out += &table.text();
     }
-    let by_prior = chosen.determined.iter().filter(|d| **d == Determined::ByPrior).count();
-    let (shift, at) = largest_shift(result);
+    let count = |by: Determined| chosen.determined.iter().filter(|d| **d == by).count();
+    let held = match count(Determined::ByBound) {
+        0 => String::new(),
+        held => format!(", {held} held at 0"),
+    };
     // Writing to a String cannot fail, here and below.
     let _ = writeln!(
         out,
-        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal)",
+        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held}",
         chosen.rank,
         base.len(),
         number(chosen.condition, 2),
-        base.len() - by_prior,
-        by_prior
+        count(Determined::ByData),
+        count(Determined::ByPrior)
     );
-    let _ = writeln!(out, "largest difference IV - LS: {shift:.1} standard deviations ({})", base.name(model, at));
-    out += &evidence::bias_text(&result.bias, &Compared::OFFLINE);
+    out += &evidence::bias_text(&result.bias, &compared(robot, result));
     out += &delays::text(&runs::joint_names(robot), &result.delays, &result.dry);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &evidence::consistency_text(&result.consistent);
@@ -117,14 +125,12 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     };
     let mut table = Table::new(["parameter", which, "std", "decided by", other, "nominal", "unit"]);
     for i in 0..base.len() {
-        let decided = match chosen.determined[i] {
-            Determined::ByData => "data",
-            Determined::ByPrior => "prior",
-        };
+        let decided = decided(chosen.determined[i]);
+        let std = if chosen.determined[i] == Determined::ByBound { "-".to_owned() } else { number(chosen.std[i], 2) };
         table.row([
             base.name(model, i),
             number(chosen.values[i], 4),
-            number(chosen.std[i], 2),
+            std,
             decided.to_owned(),
             number(others.values[i], 4),
             number(robot.nominal_base[i], 4),
@@ -134,11 +140,19 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     out + &table.text()
 }
 
-/// The largest |IV - LS| over its standard deviation and the parameter it belongs to: noise in the regressor shows here.
-fn largest_shift(result: &Findings) -> (f64, usize) {
+fn decided(by: Determined) -> &'static str {
+    match by {
+        Determined::ByData => "data",
+        Determined::ByPrior => "prior",
+        Determined::ByBound => "bound",
+    }
+}
+
+/// What the comparison of the methods rests on, off line: central differences, whatever the robot file asks for.
+fn compared(robot: &Robot, result: &Findings) -> Compared {
     let (iv, ls) = (&result.instrumental, &result.least_squares);
-    let shift = |i: usize| (iv.values[i] - ls.values[i]).abs() / iv.std[i].max(f64::MIN_POSITIVE);
-    (0..iv.values.len()).map(|i| (shift(i), i)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
+    let largest = Largest::new(robot, [&iv.values, &ls.values, &iv.std], |_| true);
+    Compared { distorts: None, without_ratio: evidence::OF_DELAYED, largest }
 }
 
 pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
@@ -154,8 +168,8 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             "name": base.name(model, i),
             "unit": base.parameter(model, i).unit(&model.arm),
             "value": chosen.values[i],
-            "std": chosen.std[i],
-            "decided_by": if chosen.determined[i] == Determined::ByData { "data" } else { "prior" },
+            "std": if chosen.determined[i] == Determined::ByBound { None } else { Some(chosen.std[i]) },
+            "decided_by": decided(chosen.determined[i]),
             "instrumental": result.instrumental.values[i],
             "least_squares": result.least_squares.values[i],
             "nominal": robot.nominal_base[i],
@@ -195,11 +209,11 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             },
             "torque_delay_s": late[j],
             "noise": chosen.noise[j],
-            "rows_per_free_row": chosen.correlation[j],
+            "rows_per_free_row": if chosen.noise[j].is_nan() { None } else { Some(chosen.correlation[j]) },
             "beside_stop": evidence::beside_json(chosen, j),
         })
     };
-    let (shift, at) = largest_shift(result);
+    let compared = compared(robot, result);
     json!({
         "robot": robot.config.name,
         "model_hash": format!("{:016x}", robot.hash),
@@ -210,8 +224,8 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
         "rank": chosen.rank,
         "base_parameters": base.len(),
         "condition": chosen.condition,
-        "largest_shift": {"parameter": base.name(model, at), "standard_deviations": shift},
-        "bias": evidence::bias_json(&result.bias),
+        "largest_shift": compared.largest.as_ref().map(Largest::json),
+        "bias": evidence::bias_json(&result.bias, &compared),
         "consistent": evidence::consistency_json(robot, &result.consistent),
         "held_out": result.held_out.iter().map(|held| json!({
             "file": held.file,

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-use crate::runs::write_whole;
+use crate::exit::Fault;
+use crate::runs::{writable, write_whole};
 use crate::table::show;
 
 /// Arguments of `rivet study real` and `rivet study withheld`.
@@ -24,6 +25,28 @@ pub(crate) struct Args {
     /// Also write the table as Markdown.
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+}
+
+impl Args {
+    /// That the folders are there and the files can be written: asked before what takes long.
+    pub(crate) fn check(&self) -> Result<()> {
+        if !self.root.join("robots").is_dir() {
+            let root = self.root.display();
+            return Err(Fault::Usage(format!(
+                "{root}: no robots/ there: the robot files of a checkout are needed; run it in one, or give --root DIR"
+            ))
+            .into());
+        }
+        if !self.data.is_dir() {
+            return Err(
+                Fault::Usage(format!("{}: no such folder of data: give --data DIR", self.data.display())).into()
+            );
+        }
+        for path in self.json.iter().chain(&self.markdown) {
+            writable(path).with_context(|| path.display().to_string())?;
+        }
+        Ok(())
+    }
 }
 
 /// What came of a study.

@@ -13,6 +13,7 @@ use crate::{identify, predict, refine, runs};
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    args.check()?;
     let text = |e: anyhow::Error| format!("{e:#}");
     let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
     let refine = |robot: &Robot, logs: &[Log]| refine::refine(robot, logs).map(|found| found.robot).map_err(text);

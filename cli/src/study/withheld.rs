@@ -15,6 +15,7 @@ use crate::{identify, refine, runs};
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    args.check()?;
     let text = |e: anyhow::Error| format!("{e:#}");
     let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
     let identify = |robot: &Robot, logs: &[Log]| {

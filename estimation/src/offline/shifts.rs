@@ -182,7 +182,7 @@ pub(super) fn search(
         return Ok(Coarse { late_s, doubt, values: found.values.clone(), weights: found.weights() });
     }
     let weight = |noise: f64, j: usize| 1.0 / (noise * noise * found.correlation[j]);
-    let mut weights: Vec<f64> = (0..n).map(|j| weight(found.noise[j], j)).collect();
+    let mut weights = found.weights();
     let mut steps = vec![STEPS; n];
     let mut profiles = Vec::new();
     let mut values = start.clone();

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::{Cause, Curve, Document, Excerpt};
+use crate::verdict::{OTHER_CONTACT, is_contact};
 use crate::words::{effect, figure, joints, list, percent, quantity, rival};
 
 const WIDTH: f64 = 340.0;
@@ -90,6 +91,9 @@ fn body(cause: &Cause, document: &Document) -> String {
         let why =
             if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
         pairs.push(("Chance that one of all candidates looks as strong where none is there", format!("{p:.3}{why}")));
+    }
+    if is_contact(cause) {
+        pairs.push(("On the sealed run", OTHER_CONTACT.to_owned() + "."));
     }
     if let Some(impossible) = &cause.impossible {
         pairs.push(("Not named", impossible.clone()));

@@ -15,6 +15,21 @@ pub(super) fn nm(x: Number) -> String {
     x.map_or_else(|| "-".to_owned(), |x| figure(x, 3))
 }
 
+/// Two figures to be compared, \[N·m\]: as many decimals for both as give the larger one three digits.
+pub(super) fn pair(before: Number, after: Number) -> [String; 2] {
+    let most = [before, after].into_iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+    if !(1e-6..1e5).contains(&most) {
+        return [nm(before), nm(after)];
+    }
+    let decimals = (2.0 - most.log10().floor()).max(0.0) as usize;
+    // What rounds to nothing has no sign.
+    let one = |x: f64| {
+        let text = format!("{x:.decimals$}");
+        if text.chars().any(|c| ('1'..='9').contains(&c)) { text } else { text.trim_start_matches('-').to_owned() }
+    };
+    [before, after].map(|x| x.map_or_else(|| "-".to_owned(), one))
+}
+
 pub(super) fn ledger(document: &Document) -> String {
     let mut out = String::from(
         "<p>What the model misses of each joint's measured torque on the sealed motion. The noise is what changes too fast \
@@ -48,8 +63,8 @@ pub(super) fn ledger(document: &Document) -> String {
                 [Some(before), Some(after)] => format!("{} / {}", figure(*before, 2), figure(*after, 2)),
                 _ => String::new(),
             },
-            format!("{} / {}", nm(j.bias_before_nm), nm(j.bias_after_nm)),
-            format!("{} / {}", nm(j.peak_before_nm), nm(j.peak_after_nm)),
+            pair(j.bias_before_nm, j.bias_after_nm).join(" / "),
+            pair(j.peak_before_nm, j.peak_after_nm).join(" / "),
         ]);
     }
     let gap = &document.gap;
@@ -100,11 +115,10 @@ pub(super) fn place(document: &Document) -> String {
                     let share = cell.share.unwrap_or(0.0);
                     write!(
                         row,
-                        "<td style=\"background:rgba(var(--heat),{:.2})\">{}<small>{} \u{2192} {}</small></td>",
+                        "<td style=\"background:rgba(var(--heat),{:.2})\">{}<small>{}</small></td>",
                         0.55 * (share / most).clamp(0.0, 1.0).sqrt(),
                         percent(cell.share),
-                        nm(cell.before_nm),
-                        nm(cell.after_nm)
+                        pair(cell.before_nm, cell.after_nm).join(" \u{2192} ")
                     )
                 }
                 Some(cell) => {
@@ -313,4 +327,23 @@ pub(super) fn passport(document: &Document) -> String {
         out += &table.html();
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_figures_side_by_side_have_the_same_decimals() {
+        for ([before, after], told) in [
+            ([9.32e-4, 0.00208], ["0.00093", "0.00208"]),
+            ([-1.5e-9, 0.123], ["0.000", "0.123"]),
+            ([-14.13, -13.2], ["-14.1", "-13.2"]),
+            ([345.6, 2.0], ["346", "2"]),
+            ([0.0, 0.0], ["0", "0"]),
+        ] {
+            assert_eq!(pair(Some(before), Some(after)), told);
+        }
+        assert_eq!(pair(None, Some(1.0)), ["-", "1.00"]);
+    }
 }

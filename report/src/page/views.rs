@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use rivet_diagnosis::Axis;
 
 use super::html::{Table, escape};
-use super::sections::nm;
+use super::sections::{nm, pair};
 use crate::document::Document;
 use crate::views::View;
 use crate::words::figure;
@@ -35,7 +35,9 @@ pub(super) fn views(document: &Document) -> String {
             let own = |part: &str| cells.iter().find(|c| c.joint == joint.joint && c.part == part);
             let known = axis.parts().iter().filter_map(|part| own(part)).filter(|c| c.known);
             let most = known.filter_map(|c| c.before_nm).fold(f64::MIN_POSITIVE, f64::max);
-            let mut row = format!("<th scope=\"row\">{}</th>", escape(&joint.joint));
+            // Long names may break where their words end.
+            let name = escape(&joint.joint).replace('_', "_<wbr>");
+            let mut row = format!("<th scope=\"row\">{name}</th>");
             for part in axis.parts() {
                 row += &own(part).map_or_else(|| "<td>-</td>".to_owned(), |c| cell(c, most));
             }
@@ -57,16 +59,16 @@ fn cell(cell: &View, most: f64) -> String {
         _ => format!(" title=\"{} s\"", nm(cell.seconds)),
     };
     if !cell.known {
-        return format!("<td class=\"few\"{ends}><span>too little: {} s</span></td>", nm(cell.seconds));
+        let seconds = cell.seconds.map_or_else(|| "-".to_owned(), |s| figure(s, 2));
+        return format!("<td class=\"few\"{ends}><span>too little: {seconds}&nbsp;s</span></td>");
     }
     let times = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| figure(x, 2));
     format!(
-        "<td style=\"background:rgba(var(--heat),{:.2})\"{ends}>{} \u{2192} {}<small>{} \u{2192} {}</small></td>",
+        "<td style=\"background:rgba(var(--heat),{:.2})\"{ends}>{} \u{2192} {}<small>{}</small></td>",
         0.4 * (cell.before_nm.unwrap_or(0.0) / most).clamp(0.0, 1.0).powi(2),
         times(cell.before_over_noise),
         times(cell.after_over_noise),
-        nm(cell.before_nm),
-        nm(cell.after_nm)
+        pair(cell.before_nm, cell.after_nm).join(" \u{2192} ")
     )
 }
 
