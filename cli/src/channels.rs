@@ -82,6 +82,12 @@ pub(crate) fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
 pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
     let mut found = Vec::new();
     for (j, tau) in log.torque()?.iter().enumerate() {
+        // Counting costs less than sorting, and most torques have but one row at their top.
+        let outermost = [f64::min, f64::max].map(|of| tau.iter().copied().reduce(of).unwrap_or(0.0));
+        let at = |value: f64| tau.iter().filter(|tau| is_same(value, **tau)).count();
+        if !outermost.iter().any(|value| are_many(at(*value), tau.len())) {
+            continue;
+        }
         let mut sorted = tau.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         let low = heap(sorted.iter());
@@ -102,13 +108,22 @@ pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
     Ok(found)
 }
 
+fn is_same(value: f64, x: f64) -> bool {
+    (value - x).abs() <= CONSTANT * value.abs()
+}
+
+/// Whether so many rows of all may be a heap.
+fn are_many(rows: usize, all: usize) -> bool {
+    rows >= CLIPPED_ROWS && rows as f64 >= CLIPPED * all as f64
+}
+
 /// The outermost value of a sorted signal and how many rows have it, if it is a heap: torque in steps has a few rows at its top, and
 /// as many a step below.
 fn heap<'a>(sorted: impl ExactSizeIterator<Item = &'a f64>) -> Option<(f64, usize)> {
     let all = sorted.len();
     let mut counts: Vec<(f64, usize)> = Vec::new();
     for x in sorted {
-        let again = counts.last().is_some_and(|(value, _)| (value - x).abs() <= CONSTANT * value.abs());
+        let again = counts.last().is_some_and(|(value, _)| is_same(*value, *x));
         if let (true, Some((_, count))) = (again, counts.last_mut()) {
             *count += 1;
         } else if counts.len() > NEXT {
@@ -119,8 +134,7 @@ fn heap<'a>(sorted: impl ExactSizeIterator<Item = &'a f64>) -> Option<(f64, usiz
     }
     let (value, rows) = *counts.first()?;
     let next = counts[1..].iter().map(|(_, rows)| *rows).max()?;
-    (rows >= CLIPPED_ROWS && rows as f64 >= CLIPPED * all as f64 && rows as f64 >= HEAP * next as f64)
-        .then_some((value, rows))
+    (are_many(rows, all) && rows as f64 >= HEAP * next as f64).then_some((value, rows))
 }
 
 #[cfg(test)]

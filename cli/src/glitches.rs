@@ -49,8 +49,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     };
     let mut left_out = Vec::new();
     let mut position = |j: usize, what: &str, q: &[f64]| -> Option<Vec<f64>> {
-        let mut mended = q.to_vec();
-        let Jumps { wraps, rows, farthest } = unwrap(&log.t, &mut mended, reach(j));
+        let (Jumps { wraps, rows, farthest }, whole) = unwrap(&log.t, q, reach(j));
         if let Some(first) = wraps.first() {
             let text = format!(
                 "{what} wraps by a whole turn {} (first at {} s) and is unwrapped",
@@ -70,7 +69,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
             say(j, "position_jump", text);
         }
         left_out.extend(rows);
-        (!wraps.is_empty()).then_some(mended)
+        (!wraps.is_empty()).then(|| whole.into_owned())
     };
     for j in 0..joints.len() {
         if let Some(q) = position(j, "position", &log.q[j]) {
@@ -122,8 +121,8 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
 
 /// The desired positions of a joint without whole turns, if there were any.
 fn desired_unwrapped(t: &[f64], desired: &Signals, j: usize, reach: Reach) -> Option<Vec<f64>> {
-    let mut q = desired[j].clone();
-    (!unwrap(t, &mut q, reach).wraps.is_empty()).then_some(q)
+    let (Jumps { wraps, .. }, whole) = unwrap(t, &desired[j], reach);
+    (!wraps.is_empty()).then(|| whole.into_owned())
 }
 
 fn times(count: usize) -> String {

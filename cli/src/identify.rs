@@ -383,7 +383,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
         if let Some(repeated) = &sound.repeated {
             piece.report.repeated.clone_from(repeated);
         }
-        let mut record = runs::record(&piece)?;
+        let mut record = runs::record(&mut piece)?;
         if let Some(coarse) = &coarse {
             coarse.smooth(robot, &mut record);
         }

@@ -8,7 +8,7 @@ use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
-use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, read};
+use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, Signals, read};
 
 use crate::exit::Fault;
 
@@ -158,29 +158,34 @@ pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Re
     }
 }
 
-/// The piece as a record with torque.
-pub(crate) fn record(piece: &Piece) -> Result<Record> {
-    let (log, period_s) = (&piece.grid, piece.report.period_s);
-    let measured = Trajectory::from_positions(&log.q, period_s);
-    let desired = desired(log, period_s);
-    let second: Option<Vec<Vec<f64>>> = log.q_link.iter().cloned().collect();
+/// The piece as a record with torque, to which its signals go: its grid keeps the time, and which signals there were.
+pub(crate) fn record(piece: &mut Piece) -> Result<Record> {
+    let (log, period_s) = (&mut piece.grid, piece.report.period_s);
+    log.torque()?;
+    let taken = |signals: &mut Signals| -> Signals { signals.iter_mut().map(std::mem::take).collect() };
+    let measured = Trajectory::from_positions(&taken(&mut log.q), period_s);
+    let second: Option<Signals> = log.q_link.iter_mut().map(|q| q.as_mut().map(std::mem::take)).collect();
     let second = second.map(|q| Trajectory::from_positions(&q, period_s));
-    Ok(Record { period_s, measured, tau: log.torque()?.clone(), desired, second })
+    let [q, qd, qdd] = [&mut log.q_des, &mut log.qd_des, &mut log.qdd_des].map(|s| s.as_mut().map(taken));
+    let desired = q.map(|q| planned(q, qd, qdd, period_s));
+    let tau = log.tau.as_mut().map(|(_, tau)| taken(tau)).unwrap_or_default();
+    Ok(Record { period_s, measured, tau, desired, second })
 }
 
-/// The desired motion; what the log does not carry of it is differentiated.
+/// The desired motion.
 fn desired(log: &Log, period_s: f64) -> Option<Trajectory> {
-    log.q_des.as_ref().map(|q| match (&log.qd_des, &log.qdd_des) {
-        (Some(qd), Some(qdd)) => Trajectory { q: q.clone(), qd: qd.clone(), qdd: qdd.clone() },
+    log.q_des.clone().map(|q| planned(q, log.qd_des.clone(), log.qdd_des.clone(), period_s))
+}
+
+/// A motion of which some derivatives are known; the others are differences.
+fn planned(q: Signals, qd: Option<Signals>, qdd: Option<Signals>, period_s: f64) -> Trajectory {
+    match (qd, qdd) {
+        (Some(qd), Some(qdd)) => Trajectory { q, qd, qdd },
         (qd, qdd) => {
-            let differences = Trajectory::from_positions(q, period_s);
-            Trajectory {
-                q: differences.q,
-                qd: qd.clone().unwrap_or(differences.qd),
-                qdd: qdd.clone().unwrap_or(differences.qdd),
-            }
+            let differences = Trajectory::from_positions(&q, period_s);
+            Trajectory { q, qd: qd.unwrap_or(differences.qd), qdd: qdd.unwrap_or(differences.qdd) }
         }
-    })
+    }
 }
 
 /// The pieces of a log as runs of a diagnosis.

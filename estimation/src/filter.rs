@@ -112,22 +112,56 @@ impl Bank {
 
     /// Filters one sample of each channel in place.
     pub fn step(&mut self, x: &mut [f64]) {
+        self.prime(x);
         let n = self.channels;
-        if !self.primed {
-            self.primed = true;
-            // Every section has unit gain at rest, so each of them sees the same constant.
-            for (states, s) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
-                let (s1, s2) = states.split_at_mut(n);
-                for ((s1, s2), &x) in s1.iter_mut().zip(s2).zip(x.iter()) {
-                    *s1 = (1.0 - s[0]) * x;
-                    *s2 = (s[2] - s[4]) * x;
-                }
-            }
-        }
         for (states, section) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
             let (s1, s2) = states.split_at_mut(n);
             run(section, x, s1, s2);
         }
+        self.quieten();
+    }
+
+    /// Filters samples of all channels that follow each other, in place and in either order of time: what
+    /// [`step`](Self::step) makes of one after the other.
+    pub(crate) fn pass(&mut self, samples: &mut [f64], order: Order) {
+        let length = TOGETHER * self.channels;
+        match order {
+            Order::Forwards => samples.chunks_mut(length).for_each(|few| self.pass_few::<false>(few)),
+            Order::Backwards => samples.rchunks_mut(length).for_each(|few| self.pass_few::<true>(few)),
+        }
+    }
+
+    fn pass_few<const BACKWARDS: bool>(&mut self, samples: &mut [f64]) {
+        let n = self.channels;
+        let first = if BACKWARDS { samples.len() - n } else { 0 };
+        self.prime(&samples[first..first + n]);
+        for (states, section) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
+            let (s1, s2) = states.split_at_mut(n);
+            run_through::<BACKWARDS>(section, samples, s1, s2);
+        }
+        (0..samples.len() / n).for_each(|_| self.quieten());
+    }
+
+    /// Takes the first sample as the value that all channels had for ever.
+    fn prime(&mut self, x: &[f64]) {
+        if self.primed {
+            return;
+        }
+        self.primed = true;
+        let n = self.channels;
+        // Every section has unit gain at rest, so each of them sees the same constant.
+        for (states, s) in self.state.chunks_exact_mut(2 * n).zip(&self.filter.sections) {
+            let (s1, s2) = states.split_at_mut(n);
+            for ((s1, s2), &x) in s1.iter_mut().zip(s2).zip(x) {
+                *s1 = (1.0 - s[0]) * x;
+                *s2 = (s[2] - s[4]) * x;
+            }
+        }
+    }
+
+    /// Sets states to zero that are next to nothing, of the channels whose turn it is.
+    fn quieten(&mut self) {
+        let n = self.channels;
         // All states of a channel at once: one that is left would wake the others.
         let size = n.div_ceil(PARTS);
         let part = n.min(self.part * size)..n.min((self.part + 1) * size);
@@ -148,6 +182,52 @@ fn run(&[b0, b1, b2, a1, a2]: &Section, x: &mut [f64], s1: &mut [f64], s2: &mut 
         *s1 = b1 * *x - a1 * y + *s2;
         *s2 = b2 * *x - a2 * y;
         *x = y;
+    }
+}
+
+/// In which order samples go through a filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    Forwards,
+    Backwards,
+}
+
+/// So many samples go through a section before the next section, and so many channels through all of them before the next
+/// channels: states then stay in registers and samples in the first cache.
+pub(crate) const TOGETHER: usize = 4;
+const ABREAST: usize = 8;
+
+/// One section over all channels of a few samples.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn run_through<const BACKWARDS: bool>(section: &Section, samples: &mut [f64], s1: &mut [f64], s2: &mut [f64]) {
+    let n = s1.len();
+    let &[b0, b1, b2, a1, a2] = section;
+    let ((groups1, rest1), (groups2, rest2)) = (s1.as_chunks_mut::<ABREAST>(), s2.as_chunks_mut::<ABREAST>());
+    for (k, (group1, group2)) in groups1.iter_mut().zip(groups2).enumerate() {
+        let (mut s1, mut s2) = (*group1, *group2);
+        let mut step = |sample: &mut [f64]| {
+            for x in sample[k * ABREAST..].as_chunks_mut::<ABREAST>().0.iter_mut().take(1) {
+                for i in 0..ABREAST {
+                    let y = b0 * x[i] + s1[i];
+                    s1[i] = b1 * x[i] - a1 * y + s2[i];
+                    s2[i] = b2 * x[i] - a2 * y;
+                    x[i] = y;
+                }
+            }
+        };
+        if BACKWARDS {
+            samples.rchunks_exact_mut(n).for_each(&mut step);
+        } else {
+            samples.chunks_exact_mut(n).for_each(&mut step);
+        }
+        (*group1, *group2) = (s1, s2);
+    }
+    let rest = n - rest1.len();
+    let mut step = |sample: &mut [f64]| run(section, &mut sample[rest..], rest1, rest2);
+    if BACKWARDS {
+        samples.rchunks_exact_mut(n).for_each(&mut step);
+    } else {
+        samples.chunks_exact_mut(n).for_each(&mut step);
     }
 }
 
@@ -214,6 +294,25 @@ mod tests {
         assert!((correlation_factor(&[1.0], 1) - 1.0).abs() < 1e-15);
         let factor = correlation_factor(&h, 10);
         assert!((factor - 2.437).abs() < 0.02, "{factor}");
+    }
+
+    #[test]
+    fn many_samples_at_once_are_the_same_as_one_after_the_other() {
+        let filter = Butterworth::low_pass(4, 20.0, 1000.0);
+        for (channels, count) in [(1, 3), (8, 4), (21, 10)] {
+            let samples: Vec<f64> = (0..channels * count).map(|k| f64::from(k as u32 * 7919 % 101) - 50.0).collect();
+            let mut bank = Bank::new(filter.clone(), channels);
+            let (mut stepped, mut passed) = (samples.clone(), samples.clone());
+            stepped.chunks_exact_mut(channels).for_each(|sample| bank.step(sample));
+            bank.restart();
+            bank.pass(&mut passed, Order::Forwards);
+            assert_eq!(stepped, passed);
+            bank.restart();
+            stepped.chunks_exact_mut(channels).rev().for_each(|sample| bank.step(sample));
+            bank.restart();
+            bank.pass(&mut passed, Order::Backwards);
+            assert_eq!(stepped, passed);
+        }
     }
 
     #[test]

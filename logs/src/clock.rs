@@ -59,11 +59,11 @@ impl Log {
     /// Of the joints that move; none where a speed is not that of its position at all.
     fn factors(&self, q: &Signals, qd: &Signals) -> Option<Vec<f64>> {
         let t = &self.t;
-        let step = ((STRETCH_S / self.median_step_s()).round() as usize).max(2);
-        let starts: Vec<usize> = (0..t.len().saturating_sub(step))
-            .step_by(step)
-            .filter(|k| t[k + step] - t[*k] < HOLE * STRETCH_S.max(step as f64 * self.median_step_s()))
-            .collect();
+        let usual_s = self.median_step_s();
+        let step = ((STRETCH_S / usual_s).round() as usize).max(2);
+        let hole_s = HOLE * STRETCH_S.max(step as f64 * usual_s);
+        let starts: Vec<usize> =
+            (0..t.len().saturating_sub(step)).step_by(step).filter(|k| t[k + step] - t[*k] < hole_s).collect();
         if starts.len() < LEAST {
             return Some(Vec::new());
         }

@@ -137,8 +137,8 @@ impl Log {
     /// The usual (median) step of time \[s\]. Zero for a log of one row.
     pub fn median_step_s(&self) -> f64 {
         let mut steps: Vec<f64> = self.t.windows(2).map(|w| w[1] - w[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+        let middle = steps.len() / 2;
+        if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
     }
 
     fn is_on_grid(&self, step: f64) -> bool {

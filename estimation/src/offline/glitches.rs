@@ -4,6 +4,7 @@
 //! The rule of jumps is the daemon's (`docs/realtime.md`, encoder jump); the whole log being known, both sides of a step say
 //! what was to be expected of it, and what is usual needs no memory.
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 use crate::identifier::{DEFAULT_SPEED, LARGEST_EFFORT};
@@ -79,8 +80,8 @@ fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
         }
     }
     let mut spans: Vec<f64> = steps.iter().map(|s| s.seconds).collect();
-    spans.sort_unstable_by(f64::total_cmp);
-    let usual = HELD * spans.get(spans.len() / 2).copied().unwrap_or(0.0);
+    let middle = spans.len() / 2;
+    let usual = if spans.is_empty() { 0.0 } else { HELD * *spans.select_nth_unstable_by(middle, f64::total_cmp).1 };
     for step in &mut steps {
         let most = usual.max(t[step.row] - t[step.row - 1]);
         step.longest = step.seconds.min(WENT_ON * most);
@@ -89,17 +90,22 @@ fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
     steps
 }
 
-/// Unwraps whole turns of `q` in place and tells the rows that jumped. Where a position does not come back the longer side
+/// Tells the rows of `q` that jumped, and gives it without whole turns. Where a position does not come back the longer side
 /// is believed.
-pub fn unwrap(t: &[f64], q: &mut [f64], reach: Reach) -> Jumps {
+pub fn unwrap<'a>(t: &[f64], q: &'a [f64], reach: Reach) -> (Jumps, Cow<'a, [f64]>) {
     let speed = if reach.speed.is_finite() && reach.speed > 0.0 { reach.speed } else { DEFAULT_SPEED };
     let steps = steps(t, q);
-    let off: Vec<f64> = (0..steps.len()).map(|k| unexpected(&steps, k, speed)).collect();
-    let usual = LARGEST_CHANGE / SIGMAS * usual(&off);
-    let limit = |step: &Step| {
+    let off = unexpected(&steps, speed);
+    let least = |step: &Step| {
         let way = (LARGEST_ACCELERATION * step.seconds.powi(2)).min(FASTER * speed * step.seconds);
-        way.max(usual).max(ENCODER_STEPS * reach.resolution).max(LEAST_JUMP)
+        way.max(ENCODER_STEPS * reach.resolution).max(LEAST_JUMP)
     };
+    // What is usual only widens the limits, and most positions are sound without it.
+    if steps.iter().zip(&off).all(|(step, off)| off.abs() <= least(step)) {
+        return (Jumps::default(), Cow::Borrowed(q));
+    }
+    let usual = LARGEST_CHANGE / SIGMAS * usual(&off);
+    let limit = |step: &Step| least(step).max(usual);
     let (mut found, mut jumps, mut turned) = (Jumps::default(), Vec::new(), 0.0);
     let (mut at, mut turns) = (0, Vec::new());
     for (step, off) in steps.iter().zip(&off) {
@@ -119,25 +125,54 @@ pub fn unwrap(t: &[f64], q: &mut [f64], reach: Reach) -> Jumps {
         }
     }
     turns.push((at..q.len(), turned));
+    let mut whole = q.to_vec();
     for (rows, turned) in turns {
-        q[rows].iter_mut().for_each(|q| *q -= turned);
+        whole[rows].iter_mut().for_each(|q| *q -= turned);
     }
-    found.rows = departed(t, q, &jumps, speed);
-    found
+    found.rows = departed(t, &whole, &jumps, speed);
+    (found, Cow::Owned(whole))
 }
 
-/// What the way of a step has beyond the one that was to be expected, by the median speed of the steps around it.
-fn unexpected(steps: &[Step], k: usize, speed: f64) -> f64 {
-    let Step { row, seconds, longest, way } = steps[k];
-    let around = steps[k.saturating_sub(AROUND)..(k + AROUND + 1).min(steps.len())].iter();
-    let mut speeds: Vec<f64> = around.filter(|s| s.row != row).map(|s| s.way / s.seconds).collect();
-    speeds.sort_unstable_by(f64::total_cmp);
-    let (upper, lower) = (speeds.len() / 2, speeds.len().saturating_sub(1) / 2);
-    let middle = speeds.get(upper).zip(speeds.get(lower)).map_or(0.0, |(a, b)| 0.5 * (a + b));
-    // Where jumps outnumber steps they are not what was expected.
-    let middle = middle.clamp(-FASTER * speed, FASTER * speed);
-    let (least, most) = (middle * seconds, middle * longest);
-    way - way.clamp(least.min(most), least.max(most))
+/// What the way of every step has beyond the one that was to be expected, by the median speed of the steps around it.
+fn unexpected(steps: &[Step], speed: f64) -> Vec<f64> {
+    let speeds: Vec<f64> = steps.iter().map(|s| s.way / s.seconds).collect();
+    let beyond = |(step, middle): (&Step, f64)| {
+        // Where jumps outnumber steps they are not what was expected.
+        let middle = middle.clamp(-FASTER * speed, FASTER * speed);
+        let (least, most) = (middle * step.seconds, middle * step.longest);
+        step.way - step.way.clamp(least.min(most), least.max(most))
+    };
+    steps.iter().zip(middles(&speeds)).map(beyond).collect()
+}
+
+/// Of each number the median of those around it, [`AROUND`] to either side as far as there are so many; 0 where there is none.
+fn middles(x: &[f64]) -> Vec<f64> {
+    let few = |k: usize| {
+        let mut around = [&x[k.saturating_sub(AROUND)..k], &x[k + 1..(k + 1 + AROUND).min(x.len())]].concat();
+        around.sort_unstable_by(f64::total_cmp);
+        let (upper, lower) = (around.len() / 2, around.len().saturating_sub(1) / 2);
+        around.get(upper).zip(around.get(lower)).map_or(0.0, |(a, b)| 0.5 * (a + b))
+    };
+    let begin = (0..x.len()).take(AROUND).map(few);
+    let inner = x.windows(2 * AROUND + 1).map(|w| middle_of_six([w[0], w[1], w[2]], [w[4], w[5], w[6]]));
+    let end = (x.len().saturating_sub(AROUND).max(AROUND)..x.len()).map(few);
+    begin.chain(inner).chain(end).collect()
+}
+
+/// Median of two triples together, without branches: the k-th of both is the least of what is at least the i-th of one and the
+/// (k − i)-th of the other, over all i.
+fn middle_of_six(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let min = |x: f64, y: f64| if x < y { x } else { y };
+    let max = |x: f64, y: f64| if x < y { y } else { x };
+    let sorted = |[x, y, z]: [f64; 3]| {
+        let (x, y) = (min(x, y), max(x, y));
+        let (y, z) = (min(y, z), max(y, z));
+        [min(x, y), max(x, y), z]
+    };
+    let ([a, b, c], [d, e, f]) = (sorted(a), sorted(b));
+    let third = min(min(c, f), min(max(b, d), max(a, e)));
+    let fourth = min(max(b, e), min(max(c, d), max(a, f)));
+    0.5 * (fourth + third)
 }
 
 /// What nine of ten are smaller than, in size.
@@ -205,9 +240,9 @@ mod tests {
 
     fn found(change: impl Fn(usize, f64) -> f64) -> (Jumps, Vec<f64>) {
         let (t, sound) = swing();
-        let mut q: Vec<f64> = sound.iter().enumerate().map(|(k, q)| change(k, *q)).collect();
-        let found = unwrap(&t, &mut q, REACH);
-        (found, q)
+        let q: Vec<f64> = sound.iter().enumerate().map(|(k, q)| change(k, *q)).collect();
+        let (found, whole) = unwrap(&t, &q, REACH);
+        (found, whole.into_owned())
     }
 
     #[test]
@@ -224,8 +259,24 @@ mod tests {
     fn the_noise_of_a_fast_log_is_no_jump() {
         let t: Vec<f64> = (0..5000).map(|k| 2e-4 * f64::from(k)).collect();
         let rare = |k: u32| if k % 997 == 5 { 3e-4 } else { 0.0 };
-        let mut q: Vec<f64> = (0..5000).map(|k| (2e-4 * f64::from(k)).sin() + rare(k)).collect();
-        assert_eq!(unwrap(&t, &mut q, REACH), Jumps::default());
+        let q: Vec<f64> = (0..5000).map(|k| (2e-4 * f64::from(k)).sin() + rare(k)).collect();
+        assert_eq!(unwrap(&t, &q, REACH), (Jumps::default(), Cow::Borrowed(&q[..])));
+    }
+
+    #[test]
+    fn the_middle_of_neighbours_is_their_median() {
+        let x: Vec<f64> = (0..200).map(|k| f64::from(k * 7919 % 31)).collect();
+        for length in [0, 1, 2, 5, 6, 7, 8, 200] {
+            let found = middles(&x[..length]);
+            assert_eq!(found.len(), length);
+            for (k, found) in found.into_iter().enumerate() {
+                let around = k.saturating_sub(AROUND)..(k + AROUND + 1).min(length);
+                let mut sorted: Vec<f64> = around.filter(|at| *at != k).map(|at| x[at]).collect();
+                sorted.sort_by(f64::total_cmp);
+                let (upper, lower) = (sorted.get(sorted.len() / 2), sorted.get(sorted.len().saturating_sub(1) / 2));
+                assert_eq!(found, upper.zip(lower).map_or(0.0, |(a, b)| 0.5 * (a + b)), "{k} of {length}");
+            }
+        }
     }
 
     #[test]
@@ -236,7 +287,7 @@ mod tests {
         // A slide that goes by 2 pi m has jumped.
         let (t, mut q) = swing();
         q[700] += TAU;
-        assert_eq!(unwrap(&t, &mut q, Reach { revolute: false, ..REACH }).rows, [700]);
+        assert_eq!(unwrap(&t, &q, Reach { revolute: false, ..REACH }).0.rows, [700]);
     }
 
     #[test]

@@ -6,13 +6,14 @@
 //! over as many of those before (or behind) as it takes for its start to be forgotten.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use rivet_dynamics::{BaseSet, Model, Slip, State, Workspace};
 
 use super::record::Trajectory;
 use super::zero_phase::ZeroPhase;
-use crate::filter::Bank;
+use crate::filter::{Bank, Order, TOGETHER};
 use crate::signals::structural_entries;
 
 /// Samples of a block, as a multiple of those that the backward pass needs to forget its start.
@@ -37,12 +38,34 @@ impl Pair {
 
 /// Where rows are written: of one joint, the samples they belong to and regressor or instruments.
 struct Wanted<'a> {
-    joint: usize,
-    /// Instruments stand in another lane where they are of another motion, and are so many samples late.
-    lane: usize,
+    /// The joint's channels; instruments stand in other ones where they are of another motion, and are so many samples late.
+    channels: Vec<usize>,
     late: usize,
     used: &'a [usize],
     rows: &'a mut [f64],
+    /// Rows that are still to be taken of the samples at hand, which come from the last to the first.
+    left: usize,
+}
+
+impl Wanted<'_> {
+    fn place(&self, row: usize, padding: usize) -> usize {
+        self.used[row] + padding - self.late
+    }
+
+    /// The next samples end where `end` is in the record continued by `padding`.
+    fn begin(&mut self, end: usize, padding: usize) {
+        self.left = self.used.partition_point(|k| k + padding - self.late < end);
+    }
+
+    /// Takes its rows out of a few filtered samples, of which the first stands at `at`; those after them were there before.
+    fn take(&mut self, samples: &[f64], width: usize, at: usize, padding: usize) {
+        while self.left > 0 && self.place(self.left - 1, padding) >= at {
+            self.left -= 1;
+            let sample = &samples[(self.place(self.left, padding) - at) * width..][..width];
+            let row = &mut self.rows[self.left * self.channels.len()..];
+            row.iter_mut().zip(&self.channels).for_each(|(to, channel)| *to = sample[*channel]);
+        }
+    }
 }
 
 /// Rows of every joint at the samples `used` (in order), of the columns that its entries name. Instruments are the
@@ -63,17 +86,26 @@ pub(super) fn filtered_rows(
     for (joint, (pair, used)) in pairs.iter_mut().zip(used).enumerate() {
         let width = pair.columns.len();
         let (lane, late) = if second.is_some() { (1, 0) } else { (0, delay) };
+        let entries = source.entries.iter().enumerate().filter(|(_, e)| e.joint == joint);
+        let channels = |lane| entries.clone().map(|(k, _)| k * source.lanes + lane).collect();
         for (lane, late, mut rows) in [(0, 0, &mut pair.d[..]), (lane, late, &mut pair.z[..])] {
             let mut from = 0;
             for (span, share) in spans.iter().zip(&mut shares) {
                 let until = used.partition_point(|k| k + source.padding - late < span.end);
                 let own = rows.split_off_mut(..(until - from) * width).unwrap_or_default();
-                share.push(Wanted { joint, lane, late, used: &used[from..until], rows: own });
+                share.push(Wanted { channels: channels(lane), late, used: &used[from..until], rows: own, left: 0 });
                 from = until;
             }
         }
     }
-    spans.into_par_iter().zip(shares).for_each(|(span, share)| source.clone().run(filter, span, share));
+    // The next span takes the buffer of one that is done: of fresh memory the system has to make every page first.
+    let buffers = Mutex::new(Vec::new());
+    spans.into_par_iter().zip(shares).for_each(|(span, share)| {
+        let spare = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut buffer = spare().pop().unwrap_or_default();
+        source.clone().run(filter, span, share, &mut buffer);
+        spare().push(buffer);
+    });
     pairs
 }
 
@@ -137,59 +169,60 @@ impl<'a> Source<'a> {
         source
     }
 
-    /// Filters a span of the continued record and writes the rows that are wanted of it.
-    fn run(mut self, filter: &ZeroPhase, span: Range<usize>, mut wanted: Vec<Wanted<'_>>) {
+    /// Filters a span of the continued record and writes the rows that are wanted of it. What `buffer` holds does not matter.
+    fn run(mut self, filter: &ZeroPhase, span: Range<usize>, mut wanted: Vec<Wanted<'_>>, buffer: &mut Vec<f64>) {
         let width = self.width();
         let settle = filter.settling();
         let block = BLOCK * settle;
         let (mut forwards, mut backwards) =
             (Bank::new(filter.butterworth(), width), Bank::new(filter.butterworth(), width));
         let end = (span.end + settle).min(self.len());
-        let mut scratch = vec![0.0; width];
         let begin = span.start.saturating_sub(settle);
+        let most = (block + settle).min(end - span.start);
+        buffer.resize(most.max(span.start - begin) * width, 0.0);
         self.begin(begin);
-        for at in begin..span.start {
-            self.sample(at, &mut scratch);
-            forwards.step(&mut scratch);
-        }
-        let mut buffer = vec![0.0; (block + settle).min(end - span.start) * width];
-        let (mut first, mut filled, mut next) = (span.start, 0, span.start);
+        self.forwards(&mut forwards, begin, &mut buffer[..(span.start - begin) * width]);
+        let mut few = vec![0.0; TOGETHER * width];
+        let (mut first, mut filled) = (span.start, 0);
         while first < span.end {
-            while next < end && (filled + 1) * width <= buffer.len() {
-                let sample = &mut buffer[filled * width..(filled + 1) * width];
-                self.sample(next, sample);
-                forwards.step(sample);
-                (filled, next) = (filled + 1, next + 1);
-            }
-            let done = if next == end { span.end - first } else { block };
+            let (next, now) = (first + filled, most.min(end - first));
+            self.forwards(&mut forwards, next, &mut buffer[filled * width..now * width]);
+            filled = now;
+            let done = if first + filled == end { span.end - first } else { block };
             let (own, later) = buffer[..filled * width].split_at_mut(done * width);
             backwards.restart();
-            for sample in later.chunks_exact(width).rev() {
-                scratch.copy_from_slice(sample);
-                backwards.step(&mut scratch);
+            for samples in later.rchunks(TOGETHER * width) {
+                few[..samples.len()].copy_from_slice(samples);
+                backwards.pass(&mut few[..samples.len()], Order::Backwards);
             }
-            for sample in own.chunks_exact_mut(width).rev() {
-                backwards.step(sample);
-            }
+            let mut at = first + done;
             for wanted in &mut wanted {
-                self.write(wanted, own, first..first + done);
+                wanted.begin(at, self.padding);
+            }
+            for samples in own.rchunks(TOGETHER * width) {
+                let few = &mut few[..samples.len()];
+                few.copy_from_slice(samples);
+                backwards.pass(few, Order::Backwards);
+                at -= few.len() / width;
+                for wanted in &mut wanted {
+                    wanted.take(few, width, at, self.padding);
+                }
             }
             buffer.copy_within(done * width..filled * width, 0);
             (first, filled) = (first + done, filled - done);
         }
     }
 
-    /// Writes the rows of a block of filtered samples, which is `at` in the continued record.
-    fn write(&self, wanted: &mut Wanted<'_>, block: &[f64], at: Range<usize>) {
-        let place = |k: usize| k + self.padding - wanted.late;
-        let from = wanted.used.partition_point(|k| place(*k) < at.start);
-        let until = wanted.used.partition_point(|k| place(*k) < at.end);
-        let channels = self.entries.iter().enumerate().filter(|(_, e)| e.joint == wanted.joint);
-        let channels: Vec<usize> = channels.map(|(k, _)| k * self.lanes + wanted.lane).collect();
-        let rows = wanted.rows.chunks_exact_mut(channels.len().max(1)).zip(wanted.used);
-        for (row, k) in rows.take(until).skip(from) {
-            let sample = &block[(place(*k) - at.start) * self.width()..];
-            row.iter_mut().zip(&channels).for_each(|(to, channel)| *to = sample[*channel]);
+    /// The samples of the continued record from `from` on, filtered.
+    fn forwards(&mut self, bank: &mut Bank, from: usize, samples: &mut [f64]) {
+        let width = self.width();
+        let mut at = from;
+        for few in samples.chunks_mut(TOGETHER * width) {
+            for sample in few.chunks_exact_mut(width) {
+                self.sample(at, sample);
+                at += 1;
+            }
+            bank.pass(few, Order::Forwards);
         }
     }
 

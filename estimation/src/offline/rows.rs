@@ -143,12 +143,7 @@ impl Rows {
         }
         let torque = without_effects(model, record);
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
-        let filtered = |x: &Vec<f64>| {
-            let mut x = x.clone();
-            filter.apply(&mut x);
-            x
-        };
-        let speed: Vec<Vec<f64>> = record.measured.qd.par_iter().map(filtered).collect();
+        let speed = filter.of_all(&record.measured.qd);
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
         let (instrument, delay, lag_s) = match (settings.instrument, &record.desired) {
@@ -193,7 +188,7 @@ impl Rows {
             (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
-        let torque: Vec<Vec<f64>> = torque.par_iter().map(filtered).collect();
+        let torque = filter.of_all(&torque);
         let stops = beside_stop(model, settings, record, &filter);
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
         for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {

@@ -45,20 +45,13 @@ pub(super) fn beside_stop(
         return vec![vec![false; samples]; n];
     }
     let light = ZeroPhase::new((STOPS * settings.filter_hz).min(0.2 / record.period_s), 2, record.period_s);
-    let smooth = |x: &Vec<f64>| {
-        let mut x = x.clone();
-        light.apply(&mut x);
-        x
-    };
-    let speed: Vec<Vec<f64>> = record.measured.qd.par_iter().map(smooth).collect();
-    let of = |j: usize| {
-        let stands = |k: usize| !slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
-        let mut share: Vec<f64> = (0..samples).map(|k| f64::from(u8::from(stands(k)))).collect();
-        filter.apply(&mut share);
-        // The filter rings: a little less than none is as much of a stop as a little more.
-        share.iter().map(|share| share.abs() > STUCK).collect()
-    };
-    (0..n).into_par_iter().map(of).collect()
+    let speed = light.of_all(&record.measured.qd);
+    let stands = |j: usize, k: usize| !slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
+    let share = |j: usize| (0..samples).map(|k| f64::from(u8::from(stands(j, k)))).collect();
+    let shares: Vec<Vec<f64>> = (0..n).into_par_iter().map(share).collect();
+    // The filter rings: a little less than none is as much of a stop as a little more.
+    let beside = |shares: &Vec<f64>| shares.iter().map(|share| share.abs() > STUCK).collect();
+    filter.of_all(&shares).iter().map(beside).collect()
 }
 
 /// Weight of a joint's rows beside a stop, its ordinary rows having 1.

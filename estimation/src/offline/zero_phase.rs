@@ -2,7 +2,10 @@
 
 use std::f64::consts::PI;
 
-use crate::filter::Butterworth;
+use multiversion::multiversion;
+use rivet_dynamics::MAX_JOINTS;
+
+use crate::filter::{Butterworth, Order};
 
 /// A second-order section, `y = b0 u + b1 u' + b2 u'' - a1 y' - a2 y''`.
 #[derive(Clone, Copy, Debug)]
@@ -62,38 +65,68 @@ impl ZeroPhase {
 
     /// Filters a record in place. Beyond its ends the record is continued by turning it about its end points.
     pub fn apply(&self, x: &mut [f64]) {
-        let n = x.len();
+        let filtered = self.side_by_side::<1>(&[&*x]);
+        for filtered in filtered {
+            x.copy_from_slice(&filtered);
+        }
+    }
+
+    /// Several records of one length, filtered: as many side by side as an arm has joints take hardly longer than one.
+    pub(super) fn of_all(&self, signals: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        signals.chunks(MAX_JOINTS).flat_map(|some| self.side_by_side::<MAX_JOINTS>(some)).collect()
+    }
+
+    /// At most so many records as there are lanes.
+    fn side_by_side<const LANES: usize>(&self, signals: &[impl AsRef<[f64]>]) -> Vec<Vec<f64>> {
+        let signals: Vec<&[f64]> = signals.iter().map(AsRef::as_ref).collect();
+        let n = signals.first().map_or(0, |x| x.len());
         if n < 2 {
-            return;
+            return signals.iter().map(|x| x.to_vec()).collect();
         }
         let pad = self.padding(n);
-        let (first, last) = (x[0], x[n - 1]);
-        let mut y: Vec<f64> = (1..=pad).rev().map(|k| 2.0 * first - x[k]).collect();
-        y.extend_from_slice(x);
-        y.extend((1..=pad).map(|k| 2.0 * last - x[n - 1 - k]));
-        for _ in 0..2 {
-            for section in &self.sections {
-                section.run(&mut y);
+        let mut lanes = vec![[0.0; LANES]; n + 2 * pad];
+        for (k, lanes) in lanes.iter_mut().enumerate() {
+            for (lane, x) in lanes.iter_mut().zip(&signals) {
+                *lane = match k.checked_sub(pad) {
+                    None => 2.0 * x[0] - x[pad - k],
+                    Some(k) if k < n => x[k],
+                    Some(k) => 2.0 * x[n - 1] - x[2 * (n - 1) - k],
+                };
             }
-            y.reverse();
         }
-        x.copy_from_slice(&y[pad..pad + n]);
+        run::<LANES>(&self.sections, &mut lanes, Order::Forwards);
+        run::<LANES>(&self.sections, &mut lanes, Order::Backwards);
+        let mut filtered: Vec<Vec<f64>> = signals.iter().map(|x| Vec::with_capacity(x.len())).collect();
+        for lanes in &lanes[pad..pad + n] {
+            filtered.iter_mut().zip(lanes).for_each(|(filtered, lane)| filtered.push(*lane));
+        }
+        filtered
     }
 }
 
-impl Section {
-    /// Transposed direct form II, started as if the first value had always been there.
-    fn run(&self, x: &mut [f64]) {
-        let (b, a) = (self.b, self.a);
-        let start = x[0];
-        let (mut s1, mut s2) = (start * (1.0 - b[0]), start * (b[2] - a[1]));
-        for value in x {
-            let u = *value;
-            let y = b[0] * u + s1;
-            s1 = b[1] * u - a[0] * y + s2;
-            s2 = b[2] * u - a[1] * y;
-            *value = y;
+/// Transposed direct form II, every section started as if the first value that it sees had always been there.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn run<const LANES: usize>(sections: &[Section], samples: &mut [[f64; LANES]], order: Order) {
+    let mut states = vec![[[0.0; LANES]; 2]; sections.len()];
+    let mut first = true;
+    let mut step = |x: &mut [f64; LANES]| {
+        for (Section { b, a }, [s1, s2]) in sections.iter().zip(&mut states) {
+            for lane in 0..LANES {
+                let u = x[lane];
+                if first {
+                    (s1[lane], s2[lane]) = (u * (1.0 - b[0]), u * (b[2] - a[1]));
+                }
+                let y = b[0] * u + s1[lane];
+                s1[lane] = b[1] * u - a[0] * y + s2[lane];
+                s2[lane] = b[2] * u - a[1] * y;
+                x[lane] = y;
+            }
         }
+        first = false;
+    };
+    match order {
+        Order::Forwards => samples.iter_mut().for_each(&mut step),
+        Order::Backwards => samples.iter_mut().rev().for_each(&mut step),
     }
 }
 
@@ -117,6 +150,20 @@ mod tests {
                     assert!((x[k] - gain * wave(k)).abs() < 1e-6, "order {order}, {hz} Hz, sample {k}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn side_by_side_records_are_filtered_like_each_alone() {
+        let filter = ZeroPhase::new(12.0, 4, 0.002);
+        for length in [0, 1, 2, 7, 900] {
+            let wave = |j: i32| (0..length).map(|k| f64::from((k * 7919 + j * 31) % 101)).collect::<Vec<f64>>();
+            let mut records: Vec<Vec<f64>> = (0..11).map(wave).collect();
+            let together = filter.of_all(&records);
+            for record in &mut records {
+                filter.apply(record);
+            }
+            assert_eq!(together, records, "{length}");
         }
     }
 
