@@ -4,31 +4,30 @@ use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::log_check::is_still;
 
-/// Cosine of a torque and the model's of the other joint at least, ...
-const ALIKE: f64 = 0.9;
-/// ... and of its own joint at most.
-const UNLIKE: f64 = 0.7;
-/// The other's size is that of the model within this factor.
-const SIZE: f64 = 2.0;
+/// What a torque misses of the model's of the other joint, as a share of the torque, at most ...
+const FITS: f64 = 0.5;
+/// ... and as a share of what it misses of its own joint's; of both joints together, the product.
+const BETTER: f64 = 0.5;
+const BOTH_BETTER: f64 = 0.1;
 
 /// Pairs of joints whose torques are each other's by the model as given.
 pub(crate) fn pairs(run: &Prepared, nominal: &Nominal) -> Vec<(usize, usize)> {
-    let joints = run.tau.len();
-    let model: Vec<Vec<f64>> = (0..joints).map(|j| modelled(run, nominal, j)).collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let alike = |measured: usize, as_of: usize| {
+    let moving: Vec<usize> = (0..run.tau.len()).filter(|j| !is_still(&run.motion, *j)).collect();
+    let model: Vec<Vec<f64>> = (0..run.tau.len()).map(|j| modelled(run, nominal, j)).collect();
+    let missed = |measured: usize, as_of: usize| {
         let (tau, model) = (&run.tau[measured], &model[as_of]);
-        let (tt, tm, mm) = (dot(tau, tau), dot(tau, model), dot(model, model));
-        (tm / (tt * mm).sqrt().max(f64::MIN_POSITIVE), tm / mm.max(f64::MIN_POSITIVE))
+        let square: f64 = tau.iter().map(|t| t * t).sum();
+        let left: f64 = tau.iter().zip(model).map(|(t, m)| (t - m).powi(2)).sum();
+        (left / square.max(f64::MIN_POSITIVE)).sqrt()
     };
-    let own = |j: usize| alike(j, j).0 < UNLIKE;
-    let other = |a: usize, b: usize| {
-        let (cosine, size) = alike(a, b);
-        cosine > ALIKE && (1.0 / SIZE..SIZE).contains(&size)
+    // Of the other joint, and that over its own.
+    let other = |a: usize, b: usize| (missed(a, b), missed(a, b) / missed(a, a).max(f64::MIN_POSITIVE));
+    let swapped = |(a, b): &(usize, usize)| {
+        let [(one, one_better), (two, two_better)] = [other(*a, *b), other(*b, *a)];
+        one.max(two) < FITS && one_better.max(two_better) < BETTER && one_better * two_better < BOTH_BETTER
     };
-    let moving: Vec<usize> = (0..joints).filter(|j| !is_still(&run.motion, *j) && own(*j)).collect();
-    let with = |a: &usize| moving.iter().map(move |b| (*a, *b)).collect::<Vec<_>>();
-    moving.iter().flat_map(with).filter(|(a, b)| a < b && other(*a, *b) && other(*b, *a)).collect()
+    let with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
+    moving.iter().flat_map(with).filter(swapped).collect()
 }
 
 /// Torque of the model as given on joint `j`, its effects included.
