@@ -24,7 +24,8 @@ use crate::delays;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
-use crate::glitches::screen;
+use crate::glitches::{JUMP_NAME, screen};
+use crate::jitter;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
@@ -248,7 +249,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
-    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry));
+    let step_s = rows_apart_s(&runs);
+    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, step_s));
+    let left = if robot.config.estimator.kind == EstimatorKind::Riv { &residuals[2] } else { &residuals[1] };
+    let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
+    distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
     Ok(Findings {
         runs,
         rows,
@@ -263,6 +268,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         held_out,
         distrusts,
     })
+}
+
+/// The longest usual step of the logs \[s\].
+fn rows_apart_s(runs: &[Run]) -> f64 {
+    runs.iter().map(|run| run.piece.report.median_step_s).fold(0.0, f64::max)
 }
 
 /// Joints that do not follow the desired motion, log by log, over all pieces of each.
@@ -335,6 +345,10 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     }
     channels::varies(robot, log)?;
     let mut sound = screen(robot, log)?;
+    let jumps = sound.found.iter().any(|d| d.name == JUMP_NAME);
+    if let Some(order) = jitter::out_of_order(log, jumps) {
+        sound.found.insert(0, order);
+    }
     sound.found.extend(channels::clipped(robot, log)?);
     let coarse = coarse(robot, &sound.log);
     sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
