@@ -93,7 +93,9 @@ fn shares(robot: &Robot, values: &[f64], piece: &Piece) -> Result<Vec<f64>> {
     let along = |motion: &Trajectory| predict(&robot.model, &robot.base, values, motion, &filter);
     let (exact, off) = (along(&motion)?, along(&Trajectory::from_positions(&positions, period_s))?);
     let mut speed = motion.qd;
-    speed.iter_mut().for_each(|speed| filter.apply(speed));
+    for speed in &mut speed {
+        filter.apply(speed);
+    }
     let range = rivet_estimation::offline::moving_range(&speed, &signal.dead_zone, filter.edge())
         .unwrap_or(0..piece.grid.len());
     let square = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
