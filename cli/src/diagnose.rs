@@ -170,6 +170,13 @@ fn as_text(found: &Document) -> String {
     for line in found.lines() {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }
+    for input in found.passport.iter().flat_map(|passport| &passport.inputs) {
+        if let Some(jitter_s) = input.clock.as_ref().and_then(|clock| clock.stamps_jitter_s) {
+            let ms = figure(1e3 * jitter_s, 2);
+            let text = format!("time stamps of {} jitter by {ms} ms; positions are even: taken as even", input.name);
+            out += &paragraph("  sampling     ", &text);
+        }
+    }
     if let Some(rollout) = &found.rollout {
         out += &paragraph("  simulator    ", &rollout.text());
     }

@@ -160,8 +160,6 @@ pub(crate) fn online_text(robot: &Robot, delayed: bool) -> String {
 const UNEVEN: f64 = 0.02;
 /// Readings that stand for this many samples while the joint moves are frozen to the daemon: one that came and four that equal it.
 const FROZEN_ROWS: f64 = 4.5;
-/// Jitter of this share of a step is worth a warning: the measured arm with the most has 0.12.
-const LARGE_JITTER: f64 = 0.2;
 
 /// What uneven sampling of the logs asks of the differentiator, for people; empty where there is none.
 ///
@@ -170,7 +168,7 @@ const LARGE_JITTER: f64 = 0.2;
 /// while the joint moves is refused as frozen.
 pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a ResampleReport>) -> String {
     let period = robot.config.sample_period_s;
-    let (mut reach, mut why, mut worst_jitter) = (0.0_f64, Vec::new(), None::<(f64, f64)>);
+    let (mut reach, mut why, mut mended) = (0.0_f64, Vec::new(), None::<f64>);
     let mut frozen = false;
     for report in reports {
         let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
@@ -184,27 +182,16 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         if report.jitter_s > UNEVEN * step && !why.contains(&"jittered time stamps") {
             why.push("jittered time stamps");
         }
-        let most = worst_jitter.map_or(LARGE_JITTER, |(jitter, step)| jitter / step);
-        if report.jitter_s > most * step {
-            worst_jitter = Some((report.jitter_s, step));
-        }
+        mended = [mended, report.stamps_jitter_s].into_iter().flatten().reduce(f64::max);
         reach = reach.max(2.0 * held + 3.0 * report.jitter_s);
     }
-    if why.is_empty() {
-        return String::new();
-    }
-    let worst = worst_jitter.map_or_else(String::new, |(jitter_s, step_s)| {
-        paragraph(
-            "warning: ",
-            &format!(
-                "time stamps jitter by {} ms, {:.0} % of a step: if the samples were taken evenly, positions are put at wrong times, \
-                 speed and acceleration are wrong, and so are values and residuals by IV and LS, more than their standard deviations \
-                 say (delayed instruments jitter as well); take t from the robot's own clock, not from when a row arrived",
-                number(1e3 * jitter_s, 2),
-                100.0 * jitter_s / step_s
-            ),
-        )
+    let mended = mended.map_or_else(String::new, |jitter_s| {
+        let text = format!("time stamps jitter by {} ms; positions are even: taken as even", number(1e3 * jitter_s, 2));
+        paragraph("sampling: ", &text)
     });
+    if why.is_empty() {
+        return mended;
+    }
     let needed = (reach / period).ceil();
     let verdict = match robot.config.signal.differentiator {
         Differentiator::SavitzkyGolay { half_width } if half_width as f64 >= needed => {
@@ -224,7 +211,7 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         verdict
     };
     let text = format!("{}; on line (every {} ms), {verdict}", why.join(" and "), number(1e3 * period, 3));
-    paragraph("sampling: ", &text) + &worst
+    mended + &paragraph("sampling: ", &text)
 }
 
 /// A torque or a position that cannot be believed.

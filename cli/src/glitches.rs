@@ -14,6 +14,9 @@ use crate::runs;
 use crate::stairs;
 use crate::table::number;
 
+/// Positions that jump.
+pub(crate) const JUMP_NAME: &str = "position_jump";
+
 /// A log without what no arm gives.
 pub(crate) struct Sound<'a> {
     /// The log, angles unwrapped.
@@ -66,7 +69,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
                 share(rows.len(), log.len()),
                 number(log.t[*first], 5)
             );
-            say(j, "position_jump", text);
+            say(j, JUMP_NAME, text);
         }
         left_out.extend(rows);
         (!wraps.is_empty()).then(|| whole.into_owned())

@@ -25,7 +25,8 @@ use crate::delays;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
-use crate::glitches::screen;
+use crate::glitches::{JUMP_NAME, screen};
+use crate::jitter;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
@@ -267,7 +268,9 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
     distrusts.extend(evidence::unexplained(&runs::joint_names(robot), left));
     distrusts.extend(bounded.said(robot));
-    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry));
+    distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
+    let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
+    distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
     Ok(Findings {
         runs,
         rows,
@@ -293,6 +296,11 @@ fn still(rows: &[Rows]) -> Vec<usize> {
 /// Takes out of the rows what comes out as no arm has it, by the fit that counts.
 fn bounded(robot: &Robot, rows: &mut [Rows], prior: f64) -> Result<Bounded, OfflineError> {
     Bounded::new(robot, rows, |equations, nominal| solve(equations, nominal, prior, method(robot)))
+}
+
+/// The longest usual step of the logs \[s\].
+fn rows_apart_s(runs: &[Run]) -> f64 {
+    runs.iter().map(|run| run.piece.report.median_step_s).fold(0.0, f64::max)
 }
 
 /// Joints that do not follow the desired motion, log by log, over all pieces of each.
@@ -370,6 +378,10 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     }
     channels::varies(robot, log)?;
     let mut sound = screen(robot, log)?;
+    let jumps = sound.found.iter().any(|d| d.name == JUMP_NAME);
+    if let Some(order) = jitter::out_of_order(log, jumps) {
+        sound.found.insert(0, order);
+    }
     sound.found.extend(channels::clipped(robot, log)?);
     let coarse = coarse(robot, &sound.log);
     sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));

@@ -20,6 +20,7 @@ mod export;
 mod figures;
 mod glitches;
 mod identify;
+mod jitter;
 mod live;
 mod monitor;
 mod number;

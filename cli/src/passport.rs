@@ -70,7 +70,7 @@ pub(crate) fn sha256(path: &Path) -> Result<String> {
 fn clock(source: &Source<'_>) -> Clock {
     let log = &source.log;
     let step_s = log.median_step_s();
-    let steps: Vec<f64> = log.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let steps: Vec<f64> = log.logged_t().windows(2).map(|w| w[1] - w[0]).collect();
     // A step of more than two and a half usual ones lacks samples; the others say how even the clock is.
     let (regular, gaps): (Vec<f64>, Vec<f64>) = steps.iter().partition(|s| **s <= 2.5 * step_s);
     let square: f64 = regular.iter().map(|s| (s - step_s).powi(2)).sum();
@@ -80,6 +80,7 @@ fn clock(source: &Source<'_>) -> Clock {
         seconds: log.duration_s(),
         step_s,
         jitter_s: (square / regular.len().max(1) as f64).sqrt(),
+        stamps_jitter_s: source.pieces.iter().filter_map(|p| p.report.stamps_jitter_s).reduce(f64::max),
         gaps: gaps.len(),
         longest_gap_s: gaps.iter().fold(0.0, |m, s| f64::max(m, *s)),
         pieces: source.pieces.len(),

@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
-    let mut columns: Vec<(&str, &[f64])> = vec![("t", &log.t)];
+    let mut columns: Vec<(&str, &[f64])> = vec![("t", log.logged_t())];
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
     write_columns(&args.out, &columns)?;
     for left in unseen(&robot.model, log.temperature.is_some()) {

@@ -21,7 +21,7 @@ const BEYOND: f64 = 2.0;
 /// A hole is also longer than this many usual steps.
 const HOLE_STEPS: f64 = 10.0;
 
-/// Reads a log of the robot: its joints, its zero, its drive gain.
+/// Reads a log of the robot: its joints, its zero, its drive gain, and the clock of its positions.
 pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
     let options = ReadOptions {
@@ -36,6 +36,7 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         // What asks for these columns stands in another file.
         if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
     })?;
+    let log = log.by_its_positions();
     let (step, period) = (log.median_step_s(), config.sample_period_s);
     let file = path.display();
     if step >= SLOWEST * period {

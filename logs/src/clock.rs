@@ -111,6 +111,8 @@ mod tests {
             current: None,
             q_link: Vec::new(),
             unused: Vec::new(),
+            stamps: None,
+            off_s: 0.0,
         }
     }
 

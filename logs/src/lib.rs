@@ -40,6 +40,7 @@ mod parquet_file;
 mod resample;
 mod signal;
 mod stairs;
+mod stamps;
 
 pub use clock::OtherClock;
 pub use error::{LogError, LogFault};

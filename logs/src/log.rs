@@ -52,7 +52,7 @@ pub enum TorqueSource {
 pub struct Log {
     /// The file it was read from.
     pub path: PathBuf,
-    /// Time \[s\], as in the file.
+    /// Time \[s\], as in the file if `stamps` are none.
     pub t: Vec<f64>,
     /// Measured positions \[rad\], in the model's zero.
     pub q: Signals,
@@ -74,6 +74,10 @@ pub struct Log {
     pub q_link: Vec<Option<Vec<f64>>>,
     /// Columns of the file that were not read.
     pub unused: Vec<String>,
+    /// Time stamps as in the file \[s\], where `t` is the even clock of the positions instead ([`Log::by_its_positions`]).
+    pub stamps: Option<Vec<f64>>,
+    /// What is left of jitter in `t` \[s\], root mean square, and at most, by what positions say; 0 where they follow `t`.
+    pub off_s: f64,
 }
 
 /// Reads a log, Parquet or CSV; what the file starts with decides, not its name.
@@ -148,7 +152,8 @@ impl Log {
     /// The rows of a range.
     #[must_use]
     pub fn slice(&self, rows: Range<usize>) -> Log {
-        self.map(self.t[rows.clone()].to_vec(), |_, signal| signal[rows.clone()].to_vec())
+        let stamps = self.stamps.as_ref().map(|stamps| stamps[rows.clone()].to_vec());
+        Log { stamps, ..self.map(self.t[rows.clone()].to_vec(), |_, signal| signal[rows.clone()].to_vec()) }
     }
 
     /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
@@ -197,6 +202,8 @@ impl Log {
             current: some(Group::Current, &self.current),
             q_link: self.q_link.iter().map(|signal| signal.as_ref().map(|s| change(Group::LinkPosition, s))).collect(),
             unused: self.unused.clone(),
+            stamps: None,
+            off_s: self.off_s,
         }
     }
 
@@ -282,6 +289,8 @@ impl Log {
             current,
             q_link,
             unused: table.unused,
+            stamps: None,
+            off_s: 0.0,
         })
     }
 }

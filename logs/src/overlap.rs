@@ -103,6 +103,8 @@ mod tests {
             current: None,
             q_link: Vec::new(),
             unused: Vec::new(),
+            stamps: None,
+            off_s: 0.0,
         }
     }
 

@@ -61,6 +61,10 @@ pub struct ResampleReport {
     pub median_step_s: f64,
     /// Root mean square of step minus usual step \[s\], gaps and steps that lack rows left out.
     pub jitter_s: f64,
+    /// Root mean square of the stamps' distance from the even clock that was taken for them \[s\]; none where the stamps were taken.
+    pub stamps_jitter_s: Option<f64>,
+    /// What is left of jitter in the time of the rows \[s\], root mean square and at most, by what positions say.
+    pub off_s: f64,
     /// Rows that are not there: steps of whole multiples of the usual one.
     pub missing: usize,
     /// Steps longer than 2.5 usual ones.
@@ -167,6 +171,8 @@ impl Log {
             mean_rate_hz: (self.len() - 1) as f64 / self.duration_s(),
             median_step_s,
             jitter_s: (square / regular.max(1) as f64).sqrt(),
+            stamps_jitter_s: self.stamps_jitter_s(),
+            off_s: self.off_s,
             missing,
             gaps,
             repeated: self.q.iter().map(|q| repeated_share(q)).collect(),
@@ -212,6 +218,10 @@ impl fmt::Display for ResampleReport {
             1e3 * self.median_step_s,
             1e3 * self.jitter_s
         )?;
+        if let Some(jitter_s) = self.stamps_jitter_s {
+            let ms = 1e3 * jitter_s;
+            write!(f, ", time stamps jitter by {ms:.3} ms rms and positions are even: taken as even")?;
+        }
         if self.missing > 0 {
             write!(
                 f,

@@ -386,6 +386,9 @@ pub struct Clock {
     pub step_s: f64,
     /// Root mean square of steps about it \[s\].
     pub jitter_s: f64,
+    /// Root mean square of what the stamps are off the even clock that was taken for them \[s\]; absent where the stamps were taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamps_jitter_s: Option<f64>,
     /// Steps that lack samples, and time without any \[s\].
     pub gaps: usize,
     /// Longest of them \[s\].

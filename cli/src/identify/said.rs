@@ -184,6 +184,8 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
             "rows": report.rows_in,
             "mean_rate_hz": report.mean_rate_hz,
             "jitter_s": report.jitter_s,
+            "stamps_jitter_s": report.stamps_jitter_s,
+            "taken_as_even": report.stamps_jitter_s.is_some(),
             "gaps": report.gaps.len(),
             "missing_rows": report.missing,
             "period_s": report.period_s,

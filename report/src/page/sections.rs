@@ -301,7 +301,10 @@ pub(super) fn passport(document: &Document) -> String {
                 of(&|c| c.rows.to_string()),
                 of(&|c| figure(c.seconds, 4)),
                 of(&|c| figure(1e3 * c.step_s, 3)),
-                of(&|c| figure(1e3 * c.jitter_s, 2)),
+                of(&|c| {
+                    let even = if c.stamps_jitter_s.is_some() { " (taken as even)" } else { "" };
+                    figure(1e3 * c.jitter_s, 2) + even
+                }),
                 of(&|c| c.gaps.to_string()),
                 of(&|c| figure(1e3 * c.longest_gap_s, 3)),
                 of(&|c| figure(100.0 * c.repeated, 2)),
