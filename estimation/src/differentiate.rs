@@ -92,13 +92,42 @@ impl Line {
     }
 }
 
+/// What is only delayed: the samples of the last instants, one row each.
+#[derive(Clone, Debug)]
+struct Late {
+    width: usize,
+    data: Vec<f64>,
+    /// Where the next row goes.
+    head: usize,
+}
+
+impl Late {
+    /// For so many channels and instants of delay.
+    fn new(width: usize, delay: usize) -> Late {
+        Late { width, data: vec![0.0; width * (delay + 1)], head: 0 }
+    }
+
+    /// Place for the row of now.
+    fn next(&mut self) -> &mut [f64] {
+        let at = self.head;
+        self.head = if at + self.width == self.data.len() { 0 } else { at + self.width };
+        &mut self.data[at..at + self.width]
+    }
+
+    /// The row that is `delay` older than the last one.
+    fn oldest(&self) -> &[f64] {
+        &self.data[self.head..self.head + self.width]
+    }
+}
+
 /// Everything measured at one instant, `delay` samples after it happened.
 #[derive(Clone, Debug)]
 pub(crate) struct Aligned {
     dof: usize,
     weights: Weights,
-    half: usize,
+    /// Positions.
     line: Line,
+    late: Late,
     states: Option<States>,
     filled: usize,
     pub(crate) q: Vec<f64>,
@@ -133,9 +162,9 @@ impl Aligned {
             states,
             dof,
             weights: Weights::new(differentiator, period),
-            half,
-            // q, tau, three of the setpoint, and whether there was one
-            line: Line::new(5 * dof + 1, 2 * half + 1),
+            line: Line::new(dof, 2 * half + 1),
+            // tau, three of the setpoint, and whether there was one
+            late: Late::new(4 * dof + 1, half),
             filled: 0,
             q: zeros.clone(),
             qd: zeros.clone(),
@@ -144,6 +173,12 @@ impl Aligned {
             desired: vec![0.0; 3 * dof],
             has_setpoint: false,
         }
+    }
+
+    /// For positions alone: torques and setpoints are not delayed with them, but left out.
+    pub(crate) fn positions(dof: usize, differentiator: Differentiator, period: f64) -> Aligned {
+        let aligned = Aligned::new(dof, differentiator, period);
+        Aligned { late: Late::new(0, 0), ..aligned }
     }
 
     /// Forgets all samples.
@@ -163,14 +198,21 @@ impl Aligned {
         }
         for j in 0..n {
             self.line.write(j, q[j]);
-            self.line.write(n + j, tau[j]);
-            let (q, qd, qdd) = setpoint.map_or((0.0, 0.0, 0.0), |s| (s.q[j], s.qd[j], s.qdd[j]));
-            self.line.write(2 * n + j, q);
-            self.line.write(3 * n + j, qd);
-            self.line.write(4 * n + j, qdd);
         }
-        self.line.write(5 * n, f64::from(u8::from(setpoint.is_some())));
         self.line.advance();
+        let row = self.late.next();
+        if let Some((is_set, row)) = row.split_last_mut() {
+            row[..n].copy_from_slice(tau);
+            match setpoint {
+                Some(s) => {
+                    for (part, to) in [s.q, s.qd, s.qdd].iter().zip(row[n..].chunks_exact_mut(n)) {
+                        to.copy_from_slice(part);
+                    }
+                }
+                None => row[n..].fill(0.0),
+            }
+            *is_set = f64::from(u8::from(setpoint.is_some()));
+        }
         self.filled = (self.filled + 1).min(self.line.length);
         if self.filled < self.line.length {
             return false;
@@ -180,12 +222,12 @@ impl Aligned {
             self.q[j] = dot(&self.weights.position, window);
             self.qd[j] = dot(&self.weights.velocity, window);
             self.qdd[j] = dot(&self.weights.acceleration, window);
-            self.tau[j] = self.line.window(n + j)[self.half];
         }
-        for (k, value) in self.desired.iter_mut().enumerate() {
-            *value = self.line.window(2 * n + k)[self.half];
+        if let Some((is_set, row)) = self.late.oldest().split_last() {
+            self.tau.copy_from_slice(&row[..n]);
+            self.desired.copy_from_slice(&row[n..]);
+            self.has_setpoint = *is_set != 0.0;
         }
-        self.has_setpoint = self.line.window(5 * n)[self.half] != 0.0;
         true
     }
 

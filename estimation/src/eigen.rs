@@ -22,8 +22,7 @@ const MOST_ROUNDS: usize = 50;
 #[derive(Clone, Debug)]
 pub struct SymmetricEigen {
     n: usize,
-    a: Vec<f64>,
-    /// Row i becomes eigenvector i.
+    /// The matrix, then its reflections and what they are multiplied to; at the end row i is eigenvector i.
     rows: Vec<f64>,
     /// Eigenvalues, in no order.
     values: Vec<f64>,
@@ -43,7 +42,6 @@ impl SymmetricEigen {
     pub fn new(n: usize) -> SymmetricEigen {
         SymmetricEigen {
             n,
-            a: vec![0.0; n * n],
             rows: vec![0.0; n * n],
             values: vec![0.0; n],
             e: vec![0.0; n],
@@ -56,7 +54,7 @@ impl SymmetricEigen {
 
     /// Begins the decomposition of the symmetric, row-major `a`.
     pub fn start(&mut self, a: &[f64]) {
-        self.a.copy_from_slice(a);
+        self.rows.copy_from_slice(a);
         self.stage = Stage::Reduce { k: 0 };
         self.converged = true;
     }
@@ -65,17 +63,12 @@ impl SymmetricEigen {
     pub(crate) fn start_packed(&mut self, triangle: &[f64]) {
         for i in 0..self.n {
             for (j, &value) in triangle[crate::linear::packed(i)].iter().enumerate() {
-                self.a[i * self.n + j] = value;
-                self.a[j * self.n + i] = value;
+                self.rows[i * self.n + j] = value;
+                self.rows[j * self.n + i] = value;
             }
         }
         self.stage = Stage::Reduce { k: 0 };
         self.converged = true;
-    }
-
-    /// Eigenvectors, eigenvalues, and the matrix that was decomposed as room for others until the next start.
-    pub(crate) fn parts(&mut self) -> (&[f64], &[f64], &mut [f64]) {
-        (&self.rows, &self.values, &mut self.a)
     }
 
     /// Does one step of work (about 10⁵ multiply-adds); true when the decomposition is complete.
@@ -115,22 +108,23 @@ impl SymmetricEigen {
     }
 
     /// Step k of `A ← HₖAHₖ`, `Hₖ = 1 − β·v·vᵀ`, that clears column k below the subdiagonal. v stays in row k of `a`
-    /// right of the diagonal.
+    /// right of the diagonal: what lies below is not needed any more.
     fn reduce(&mut self, k: usize) -> usize {
         let n = self.n;
         if k + 1 >= n {
             for i in 0..n {
-                self.values[i] = self.a[i * n + i];
+                self.values[i] = self.rows[i * n + i];
             }
             self.e[n.saturating_sub(1)] = 0.0;
-            self.rows.fill(0.0);
-            for i in 0..n {
+            let first = n.saturating_sub(2);
+            for i in first..n {
+                self.rows[i * n + first..(i + 1) * n].fill(0.0);
                 self.rows[i * n + i] = 1.0;
             }
             self.stage = if n > 2 { Stage::Accumulate { k: n - 3 } } else { Stage::Iterate { l: 0, rounds: 0 } };
-            return n * n;
+            return n;
         }
-        let (above, below) = self.a.split_at_mut((k + 1) * n);
+        let (above, below) = self.rows.split_at_mut((k + 1) * n);
         let v = &mut above[k * n + k + 1..];
         let size = v.len();
         let tail = dot(&v[1..], &v[1..]);
@@ -159,13 +153,22 @@ impl SymmetricEigen {
         3 * size * size
     }
 
-    /// Builds `Q = H₀·H₁·…` from the last reflection to the first; `rows` holds Qᵀ.
+    /// Builds `Q = H₀·H₁·…` from the last reflection to the first; `rows` holds Qᵀ from row and column k + 1 on, the identity
+    /// before them left out: reflections lie there.
     fn accumulate(&mut self, k: usize) -> usize {
         let n = self.n;
-        let v = &self.a[k * n + k + 1..(k + 1) * n];
+        let (above, below) = self.rows.split_at_mut((k + 1) * n);
+        let row = &mut above[k * n + k..];
+        let v = &mut self.scratch[..n - k - 1];
+        v.copy_from_slice(&row[1..]);
+        row.fill(0.0);
+        row[0] = 1.0;
+        for row in below.chunks_exact_mut(n) {
+            row[k] = 0.0;
+        }
         let beta = self.beta[k];
         if beta != 0.0 {
-            reflect(&mut self.rows[(k + 1) * n..], k + 1, beta, v);
+            reflect(below, k + 1, beta, v);
         }
         self.stage = if k == 0 { Stage::Iterate { l: 0, rounds: 0 } } else { Stage::Accumulate { k: k - 1 } };
         2 * (n - k) * (n - k)

@@ -50,7 +50,7 @@ const BLOCK: (f64, f64) = (0.1, 2.5);
 const LEAST_BLOCK: f64 = 10.0;
 
 /// Of what [`Identifier::remember_all`] writes.
-const MEMORY_VERSION: u32 = 2;
+const MEMORY_VERSION: u32 = 3;
 
 /// What [`Identifier::reconfigure`] kept beside the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,6 +167,8 @@ impl Identifier {
         let speed = |joint: &rivet_dynamics::Joint| {
             if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
         };
+        // Torques, and which joints move, go through the same filter as the rows.
+        let measured = RowFilter::new(&model, &base, over_rows, 2 * dof);
         let jump = model.arm.joints.iter().map(|j| JUMP * speed(j) * settings.sample_period_s).collect();
         Ok(Identifier {
             dof,
@@ -187,9 +189,8 @@ impl Identifier {
             aligned: Aligned::new(dof, settings.differentiator, settings.sample_period_s),
             regressors: Regressors::new(&model),
             workspace: Workspace::new(&model.arm),
-            // Torques, and which joints move, go through the same filter as the rows.
-            measured: RowFilter::new(&model, &base, over_rows, 2 * dof),
-            desired: RowFilter::new(&model, &base, over_rows, 0),
+            desired: measured.another(over_rows),
+            measured,
             energy: with_energy.then(|| {
                 let (period, span) = (settings.sample_period_s, settings.energy_rows());
                 Energy::new(&model, &base, nominal_base, over_rows, period, span, estimator.residual_memory)
@@ -236,7 +237,7 @@ impl Identifier {
         let whole = self.aligned.push(q, tau, setpoint);
         observer.done(Phase::Differentiate);
         if !whole {
-            self.work(observer);
+            self.work(false, observer);
             return Step::WarmingUp;
         }
         self.process(observer)
@@ -462,10 +463,11 @@ impl Identifier {
         Ok(())
     }
 
-    /// The slow part of the estimator has its turn.
-    fn work<O: Observer>(&mut self, observer: &mut O) {
+    /// The slow part of the estimator has its turn. Periods that have `learnt` leave it to those between rows, if there are any:
+    /// no period takes the time of both, or touches the memory of both.
+    fn work<O: Observer>(&mut self, learnt: bool, observer: &mut O) {
         self.turn += 1;
-        if self.turn >= self.thinning {
+        if self.turn >= self.thinning && !(learnt && self.decimation > 1) {
             self.turn = 0;
             self.estimator.work();
         }
@@ -518,15 +520,14 @@ impl Identifier {
             self.phase = 0;
         }
         observer.done(Phase::Model);
-        let step = if self.measured.age() < self.settled {
-            Step::WarmingUp
-        } else if due {
-            self.learn(observer)
-        } else {
-            Step::Between
+        let settled = self.measured.age() >= self.settled;
+        let step = match (settled, due) {
+            (false, _) => Step::WarmingUp,
+            (true, true) => self.learn(observer),
+            (true, false) => Step::Between,
         };
         observer.done(Phase::Estimate);
-        self.work(observer);
+        self.work(settled && due, observer);
         step
     }
 

@@ -4,7 +4,7 @@
 //! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
-use crate::linear::{axpy, dot, packed};
+use crate::linear::{axpy, dot, dot_short, packed};
 use crate::operations::multiply_adds;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
@@ -12,34 +12,36 @@ use rivet_dynamics::MAX_JOINTS;
 /// One entry a row, of at most [`MAX_JOINTS`] rows.
 pub(crate) type Lanes = [f64; MAX_JOINTS];
 
-/// `out = T·x` for a lower triangle T ([`packed`]) and as many vectors as there are lanes.
+/// `x ← T·x` for a lower triangle T ([`packed`]) and as many vectors as there are lanes.
 #[multiversion(targets("x86_64+avx+avx2"))]
-pub(crate) fn lower_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
+pub(crate) fn lower_times(t: &[f32], x: &mut [Lanes]) {
     let n = x.len();
     multiply_adds(MAX_JOINTS * n * (n + 1) / 2);
-    let mut rows = (0..n).map(|i| &t[packed(i)]).zip(out.iter_mut()).enumerate();
-    // Two rows at a time: one addition need not wait for the other's.
-    while let Some((i, (a, out_a))) = rows.next() {
-        let mut sum = [[0.0; MAX_JOINTS]; 2];
-        if let Some((_, (b, out_b))) = rows.next() {
-            for ((x, a), b) in x.iter().zip(&a[..=i]).zip(b) {
-                for lane in 0..MAX_JOINTS {
-                    sum[0][lane] += a * x[lane];
-                    sum[1][lane] += b * x[lane];
-                }
-            }
+    // From the last row to the first: no row wants what lies behind it.
+    if !n.is_multiple_of(2) {
+        let mut sum = [0.0; MAX_JOINTS];
+        for (x, a) in x.iter().zip(&t[packed(n - 1)]) {
             for lane in 0..MAX_JOINTS {
-                sum[1][lane] += b[i + 1] * x[i + 1][lane];
+                sum[lane] += f64::from(*a) * x[lane];
             }
-            (*out_a, *out_b) = (sum[0], sum[1]);
-        } else {
-            for (x, a) in x.iter().zip(&a[..=i]) {
-                for lane in 0..MAX_JOINTS {
-                    sum[0][lane] += a * x[lane];
-                }
-            }
-            *out_a = sum[0];
         }
+        x[n - 1] = sum;
+    }
+    // Two rows at a time: one addition need not wait for the other's.
+    for i in (0..n - n % 2).step_by(2).rev() {
+        let (a, b) = (&t[packed(i)], &t[packed(i + 1)]);
+        let mut sum = [[0.0; MAX_JOINTS]; 2];
+        for ((x, a), b) in x.iter().zip(a).zip(b) {
+            let (a, b) = (f64::from(*a), f64::from(*b));
+            for lane in 0..MAX_JOINTS {
+                sum[0][lane] += a * x[lane];
+                sum[1][lane] += b * x[lane];
+            }
+        }
+        for lane in 0..MAX_JOINTS {
+            sum[1][lane] += f64::from(b[i + 1]) * x[i + 1][lane];
+        }
+        x[i..i + 2].copy_from_slice(&sum);
     }
 }
 
@@ -93,10 +95,10 @@ pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64
 
 /// `out = T⁻¹·x` for a lower triangle T ([`packed`]).
 #[multiversion(targets("x86_64+avx+avx2"))]
-pub(crate) fn lower_solve(t: &[f64], x: &[f64], out: &mut [f64]) {
+pub(crate) fn lower_solve(t: &[f32], x: &[f64], out: &mut [f64]) {
     for (i, x) in x.iter().enumerate() {
         let row = &t[packed(i)];
-        out[i] = (x - dot(&row[..i], &out[..i])) / row[i];
+        out[i] = (x - dot_short(&row[..i], &out[..i])) / f64::from(row[i]);
     }
 }
 
@@ -269,12 +271,13 @@ mod tests {
         for n in [1, 2, 7, 61] {
             let t = random(&mut seed, n * n);
             let x: Vec<Lanes> = (0..n).map(|_| std::array::from_fn(|_| seed.normal())).collect();
-            let mut out = vec![[f64::NAN; MAX_JOINTS]; n];
-            let triangle: Vec<f64> = (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect();
-            lower_times(&triangle, &x, &mut out);
+            let mut out = x.clone();
+            let t: Vec<f32> = t.iter().map(|t| *t as f32).collect();
+            let triangle: Vec<f32> = (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect();
+            lower_times(&triangle, &mut out);
             for i in 0..n {
                 for lane in 0..MAX_JOINTS {
-                    let expected: f64 = (0..=i).map(|k| t[i * n + k] * x[k][lane]).sum();
+                    let expected: f64 = (0..=i).map(|k| f64::from(t[i * n + k]) * x[k][lane]).sum();
                     assert!((out[i][lane] - expected).abs() < 1e-12, "{n} {i} {lane}");
                 }
             }

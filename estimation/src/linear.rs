@@ -61,6 +61,21 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
 }
 
+/// The same of numbers of fewer bits, which are widened before anything is done with them.
+#[inline(always)]
+pub(crate) fn dot_short<T: Copy + Into<f64>>(a: &[T], x: &[f64]) -> f64 {
+    multiply_adds(x.len());
+    let mut sums = [0.0; 8];
+    let (a, x) = (a.chunks_exact(8), x.chunks_exact(8));
+    let rest: f64 = a.remainder().iter().zip(x.remainder()).map(|(a, x)| (*a).into() * x).sum();
+    for (a, x) in a.zip(x) {
+        for k in 0..8 {
+            sums[k] += a[k].into() * x[k];
+        }
+    }
+    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
+}
+
 /// Products of four vectors with the same one.
 #[inline(always)]
 pub(crate) fn dot_four(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
@@ -99,6 +114,27 @@ pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     multiply_adds(x.len());
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
+    }
+}
+
+/// `y += a·x`, x in single precision.
+#[inline(always)]
+pub(crate) fn axpy_short(a: f64, x: &[f32], y: &mut [f64]) {
+    multiply_adds(x.len());
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += a * f64::from(*x);
+    }
+}
+
+/// Moves rows and columns `kept` (rising) of a matrix whose rows are `stride` apart to its beginning, without gaps.
+pub(crate) fn compress(matrix: &mut [f64], stride: usize, kept: &(impl Iterator<Item = usize> + Clone)) {
+    let mut to = 0;
+    for i in kept.clone() {
+        for j in kept.clone() {
+            // Never behind what is read next.
+            matrix[to] = matrix[i * stride + j];
+            to += 1;
+        }
     }
 }
 
@@ -149,6 +185,31 @@ impl Lu {
         self.done = 0;
         self.singular = false;
         self.smallest_allowed = -1.0;
+        &mut self.a[..n * n]
+    }
+
+    /// Row `i` of the matrix in place of its factors, complete as they are: from the last row to the first, and then
+    /// [`unswap`](Self::unswap). Rounding is that of the factorisation. `room`: as many entries as a row has.
+    pub(crate) fn multiply_back(&mut self, i: usize, room: &mut [f64]) {
+        let n = self.n;
+        let (above, row) = self.a[..(i + 1) * n].split_at_mut(i * n);
+        room[..i].copy_from_slice(&row[..i]);
+        row[..i].fill(0.0);
+        for (k, (factor, above)) in room[..i].iter().zip(above.chunks_exact(n)).enumerate() {
+            axpy(*factor, &above[k..], &mut row[k..]);
+        }
+    }
+
+    /// Rows that were multiplied back go where they were before pivots were chosen.
+    pub(crate) fn unswap(&mut self) -> &mut [f64] {
+        let n = self.n;
+        for k in (0..n).rev() {
+            let p = self.swaps[k];
+            if p != k {
+                let (upper, lower) = self.a.split_at_mut(p * n);
+                upper[k * n..(k + 1) * n].swap_with_slice(&mut lower[..n]);
+            }
+        }
         &mut self.a[..n * n]
     }
 
@@ -276,11 +337,23 @@ pub(crate) mod tests {
             lu.solve(&mut b);
             let mut c: Vec<f64> = (0..n).map(|j| (0..n).map(|i| a[i * n + j] * x[i]).sum()).collect();
             lu.solve_transposed(&mut c);
+            let mut room = vec![0.0; n];
+            (0..n).rev().for_each(|i| lu.multiply_back(i, &mut room));
+            assert!(lu.unswap().iter().zip(&a).all(|(found, a)| (found - a).abs() < 1e-12), "{n}: multiplied back");
             for i in 0..n {
                 // condition numbers of these seeded matrices stay below 1e4
                 assert!((b[i] - x[i]).abs() < 1e-10 && (c[i] - x[i]).abs() < 1e-10, "{n}: {} {} {}", b[i], c[i], x[i]);
             }
         }
+    }
+
+    #[test]
+    fn rows_and_columns_move_together() {
+        let mut matrix: Vec<f64> = (0..16).map(f64::from).collect();
+        compress(&mut matrix, 4, &[1, 3].into_iter());
+        assert_eq!(matrix[..4], [5.0, 7.0, 13.0, 15.0]);
+        compress(&mut matrix, 2, &(0..2));
+        assert_eq!(matrix[..4], [5.0, 7.0, 13.0, 15.0]);
     }
 
     #[test]

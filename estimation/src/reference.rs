@@ -39,7 +39,7 @@ impl Reference {
         Reference {
             wanted: settings.instruments,
             closed_loop: through_loop.then(|| ClosedLoop::new(dof, filter, settings.filter_hz, period, row)),
-            second: second.then(|| Aligned::new(dof, settings.differentiator, period)),
+            second: second.then(|| Aligned::positions(dof, settings.differentiator, period)),
             second_now: false,
             repetition: cycle.map(|longest| Repetition::new(dof, longest, period, settings.decimation)),
         }
@@ -69,7 +69,7 @@ impl Reference {
     pub(crate) fn read_second(&mut self, link: Option<&[f64]>, tau: &[f64]) {
         let Some(second) = &mut self.second else { return };
         if let Some(link) = link {
-            // The torques only fill the place; they are the first encoders' business.
+            // Torques are the first encoders' business.
             self.second_now = second.push(link, tau, None);
         } else {
             second.restart();

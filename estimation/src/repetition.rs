@@ -24,8 +24,11 @@ pub(crate) struct Repetition {
     stride: usize,
     per_lag: usize,
     period_s: f64,
-    /// Stored motions, `3·dof` numbers each, and how many there are.
-    ring: Vec<f64>,
+    /// Stored positions, and velocities and accelerations: single precision is far below what two cycles differ by. Those a
+    /// lag apart lie side by side: they are compared at once.
+    positions: Vec<f32>,
+    rates: Vec<f32>,
+    /// How many motions there is room for, a multiple of those in a lag.
     depth: usize,
     head: usize,
     filled: usize,
@@ -55,13 +58,14 @@ impl Repetition {
         let lag = row * per_lag as f64;
         let lags = (longest_s / lag).ceil() as usize + 2;
         // Two more than the longest lag: interpolation takes the motion on either side.
-        let depth = lags * per_lag + 2;
+        let depth = (lags * per_lag + 2).next_multiple_of(per_lag);
         Repetition {
             dof,
             stride,
             per_lag,
             period_s,
-            ring: vec![0.0; depth * 3 * dof],
+            positions: vec![0.0; depth * dof],
+            rates: vec![0.0; depth * 2 * dof],
             depth,
             head: 0,
             filled: 0,
@@ -84,8 +88,12 @@ impl Repetition {
 
     /// Forgets everything: after a hole, lags have no meaning.
     pub(crate) fn restart(&mut self) {
-        self.filled = 0;
         self.since = 0;
+        if self.filled == 0 {
+            // Asked for every sample while something better is there: nothing to forget.
+            return;
+        }
+        self.filled = 0;
         self.since_lag = 0;
         self.forget_lags();
     }
@@ -140,19 +148,22 @@ impl Repetition {
     }
 
     fn store(&mut self, now: Motion<'_>) {
-        let n = self.dof;
-        let place = &mut self.ring[self.head * 3 * n..(self.head + 1) * 3 * n];
-        place[..n].copy_from_slice(now.q);
-        place[n..2 * n].copy_from_slice(now.qd);
-        place[2 * n..].copy_from_slice(now.qdd);
+        let (n, at) = (self.dof, self.place(self.head));
+        let single = |(out, x): (&mut f32, &f64)| *out = *x as f32;
+        self.positions[at * n..(at + 1) * n].iter_mut().zip(now.q).for_each(single);
+        self.rates[2 * at * n..2 * (at + 1) * n].iter_mut().zip(now.qd.iter().chain(now.qdd)).for_each(single);
         self.head = if self.head + 1 == self.depth { 0 } else { self.head + 1 };
         self.filled = (self.filled + 1).min(self.depth);
     }
 
-    /// The motion stored `age` before the newest.
-    fn stored(&self, age: usize) -> &[f64] {
-        let at = (self.head + self.depth - 1 - age) % self.depth;
-        &self.ring[at * 3 * self.dof..(at + 1) * 3 * self.dof]
+    /// Where motion `at` of the ring lies.
+    fn place(&self, at: usize) -> usize {
+        at % self.per_lag * (self.depth / self.per_lag) + at / self.per_lag
+    }
+
+    /// Where the motion `age` before the newest lies.
+    fn stored(&self, age: usize) -> usize {
+        self.place((self.head + self.depth - 1 - age) % self.depth)
     }
 
     /// Adds the position of now to the sums of every lag that reaches into what is stored.
@@ -167,8 +178,9 @@ impl Repetition {
             if age >= self.filled {
                 break;
             }
-            let before = self.stored(age);
-            let off: f64 = q.iter().zip(before).map(|(q, before)| (q - before).powi(2)).sum();
+            let at = self.stored(age) * q.len();
+            let off: f64 =
+                q.iter().zip(&self.positions[at..]).map(|(q, before)| (q - f64::from(*before)).powi(2)).sum();
             self.difference[lag] = self.keep * self.difference[lag] + off;
             self.variance[lag] = self.keep * self.variance[lag] + variance;
             self.terms[lag] += 1.0;
@@ -204,11 +216,15 @@ impl Repetition {
     fn interpolate(&mut self, age: f64) {
         let whole = age.floor().max(0.0);
         let (share, index) = (age - whole, (whole as usize).min(self.depth - 2));
-        let mut out = std::mem::take(&mut self.motion);
-        for ((out, late), early) in out.iter_mut().zip(self.stored(index)).zip(self.stored(index + 1)) {
-            *out = late + share * (early - late);
+        let (late, early) = (self.stored(index), self.stored(index + 1));
+        let (q, rates) = self.motion.split_at_mut(self.dof);
+        for (out, stored) in [(q, &self.positions), (rates, &self.rates)] {
+            let n = out.len();
+            for ((out, late), early) in out.iter_mut().zip(&stored[late * n..]).zip(&stored[early * n..]) {
+                let (late, early) = (f64::from(*late), f64::from(*early));
+                *out = late + share * (early - late);
+            }
         }
-        self.motion = out;
     }
 }
 

@@ -5,7 +5,7 @@
 //! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
 use crate::kernels::{Lanes, lower_solve, lower_times};
-use crate::linear::{axpy, dot, packed};
+use crate::linear::{axpy, axpy_short, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
 /// States of the reference workload.
@@ -146,7 +146,7 @@ impl Scales {
                 t[i * n + column] = (f64::from(u8::from(i == column)) - sum) / l[i * n + i];
             }
         }
-        Whitening { n, t: (0..n).flat_map(|i| t[i * n..=i * n + i].to_vec()).collect() }
+        Whitening { n, t: (0..n).flat_map(|i| t[i * n..=i * n + i].iter().map(|t| *t as f32)).collect() }
     }
 }
 
@@ -159,36 +159,34 @@ fn unknown(model: &Model, base: &BaseSet, nominal_base: &[f64], parameters: &[Pa
     parameters.iter().all(|p| value(p) == Some(0.0))
 }
 
-/// The inverse T of the Cholesky factor L of the scaled workload: a lower triangle, packed. L is applied by substitution.
+/// The inverse T of the Cholesky factor L of the scaled workload: a lower triangle, packed. L is applied by substitution, so that
+/// there and back is the identity whatever T is: rounded to single precision it whitens as well.
 #[derive(Clone, Debug)]
 pub(crate) struct Whitening {
     n: usize,
-    t: Vec<f64>,
+    t: Vec<f32>,
 }
 
 /// Room for a product of [`Whitening::rows`]: one lane a row.
 #[derive(Clone, Debug)]
-pub(crate) struct LaneScratch {
-    before: Vec<Lanes>,
-    after: Vec<Lanes>,
-}
+pub(crate) struct LaneScratch(Vec<Lanes>);
 
 impl LaneScratch {
     pub(crate) fn new(n: usize) -> LaneScratch {
-        LaneScratch { before: vec![Lanes::default(); n], after: vec![Lanes::default(); n] }
+        LaneScratch(vec![Lanes::default(); n])
     }
 }
 
 impl Whitening {
     /// Rows of a regressor (n entries each, at most as many as there are lanes) in these coordinates: `row ← T·row`.
     pub(crate) fn rows(&self, rows: &mut [f64], scratch: &mut LaneScratch) {
-        let LaneScratch { before, after } = scratch;
+        let LaneScratch(room) = scratch;
         for (lane, row) in rows.chunks_exact(self.n).enumerate() {
-            before.iter_mut().zip(row).for_each(|(lanes, x)| lanes[lane] = *x);
+            room.iter_mut().zip(row).for_each(|(lanes, x)| lanes[lane] = *x);
         }
-        lower_times(&self.t, before, after);
+        lower_times(&self.t, room);
         for (lane, row) in rows.chunks_exact_mut(self.n).enumerate() {
-            row.iter_mut().zip(&*after).for_each(|(x, lanes)| *x = lanes[lane]);
+            row.iter_mut().zip(&*room).for_each(|(x, lanes)| *x = lanes[lane]);
         }
     }
 
@@ -199,7 +197,7 @@ impl Whitening {
             let (row, pivot) = self.row(k);
             out[k] /= pivot;
             let x = out[k];
-            axpy(-x, row, &mut out[..k]);
+            axpy_short(-x, row, &mut out[..k]);
         }
     }
 
@@ -207,7 +205,7 @@ impl Whitening {
     pub(crate) fn parameters(&self, coordinates: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for (k, &x) in coordinates.iter().enumerate() {
-            axpy(x, &self.t[packed(k)], &mut out[..=k]);
+            axpy_short(x, &self.t[packed(k)], &mut out[..=k]);
         }
     }
 
@@ -217,14 +215,14 @@ impl Whitening {
     }
 
     /// Row k of T left of its diagonal, and that.
-    fn row(&self, k: usize) -> (&[f64], f64) {
+    fn row(&self, k: usize) -> (&[f32], f64) {
         let row = &self.t[packed(k)];
-        (&row[..k], row[k])
+        (&row[..k], f64::from(row[k]))
     }
 
     /// How coordinate k enters parameter i: `T[k][i]`.
     pub(crate) fn share(&self, i: usize, k: usize) -> f64 {
-        self.t[packed(k)][i]
+        f64::from(self.t[packed(k)][i])
     }
 }
 

@@ -5,6 +5,7 @@ use crate::filter::{Bank, Butterworth};
 use crate::report::Motion;
 use crate::settings::InputSignals;
 use rivet_dynamics::{BaseSet, Model, Parameter, Slip, Workspace};
+use std::sync::Arc;
 
 /// Standard regressors of the measured motion and of a second one, side by side: together they cost what one does.
 #[derive(Clone, Debug)]
@@ -51,7 +52,7 @@ impl Regressors {
 #[derive(Clone, Debug)]
 pub(crate) struct RowFilter {
     /// Place in the standard regressor and in the base rows of every entry that is not zero by structure.
-    entries: Vec<(u32, u32)>,
+    entries: Arc<[(u16, u16)]>,
     extra: usize,
     bank: Option<Bank>,
     channels: Vec<f64>,
@@ -64,8 +65,16 @@ impl RowFilter {
     pub(crate) fn new(model: &Model, base: &BaseSet, filter: Option<&Butterworth>, extra: usize) -> RowFilter {
         let n = base.len();
         // At most eight rows of a hundred columns.
-        let places = |e: Entry| (e.standard as u32, (e.joint * n + e.column) as u32);
-        let entries: Vec<(u32, u32)> = structural_entries(model, base).into_iter().map(places).collect();
+        let places = |e: Entry| (e.standard as u16, (e.joint * n + e.column) as u16);
+        RowFilter::of(structural_entries(model, base).into_iter().map(places).collect(), filter, extra)
+    }
+
+    /// One more of the same rows, without further channels.
+    pub(crate) fn another(&self, filter: Option<&Butterworth>) -> RowFilter {
+        RowFilter::of(Arc::clone(&self.entries), filter, 0)
+    }
+
+    fn of(entries: Arc<[(u16, u16)]>, filter: Option<&Butterworth>, extra: usize) -> RowFilter {
         let count = entries.len() + extra;
         let bank = filter.map(|filter| Bank::new(filter.clone(), count));
         RowFilter { entries, extra, bank, channels: vec![0.0; count], age: 0 }
@@ -86,7 +95,7 @@ impl RowFilter {
     pub(crate) fn step(&mut self, regressors: &Regressors, side: Side, extra: impl Iterator<Item = f64>) {
         let (columns, further) = self.channels.split_at_mut(self.entries.len());
         let lane = side as usize;
-        for (out, &(standard, _)) in columns.iter_mut().zip(&self.entries) {
+        for (out, &(standard, _)) in columns.iter_mut().zip(&*self.entries) {
             *out = regressors.pair[standard as usize][lane];
         }
         for (out, value) in further.iter_mut().zip(extra) {
@@ -100,7 +109,7 @@ impl RowFilter {
 
     /// Writes the filtered rows; entries that are zero by structure are not touched.
     pub(crate) fn rows(&self, out: &mut [f64]) {
-        for (value, &(_, base)) in self.channels.iter().zip(&self.entries) {
+        for (value, &(_, base)) in self.channels.iter().zip(&*self.entries) {
             out[base as usize] = *value;
         }
     }

@@ -4,12 +4,16 @@
 use crate::linear::{axpy, dot, dot_four};
 use crate::memory::Carry;
 use multiversion::multiversion;
+use std::ops::Range;
+
+/// Columns of U that lie together, all as long as the last of them.
+const BLOCK: usize = 4;
 
 /// `P = U·D·Uᵀ` with U unit upper triangular: the covariance over the noise variance.
 #[derive(Clone, Debug)]
 pub struct UdFilter {
     n: usize,
-    /// U transposed, row-major: row j holds column j of U up to its diagonal, so that the update runs along rows.
+    /// U transposed: row j holds column j of U up to its diagonal, so that the update runs along rows; see [`block`].
     columns: Vec<f64>,
     d: Vec<f64>,
     x: Vec<f64>,
@@ -33,7 +37,7 @@ impl UdFilter {
         let n = x.len();
         let mut filter = UdFilter {
             n,
-            columns: vec![0.0; n * n],
+            columns: vec![0.0; block(n.div_ceil(BLOCK)).start],
             d: variance.to_vec(),
             x: x.to_vec(),
             start: variance.to_vec(),
@@ -53,7 +57,7 @@ impl UdFilter {
         self.d.copy_from_slice(&self.start);
         self.columns.fill(0.0);
         for i in 0..self.n {
-            self.columns[i * self.n + i] = 1.0;
+            self.columns[column(i).start + i] = 1.0;
         }
     }
 
@@ -103,13 +107,12 @@ impl UdFilter {
     /// Variance of parameter `i` over the noise variance: `Σⱼ Uᵢⱼ²·dⱼ`.
     #[must_use]
     pub fn variance(&self, i: usize) -> f64 {
-        (i..self.n).map(|j| self.columns[j * self.n + i].powi(2) * self.d[j]).sum()
+        (i..self.n).map(|j| self.columns[column(j).start + i].powi(2) * self.d[j]).sum()
     }
 
     /// Columns of U down to the diagonal, each with its entry of D: `P = Σ d·u·uᵀ`.
     pub(crate) fn factors(&self) -> impl Iterator<Item = (&[f64], f64)> {
-        let columns = self.columns.chunks_exact(self.n.max(1)).enumerate().map(|(j, column)| &column[..=j]);
-        columns.zip(self.d.iter().copied())
+        self.d.iter().enumerate().map(|(j, d)| (&self.columns[column(j)], *d))
     }
 
     /// Sum of all variances over the noise variance: the trace of P.
@@ -132,25 +135,46 @@ impl UdFilter {
     }
 }
 
+/// Where block b of four columns lies: each column takes as much room as the longest of them, so that they are equally far apart
+/// and nearly no room is wasted.
+#[inline(always)]
+fn block(b: usize) -> Range<usize> {
+    let before = |b: usize| BLOCK * BLOCK * b * (b + 1) / 2;
+    before(b)..before(b + 1)
+}
+
+/// Where column j lies, down to the diagonal.
+#[inline(always)]
+fn column(j: usize) -> Range<usize> {
+    let start = block(j / BLOCK).start + j % BLOCK * width(j);
+    start..start + j + 1
+}
+
+/// Room that a column of the block of column j takes.
+#[inline(always)]
+fn width(j: usize) -> usize {
+    (j / BLOCK + 1) * BLOCK
+}
+
 /// `f = Uᵀ·row`
 #[multiversion(targets("x86_64+avx+avx2"))]
 fn project(columns: &[f64], row: &[f64], f: &mut [f64]) {
     let n = f.len();
-    let whole = n - n % 4;
-    for start in (0..whole).step_by(4) {
-        let block = &columns[start * n..];
-        let above = [&block[..start], &block[n..n + start], &block[2 * n..2 * n + start], &block[3 * n..3 * n + start]];
+    let whole = n - n % BLOCK;
+    for start in (0..whole).step_by(BLOCK) {
+        let (block, w) = (&columns[block(start / BLOCK)], width(start));
+        let above = [&block[..start], &block[w..w + start], &block[2 * w..2 * w + start], &block[3 * w..3 * w + start]];
         let mut sums = dot_four(above, &row[..start]);
-        for k in 0..4 {
+        for k in 0..BLOCK {
             for i in start..start + k {
-                sums[k] += block[k * n + i] * row[i];
+                sums[k] += block[k * w + i] * row[i];
             }
             sums[k] += row[start + k];
         }
-        f[start..start + 4].copy_from_slice(&sums);
+        f[start..start + BLOCK].copy_from_slice(&sums);
     }
     for j in whole..n {
-        f[j] = dot(&columns[j * n..j * n + j], &row[..j]) + row[j];
+        f[j] = dot(&columns[column(j)][..j], &row[..j]) + row[j];
     }
 }
 
@@ -184,14 +208,14 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
         *u = old + *k * lambda;
         *k += old * v;
     };
-    for start in (0..n).step_by(4) {
-        let end = n.min(start + 4);
+    for start in (0..n).step_by(BLOCK) {
+        let end = n.min(start + BLOCK);
         let (above, own) = gain.split_at_mut(start);
-        let block = &mut columns[start * n..end * n];
+        let (block, w) = (&mut columns[block(start / BLOCK)], width(start));
         if let (&[va, vb, vc, vd, ..], &[la, lb, lc, ld, ..]) = (&own[..], &lambda[start..]) {
-            let (a, rest) = block.split_at_mut(n);
-            let (b, rest) = rest.split_at_mut(n);
-            let (c, d) = rest.split_at_mut(n);
+            let (a, rest) = block.split_at_mut(w);
+            let (b, rest) = rest.split_at_mut(w);
+            let (c, d) = rest.split_at_mut(w);
             for ((((k, a), b), c), d) in above.iter_mut().zip(a).zip(b).zip(c).zip(d) {
                 step(a, k, la, va);
                 step(b, k, lb, vb);
@@ -199,12 +223,12 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
                 step(d, k, ld, vd);
             }
         } else {
-            for (column, (&v, &l)) in block.chunks_exact_mut(n).zip(own.iter().zip(&lambda[start..])) {
+            for (column, (&v, &l)) in block.chunks_exact_mut(w).zip(own.iter().zip(&lambda[start..])) {
                 above.iter_mut().zip(column).for_each(|(k, u)| step(u, k, l, v));
             }
         }
         // Within the block.
-        for (column, j) in block.chunks_exact_mut(n).zip(start..end) {
+        for (column, j) in block.chunks_exact_mut(w).zip(start..end) {
             let (k, v) = gain.split_at_mut(j);
             k[start..].iter_mut().zip(&mut column[start..j]).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
         }

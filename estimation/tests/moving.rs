@@ -144,10 +144,11 @@ fn a_load_alone_is_learnt_sooner_than_a_whole_arm() {
     assert_eq!(changes, 1);
     // The tracked scheme keeps its sums in directions of its own: it begins anew.
     let (whole, _) = updates_until(0.005, &mut bench, tracked, 1.0);
-    // Friction that doubles at the same time is no load, which shows when the time to learn one is over.
+    // Friction that doubles at the same time is no load. It is learnt beside one, or, where that takes longer than a load has, the
+    // arm is another one: which of the two hangs on the period in which a solution comes.
     let (more, changes) = updates_until(0.005, &mut bench, eigen, 2.0);
     println!("updates: {load} for a load, {whole} for the arm anew, {more} for load and friction");
-    assert_eq!(changes, 2);
+    assert!((1..=2).contains(&changes), "{changes}");
     assert!(2 * load < whole, "{load} against {whole}");
     assert!(load < more, "{load} against {more}");
 }

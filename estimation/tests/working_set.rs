@@ -47,9 +47,9 @@ fn held(bench: &Bench, settings: &Settings) -> f64 {
 fn working_set() {
     let auto = Instruments::Auto { delay_s: 0.02, longest_cycle_s: 20.0 };
     for (arm, decimation, filter_hz, most) in [
-        ("staubli-tx40", 8, 25.0, [[341.0, 747.0], [335.0, 741.0], [306.0, 711.0]]),
-        ("ur10e", 20, 6.0, [[317.0, 492.0], [320.0, 496.0], [284.0, 459.0]]),
-        ("manutec-r3", 10, 20.0, [[317.0, 646.0], [320.0, 648.0], [284.0, 611.0]]),
+        ("staubli-tx40", 8, 25.0, [[257.0, 469.0], [294.0, 506.0], [273.0, 484.0]]),
+        ("ur10e", 20, 6.0, [[239.0, 332.0], [280.0, 373.0], [252.0, 344.0]]),
+        ("manutec-r3", 10, 20.0, [[239.0, 411.0], [280.0, 452.0], [252.0, 423.0]]),
     ] {
         let Some(bench) = Bench::new(arm) else { continue };
         let n = bench.len();

@@ -8,8 +8,8 @@ mod tests;
 mod work;
 
 use super::{Directions, PRIOR_CAUTION};
-use crate::kernels::{times, times_chosen};
-use crate::linear::{Budget, Lu, axpy, dot};
+use crate::kernels::times_chosen;
+use crate::linear::{Budget, Lu, axpy, compress, dot};
 use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::scales::Whitening;
@@ -25,11 +25,11 @@ enum Stage {
     /// Waiting for rows.
     Idle,
     Judge,
-    /// Rows of `M·Vᵀ`, and which directions the instruments are relevant for.
+    /// Rows of `M·Vᵀ`.
     Map {
         row: usize,
     },
-    /// Rows of the reduced matrix.
+    /// The reduced matrix, column by column, and which directions the instruments are relevant for.
     Reduce {
         row: usize,
     },
@@ -55,8 +55,8 @@ pub(super) struct Cycle {
     /// Rows since the last cycle began.
     rows: u32,
     judge: Judge,
-    /// Copies of the sums. M becomes the memory of `lu` where the judge has mapped it; S, in full, is empty where the judge
-    /// keeps its own. The tracked scheme needs neither.
+    /// Copies of the sums. M is mapped and reduced in place and becomes the memory of `lu` where the judge has directions; S, in
+    /// full, is empty where the judge keeps its own. The tracked scheme needs neither.
     m: Vec<f64>,
     s: Vec<f64>,
     y: Vec<f64>,
@@ -212,7 +212,7 @@ impl Cycle {
         Some(Directions { coordinates: &self.x, directions })
     }
 
-    /// Rows of M·v_k from `row` on, into the room that the decomposition leaves, and the relevance guard `r < vᵀMv/vᵀSv < 1/r`. Returns the next row.
+    /// What the estimate leaves of y, and rows of `M·Vᵀ` from `row` on in the place of M's. Returns the next row.
     fn map(&mut self, row: usize, budget: &mut Budget) -> usize {
         let n = self.x.len();
         if row == 0 {
@@ -220,58 +220,106 @@ impl Cycle {
             for (out, (m, y)) in self.rest.iter_mut().zip(self.m.chunks_exact(n).zip(&self.y)) {
                 *out = y - dot(m, &self.x);
             }
+            self.index.clear();
+            self.index.extend((0..n).filter(|&k| self.active[k]));
         }
-        let Judge::Directions(scheme) = &mut self.judge else { return n };
-        let relevance = scheme.settings().relevance;
-        let (vectors, values, room) = scheme.parts();
-        let mut k = row;
-        while k < n && !budget.is_spent() {
-            if self.active[k] {
-                let v = &vectors[k * n..(k + 1) * n];
-                let mapped = &mut room[k * n..(k + 1) * n];
-                times(&self.m, v, mapped);
-                let ratio = dot(v, mapped) / values[k];
-                self.active[k] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
-                budget.charge(n * n + n);
-            }
-            k += 1;
+        let Judge::Directions(scheme) = &self.judge else { return n };
+        let mapped = &mut self.scratch[..self.index.len()];
+        let mut i = row;
+        while i < n && !budget.is_spent() {
+            let own = &mut self.m[i * n..(i + 1) * n];
+            times_chosen(scheme.vectors(), &self.index, own, mapped);
+            own[..mapped.len()].copy_from_slice(mapped);
+            budget.charge(n * mapped.len() + n);
+            i += 1;
         }
-        k
+        i
     }
 
-    /// The reduced system from `row` on. Returns the next row.
+    /// The reduced system from `row` on. Returns the next row; all are done when it is no place of `index`.
     fn reduce(&mut self, row: usize, budget: &mut Budget) -> usize {
-        let n = self.x.len();
-        if row == 0 {
-            self.index.clear();
-            for k in 0..n {
-                if self.active[k] {
-                    self.index.push(k);
-                }
+        match self.judge {
+            Judge::Directions(_) if self.rounds == 0 => self.reduce_directions(row, budget),
+            Judge::Directions(_) => self.reduce_again(row, budget),
+            _ => self.reduce_columns(row, budget),
+        }
+    }
+
+    /// Of the directions that the judge has chosen, from mapped rows: in their place, column by column. The instruments of a
+    /// direction are relevant if `r < vᵀMv/vᵀSv < 1/r`.
+    fn reduce_directions(&mut self, column: usize, budget: &mut Budget) -> usize {
+        let (n, size) = (self.x.len(), self.index.len());
+        let Cycle { judge, index, m, step, scratch, active, .. } = self;
+        let Judge::Directions(scheme) = &*judge else { return size };
+        let mut a = column;
+        while a < size && !budget.is_spent() {
+            for (x, row) in scratch.iter_mut().zip(m.chunks_exact(n)) {
+                *x = row[a];
             }
-            if matches!(self.judge, Judge::Directions(_)) && !self.m.is_empty() {
-                // It is mapped: what it was made of becomes the room for the factors.
-                self.lu.lend(std::mem::take(&mut self.m));
+            times_chosen(scheme.vectors(), index, scratch, &mut step[..size]);
+            for (row, x) in m.chunks_exact_mut(n).zip(&step[..size]) {
+                row[a] = *x;
+            }
+            let (relevance, ratio) = (scheme.settings().relevance, m[a * n + a] / scheme.values()[index[a]]);
+            active[index[a]] = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
+            budget.charge(n * size + n);
+            a += 1;
+        }
+        if a == size {
+            compress(m, n, &(0..size).filter(|&a| active[index[a]]));
+            self.lu.lend(std::mem::take(&mut self.m));
+            self.keep_active();
+        }
+        a
+    }
+
+    /// Without the directions that verification has taken out: the factors are multiplied again, from the last row to the first.
+    fn reduce_again(&mut self, row: usize, budget: &mut Budget) -> usize {
+        let size = self.index.len();
+        let Cycle { lu, index, scratch, active, .. } = self;
+        let mut a = row;
+        while a < size && !budget.is_spent() {
+            lu.multiply_back(size - 1 - a, scratch);
+            budget.charge(size * (size - a));
+            a += 1;
+        }
+        if a == size {
+            compress(lu.unswap(), size, &(0..size).filter(|&a| active[index[a]]));
+            self.keep_active();
+        }
+        a
+    }
+
+    /// The matrix has been reduced to what is active: so are its rows' names and the right-hand side.
+    fn keep_active(&mut self) {
+        let n = self.x.len();
+        let Cycle { judge, index, active, lu, step, rest, .. } = self;
+        index.retain(|&k| active[k]);
+        lu.start(index.len());
+        if let Judge::Directions(scheme) = judge {
+            for (step, &k) in step.iter_mut().zip(&*index) {
+                *step = dot(&scheme.vectors()[k * n..(k + 1) * n], rest);
             }
         }
-        let size = self.index.len();
-        let Cycle { judge, lu, index, m, step, rest, .. } = self;
+    }
+
+    /// Of the coordinates themselves.
+    fn reduce_columns(&mut self, row: usize, budget: &mut Budget) -> usize {
+        let n = self.x.len();
+        let Cycle { lu, index, m, step, rest, active, .. } = self;
+        if row == 0 {
+            index.retain(|&k| active[k]);
+        }
+        let size = index.len();
         let matrix = if row == 0 { lu.start(size) } else { lu.matrix() };
         let mut a = row;
         while a < size && !budget.is_spent() {
+            // As much as for directions: cycles that follow each other faster would cost the mean period more.
             budget.charge(n * size + n);
-            let out = &mut matrix[a * size..(a + 1) * size];
-            if let Judge::Directions(scheme) = &mut *judge {
-                let (vectors, _, mapped) = scheme.parts();
-                let v = &vectors[index[a] * n..(index[a] + 1) * n];
-                times_chosen(mapped, index, v, out);
-                step[a] = dot(v, rest);
-            } else {
-                for (out, &k) in out.iter_mut().zip(index.iter()) {
-                    *out = m[index[a] * n + k];
-                }
-                step[a] = rest[index[a]];
+            for (out, &k) in matrix[a * size..(a + 1) * size].iter_mut().zip(index.iter()) {
+                *out = m[index[a] * n + k];
             }
+            step[a] = rest[index[a]];
             a += 1;
         }
         a

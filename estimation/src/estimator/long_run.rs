@@ -11,8 +11,11 @@
 //! sums are as good as independent, in every direction, and no model of the colour is needed. A window holds few blocks:
 //! what they say is averaged with what white residuals would give.
 
+use crate::linear::{axpy, dot_short, packed};
 use crate::memory::Carry;
 
+/// Single precision holds no more.
+const LARGEST: f64 = 1e36;
 /// What is believed before any block counts as this many.
 const PRIOR_BLOCKS: f64 = 4.0;
 
@@ -29,8 +32,8 @@ pub(super) struct LongRun {
     filled: usize,
     /// The block after a start is dropped: its residuals are those of values that nothing is known about.
     starting: bool,
-    /// Ω, lower triangle, packed.
-    sum: Vec<f64>,
+    /// Ω, lower triangle, packed; a few blocks are known worse than single precision by far.
+    sum: Vec<f32>,
     /// Σ λ^(age) over the updates in Ω, and over its blocks.
     covered: f64,
     blocks: f64,
@@ -46,7 +49,7 @@ impl LongRun {
             score: vec![0.0; n],
             filled: 0,
             starting: true,
-            sum: vec![0.0; crate::linear::packed(n).start],
+            sum: vec![0.0; packed(n).start],
             covered: 0.0,
             blocks: 0.0,
         }
@@ -64,7 +67,11 @@ impl LongRun {
 
     pub(super) fn carry(&mut self, carry: &mut Carry<'_>) {
         carry.numbers(&mut self.score);
-        carry.numbers(&mut self.sum);
+        for sum in &mut self.sum {
+            let mut value = f64::from(*sum);
+            carry.number(&mut value);
+            *sum = value as f32;
+        }
         carry.place(&mut self.filled, self.length + 1);
         carry.number(&mut self.kept);
         carry.flag(&mut self.starting);
@@ -84,7 +91,7 @@ impl LongRun {
 
     /// Takes in one row: instruments in working coordinates, and residual, both weighted.
     pub(super) fn add(&mut self, z: &[f64], residual: f64) {
-        crate::linear::axpy(residual, z, &mut self.score);
+        axpy(residual, z, &mut self.score);
     }
 
     /// Ends an update, before which the past had been given the weight `forgetting`; a full block goes into Ω.
@@ -102,10 +109,10 @@ impl LongRun {
         }
         let keep = std::mem::replace(&mut self.kept, 1.0);
         for i in 0..self.n {
-            let row = &mut self.sum[crate::linear::packed(i)];
+            let row = &mut self.sum[packed(i)];
             let own = self.score[i];
             for (sum, other) in row.iter_mut().zip(&self.score) {
-                *sum = keep * *sum + own * other;
+                *sum = (keep * f64::from(*sum) + own * other).clamp(-LARGEST, LARGEST) as f32;
             }
         }
         self.score.fill(0.0);
@@ -119,8 +126,8 @@ impl LongRun {
             return white;
         }
         // Twice the lower triangle, less the diagonal.
-        let rows = (0..self.n).map(|i| &self.sum[crate::linear::packed(i)]).enumerate();
-        let form: f64 = rows.map(|(i, row)| p[i] * (2.0 * crate::linear::dot(row, &p[..=i]) - row[i] * p[i])).sum();
+        let rows = (0..self.n).map(|i| &self.sum[packed(i)]).enumerate();
+        let form: f64 = rows.map(|(i, row)| p[i] * (2.0 * dot_short(row, &p[..=i]) - f64::from(row[i]) * p[i])).sum();
         let found = form.max(0.0) * count / self.covered;
         (self.blocks * found + PRIOR_BLOCKS * white) / (self.blocks + PRIOR_BLOCKS)
     }

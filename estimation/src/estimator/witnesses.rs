@@ -18,8 +18,8 @@
 //! their age: with the weights of the window, bursts of instruments of long ago were refuted later.
 
 use crate::kernels::Lanes;
+use crate::linear::dot_short;
 use crate::memory::{Carry, MANY};
-use crate::operations::multiply_adds;
 use rivet_dynamics::MAX_JOINTS;
 
 /// Instants that are kept.
@@ -188,7 +188,7 @@ impl Witnesses {
         let rows = self.rows[at * self.joints * self.n..].chunks_exact(self.n);
         for ((j, &tau), row) in self.tau[instant].iter().enumerate().zip(rows) {
             for (squares, x) in self.squares.iter_mut().zip([&self.nominal, &self.now, &self.new]) {
-                let residual = f64::from(tau) - product(row, x);
+                let residual = f64::from(tau) - dot_short(row, x);
                 squares[j] += residual * residual;
             }
         }
@@ -240,17 +240,4 @@ fn copy(out: &mut [f32], from: &[f64]) {
     for (out, x) in out.iter_mut().zip(from) {
         *out = x.clamp(-LARGEST, LARGEST) as f32;
     }
-}
-
-fn product(row: &[f32], x: &[f64]) -> f64 {
-    multiply_adds(x.len());
-    let mut sums = [0.0; 8];
-    let (a, b) = (row.chunks_exact(8), x.chunks_exact(8));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| f64::from(*a) * b).sum();
-    for (a, b) in a.zip(b) {
-        for k in 0..8 {
-            sums[k] += f64::from(a[k]) * b[k];
-        }
-    }
-    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
 }

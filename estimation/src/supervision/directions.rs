@@ -2,14 +2,15 @@
 
 use super::Known;
 use crate::eigen::SymmetricEigen;
-use crate::linear::Budget;
+use crate::linear::{Budget, dot_short};
 use crate::memory::Carry;
-use crate::operations::multiply_adds;
 use crate::report::Verdict;
 use crate::settings::EigenSettings;
 
 /// Eigenvalues below this share of the largest are rounding of the sums.
 const ROUNDING: f64 = 1e-13;
+/// Entries of remembered directions are whole numbers of this part of 1.
+const PARTS: f64 = 32767.0;
 
 #[derive(Clone, Copy, Debug)]
 enum Stage {
@@ -27,10 +28,12 @@ pub(crate) struct Directions {
     /// Variance of what is known along each eigenvector \[torque-noise sigma²\].
     belief: Vec<f64>,
     covector: Vec<f64>,
-    /// Directions that moved before, one a row: hysteresis recognises them although the basis turns. Single precision will
-    /// do to recognise them.
-    moved: Vec<f32>,
-    moved_count: usize,
+    /// Directions that moved before, one a row, or all others if those are fewer: hysteresis recognises them although the basis
+    /// turns. Sixteen bits will do to recognise them.
+    history: Vec<i16>,
+    history_count: usize,
+    /// Whether these are the others.
+    history_stood: bool,
     /// How much of each eigenvector's square lies in them, where that matters.
     moved_share: Vec<f64>,
 }
@@ -43,8 +46,9 @@ impl Directions {
             eigen: SymmetricEigen::new(n),
             belief: vec![0.0; n],
             covector: vec![0.0; n],
-            moved: vec![0.0; n * n],
-            moved_count: 0,
+            history: vec![0; n / 2 * n],
+            history_count: 0,
+            history_stood: false,
             moved_share: vec![0.0; n],
         }
     }
@@ -56,11 +60,12 @@ impl Directions {
 
     pub(crate) fn carry(&mut self, carry: &mut Carry<'_>) {
         let n = self.belief.len();
-        carry.place(&mut self.moved_count, n + 1);
-        for share in &mut self.moved {
-            let mut value = f64::from(*share);
+        carry.place(&mut self.history_count, n / 2 + 1);
+        carry.flag(&mut self.history_stood);
+        for entry in &mut self.history {
+            let mut value = f64::from(*entry);
             carry.number(&mut value);
-            *share = value as f32;
+            *entry = value as i16;
         }
     }
 
@@ -69,7 +74,7 @@ impl Directions {
     }
 
     pub(crate) fn forget_history(&mut self) {
-        self.moved_count = 0;
+        (self.history_count, self.history_stood) = (0, false);
     }
 
     pub(crate) fn start(&mut self, s: &[f64]) {
@@ -77,12 +82,7 @@ impl Directions {
         self.stage = Stage::Decompose;
     }
 
-    /// Eigenvectors as rows, eigenvalues, and room for a matrix until the next start.
-    pub(crate) fn parts(&mut self) -> (&[f64], &[f64], &mut [f64]) {
-        self.eigen.parts()
-    }
-
-    /// Eigenvectors as rows.
+    /// Eigenvectors as rows, from the end of a judgement to the next start.
     pub(crate) fn vectors(&self) -> &[f64] {
         self.eigen.vectors()
     }
@@ -144,9 +144,11 @@ impl Directions {
                     let mut moved_share = 0.0;
                     if value > self.settings.hysteresis * threshold && value <= threshold {
                         let v = &self.eigen.vectors()[k * n..(k + 1) * n];
-                        let moved = self.moved.chunks_exact(n).take(self.moved_count);
-                        moved_share = moved.map(|old| share(old, v)).sum();
-                        budget.charge(self.moved_count * n);
+                        let history = self.history.chunks_exact(n).take(self.history_count);
+                        let share: f64 = history.map(|old| (dot_short(old, v) / PARTS).powi(2)).sum();
+                        // All of them together are a basis.
+                        moved_share = if self.history_stood { 1.0 - share } else { share };
+                        budget.charge(self.history_count * n);
                     }
                     self.moved_share[k] = moved_share;
                     k += 1;
@@ -188,25 +190,13 @@ impl Directions {
     /// Remembers which directions moved, after the relevance guard has had its say.
     pub(crate) fn remember(&mut self, active: &[bool]) {
         let n = active.len();
-        self.moved_count = 0;
-        for (v, _) in self.eigen.vectors().chunks_exact(n).zip(active).filter(|(_, active)| **active) {
-            let moved = &mut self.moved[self.moved_count * n..(self.moved_count + 1) * n];
-            moved.iter_mut().zip(v).for_each(|(moved, v)| *moved = *v as f32);
-            self.moved_count += 1;
+        let count = active.iter().filter(|active| **active).count();
+        self.history_stood = count > n / 2;
+        self.history_count = if self.history_stood { n - count } else { count };
+        let chosen =
+            self.eigen.vectors().chunks_exact(n).zip(active).filter(|(_, active)| **active != self.history_stood);
+        for (out, (v, _)) in self.history.chunks_exact_mut(n).zip(chosen) {
+            out.iter_mut().zip(v).for_each(|(out, v)| *out = (*v * PARTS).round() as i16);
         }
     }
-}
-
-/// `(old·v)²`
-fn share(old: &[f32], v: &[f64]) -> f64 {
-    multiply_adds(v.len());
-    let mut sums = [0.0; 8];
-    let (x, y) = (old.chunks_exact(8), v.chunks_exact(8));
-    let rest: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| f64::from(*x) * y).sum();
-    for (x, y) in x.zip(y) {
-        for k in 0..8 {
-            sums[k] += f64::from(x[k]) * y[k];
-        }
-    }
-    (((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest).powi(2)
 }
