@@ -104,7 +104,7 @@ impl Judge<'_> {
     }
 
     /// Whether two laws of the angle stand on one joint: together they fit one that nobody knows.
-    fn is_patched(&self, steps: &[Step], step: &Step) -> bool {
+    fn is_patched(steps: &[Step], step: &Step) -> bool {
         let laws = |j: usize| {
             let all = steps.iter().flat_map(|s| &s.adopted);
             all.filter(|a| (a.form.of_angle_alone() || matches!(a.form, Form::Pull { .. })) && a.form.joints() == [j])
@@ -179,7 +179,7 @@ impl Opened<'_> {
         let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
         for (k, step) in steps.iter().enumerate() {
             let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
-            let alone = !judge.is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
+            let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
             let stands = alone && judge.upholds(k, step, shrink, self.solved) && self.load_instead(k, step).is_none();
             upheld.push(stands);
             if stands { &mut causes } else { &mut withdrawn }.push(self.cause(k, step, shrink, &judge, &load));

@@ -19,7 +19,7 @@ fn case(from: &Path, file: impl Fn(String) -> String, torque: impl Fn(f64, &mut 
     std::fs::copy(from.join("robot.urdf"), folder.path().join("robot.urdf")).expect("a URDF");
     let joints = rivet_config::load(from.join("robot.toml")).expect("a sound robot file").dof();
     for name in ["log-a.parquet", "log-b.parquet"] {
-        let log: Log = read(&from.join(name), &ReadOptions::new(joints)).expect("a sound log");
+        let log: Log = read(from.join(name), &ReadOptions::new(joints)).expect("a sound log");
         let mut tau = log.torque().expect("torque").clone();
         for (row, t) in log.t.iter().enumerate() {
             let mut now: Vec<f64> = tau.iter().map(|tau| tau[row]).collect();
