@@ -59,7 +59,9 @@ impl Bounded {
                 return Ok(left);
             }
             let columns: Vec<usize> = beyond.iter().map(|held| held.column).collect();
-            rows.iter_mut().for_each(|rows| rows.take_out(&columns));
+            for rows in rows.iter_mut() {
+                rows.take_out(&columns);
+            }
             for &column in &columns {
                 left.nominal[column] = 0.0;
             }
