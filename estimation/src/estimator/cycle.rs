@@ -168,6 +168,8 @@ impl Cycle {
             carry.flag(active);
         }
         carry.place(&mut self.next, self.x.len());
+        // A cycle that rows are waiting for is as due on the other side.
+        carry.small(&mut self.rows, u32::MAX);
         carry.sizes(std::slice::from_mut(&mut self.variance));
         self.judge.carry(carry);
     }
