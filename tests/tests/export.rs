@@ -140,12 +140,13 @@ fn what_a_urdf_cannot_say_of_refined_friction_has_its_price() {
         }
         squares.iter().map(|square| square.sqrt()).collect()
     };
-    let rows: [(&str, &dyn Fn(&Parameter) -> bool); 2] = [
-        ("friction with load", &|p| matches!(p, Parameter::LoadFriction(_))),
-        ("friction with the square of speed", &|p| matches!(p, Parameter::ViscousQuadratic(_))),
+    type Of = fn(&Parameter) -> bool;
+    let rows: [(&str, Of); 2] = [
+        ("friction with load", |p| matches!(p, Parameter::LoadFriction(_))),
+        ("friction with the square of speed", |p| matches!(p, Parameter::ViscousQuadratic(_))),
     ];
     for (row, of) in rows {
-        let (told, wanted) = (cells(row), wanted(of));
+        let (told, wanted) = (cells(row), wanted(&of));
         println!("{row}: {told:.3?} {wanted:.3?}");
         assert_eq!(told.len(), wanted.len());
         for (told, wanted) in told.iter().zip(&wanted) {
