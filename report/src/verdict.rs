@@ -298,6 +298,10 @@ impl Document {
         if self.log.iter().any(|f| f.fault == "torque_filtered") {
             return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
         }
+        if self.log.iter().any(|f| f.fault == "torque_swapped") {
+            return "Put the torque columns that are in each other's place where they belong, and diagnose again."
+                .to_owned();
+        }
         let mut faults: Vec<String> =
             self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
         if !faults.is_empty() {

@@ -48,8 +48,7 @@ pub struct Fit {
     pub covariance: Vec<f64>,
     /// What decided each value.
     pub determined: Vec<Determined>,
-    /// Standard deviation of the residual per joint, rows beside a stop weighed by `trust` \[N m\]; NaN of a joint that never
-    /// moves.
+    /// Standard deviation of the residual per joint, rows beside a stop weighed by `trust` \[N m\].
     pub noise: Vec<f64>,
     /// Rows that make one independent row, per joint: 1 for a white residual.
     pub correlation: Vec<f64>,
@@ -117,24 +116,23 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
         return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
     }
-    let moves: Vec<bool> = (0..n).map(|j| rows.iter().any(|r| r.count(j) > 0)).collect();
-    if !moves.contains(&true) {
-        return Err(OfflineError::AllStill);
+    // Stated deviations of an arm with a joint that stands are not sound: 10^10 of a value were seen.
+    if let Some(joint) = (0..n).find(|j| rows.iter().all(|r| r.count(*j) == 0)) {
+        return Err(OfflineError::JointStill { joint });
     }
-    if let Some(joint) = (0..n).find(|j| moves[*j] && equations.joints[*j].torque_square() == 0.0) {
+    if let Some(joint) = (0..n).find(|j| equations.joints[*j].torque_square() == 0.0) {
         return Err(OfflineError::NoTorque { joint });
     }
     let x0 = DVector::from_column_slice(nominal);
     let level = |j: usize| (equations.joints[j].torque_square() / equations.joints[j].count()).sqrt();
-    let mut noise: Vec<f64> =
-        (0..n).map(|j| if moves[j] { level(j).max(f64::MIN_POSITIVE) } else { f64::NAN }).collect();
+    let mut noise: Vec<f64> = (0..n).map(|j| level(j).max(f64::MIN_POSITIVE)).collect();
     let mut correlation = vec![1.0; n];
     let mut turn = |trust: &[f64]| -> Result<(Solution, Vec<f64>, Vec<f64>), OfflineError> {
         let sums = equations.trusting(trust);
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let mut round = || {
             let solution = Solution::new(&joints, &weights(&noise, &correlation), &x0, prior, method)?;
-            for j in (0..n).filter(|j| moves[*j]) {
+            for j in 0..n {
                 let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
                 let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
                 // A perfect fit (noise-free data) must not make a weight infinite.
@@ -152,9 +150,6 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
     let (alike, noise, correlation) = turn(&vec![1.0; n])?;
     let of = |j: usize| {
-        if !moves[j] {
-            return 1.0;
-        }
         let residuals = equations.weighed_residuals(j, alike.x.as_slice(), 1.0);
         trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
     };
