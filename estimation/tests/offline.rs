@@ -2,11 +2,10 @@
 
 use std::f64::consts::PI;
 
-use rivet_dynamics::{Arm, BaseSet, Joints, Model, Parameter, Structure};
-use rivet_estimation::consistency::project;
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
 use rivet_estimation::offline::{
     Delay, DelayDoubt, Determined, Equations, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows,
-    Trajectory, ZeroPhase, bias, fit, predict, residual_percent, torque_delay,
+    Trajectory, ZeroPhase, fit, predict, residual_percent, torque_delay,
 };
 
 const PERIOD: f64 = 0.002;
@@ -130,16 +129,6 @@ fn torque(model: &Model, base: &BaseSet, x: &[f64], motion: &Trajectory) -> Vec<
         }
     }
     tau
-}
-
-fn model_nominal(model: &Model) -> Vec<f64> {
-    model.nominal(&Joints {
-        rotor_inertia: vec![0.7, 0.6, 0.2],
-        viscous: vec![5.0, 4.0, 1.0],
-        coulomb: vec![4.0, 5.0, 2.0],
-        offset: vec![0.0; 3],
-        ..Joints::default()
-    })
 }
 
 fn settings(instrument: InstrumentSource) -> OfflineSettings {
