@@ -266,7 +266,11 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(evidence::still(robot, &still));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
-    distrusts.extend(evidence::unexplained(&runs::joint_names(robot), left));
+    // Of a torque that is not believed anyway it is no news.
+    let news = |d: &Distrust| !distrusts.iter().any(|other| other.joint == d.joint);
+    let unexplained: Vec<Distrust> =
+        evidence::unexplained(&runs::joint_names(robot), left).into_iter().filter(news).collect();
+    distrusts.extend(unexplained);
     distrusts.extend(bounded.said(robot));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();

@@ -159,11 +159,14 @@ pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Re
     }
 }
 
-/// The piece as a record with torque, to which its signals go: its grid keeps the time, and which signals there were.
+/// The piece as a record with torque, to which its signals go: its grid keeps the time, and which signals there were. Where rows are off
+/// their time what that makes of positions and torque is asked later, and the grid keeps all of it.
 pub(crate) fn record(piece: &mut Piece) -> Result<Record> {
-    let (log, period_s) = (&mut piece.grid, piece.report.period_s);
+    let (log, period_s, keeps) = (&mut piece.grid, piece.report.period_s, piece.report.off_s > 0.0);
     log.torque()?;
-    let taken = |signals: &mut Signals| -> Signals { signals.iter_mut().map(std::mem::take).collect() };
+    let taken = |signals: &mut Signals| -> Signals {
+        if keeps { signals.clone() } else { signals.iter_mut().map(std::mem::take).collect() }
+    };
     let measured = Trajectory::from_positions(&taken(&mut log.q), period_s);
     let second: Option<Signals> = log.q_link.iter_mut().map(|q| q.as_mut().map(std::mem::take)).collect();
     let second = second.map(|q| Trajectory::from_positions(&q, period_s));

@@ -180,12 +180,12 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     (0..count).for_each(|k| gram[(k, k)] += 1e-9);
     let left = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
     let free = rows as f64 / (rows - count) as f64;
-    Some(usual(again, &places, left.as_slice()).map_or((0.0, 0.0), |(square, rows)| (free * square, rows)))
+    Some((free * usual(again, &places, left.as_slice()) * rows as f64, rows as f64))
 }
 
-/// Sum of squares and rows of the half of the stretches that differ least. What changed on the way, a load or wear, is in all pairs of a
-/// stretch before it and one after, and no noise.
-fn usual(again: &[Again], places: &[(usize, f64)], left: &[f64]) -> Option<(f64, f64)> {
+/// Mean square over the half of the stretches that differ least. What changed on the way, a load or wear, is in all pairs of a stretch
+/// before it and one after, and no noise.
+fn usual(again: &[Again], places: &[(usize, f64)], left: &[f64]) -> f64 {
     let part = |a: &Again| {
         let own = places.iter().zip(left).filter(|((k, _), _)| a.rows.contains(k));
         own.fold((0.0, 0.0), |(square, rows), (_, e)| (square + e * e, rows + 1.0))
@@ -193,7 +193,8 @@ fn usual(again: &[Again], places: &[(usize, f64)], left: &[f64]) -> Option<(f64,
     let mut parts: Vec<(f64, f64)> = again.iter().map(part).filter(|(_, rows)| *rows > 0.0).collect();
     parts.sort_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)));
     parts.truncate(parts.len().div_ceil(2));
-    parts.into_iter().reduce(|a, b| (a.0 + b.0, a.1 + b.1))
+    let (square, rows) = parts.into_iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    square / f64::max(rows, 1.0)
 }
 
 /// Value between rows, by the four around; the ends hold.
