@@ -36,6 +36,8 @@ const PATIENCE: usize = 3;
 const NEWTON_STEPS: usize = 60;
 /// Without a covariance: torque cost \[%\] below which a projection counts as exact.
 const EXACT_PERCENT: f64 = 0.5;
+/// Of its deviation, what a value may move that no reference row tells.
+const STAYS: f64 = 1e-4;
 /// Directions of the covariance below this share of the largest are rounding.
 const COVARIANCE_RANK: f64 = 1e-12;
 
@@ -201,7 +203,13 @@ pub fn project(
     if covariance.iter().any(|x| !x.is_finite()) {
         return Err(ConsistencyError::NotFinite { what: "covariances" });
     }
-    nearest(model, base, values, &information(covariance, base.len())?, nominal, reference)
+    let mut covariance = square(covariance, base.len())?;
+    // What no reference row tells stays where it is: its deviation, a prior's, would leave it to whatever else the projection likes.
+    for i in (0..base.len()).filter(|i| reference.gram.iter().all(|gram| gram[(*i, *i)] == 0.0)) {
+        covariance.row_mut(i).scale_mut(STAYS);
+        covariance.column_mut(i).scale_mut(STAYS);
+    }
+    nearest(model, base, values, &information(covariance)?, nominal, reference)
 }
 
 /// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each
@@ -289,13 +297,18 @@ fn nearest(
     }
 }
 
+/// C of its entries, row-major, or of its diagonal.
+fn square(covariance: &[f64], k: usize) -> Result<DMatrix<f64>, ConsistencyError> {
+    match covariance.len() {
+        found if found == k * k => Ok(DMatrix::from_row_slice(k, k, covariance)),
+        found if found == k => Ok(DMatrix::from_diagonal(&DVector::from_column_slice(covariance))),
+        found => Err(ConsistencyError::Shape { what: "covariances", found, expected: k * k }),
+    }
+}
+
 /// C⁻¹, in directions that are not rounding.
-fn information(covariance: &[f64], k: usize) -> Result<DMatrix<f64>, ConsistencyError> {
-    let full = match covariance.len() {
-        found if found == k * k => DMatrix::from_row_slice(k, k, covariance),
-        found if found == k => DMatrix::from_diagonal(&DVector::from_column_slice(covariance)),
-        found => return Err(ConsistencyError::Shape { what: "covariances", found, expected: k * k }),
-    };
+fn information(full: DMatrix<f64>) -> Result<DMatrix<f64>, ConsistencyError> {
+    let k = full.nrows();
     if full.diagonal().min() <= 0.0 {
         return Err(ConsistencyError::NoProgress("a variance is not positive"));
     }

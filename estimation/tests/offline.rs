@@ -2,10 +2,11 @@
 
 use std::f64::consts::PI;
 
-use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure};
+use rivet_dynamics::{Arm, BaseSet, Joints, Model, Parameter, Structure};
+use rivet_estimation::consistency::project;
 use rivet_estimation::offline::{
     Delay, DelayDoubt, Determined, Equations, InstrumentSource, Method, OfflineError, OfflineSettings, Record, Rows,
-    Trajectory, ZeroPhase, fit, predict, residual_percent, torque_delay,
+    Trajectory, ZeroPhase, bias, fit, predict, residual_percent, torque_delay,
 };
 
 const PERIOD: f64 = 0.002;
@@ -129,6 +130,98 @@ fn torque(model: &Model, base: &BaseSet, x: &[f64], motion: &Trajectory) -> Vec<
         }
     }
     tau
+}
+
+/// A joint that stands says nothing of its drive, and takes nothing from what the others tell; without any motion there is nothing to
+/// fit.
+#[test]
+fn a_joint_that_stands_keeps_its_drive_and_does_not_spoil_the_others() {
+    let (model, base, truth, nominal) = setup();
+    let name = |i: usize| base.name(&model, i);
+    for still in [vec![0], vec![1], vec![0, 2]] {
+        let mut motion = motion(12.0, 1.0, 0.0);
+        for &j in &still {
+            motion.q[j].fill(0.4);
+            motion.qd[j].fill(0.0);
+            motion.qdd[j].fill(0.0);
+        }
+        let mut tau = torque(&model, &base, &truth, &motion);
+        let mut noise = Noise(3);
+        tau.iter_mut().flatten().for_each(|tau| *tau += 0.05 * noise.next());
+        // Stuck friction holds whatever it has to.
+        for &j in &still {
+            tau[j].fill_with(|| 2.0 + 0.01 * noise.next());
+        }
+        let record = Record { period_s: PERIOD, measured: motion, tau, desired: None, second: None };
+        let rows = [Rows::new(&model, &base, &settings(InstrumentSource::Delayed(0.02)), &record).expect("rows")];
+        let equations = Equations::new(&rows);
+        for method in [Method::LeastSquares, Method::Instrumental] {
+            let found = fit(&equations, &nominal, 10.0, method).expect("fit");
+            for i in 0..base.len() {
+                let own = |j: &usize| {
+                    [Parameter::RotorInertia(*j), Parameter::Viscous(*j), Parameter::Coulomb(*j), Parameter::Offset(*j)]
+                        .contains(&base.parameter(&model, i))
+                };
+                assert!(found.values[i].is_finite() && found.std[i] > 0.0, "{}", name(i));
+                if still.iter().any(own) {
+                    assert!((found.values[i] - nominal[i]).abs() <= 1e-9 * nominal[i].abs(), "{}", name(i));
+                    assert_eq!(found.determined[i], Determined::ByPrior, "{}", name(i));
+                } else if found.determined[i] == Determined::ByData {
+                    let off = (found.values[i] - truth[i]).abs();
+                    assert!(off < 6.0 * found.std[i], "{still:?} {}: {off} of {}", name(i), found.std[i]);
+                }
+            }
+            assert!((0..3).all(|j| found.noise[j].is_nan() == still.contains(&j)), "{:?}", found.noise);
+            let bias = bias(&equations, &nominal, 10.0, &found).expect("judged");
+            assert!(bias.hausman.is_finite() && bias.degrees > 0, "{bias:?}");
+            let delays = torque_delay(&equations, &nominal, 10.0, &found).expect("delays");
+            for (j, delay) in delays.iter().enumerate() {
+                assert!(!still.contains(&j) || delay.doubt.is_some(), "{still:?}: {delay:?}");
+                assert!(still.contains(&j) || delay.doubt.is_some() || delay.seconds.abs() < 2e-3, "{delay:?}");
+            }
+            let near = project(
+                &model,
+                &base,
+                &found.values,
+                &found.covariance,
+                &model_nominal(&model),
+                &equations.reference(),
+            );
+            let near = near.expect("an arm that can be built");
+            assert!(near.torque_percent < 1.0, "{still:?} {method:?}: {} % of torque away", near.torque_percent);
+            for i in 0..base.len() {
+                let drive = |j: &usize| {
+                    [Parameter::RotorInertia(*j), Parameter::Viscous(*j), Parameter::Coulomb(*j)]
+                        .contains(&base.parameter(&model, i))
+                };
+                let moved = (near.base[i] - found.values[i]).abs();
+                assert!(
+                    !still.iter().any(drive) || moved <= 0.1 * nominal[i].abs(),
+                    "{still:?} {method:?} {}: {} for {}",
+                    name(i),
+                    near.base[i],
+                    found.values[i]
+                );
+                // Deviations are the prior's at most.
+                assert!(
+                    found.std[i] <= 100.0 * nominal[i].abs().max(1.0),
+                    "{still:?} {}: std {}",
+                    name(i),
+                    found.std[i]
+                );
+            }
+        }
+    }
+}
+
+fn model_nominal(model: &Model) -> Vec<f64> {
+    model.nominal(&Joints {
+        rotor_inertia: vec![0.7, 0.6, 0.2],
+        viscous: vec![5.0, 4.0, 1.0],
+        coulomb: vec![4.0, 5.0, 2.0],
+        offset: vec![0.0; 3],
+        ..Joints::default()
+    })
 }
 
 fn settings(instrument: InstrumentSource) -> OfflineSettings {

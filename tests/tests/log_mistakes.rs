@@ -808,3 +808,36 @@ fn what_cannot_end_well_is_refused_at_the_start() {
     assert!(code == Some(0) && text.matches("Figure 12").count() == 1, "{code:?} {text}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1, "the page alone");
 }
+
+/// Logs in which a joint stands are learnt from: of its drive nothing is, and that is said. Whatever is made of the result is made.
+#[test]
+fn a_joint_that_stands_is_told_and_the_others_are_learnt() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let Some(other) = shared("data/real/ur10e_innopolis/20_02_10-30sec_12harm.parquet") else { return };
+    let folders = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+    let held = |log: &Path, folder: &Path| changed("ur10e", log, folder, |_, _, q| q[3] = -0.4);
+    let [log, other] = [held(&log, folders[0].path()), held(&other, folders[1].path())];
+    let folder = folders[0].path();
+    let out = folder.join("model");
+    let mut command = rivet();
+    command.arg("identify").arg(robot("ur10e")).arg(&log).arg("--refine").arg("--hold-out").arg(&other);
+    let (text, found) = result(command.arg("--export").arg(&out), folder);
+    assert!(text.contains("warning: wrist_1_joint: no motion in these logs"), "{text}");
+    let joint = &found["joints"][3];
+    let left = &joint["residual_percent"];
+    let unknown = [&joint["noise"], &joint["rows_per_free_row"], &left["nominal"], &left["instrumental"]];
+    assert!(unknown.iter().all(|x| x.is_null()), "{joint}");
+    assert!(found["joints"][2]["residual_percent"]["instrumental"].as_f64().expect("a number") < 20.0, "{found}");
+    for p in found["parameters"].as_array().expect("a list") {
+        let name = p["name"].as_str().expect("a name");
+        if ["j4.rotor_inertia", "j4.viscous", "j4.coulomb"].contains(&name) {
+            let (value, nominal) = (p["value"].as_f64().expect("a number"), p["nominal"].as_f64().expect("a number"));
+            assert!((value - nominal).abs() < 1e-6 && p["decided_by"] == "prior", "{p}");
+        }
+    }
+    assert!(found["bias"]["hausman"].is_number() && found["consistent"]["torque_percent"].is_number(), "{found}");
+    assert!(rivet_config::load(out.join("model.toml")).is_ok());
+    let (text, found) =
+        result(rivet().args(["identify", "--compare"]).arg(robot("ur10e")).args([&log, &other]), folder);
+    assert!(text.contains("wrist_1_joint: no motion in these logs") && found["of"].as_u64() > Some(10), "{text}");
+}

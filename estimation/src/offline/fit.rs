@@ -17,6 +17,9 @@ const PRIOR_TORQUE_SHARE: f64 = 0.005;
 /// Directions of the data below this share of the strongest are rounding, not information.
 const RANK_TOLERANCE: f64 = 1e-7;
 
+/// A column of less than this share of the largest is rounding of nothing.
+const ROUNDING: f64 = 1e-12;
+
 /// Which equations are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -48,7 +51,8 @@ pub struct Fit {
     pub covariance: Vec<f64>,
     /// What decided each value.
     pub determined: Vec<Determined>,
-    /// Standard deviation of the residual per joint, rows beside a stop weighed by `trust` \[N m\].
+    /// Standard deviation of the residual per joint, rows beside a stop weighed by `trust` \[N m\]; NaN of a joint that never
+    /// moves.
     pub noise: Vec<f64>,
     /// Rows that make one independent row, per joint: 1 for a white residual.
     pub correlation: Vec<f64>,
@@ -116,23 +120,24 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
         return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
     }
-    // Stated deviations of an arm with a joint that stands are not sound: 10^10 of a value were seen.
-    if let Some(joint) = (0..n).find(|j| rows.iter().all(|r| r.count(*j) == 0)) {
-        return Err(OfflineError::JointStill { joint });
+    let moves: Vec<bool> = (0..n).map(|j| rows.iter().any(|r| r.count(j) > 0)).collect();
+    if !moves.contains(&true) {
+        return Err(OfflineError::AllStill);
     }
-    if let Some(joint) = (0..n).find(|j| equations.joints[*j].torque_square() == 0.0) {
+    if let Some(joint) = (0..n).find(|j| moves[*j] && equations.joints[*j].torque_square() == 0.0) {
         return Err(OfflineError::NoTorque { joint });
     }
     let x0 = DVector::from_column_slice(nominal);
     let level = |j: usize| (equations.joints[j].torque_square() / equations.joints[j].count()).sqrt();
-    let mut noise: Vec<f64> = (0..n).map(|j| level(j).max(f64::MIN_POSITIVE)).collect();
+    let mut noise: Vec<f64> =
+        (0..n).map(|j| if moves[j] { level(j).max(f64::MIN_POSITIVE) } else { f64::NAN }).collect();
     let mut correlation = vec![1.0; n];
     let mut turn = |trust: &[f64]| -> Result<(Solution, Vec<f64>, Vec<f64>), OfflineError> {
         let sums = equations.trusting(trust);
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let mut round = || {
             let solution = Solution::new(&joints, &weights(&noise, &correlation), &x0, prior, method)?;
-            for j in 0..n {
+            for j in (0..n).filter(|j| moves[*j]) {
                 let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
                 let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
                 // A perfect fit (noise-free data) must not make a weight infinite.
@@ -150,6 +155,9 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
     let (alike, noise, correlation) = turn(&vec![1.0; n])?;
     let of = |j: usize| {
+        if !moves[j] {
+            return 1.0;
+        }
         let residuals = equations.weighed_residuals(j, alike.x.as_slice(), 1.0);
         trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
     };
@@ -246,17 +254,21 @@ impl Solution {
         }
         let size = DVector::from_fn(k, |i, _| dd[(i, i)].sqrt());
         let strongest = size.max().max(f64::MIN_POSITIVE);
-        // A column the data never touches keeps a scale of its own: the prior alone acts on it.
-        let scale = size.map(|s| 1.0 / if s > 1e-12 * strongest { s } else { strongest });
-        let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(i, j)] * scale[i] * scale[j]);
+        let touched = |i: usize| size[i] > ROUNDING * strongest;
         let width = DVector::from_fn(k, |i, _| {
             let alone = |joint: &Normal| (joint.torque_square / joint.dd[(i, i)]).sqrt();
             let least = joints.iter().map(alone).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
-            // A value of 0 that no row has anything to do with: one unit is as good as another.
-            let alone = if x0[i] == 0.0 { 1.0 } else { 0.0 };
-            let share = if least.is_finite() { PRIOR_TORQUE_SHARE * least } else { alone };
+            let share = match touched(i) {
+                true if least.is_finite() => PRIOR_TORQUE_SHARE * least,
+                // A value of 0 that no row has anything to do with: one unit is as good as another.
+                false if x0[i] == 0.0 => 1.0,
+                _ => 0.0,
+            };
             prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE)
         });
+        // A column the data never touches has the prior's scale: that alone acts on it, and beside the data's it would be rounding.
+        let scale = DVector::from_fn(k, |i, _| if touched(i) { 1.0 / size[i] } else { width[i] });
+        let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(i, j)] * scale[i] * scale[j]);
         let prior_information = width.zip_map(&scale, |width, scale| (scale / width).powi(2));
         let mut left = scaled(&zd);
         for i in 0..k {

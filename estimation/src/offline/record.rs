@@ -26,16 +26,9 @@ pub enum OfflineError {
         /// Rows at either end that the filter still colours.
         edge: usize,
     },
-    /// A joint without a single usable row.
-    #[error(
-        "joint {} never moves faster than its dead zone in any record: give a log in which every joint moves (several logs may be \
-         given together)",
-        joint + 1
-    )]
-    JointStill {
-        /// Joint, from 0.
-        joint: usize,
-    },
+    /// No joint has a single usable row.
+    #[error("no joint moves faster than its dead zone in any record")]
+    AllStill,
     /// A joint whose torque is zero throughout: its rows would count without limit, and say that nothing weighs anything.
     #[error("torque of joint {} is 0 in all rows in which it moves: the channel is dead or was not recorded", joint + 1)]
     NoTorque {
