@@ -180,9 +180,11 @@ impl Opened<'_> {
         for (k, step) in steps.iter().enumerate() {
             let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
             let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
-            let stands = alone && judge.upholds(k, step, shrink, self.solved) && self.load_instead(k, step).is_none();
+            let held = self.load_instead(k, step);
+            let stands = alone && held.is_none() && judge.upholds(k, step, shrink, self.solved);
             upheld.push(stands);
-            if stands { &mut causes } else { &mut withdrawn }.push(self.cause(k, step, shrink, &judge, &load));
+            let cause = Cause { impossible: held, ..self.cause(k, step, shrink, &judge, &load) };
+            if stands { &mut causes } else { &mut withdrawn }.push(cause);
         }
         let refused: Vec<String> =
             withdrawn.iter().filter(|c| is_most(c)).flat_map(|c: &Cause| c.joints.clone()).collect();
@@ -296,7 +298,7 @@ impl Opened<'_> {
             separating_motion: separate::motion(step.effect, &rivals),
             indistinguishable_from: rivals,
             angles: class.iter().map(|(_, angle)| *angle).collect(),
-            impossible: self.load_instead(k, step),
+            impossible: None,
         }
     }
 }

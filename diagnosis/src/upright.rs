@@ -62,13 +62,10 @@ impl<'a> Weighed<'a> {
     }
 }
 
-/// Gravity as it must have been \[m/s²\], where that is far from the file's; none where the runs do not say so.
-fn found(look: &[Weighed<'_>], nominal: &Nominal) -> Option<Vector3<f64>> {
+/// Gravity as it must have been \[m/s²\], where that is far from the file's, of which is missed `as_given`; none where the runs do not say
+/// so.
+fn found(look: &[Weighed<'_>], nominal: &Nominal, as_given: f64) -> Option<Vector3<f64>> {
     let given = Vector3::from(nominal.model.arm.gravity);
-    let as_given = missed(look, nominal, Some(given)).1;
-    if as_given <= FITS {
-        return None;
-    }
     let free = missed(look, nominal, None).0;
     let size = free.norm() / given.norm();
     if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&given) < LEAST {
@@ -96,12 +93,13 @@ fn missed(look: &[Weighed<'_>], nominal: &Nominal, fixed: Option<Vector3<f64>>) 
             for k in (0..count).step_by((count / ROWS).max(1)) {
                 let weight = 1.0 / known.hypot(run.doubt[j][k]).max(f64::MIN_POSITIVE);
                 let bodies: f64 = run.standard[..links].iter().zip(&nominal.x).map(|(c, x)| x * value(c, k)).sum();
-                let along = |g: Vector3<f64>| (0..3).map(|axis| g[axis] * value(&gravity[axis], k)).sum::<f64>();
+                let along =
+                    |g: Vector3<f64>| gravity.iter().zip(g.iter()).map(|(column, g)| g * value(column, k)).sum::<f64>();
                 let effects = run.known_rows.get(j).map_or(0.0, |rows| rows[k]);
                 let known = bodies + effects + along(fixed.unwrap_or_else(Vector3::zeros) - given);
                 left.push(weight * (run.tau[j][k] - known));
                 let drives = run.standard[links..].iter().map(|c| weight * value(c, k));
-                rows.push(drives.chain((0..free).map(|axis| weight * value(&gravity[axis], k))).collect());
+                rows.push(drives.chain(gravity[..free].iter().map(|column| weight * value(column, k))).collect());
             }
         }
     }
@@ -121,12 +119,18 @@ fn missed(look: &[Weighed<'_>], nominal: &Nominal, fixed: Option<Vector3<f64>>) 
 }
 
 /// What is said of an arm that is mounted otherwise than its file says, before anything else is asked of its logs; none of others.
-pub(crate) fn check(procedure: &Procedure<'_>, measured: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
+pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
     let Procedure { nominal, look, sealed, data, ref mute } = *procedure;
-    let looked_at: Vec<Weighed<'_>> = look.iter().map(|run| Weighed::of(run, nominal)).collect();
-    let gravity = found(&looked_at, nominal)?;
-    measured("gravity points elsewhere");
     let given = Vector3::from(nominal.model.arm.gravity);
+    // With gravity as given no column of it is asked for.
+    let bare: Vec<Weighed<'_>> = look.iter().map(|run| Weighed { run, columns: Vec::new() }).collect();
+    let as_given = missed(&bare, nominal, Some(given)).1;
+    if as_given <= FITS {
+        return None;
+    }
+    let looked_at: Vec<Weighed<'_>> = look.iter().map(|run| Weighed::of(run, nominal)).collect();
+    let gravity = found(&looked_at, nominal, as_given)?;
+    say("gravity points elsewhere");
     let more = gravity - given;
     let seen: Vec<Stages> = looked_at.into_iter().map(|run| run.stages(nominal, more)).collect();
     let stages = Weighed::of(sealed, nominal).stages(nominal, more);

@@ -209,7 +209,7 @@ pub fn project(
         covariance.row_mut(i).scale_mut(STAYS);
         covariance.column_mut(i).scale_mut(STAYS);
     }
-    nearest(model, base, values, &information(covariance)?, nominal, reference)
+    nearest(model, base, values, &information(&covariance)?, nominal, reference)
 }
 
 /// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each
@@ -307,7 +307,7 @@ fn square(covariance: &[f64], k: usize) -> Result<DMatrix<f64>, ConsistencyError
 }
 
 /// C⁻¹, in directions that are not rounding.
-fn information(full: DMatrix<f64>) -> Result<DMatrix<f64>, ConsistencyError> {
+fn information(full: &DMatrix<f64>) -> Result<DMatrix<f64>, ConsistencyError> {
     let k = full.nrows();
     if full.diagonal().min() <= 0.0 {
         return Err(ConsistencyError::NoProgress("a variance is not positive"));

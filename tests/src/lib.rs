@@ -1,6 +1,7 @@
 //! What the cross-crate tests share: the program under test, the folder of measured data, the robots.
 
 pub use rivet_studies::batch;
+pub mod altered;
 pub mod closed;
 pub mod process;
 pub mod side;

@@ -177,7 +177,7 @@ fn derivatives_match_differences() {
         let mut random = Random(11);
         let x = robot.base.from_standard(&robot.changed(&mut random));
         let variance: Vec<f64> = x.iter().map(|x| (0.1 * x).powi(2) + 1e-6).collect();
-        let information = square(&variance, x.len()).and_then(information).expect("positive");
+        let information = square(&variance, x.len()).and_then(|c| information(&c)).expect("positive");
         let problem = Problem::new(&robot.model, &robot.base, &x, &information, &robot.nominal).expect("a problem");
         let chi = problem.blocks.start.map(|v| v * (1.0 + 0.01 * random.unit()));
         let gamma = 0.3;
