@@ -244,8 +244,9 @@ fn number_rows(t: &[f64]) -> Option<(f64, Vec<usize>, Vec<usize>)> {
     for k in 1..t.len() {
         let steps = (t[k] - t[k - 1]) / step_s;
         let missing = if steps > HOLE_STEPS {
+            // How many does not matter: it is a clock of its own.
             starts.push(k);
-            steps.round() as usize - 1
+            HOLE_STEPS as usize
         } else if clear {
             whole(t[k] - t[k - 1]) as usize - 1
         } else if steps > LONGER {

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use rivet_logs::{Log, ReadOptions, read, write_columns};
-use rivet_tests::altered::{changed, result, said, sound, with_torque_times, written};
+use rivet_tests::altered::{changed, said, sound, with_torque_times, written};
 use rivet_tests::{rivet, robot, shared};
-use serde_json::Value;
 
 #[test]
 fn positions_in_degrees_are_refused_wherever_a_log_is_read() {

@@ -1,6 +1,5 @@
 //! What `rivet identify` found, for people and as JSON.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use rivet_config::{EstimatorKind, Instruments, Robot};
@@ -103,16 +102,16 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         0 => String::new(),
         held => format!(", {held} held at 0"),
     };
-    // Writing to a String cannot fail, here and below.
-    let _ = writeln!(
-        out,
-        "\nrank {} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held}",
+    let known = format!(
+        "{} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held}",
         chosen.rank,
         base.len(),
         number(chosen.condition, 2),
         count(Determined::ByData),
         count(Determined::ByPrior)
     );
+    out += "\n";
+    out += &paragraph("rank ", &known);
     out += &evidence::bias_text(&result.bias, &compared(robot, result));
     out += &delays::text(&runs::joint_names(robot), &result.delays, &result.dry);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
