@@ -113,7 +113,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let exported = match (&args.export, &patch) {
         (Some(folder), Some(patch)) => patched::export(&robot, patch, folder).map(|_| ()),
         (Some(_), None) => {
-            eprintln!("rivet: nothing was evaluated, so nothing is exported");
+            let why = if document.remark.is_some() { "nothing was evaluated" } else { "gravity comes first" };
+            eprintln!("rivet: {why}, so nothing is exported");
             Ok(())
         }
         (None, _) => Ok(()),

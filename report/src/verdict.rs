@@ -54,6 +54,15 @@ impl Document {
         ]
     }
 
+    /// Gravity as it is, where it points far elsewhere than the robot file says: then nothing else was asked.
+    fn mounting(&self) -> Option<[f64; 3]> {
+        let cause = self.causes.iter().find(|c| c.effect == "gravity_direction")?;
+        // Thousandths are more than a mounting is known to; adding zero takes the sign off a negative zero.
+        let thousandths = |value: f64| (value * 1e3).round() / 1e3 + 0.0;
+        let along = |axis: &str| (*cause.magnitude.get(&format!("gravity_{axis}_m_s2"))?).map(thousandths);
+        Some([along("x")?, along("y")?, along("z")?])
+    }
+
     fn gap_line(&self) -> String {
         let gap = &self.gap;
         let most = |at: usize| gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
@@ -73,9 +82,10 @@ impl Document {
             ),
             None => format!("Noise of the torque signal alone is {} %", percent(gap.noise_floor)),
         };
+        let others = if self.mounting().is_some() { "all else as given" } else { "the other values refitted" };
         format!(
             "On {:.0} s of motion that was kept sealed, the model as given misses the torque by {} %; with what is named \
-             below and the other values refitted, by {} %. {noise}.{moving}",
+             below and {others}, by {} %. {noise}.{moving}",
             self.data.sealed_seconds.unwrap_or(0.0),
             percent(gap.before),
             percent(gap.after),
@@ -315,6 +325,12 @@ impl Document {
         if !self.other_arm.is_empty() {
             return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
         }
+        if let Some([x, y, z]) = self.mounting() {
+            return format!(
+                "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, and diagnose the same logs again: nothing \
+                 else was asked of them."
+            );
+        }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
             return format!("To tell causes apart, record {motion}.");
         }
@@ -430,6 +446,15 @@ mod tests {
         );
         let (cause, _) = of(true, "sealed_as_given");
         assert!(cause.contains("The model as given fits the sealed run"), "{cause}");
+    }
+
+    #[test]
+    fn another_mounting_says_what_to_write() {
+        let found = json!({"turned_rad": 3.1, "gravity_x_m_s2": -0.0, "gravity_y_m_s2": 0.0, "gravity_z_m_s2": 9.81});
+        let document =
+            document(&[("verdict", json!("parameter")), ("causes", json!([cause("gravity_direction", &found)]))]);
+        let (gap, next) = (line(&document, "Gap"), line(&document, "Next"));
+        assert!(gap.contains("all else as given") && next.contains("gravity = [0, 0, 9.81]"), "{gap} {next}");
     }
 
     #[test]
