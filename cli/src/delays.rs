@@ -1,6 +1,6 @@
 //! What `rivet identify` says of torque that is late against position, or early.
 
-use rivet_estimation::offline::Delay;
+use rivet_estimation::offline::{Delay, DelayDoubt, REACH_S};
 use serde_json::{Value, json};
 
 use crate::evidence::Distrust;
@@ -99,9 +99,28 @@ pub(crate) fn json(delays: &[Delay], dry: &[f64]) -> Vec<Value> {
 /// Torque that the joints that tell it best have late, or early, by about the same, and joints that have it late by themselves; `step_s`:
 /// of the logs.
 pub(crate) fn distrust(names: &[String], delays: &[Delay], dry: &[f64], step_s: f64) -> Vec<Distrust> {
+    if let Some(far) = beyond_reach(names, delays) {
+        return vec![far];
+    }
     let Some(common) = common(delays, dry) else { return Vec::new() };
     let alone = common.others.iter().filter_map(|j| of_one(&names[*j], &delays[*j], dry[*j], &common, step_s));
     of_all(names, delays.len(), &common, step_s).into_iter().chain(alone).collect()
+}
+
+/// Half of the joints or more fit best at the end of what was looked at: then a torque is not that of this motion.
+fn beyond_reach(names: &[String], delays: &[Delay]) -> Option<Distrust> {
+    let far: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt == Some(DelayDoubt::OutOfReach)).collect();
+    (2 * far.len() >= delays.len() && !far.is_empty()).then(|| Distrust {
+        log: None,
+        joint: None,
+        name: "torque_late",
+        text: format!(
+            "on {} torque fits the motion better the further it is moved, up to {:.0} ms: it is further off than that, or of another motion. \
+             What is found from it means nothing: log torque and position of one instant",
+            named(names, &far),
+            1e3 * REACH_S
+        ),
+    })
 }
 
 /// The channel of one joint, late or early against those that tell it best.
@@ -188,6 +207,17 @@ mod tests {
         let sides = delays(&[(2.3, 0.1), (4.0, 0.2), (4.1, 0.2), (5.9, 0.1)]);
         assert!(!text(&names(), &sides, &DRY).contains("differs by joint"));
         assert!((common(&sides, &[0.2; 4]).expect("one").seconds - 4.075e-3).abs() < 1e-4);
+    }
+
+    #[test]
+    fn torque_further_off_than_was_looked_is_warned_of_most() {
+        let mut far = delays(&[(0.0, 0.2); 6]);
+        let beyond = |delays: &mut [Delay]| delays.iter_mut().for_each(|d| d.doubt = Some(DelayDoubt::OutOfReach));
+        beyond(&mut far[..2]);
+        assert_eq!(told(&far, &DRY, 1e-3), []);
+        beyond(&mut far[..3]);
+        let (joint, text) = told(&far, &DRY, 1e-3).pop().expect("a warning");
+        assert!(joint.is_none() && text.contains("j1, j2, j3") && text.contains("120 ms"), "{text}");
     }
 
     #[test]

@@ -61,6 +61,8 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
         format!(
             "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}{small}"
         )
+    } else if bias.spread.is_nan() {
+        "cannot tell: the data decide nothing by least squares either".to_owned()
     } else if bias.blind() {
         format!(
             "cannot tell: IV is {} times as uncertain as LS (median of the directions compared), which hides a bias of LS as large",
@@ -298,17 +300,19 @@ pub(crate) fn of_torque<'a>(robot: &Robot, logs: impl Iterator<Item = (String, &
     found
 }
 
-/// Joints of a log whose desired motion is not the one they followed.
+/// Joints of a log whose desired motion is not the one they followed, or whose second encoder sees another.
 pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
-    let taken = match robot.config.estimator.instruments {
-        Instruments::Auto { .. } => "delayed instruments are taken in its place",
-        _ => "instruments are made of it nevertheless, as the robot file asks: \"auto\" would take delayed ones",
+    let nevertheless = "instruments are made of it nevertheless, as the robot file asks";
+    let (what, taken) = match robot.config.estimator.instruments {
+        Instruments::Auto { .. } => (UNFOLLOWED, "delayed instruments are taken in its place".to_owned()),
+        Instruments::SecondEncoder => (UNSEEN, nevertheless.to_owned()),
+        _ => (UNFOLLOWED, format!("{nevertheless}: \"auto\" would take delayed ones")),
     };
     let of = |j: &usize| Distrust {
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
-        name: UNFOLLOWED_NAME,
-        text: format!("{UNFOLLOWED}; {taken}"),
+        name: if what == UNSEEN { UNSEEN_NAME } else { UNFOLLOWED_NAME },
+        text: format!("{what}; {taken}"),
     };
     joints.iter().map(of).collect()
 }
@@ -318,10 +322,15 @@ pub(crate) const COARSE_NAME: &str = "coarse_positions";
 /// Positions that are held over rows.
 pub(crate) const HELD_NAME: &str = "positions_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
+const UNSEEN_NAME: &str = "second_encoder_sees_another_motion";
 const UNEXPLAINED_NAME: &str = "torque_unexplained";
 const STILL_NAME: &str = "joint_stands";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
+
+/// The same of a second encoder.
+const UNSEEN: &str =
+    "q_link is not the motion of q: it was not recorded, has another sign, or is that of another joint";
 
 /// Of a joint's torque, what the fit may leave \[%\] and still be said to explain it.
 const EXPLAINS: f64 = 90.0;
@@ -340,6 +349,26 @@ pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
     names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(of).collect()
 }
 
+/// Of a joint's torque, instruments leave this many times what least squares leave where they do not stand for its motion.
+const MISLEADS: f64 = 1.5;
+
+/// Joints of whose torque the fit by instruments leaves more than the robot file's values, and far more than least squares; `left` \[%\]:
+/// nominal, least squares, instruments.
+pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[Vec<f64>; 3]) -> Option<Distrust> {
+    let is = |j: &usize| instruments[*j] > nominal[*j] && instruments[*j] > MISLEADS * least_squares[*j];
+    let joints: Vec<&str> = (0..names.len()).filter(is).map(|j| names[j].as_str()).collect();
+    (!joints.is_empty()).then(|| Distrust {
+        log: None,
+        joint: None,
+        name: "instruments_mislead",
+        text: format!(
+            "on {} the values found by instruments miss more torque than those of the robot file, and far more than least squares: the \
+             instruments do not stand for this motion. Record the desired motion, choose others (instruments, delay_s), or kind = \"rls\"",
+            joints.join(", ")
+        ),
+    })
+}
+
 /// Joints that do not move in any log.
 pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
     let of = |j: &usize| Distrust {
@@ -354,8 +383,9 @@ pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Dis
 /// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
-    let shared =
-        |d: &Distrust| [UNFOLLOWED_NAME, COARSE_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME].contains(&d.name);
+    let shared = |d: &Distrust| {
+        [UNFOLLOWED_NAME, UNSEEN_NAME, COARSE_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME].contains(&d.name)
+    };
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {
         let of_what: Vec<&str> =

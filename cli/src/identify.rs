@@ -271,6 +271,9 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let unexplained: Vec<Distrust> =
         evidence::unexplained(&runs::joint_names(robot), left).into_iter().filter(news).collect();
     distrusts.extend(unexplained);
+    if method(robot) == Method::Instrumental {
+        distrusts.extend(evidence::misled(&runs::joint_names(robot), &residuals));
+    }
     distrusts.extend(bounded.said(robot));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
@@ -404,10 +407,12 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
             coarse.smooth(robot, &mut record);
         }
         let mut settings = settings.clone();
-        let unfollowed = match (&record.desired, settings.instrument) {
-            (Some(desired), InstrumentSource::Desired) => unfollowed(&record.measured, desired, record.period_s),
-            _ => Vec::new(),
+        let seen_as = match settings.instrument {
+            InstrumentSource::Desired => record.desired.as_ref(),
+            InstrumentSource::SecondEncoder => record.second.as_ref(),
+            InstrumentSource::Delayed(_) => None,
         };
+        let unfollowed = seen_as.map_or_else(Vec::new, |motion| unfollowed(&record.measured, motion, record.period_s));
         if let (false, Instruments::Auto { delay_s, .. }) = (unfollowed.is_empty(), robot.config.estimator.instruments)
         {
             settings.instrument = InstrumentSource::Delayed(delay_s);

@@ -85,7 +85,7 @@ impl<'a> Summary<'a> {
                 "instruments = \"setpoint\" needs q_des, qd_des and qdd_des of every joint; \"auto\" takes what the log has"
             }
             Instruments::SecondEncoder => {
-                "instruments = \"second-encoder\" needs q_link of every joint; \"auto\" takes what the log has"
+                "instruments = \"second-encoder\" needs q_link of every joint, which moves as q does; \"auto\" takes what the log has"
             }
             Instruments::Auto { .. } | Instruments::Delayed { .. } | Instruments::PreviousCycle { .. } => {
                 "no joint has moved for long enough yet; kind = \"rls\" learns without instruments"

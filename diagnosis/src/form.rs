@@ -55,6 +55,12 @@ pub(crate) enum Form {
     /// A strap, hose or stop that pulls from one angle on: `x`, `x²`, x: how far `q` is above `from`, or below. No effect of
     /// the list; what explains torque over the angle has to be better than this
     Pull { joint: usize, from: f64, above: bool },
+    /// `x`, `x²`, `x³`, 1, x: the angle less `about`, the middle of what was seen. Springs that harden and the like: no effect of
+    /// the list, as a pull
+    AngleLaw { joint: usize, about: f64 },
+    /// A spring over two joints, or a hose along them: `x_a` on a, `x_b` on b, `x_b` on a with `x_a` on b, 1 on each. No effect of
+    /// the list: each joint by itself bends as no spring does
+    SpringBetween { joints: [usize; 2], about: [f64; 2] },
     /// A motor that turns with the sum of two joints: `s(q̇a+q̇b)` and `q̇a+q̇b` on both, `q̈` of the other; `whole`: of both,
     /// where the rotors of the file are without it
     Coupling { driving: usize, driven: usize, whole: bool },
@@ -106,9 +112,11 @@ impl Form {
             Form::TwoMass { gear, .. } if gear.gap > 0.0 => Effect::Backlash,
             Form::TwoMass { .. } => Effect::JointElasticity,
             Form::Base { .. } => Effect::BaseFlexibility,
-            Form::Spring { .. } => Effect::JointSpring,
-            // What a pull would be taken for.
-            Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } => Effect::Counterbalance,
+            Form::Spring { .. } | Form::SpringBetween { .. } => Effect::JointSpring,
+            // What a pull or another law of the angle would be taken for.
+            Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } | Form::AngleLaw { .. } => {
+                Effect::Counterbalance
+            }
             Form::Coupling { .. } => Effect::JointCoupling,
             Form::Delay { .. } => Effect::TransportDelay,
             Form::Lag { .. } => Effect::CurrentLoopLag,
@@ -129,6 +137,7 @@ impl Form {
     pub(crate) fn joints(&self) -> Vec<usize> {
         match *self {
             Form::Coupling { driving, driven, .. } => vec![driving, driven],
+            Form::SpringBetween { joints, .. } => joints.to_vec(),
             Form::Delay { .. }
             | Form::Lag { .. }
             | Form::Base { .. }
@@ -154,6 +163,7 @@ impl Form {
             | Form::Counterbalance { joint, .. }
             | Form::Counterweight { joint }
             | Form::Pull { joint, .. }
+            | Form::AngleLaw { joint, .. }
             | Form::Saturation { joint, .. }
             | Form::EncoderOffset { joint }
             | Form::Eccentricity { joint }
@@ -188,6 +198,8 @@ impl Form {
         match self {
             Form::Force { .. } => 0,
             Form::Payload => 10,
+            Form::SpringBetween { .. } => 5,
+            Form::AngleLaw { .. } => 4,
             Form::PositionFriction { .. } | Form::ViscousNonlinearity { .. } | Form::Coupling { .. } => 3,
             Form::Asymmetry { .. }
             | Form::Temperature { .. }
@@ -240,7 +252,7 @@ impl Form {
 
     /// Whether it is no effect of the list, only what is held against one.
     pub(crate) fn is_nameless(&self) -> bool {
-        matches!(self, Form::Pull { .. } | Form::TorqueLaw { .. })
+        matches!(self, Form::Pull { .. } | Form::AngleLaw { .. } | Form::SpringBetween { .. } | Form::TorqueLaw { .. })
     }
 
     /// Forms of one effect on the same joints that are refined apart from each other.
@@ -248,6 +260,7 @@ impl Form {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
             Form::Pull { .. } | Form::TorqueLaw { .. } => 2,
+            Form::AngleLaw { .. } => 3,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
             _ => 0,
         }
@@ -259,6 +272,8 @@ impl Form {
             Form::Stribeck { .. } | Form::Load { .. } | Form::Lag { .. } => c[0] > 0.0,
             // At rest within a turn: further off it is a constant torque.
             Form::Spring { .. } => c[0] > 0.0 && c[1].abs() < TAU * c[0],
+            // Two springs on two joints have names.
+            Form::SpringBetween { .. } => c[2].powi(2) > BETWEEN * (c[0] * c[1]).abs(),
             Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Warming { warmth, .. } => warmth.plausible(c),
@@ -347,6 +362,15 @@ impl Form {
                 let x = |k: usize| f64::max(side * (q(j, k) - from), 0.0);
                 vec![on(j, &x), on(j, &|k| x(k).powi(2))]
             }
+            Form::AngleLaw { joint: j, about } => {
+                (0..4).map(|power| on(j, &|k| (q(j, k) - about).powi([1, 2, 3, 0][power]))).collect()
+            }
+            Form::SpringBetween { joints: [a, b], about } => {
+                let x = |i: usize, k: usize| q([a, b][i], k) - about[i];
+                let mut across = on(a, &|k| x(1, k));
+                across[b] = Some((0..samples).map(|k| x(0, k)).collect());
+                vec![on(a, &|k| x(0, k)), on(b, &|k| x(1, k)), across, on(a, &|_| 1.0), on(b, &|_| 1.0)]
+            }
             Form::Coupling { driving: a, driven: b, whole } => {
                 let both = |f: &dyn Fn(usize) -> f64| -> Full {
                     let mut full: Full = vec![None; p.joints()];
@@ -408,6 +432,8 @@ impl Physics<'_> {
     }
 }
 
+/// A spring is over two joints where the square of what crosses is more than this share of the product of their own.
+const BETWEEN: f64 = 0.1;
 /// Samples by which a command that stands for one is late on average.
 const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6

@@ -42,6 +42,7 @@ mod held_load;
 mod instead;
 mod known;
 mod ladder;
+mod left_open;
 mod leftover;
 mod library;
 mod lmg;

@@ -98,7 +98,11 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         if high - low < LEAST_TURN {
             continue;
         }
-        forms.extend([Form::Spring { joint }, Form::Counterweight { joint }]);
+        let about = 0.5 * (low + high);
+        forms.extend([Form::Spring { joint }, Form::Counterweight { joint }, Form::AngleLaw { joint, about }]);
+        if let Some((before, beside)) = joint.checked_sub(1).and_then(|j| Some((j, middle(runs, j)?))) {
+            forms.push(Form::SpringBetween { joints: [before, joint], about: [beside, about] });
+        }
         for arm in LEVERS {
             for step in 0..PHASES {
                 let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
@@ -147,6 +151,12 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
 
 fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
     x.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)))
+}
+
+/// Middle of a joint's angles; none where it hardly turns.
+fn middle(runs: &[Physics<'_>], joint: usize) -> Option<f64> {
+    let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
+    (high - low >= LEAST_TURN).then_some(0.5 * (low + high))
 }
 
 /// Mean inertia of the link side at a joint.

@@ -68,6 +68,12 @@ impl Form {
             Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
             Form::Counterweight { .. } => named(&[("torque_Nm", wave(c)), ("zero_at_rad", -c[1].atan2(c[0]))]),
             Form::Pull { from, .. } => named(&[("from_rad", *from), ("rise_Nm_rad", c[0]), ("bend_Nm_rad2", c[1])]),
+            Form::AngleLaw { .. } => {
+                named(&[("rise_Nm_rad", c[0]), ("bend_Nm_rad2", c[1]), ("hardening_Nm_rad3", c[2])])
+            }
+            Form::SpringBetween { .. } => {
+                named(&[("first_Nm_rad", c[0]), ("second_Nm_rad", c[1]), ("between_Nm_rad", c[2])])
+            }
             Form::Coupling { .. } => {
                 named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1]), ("rotor_inertia_kgm2", c[2])])
             }
@@ -114,6 +120,8 @@ impl Form {
                     | Form::Spring { .. }
                     | Form::Counterbalance { .. }
                     | Form::Counterweight { .. }
+                    | Form::AngleLaw { .. }
+                    | Form::SpringBetween { .. }
             )
     }
 }

@@ -107,8 +107,8 @@ impl Judge<'_> {
     fn is_patched(steps: &[Step], step: &Step) -> bool {
         let laws = |j: usize| {
             let all = steps.iter().flat_map(|s| &s.adopted);
-            all.filter(|a| (a.form.of_angle_alone() || matches!(a.form, Form::Pull { .. })) && a.form.joints() == [j])
-                .count()
+            let law = |form: &Form| form.of_angle_alone() || matches!(form, Form::Pull { .. } | Form::AngleLaw { .. });
+            all.filter(|a| law(&a.form) && a.form.joints() == [j]).count()
         };
         step.adopted.iter().any(|a| a.form.of_angle_alone() && a.form.joints().iter().any(|j| laws(*j) > 1))
     }

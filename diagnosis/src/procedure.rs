@@ -146,9 +146,24 @@ impl Procedure<'_> {
             upheld.fill(false);
         }
         let parameters = details::parameters(&search, &unsure, &wrong, &x, &prediction);
+        let sizes = "sizes of causes without what was withdrawn (they stand beside it)";
         let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
-        let sized = or_said(sized, "sizes of causes without what was withdrawn (they stand beside it)", &mut left_out);
-        let told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+        let mut sized = or_said(sized, sizes, &mut left_out);
+        let mut told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+        // With what was withdrawn an effect may have helped that hardly does by itself.
+        let standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
+        if standing.len() == report.causes.len() {
+            let out = report.withdraw_what_hardly_helps();
+            out.iter().for_each(|at| upheld[standing[*at]] = false);
+            if !out.is_empty() {
+                let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
+                sized = or_said(again, sizes, &mut left_out);
+                let again =
+                    sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+                told = again.or(told);
+            }
+        }
+        report.doubt_what_is_left_open();
         let told = told.as_ref().unwrap_or(&measured);
         report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, told], parameters));
         report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));

@@ -184,9 +184,8 @@ pub(crate) fn best(
         let form = &candidates[standing.at].form;
         // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
         // this one does too, and that may look so.
-        if let Form::OneSided { joint, .. } | Form::Pull { joint, .. } | Form::TorqueLaw { joint } = form
-            && (0..search.noise.len()).any(|j| j != *joint && residue.is_noisy(j))
-        {
+        let bends = form.is_nameless() || matches!(form, Form::OneSided { .. });
+        if bends && (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j)) {
             continue;
         }
         // What repeats with the order of an effect that is there already, or shifts torque in time beside one that does, is

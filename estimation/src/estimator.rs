@@ -446,28 +446,29 @@ impl Estimator {
         if self.unloading() {
             return Err(Skip::Changed);
         }
-        self.lambda = self.forgetting();
+        // Least squares leave out the rows that instruments have to leave out: what is compared has seen the same.
+        let lambda = if z.is_some() { self.forgetting() } else { self.lambda };
         let rows = &mut self.rows;
         for j in 0..tau.len() {
             rows.tau[j] = tau[j] * rows.weight[j];
             scale_row(&d[j * n..(j + 1) * n], rows.weight[j], &self.inverse_column, &mut rows.d[j * n..(j + 1) * n]);
         }
-        self.ud.forget(self.lambda);
+        self.witnesses.add(&rows.d, &rows.tau);
+        let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
+        self.lambda = lambda;
+        self.ud.forget(lambda);
         for (j, row) in rows.d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
             self.ud.update(row, rows.tau[j]);
         }
         for ((out, x), scale) in self.rls_values.iter_mut().zip(self.ud.values()).zip(&self.inverse_column) {
             *out = x * scale;
         }
-        self.witnesses.add(&rows.d, &rows.tau);
-        let Some((z, instrument)) = z else { return Err(Skip::NoInstrument) };
         self.instrument = instrument;
         for j in 0..tau.len() {
             scale_row(&z[j * n..(j + 1) * n], rows.weight[j], &self.inverse_column, &mut rows.z[j * n..(j + 1) * n]);
         }
         self.compare(d, z, share);
         self.accumulate(share);
-        let lambda = self.lambda;
         self.count[0] = lambda * self.count[0] + 1.0;
         self.count[1] = lambda * lambda * self.count[1] + 1.0;
         self.updates += 1;

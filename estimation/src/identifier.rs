@@ -233,7 +233,7 @@ impl Identifier {
         }
         self.remember(q);
         let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
-        self.reference.read_second(second.filter(whole), tau);
+        self.reference.read_second(q, second.filter(whole), tau);
         let whole = self.aligned.push(q, tau, setpoint);
         observer.done(Phase::Differentiate);
         if !whole {

@@ -38,6 +38,7 @@ mod repetition;
 mod report;
 mod residuals;
 mod scales;
+mod second_encoder;
 mod settings;
 mod signals;
 mod state_filter;

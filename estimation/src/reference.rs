@@ -10,6 +10,7 @@ use crate::filter::Butterworth;
 use crate::memory::Carry;
 use crate::repetition::Repetition;
 use crate::report::{Instrument, Motion};
+use crate::second_encoder::SecondEncoder;
 use crate::settings::{Instruments, Settings};
 
 /// Sources of motion that share nothing with the noise of the regressor.
@@ -17,9 +18,7 @@ use crate::settings::{Instruments, Settings};
 pub(crate) struct Reference {
     wanted: Instruments,
     closed_loop: Option<ClosedLoop>,
-    /// The second encoders, differentiated like the first.
-    second: Option<Aligned>,
-    second_now: bool,
+    second: Option<SecondEncoder>,
     repetition: Option<Repetition>,
 }
 
@@ -39,8 +38,7 @@ impl Reference {
         Reference {
             wanted: settings.instruments,
             closed_loop: through_loop.then(|| ClosedLoop::new(dof, filter, settings.filter_hz, period, row)),
-            second: second.then(|| Aligned::positions(dof, settings.differentiator, period)),
-            second_now: false,
+            second: second.then(|| SecondEncoder::new(dof, settings)),
             repetition: cycle.map(|longest| Repetition::new(dof, longest, period, settings.decimation)),
         }
     }
@@ -53,7 +51,6 @@ impl Reference {
 
     /// After a hole in the stream.
     pub(crate) fn restart(&mut self) {
-        self.second_now = false;
         if let Some(second) = &mut self.second {
             second.restart();
         }
@@ -65,15 +62,12 @@ impl Reference {
         }
     }
 
-    /// Takes in the second encoders of a sample, one value a joint, before [`choose`](Self::choose).
-    pub(crate) fn read_second(&mut self, link: Option<&[f64]>, tau: &[f64]) {
-        let Some(second) = &mut self.second else { return };
-        if let Some(link) = link {
-            // Torques are the first encoders' business.
-            self.second_now = second.push(link, tau, None);
-        } else {
-            second.restart();
-            self.second_now = false;
+    /// Takes in both encoders of a sample, one value a joint, before [`choose`](Self::choose).
+    pub(crate) fn read_second(&mut self, own: &[f64], second: Option<&[f64]>, tau: &[f64]) {
+        match (&mut self.second, second) {
+            (Some(encoders), Some(second)) => encoders.push(own, second, tau),
+            (Some(encoders), None) => encoders.restart(),
+            (None, _) => {}
         }
     }
 
@@ -89,9 +83,10 @@ impl Reference {
         let takes_setpoint =
             matches!(self.wanted, Instruments::Auto { .. } | Instruments::Setpoint | Instruments::SetpointThroughLoop);
         let planned = setpoint.is_some() && takes_setpoint;
+        let second = self.second.as_ref().is_some_and(|second| second.motion().is_some());
         let repeats = match &mut self.repetition {
             // Not needed beside something better.
-            Some(repetition) if !planned && !self.second_now => {
+            Some(repetition) if !planned && !second => {
                 repetition.step(Motion { q: &aligned.q, qd: &aligned.qd, qdd: &aligned.qdd }, moves)
             }
             Some(repetition) => {
@@ -104,7 +99,7 @@ impl Reference {
             let known = self.closed_loop.as_ref().is_some_and(ClosedLoop::identified);
             return Some(if known { Instrument::SetpointThroughLoop } else { Instrument::Setpoint });
         }
-        if self.second_now {
+        if second {
             return Some(Instrument::SecondEncoder);
         }
         repeats.then_some(Instrument::PreviousCycle)
@@ -115,7 +110,7 @@ impl Reference {
         match chosen {
             Instrument::Setpoint => aligned.setpoint(),
             Instrument::SetpointThroughLoop => self.closed_loop.as_ref().map(ClosedLoop::motion),
-            Instrument::SecondEncoder => self.second.as_ref().map(|s| Motion { q: &s.q, qd: &s.qd, qdd: &s.qdd }),
+            Instrument::SecondEncoder => self.second.as_ref().and_then(SecondEncoder::motion),
             Instrument::PreviousCycle => self.repetition.as_ref().map(Repetition::motion),
             Instrument::None | Instrument::Delayed | Instrument::Regressor => None,
         }

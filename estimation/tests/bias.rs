@@ -5,7 +5,7 @@ mod common;
 use common::{Bench, Random, Wave};
 use rivet_estimation::{
     Correlation, Differentiator, Estimator, EstimatorKind, EstimatorSettings, Hausman, Identifier, Instrument,
-    Instruments, Motion, Prior, Scales, Settings, Supervision, Window,
+    Instruments, Motion, Prior, Scales, Settings, Skip, Supervision, Window,
 };
 
 const LEVEL: f64 = 0.05;
@@ -21,10 +21,8 @@ fn size(name: &str, rejected: usize, of: usize) {
     assert!((0.03..=0.08).contains(&share), "{name}: {share}");
 }
 
-/// Rows of three joints with five parameters. Motion `z` is desired, `d` the arm's, which differs from it by `off`, and
-/// reads with `noise`.
-fn white(forgetting: f64, off: f64, noise: f64, seed: u64) -> Option<Hausman> {
-    let settings = EstimatorSettings {
+fn settings(forgetting: f64) -> EstimatorSettings {
+    EstimatorSettings {
         kind: EstimatorKind::Riv,
         forgetting,
         deviation: None,
@@ -37,7 +35,38 @@ fn white(forgetting: f64, off: f64, noise: f64, seed: u64) -> Option<Hausman> {
         change_row_s: None,
         correlation: Correlation { factor: 1.0, neighbour: 0.0 },
         block: 50,
+    }
+}
+
+/// What is compared has seen the same rows: those without instruments are none of least squares either.
+#[test]
+fn rows_without_instruments_change_neither_side() {
+    let settings = settings(0.999);
+    let mut estimator = Estimator::new(&[2.0, 1.0], &Scales::unit(1, 2), &settings);
+    let mut random = Random(5);
+    let mut row = |estimator: &mut Estimator, planned: bool| {
+        let z = [random.normal(), random.normal()];
+        let tau = [3.0 * z[0] - z[1] + 0.1 * random.normal()];
+        let learnt = estimator.update(&z, planned.then_some((&z, Instrument::Setpoint)), &tau, &[1.0]);
+        estimator.work();
+        learnt
     };
+    let seen = |estimator: &Estimator| {
+        let e = estimator.estimate();
+        (e.values.to_vec(), e.rls_values.to_vec(), estimator.hausman())
+    };
+    (0..1000).for_each(|_| assert!(row(&mut estimator, true).is_ok()));
+    estimator.settle();
+    let before = seen(&estimator);
+    (0..500).for_each(|_| assert_eq!(row(&mut estimator, false), Err(Skip::NoInstrument)));
+    estimator.settle();
+    assert_eq!(seen(&estimator), before);
+}
+
+/// Rows of three joints with five parameters. Motion `z` is desired, `d` the arm's, which differs from it by `off`, and
+/// reads with `noise`.
+fn white(forgetting: f64, off: f64, noise: f64, seed: u64) -> Option<Hausman> {
+    let settings = settings(forgetting);
     let truth = [3.0, -1.0, 0.5, 2.0, 1.0];
     let sigma = [0.3, 1.0, 2.0];
     let (p, n) = (sigma.len(), truth.len());

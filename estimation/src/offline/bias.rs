@@ -28,8 +28,8 @@ pub struct Bias {
     pub hausman: f64,
     /// Directions in which regressor and instruments differ.
     pub degrees: usize,
-    /// Standard deviation by instruments over that by least squares, in the median of those directions; NaN where there is
-    /// none, or it is not known.
+    /// Standard deviation by instruments over that by least squares, the prior left out of both, in the median of the directions that
+    /// the data decide by least squares; NaN where there is none.
     pub spread: f64,
     /// Probability of an H as large as this if the regressor has no noise and the model is complete.
     pub p_value: f64,
@@ -48,7 +48,7 @@ impl Bias {
     /// Whether a large p-value says nothing: the instruments are too weak to show a bias, or are the regressor itself.
     #[must_use]
     pub fn blind(&self) -> bool {
-        self.degrees == 0 || self.spread > BLIND
+        self.degrees == 0 || self.spread.is_nan() || self.spread > BLIND
     }
 }
 
@@ -63,15 +63,15 @@ pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -
     let x0 = DVector::from_column_slice(nominal);
     let weights = fit.weights();
     let sums = equations.trusting(&fit.trust);
-    let solve = |method| -> Result<(DVector<f64>, DMatrix<f64>), OfflineError> {
+    let solve = |method| {
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
-        let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
-        // The scale is that of the regressor, so it is the same for both.
-        Ok((solution.x.component_div(&solution.scale), solution.covariance(method)))
+        Solution::new(&joints, &weights, &x0, prior, method)
     };
-    let (least_squares, own) = solve(Method::LeastSquares)?;
-    let (instrumental, other) = solve(Method::Instrumental)?;
-    let Statistic { hausman, degrees, spread } = statistic(&(instrumental - least_squares), &own, &other)?;
+    // The scale is that of the regressor, so it is the same for both, and so is the prior.
+    let (least_squares, instrumental) = (solve(Method::LeastSquares)?, solve(Method::Instrumental)?);
+    let shift = (instrumental.x.clone() - &least_squares.x).component_div(&least_squares.scale);
+    let covariances = [least_squares.covariance(), instrumental.covariance()];
+    let Statistic { hausman, degrees, spread } = statistic(&shift, &covariances, &least_squares.prior)?;
     let delayed = equations.rows.iter().any(|r| r.lag_s.is_empty());
     let ratio = if delayed { Vec::new() } else { sums.iter().map(|joint| ratio(joint, &fit.values)).collect() };
     Ok(Bias { hausman, degrees, spread, p_value: crate::chi_square::above(hausman, degrees), ratio })
@@ -83,21 +83,34 @@ struct Statistic {
     spread: f64,
 }
 
-/// H, in coordinates in which the covariance of least squares is 1.
-fn statistic(shift: &DVector<f64>, own: &DMatrix<f64>, other: &DMatrix<f64>) -> Result<Statistic, OfflineError> {
+/// H, in coordinates in which the covariance of least squares is 1. `covariances`: of least squares, by instruments; `prior`: the
+/// diagonal of the information that both have beside the data's.
+fn statistic(
+    shift: &DVector<f64>,
+    [own, other]: &[DMatrix<f64>; 2],
+    prior: &DVector<f64>,
+) -> Result<Statistic, OfflineError> {
     let singular = OfflineError::Singular { method: "Durbin-Wu-Hausman" };
     let symmetric = |m: &DMatrix<f64>| (m + m.transpose()) * 0.5;
     let root = symmetric(own).cholesky().ok_or_else(|| singular.clone())?.l();
-    let inverse = root.try_inverse().ok_or(singular)?;
+    let inverse = root.clone().try_inverse().ok_or(singular)?;
     let shift = &inverse * shift;
     let eigen = symmetric(&(&inverse * other * inverse.transpose())).symmetric_eigen();
-    let along = eigen.eigenvectors.transpose() * shift;
+    let along = eigen.eigenvectors.transpose() * &shift;
     let seen = || eigen.eigenvalues.iter().zip(along.iter()).filter(|(value, _)| **value - 1.0 > SAME);
     let hausman = seen().fold(0.0, |sum, (value, along)| sum + along * along / (value - 1.0));
-    let mut ratios: Vec<f64> = seen().map(|(value, _)| value.sqrt()).collect();
+    // What is believed before makes both equally certain where the instruments say nothing.
+    let directions = root * &eigen.eigenvectors;
+    let mut ratios: Vec<f64> = (0..shift.len())
+        .filter_map(|k| {
+            let believed = directions.column(k).component_mul(&directions.column(k)).dot(prior);
+            let by_instruments = (1.0 / eigen.eigenvalues[k] - believed).max(f64::MIN_POSITIVE);
+            (believed < 0.5).then(|| ((1.0 - believed) / by_instruments).sqrt())
+        })
+        .collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let spread = ratios.get(ratios.len() / 2).map_or(f64::NAN, |median| *median);
-    Ok(Statistic { hausman, degrees: ratios.len(), spread })
+    Ok(Statistic { hausman, degrees: seen().count(), spread })
 }
 
 /// Ratio of the dominant elements for one joint, columns times `values`; infinite when regressor and instruments are the
@@ -182,6 +195,30 @@ mod tests {
         let distance = p.iter().enumerate().map(off).fold(0.0_f64, f64::max);
         println!("Kolmogorov-Smirnov distance {distance:.4} of {:.4}", 1.63 / (count as f64).sqrt());
         assert!(distance < 1.63 / (count as f64).sqrt(), "{distance}");
+    }
+
+    /// Instruments that have nothing to do with the motion: beside the prior, which has the other half of every direction, ZᵀD has
+    /// either sign and may cancel it. What they leave is the prior's, and is stated as such.
+    #[test]
+    fn instruments_of_something_else_leave_the_prior() {
+        let (prior, mut farthest) = (0.3, 0.0_f64);
+        for seed in 0..50 {
+            let mut random = Random(4000 + seed);
+            let (mut rows, x) = rows(0.0, &mut random);
+            rows[0].joints.iter_mut().flat_map(|joint| &mut joint.z).for_each(|z| *z = random.normal());
+            let nominal: Vec<f64> = x.iter().map(|x| 1.2 * x).collect();
+            let equations = Equations::new(&rows);
+            let found = fit(&equations, &nominal, prior, Method::Instrumental).expect("solved");
+            for ((value, std), nominal) in found.values.iter().zip(&found.std).zip(&nominal) {
+                let width = prior * nominal.abs();
+                farthest = farthest.max((value - nominal).abs() / width);
+                assert!(*std < 2.0 * width, "seed {seed}: {value} +- {std} of {nominal} +- {width}");
+            }
+            let bias = bias(&equations, &nominal, prior, &found).expect("judged");
+            assert!(bias.blind(), "seed {seed}: {bias:?}");
+        }
+        println!("farthest from nominal: {farthest:.2} deviations of the prior");
+        assert!(farthest < 3.0, "{farthest}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! rows are worth. Leaving out one stretch of time after the other says it for every direction of the parameter space.
 //!
 //! ```text
-//! A = Σ w ZᵀD + P⁻¹,  u_b = Σ_b w Zᵀ(τ − D x)              scores of block b, all joints
+//! A = G Σ w ZᵀD + P⁻¹,  u_b = G Σ_b w Zᵀ(τ − D x)          scores of block b, all joints; G of the whole
 //! x₍b₎ − x = −(A − A_b)⁻¹ u_b                               the fit without block b
 //! J = (B − 1)/B Σ_b (x₍b₎ − x)(x₍b₎ − x)ᵀ + A⁻¹ P⁻¹ A⁻ᵀ     (Künsch 1989, Ann. Statist. 17(3); P is never left out)
 //! ```
@@ -26,10 +26,12 @@ const SHRINKAGE: f64 = 0.5;
 
 /// The solved equations that the blocks are taken out of, in scaled columns.
 pub(super) struct Whole<'a> {
-    /// Σ w ZᵀD + P⁻¹.
+    /// G·ΣwZᵀD + P⁻¹.
     pub(super) left: &'a DMatrix<f64>,
     /// Its inverse.
     pub(super) inverse: &'a DMatrix<f64>,
+    /// What leads instruments to the regressor, G; none with least squares.
+    pub(super) lead: Option<&'a DMatrix<f64>>,
     /// Diagonal of P⁻¹.
     pub(super) prior: &'a DVector<f64>,
     /// What a scaled value is multiplied by to be a value.
@@ -100,5 +102,8 @@ fn block_sums(
         }
     }
     let scale = whole.scale;
-    any.then(|| (DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]), score.component_mul(scale)))
+    let left = DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]);
+    let score = score.component_mul(scale);
+    let led = |lead: &DMatrix<f64>| (lead * &left, lead * &score);
+    any.then(|| whole.lead.map_or_else(|| (left.clone(), score.clone()), led))
 }

@@ -86,8 +86,7 @@ fn weights(noise: &[f64], correlation: &[f64]) -> Vec<f64> {
 ///   would make 0.5 % of the torque of some joint)
 pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
-    let Weighed { solution, noise, correlation, trust } = weigh(equations, nominal, prior, method)?;
-    let weights = weights(&noise, &correlation);
+    let Weighed { solution, weights, noise, correlation, trust } = weigh(equations, nominal, prior, method)?;
     let scaled = solution.long_run_covariance(&equations.trusting(&trust), &weights, method);
     let (std, determined) = solution.certainty(&scaled);
     let scale = &solution.scale;
@@ -109,6 +108,8 @@ pub fn solve(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Met
 /// A solution, and what its own residuals say of the rows.
 struct Weighed {
     solution: Solution,
+    /// What a row of each joint counts in the solution: by the residuals of the round before it.
+    weights: Vec<f64>,
     noise: Vec<f64>,
     correlation: Vec<f64>,
     trust: Vec<f64>,
@@ -132,11 +133,12 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     let mut noise: Vec<f64> =
         (0..n).map(|j| if moves[j] { level(j).max(f64::MIN_POSITIVE) } else { f64::NAN }).collect();
     let mut correlation = vec![1.0; n];
-    let mut turn = |trust: &[f64]| -> Result<(Solution, Vec<f64>, Vec<f64>), OfflineError> {
-        let sums = equations.trusting(trust);
+    let mut turn = |trust: Vec<f64>| -> Result<Weighed, OfflineError> {
+        let sums = equations.trusting(&trust);
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let mut round = || {
-            let solution = Solution::new(&joints, &weights(&noise, &correlation), &x0, prior, method)?;
+            let weights = weights(&noise, &correlation);
+            let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
             for j in (0..n).filter(|j| moves[*j]) {
                 let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
                 let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
@@ -144,29 +146,26 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
                 noise[j] = (square / joints[j].count).sqrt().max(1e-12 * level(j)).max(f64::MIN_POSITIVE);
                 correlation[j] = rows_per_independent_row(&residuals);
             }
-            Ok(solution)
+            Ok((solution, weights))
         };
-        let mut solution = round()?;
+        let mut solved = round()?;
         for _ in 1..ROUNDS {
-            solution = round()?;
+            solved = round()?;
         }
-        Ok((solution, noise.clone(), correlation.clone()))
+        let (solution, weights) = solved;
+        Ok(Weighed { solution, weights, noise: noise.clone(), correlation: correlation.clone(), trust })
     };
     // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
-    let (alike, noise, correlation) = turn(&vec![1.0; n])?;
+    let alike = turn(vec![1.0; n])?;
     let of = |j: usize| {
         if !moves[j] {
             return 1.0;
         }
-        let residuals = equations.weighed_residuals(j, alike.x.as_slice(), 1.0);
-        trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, correlation[j])
+        let residuals = equations.weighed_residuals(j, alike.solution.x.as_slice(), 1.0);
+        trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, alike.correlation[j])
     };
     let trust: Vec<f64> = (0..n).map(of).collect();
-    if trust.iter().all(|trust| *trust == 1.0) {
-        return Ok(Weighed { solution: alike, noise, correlation, trust });
-    }
-    let (solution, noise, correlation) = turn(&trust)?;
-    Ok(Weighed { solution, noise, correlation, trust })
+    if trust.iter().all(|trust| *trust == 1.0) { Ok(alike) } else { turn(trust) }
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
@@ -219,16 +218,21 @@ fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
 }
 
 /// The solved equations, columns scaled to one: `scale` times a scaled value is the value.
+///
+/// Instruments are led to the regressor by what the rows say they have to do with it, G = ΣwDᵀZ·(ΣwZᵀZ)⁻¹ (two-stage least
+/// squares). G·ΣwZᵀD is the information that the instruments leave: it is never negative and vanishes where they tell nothing,
+/// so there the prior decides, as it does in least squares. Beside ΣwZᵀD, which has any sign, the prior may as well cancel.
+/// Without a prior both have one solution.
 pub(super) struct Solution {
     pub(super) x: DVector<f64>,
     pub(super) scale: DVector<f64>,
     /// Σ w DᵀD, scaled, without the prior.
     information: DMatrix<f64>,
-    /// Σ w ZᵀD + P⁻¹, scaled, and its inverse.
+    /// G·ΣwZᵀD + P⁻¹, scaled, and its inverse; with least squares ΣwDᵀD + P⁻¹.
     left: DMatrix<f64>,
     pub(super) inverse: DMatrix<f64>,
-    /// Σ w ZᵀZ, scaled.
-    spread: DMatrix<f64>,
+    /// G, scaled; none with least squares.
+    lead: Option<DMatrix<f64>>,
     /// Diagonal of P⁻¹, scaled.
     pub(super) prior: DVector<f64>,
 }
@@ -270,50 +274,49 @@ impl Solution {
         let scale = DVector::from_fn(k, |i, _| if touched(i) { 1.0 / size[i] } else { width[i] });
         let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(i, j)] * scale[i] * scale[j]);
         let prior_information = width.zip_map(&scale, |width, scale| (scale / width).powi(2));
-        let mut left = scaled(&zd);
+        let offset = prior_information.component_mul(&x0.component_div(&scale));
+        let (mut left, mut right) = (scaled(&zd), zt.component_mul(&scale));
+        let named = if method == Method::LeastSquares { "least-squares" } else { "instrumental-variable" };
+        let singular = || OfflineError::Singular { method: named };
+        let lead = match method {
+            Method::LeastSquares => None,
+            Method::Instrumental => Some(lead(&scaled(&zz), &left).ok_or_else(singular)?),
+        };
+        if let Some(lead) = &lead {
+            left = lead * left;
+            right = lead * right;
+        }
         for i in 0..k {
             left[(i, i)] += prior_information[i];
         }
-        let offset = prior_information.component_mul(&x0.component_div(&scale));
-        let right = zt.component_mul(&scale) + offset;
-        let method = if method == Method::LeastSquares { "least-squares" } else { "instrumental-variable" };
-        let inverse = left.clone().lu().try_inverse().ok_or(OfflineError::Singular { method })?;
+        right += offset;
+        let inverse = left.clone().lu().try_inverse().ok_or_else(singular)?;
         // One step of refinement: the inverse of a badly conditioned matrix is exact in its large directions only.
         let mut s = &inverse * &right;
         s += &inverse * (&right - &left * &s);
         let x = s.component_mul(&scale);
         if count == 0.0 || x.iter().any(|x| !x.is_finite()) {
-            return Err(OfflineError::Singular { method });
+            return Err(singular());
         }
-        let (information, spread) = (scaled(&dd), scaled(&zz));
-        Ok(Solution { x, scale, information, left, inverse, spread, prior: prior_information })
+        let information = scaled(&dd);
+        Ok(Solution { x, scale, information, left, inverse, lead, prior: prior_information })
     }
 
-    /// Covariance, scaled.
-    ///
-    /// Least squares: (Σ w DᵀD + P⁻¹)⁻¹. Instruments: A⁻¹ (Σ w ZᵀZ + P⁻¹) A⁻ᵀ with A = Σ w ZᵀD + P⁻¹.
-    pub(super) fn covariance(&self, method: Method) -> DMatrix<f64> {
+    /// Covariance, scaled: the inverse of the information, (G·ΣwZᵀD + P⁻¹)⁻¹, where residuals are white.
+    pub(super) fn covariance(&self) -> DMatrix<f64> {
         // As B·Bᵀ: rounding in what the data hardly see then leaves every variance positive.
-        let squared = |b: DMatrix<f64>| &b * b.transpose();
-        if method == Method::LeastSquares {
-            let eigen = self.left.clone().symmetric_eigen();
-            let least = f64::EPSILON * eigen.eigenvalues.len() as f64 * eigen.eigenvalues.max();
-            let std = eigen.eigenvalues.map(|value| 1.0 / value.max(least).sqrt());
-            return squared(eigen.eigenvectors * DMatrix::from_diagonal(&std));
-        }
-        let mut middle = self.spread.clone();
-        for i in 0..self.x.len() {
-            middle[(i, i)] += self.prior[i];
-        }
-        let eigen = middle.symmetric_eigen();
-        let root = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-        squared(&self.inverse * eigen.eigenvectors * DMatrix::from_diagonal(&root))
+        let eigen = ((&self.left + self.left.transpose()) * 0.5).symmetric_eigen();
+        let least = f64::EPSILON * eigen.eigenvalues.len() as f64 * eigen.eigenvalues.max();
+        let std = eigen.eigenvalues.map(|value| 1.0 / value.max(least).sqrt());
+        let root = eigen.eigenvectors * DMatrix::from_diagonal(&std);
+        &root * root.transpose()
     }
 
-    /// Covariance, scaled, with what the colour of the residuals makes of it.
+    /// Covariance, scaled, with what the colour of the residuals makes of it. `weights` are those it was solved with.
     pub(super) fn long_run_covariance(&self, joints: &[JointSums], weights: &[f64], method: Method) -> DMatrix<f64> {
-        let Solution { x, scale, left, inverse, prior, .. } = self;
-        long_run(joints, weights, &Whole { left, inverse, prior, scale, x }, self.covariance(method), method)
+        let Solution { x, scale, left, inverse, lead, prior, .. } = self;
+        let whole = Whole { left, inverse, lead: lead.as_ref(), prior, scale, x };
+        long_run(joints, weights, &whole, self.covariance(), method)
     }
 
     /// Standard deviations and what decided each value, from the scaled covariance.
@@ -334,4 +337,15 @@ impl Solution {
         let (rank, smallest) = seen.fold((0, largest), |(count, least), value| (count + 1, least.min(*value)));
         (rank, (largest / smallest).sqrt())
     }
+}
+
+/// G = (ZᵀD)ᵀ·(ZᵀZ)⁻¹, instruments scaled to one. Directions in which they are rounding lead nowhere.
+fn lead(zz: &DMatrix<f64>, zd: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let k = zz.nrows();
+    let scale = zz.diagonal().map(|square| if square > 0.0 { 1.0 / square.sqrt() } else { 1.0 });
+    let rounding = 4.0 * k as f64 * f64::EPSILON;
+    let own = DMatrix::from_fn(k, k, |i, j| zz[(i, j)] * scale[i] * scale[j] + if i == j { rounding } else { 0.0 });
+    let mut lead = own.cholesky()?.solve(&DMatrix::from_fn(k, k, |i, j| scale[i] * zd[(i, j)]));
+    lead.row_iter_mut().zip(scale.iter()).for_each(|(mut row, scale)| row *= *scale);
+    Some(lead.transpose())
 }

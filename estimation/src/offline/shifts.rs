@@ -20,7 +20,7 @@ use super::sums::{Equations, JointSums, Normal};
 use crate::linear::{axpy, dot};
 
 /// Delays up to this are looked at, either way \[s\].
-pub(super) const REACH_S: f64 = 0.12;
+pub const REACH_S: f64 = 0.12;
 /// In steps of this \[s\]: the second order of the refinement is exact well beyond half of it.
 pub(super) const STEP_S: f64 = 0.008;
 /// So many delays either way of zero.
