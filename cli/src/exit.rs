@@ -5,7 +5,7 @@ use std::error::Error;
 use rivet_config::ConfigErrors;
 use rivet_diagnosis::DiagnosisError;
 use rivet_estimation::offline::OfflineError;
-use rivet_logs::LogError;
+use rivet_logs::{LogError, LogFault};
 
 use crate::changes::Mismatch;
 
@@ -46,7 +46,7 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
         };
     }
     let of_data = |e: &(dyn Error + 'static)| {
-        e.is::<LogError>()
+        e.downcast_ref::<LogError>().is_some_and(|e| !matches!(e.fault, LogFault::Io(_)))
             || e.is::<DiagnosisError>()
             || e.is::<OfflineError>()
             || e.is::<Mismatch>()
@@ -56,7 +56,7 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
         CONFIG
     } else if error.chain().any(of_data) {
         DATA
-    } else if error.chain().any(<dyn Error>::is::<std::io::Error>) {
+    } else if error.chain().any(|e| e.is::<std::io::Error>() || e.is::<LogError>()) {
         INPUT_OUTPUT
     } else {
         OTHER

@@ -127,8 +127,15 @@ fn run_all(
         sealed_seconds: sealed.seconds(),
     };
     if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
-        let why = "no joint of the runs moves enough to say anything";
-        return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, why) }, None));
+        let why = if data.fit_seconds < LEAST_SECONDS {
+            format!(
+                "{:.1} s beside the sealed part say too little: at least {LEAST_SECONDS:.0} s are asked for",
+                data.fit_seconds
+            )
+        } else {
+            "no joint of the runs moves enough to say anything".to_owned()
+        };
+        return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) }, None));
     }
     say("motion, regressors");
     let mut nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));

@@ -77,3 +77,68 @@ fn is_inexact(effect: Effect) -> bool {
             | Effect::ExternalForce
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{DataUse, JointGap};
+
+    /// Joints a, b and c with these gaps in motion; one cause on each of the first joints.
+    fn diagnosis(in_motion: [[f64; 2]; 3], effects: &[Effect]) -> Diagnosis {
+        let data = DataUse { runs: 2, cut: false, fit_seconds: 10.0, sealed_seconds: 5.0 };
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let gap = |(joint, in_motion): (&String, [f64; 2])| JointGap {
+            joint: joint.clone(),
+            before: 0.1,
+            after: 0.05,
+            noise_floor: 0.01,
+            repeats: None,
+            in_motion: Some(in_motion),
+        };
+        let cause = |(effect, joint): (&Effect, &String)| Cause {
+            confidence: 1.0,
+            ..crate::sizes::hint(*effect, vec![joint.clone()], &[])
+        };
+        Diagnosis {
+            verdict: Verdict::Several,
+            per_joint: names.iter().zip(in_motion).map(gap).collect(),
+            causes: effects.iter().zip(&names).map(cause).collect(),
+            ..Diagnosis::not_evaluated(data, "")
+        }
+    }
+
+    fn confidences(in_motion: [[f64; 2]; 3], effects: &[Effect]) -> Vec<f64> {
+        let mut found = diagnosis(in_motion, effects);
+        found.doubt_what_is_left_open();
+        found.causes.iter().map(|cause| cause.confidence).collect()
+    }
+
+    #[test]
+    fn what_is_named_where_a_gap_is_left_is_doubted_most() {
+        let effects = [Effect::Counterbalance, Effect::StribeckFriction, Effect::CoulombFriction];
+        assert_eq!(confidences([[20.0, 1.1], [8.0, 1.0], [3.0, 1.5]], &effects), [1.0; 3]);
+        let open = confidences([[20.0, 9.0], [8.0, 1.0], [3.0, 1.5]], &effects);
+        assert_eq!(open, [LEFT_OPEN, OPEN_BESIDE, OPEN_BESIDE]);
+        assert_eq!(confidences([[90.0, 9.0], [8.0, 1.0], [3.0, 1.5]], &effects), [1.0; 3], "ten times smaller");
+    }
+
+    #[test]
+    fn what_is_never_exact_says_nothing_against_itself() {
+        let effects = [Effect::JointElasticity, Effect::StribeckFriction];
+        assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [1.0, 1.0]], &effects), [1.0; 2]);
+        assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [9.0, 9.0]], &effects), [OPEN_BESIDE; 2]);
+        let contact = [Effect::ExternalForce, Effect::TorqueSaturation];
+        assert_eq!(confidences([[20.0, 9.0], [30.0, 9.0], [9.0, 9.0]], &contact)[1], LEFT_OPEN);
+    }
+
+    #[test]
+    fn an_effect_that_hardly_helps_is_withdrawn() {
+        let effects = [Effect::Counterbalance, Effect::StribeckFriction];
+        let mut found = diagnosis([[10.7, 9.1], [8.0, 1.0], [1.0, 1.0]], &effects);
+        assert_eq!(found.withdraw_what_hardly_helps(), [0]);
+        assert_eq!((found.verdict, found.withdrawn.len()), (Verdict::Effect, 1));
+        let mut found = diagnosis([[10.7, 9.1], [8.0, 7.0], [1.0, 1.0]], &effects);
+        assert_eq!(found.withdraw_what_hardly_helps(), [0, 1]);
+        assert_eq!((found.verdict, found.causes.len()), (Verdict::Unexplained, 0));
+    }
+}

@@ -34,7 +34,7 @@ const FIRST_OF_CLASS: f64 = 0.8;
 /// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
 /// tampered with.
 const NOT_PLAIN: f64 = 0.6;
-/// ... and one of which the sealed run keeps less than was thought possible: its form goes on otherwise than the effect.
+/// ... and one of which the sealed run keeps less than was thought possible, or far more: its form goes on otherwise than the effect.
 const PROMISE_BROKEN: f64 = 0.6;
 /// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
 const MOST_TAKEN: f64 = 0.5;
@@ -283,7 +283,8 @@ impl Opened<'_> {
         if !step.adopted.is_empty() && is_predictable(step) && !judge.sealed.is_plain(k, judge.joints(step)) {
             confidence *= NOT_PLAIN;
         }
-        if step.effect.kind() == Kind::Structure && is_predictable(step) && shrink.measured < shrink.low {
+        let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low;
+        if is_predictable(step) && (broken || shrink.measured > FAR_MORE * shrink.high.max(MATERIAL)) {
             confidence *= PROMISE_BROKEN;
         }
         Cause {

@@ -154,7 +154,9 @@ impl Procedure<'_> {
         let standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
         if standing.len() == report.causes.len() {
             let out = report.withdraw_what_hardly_helps();
-            out.iter().for_each(|at| upheld[standing[*at]] = false);
+            for at in &out {
+                upheld[standing[*at]] = false;
+            }
             if !out.is_empty() {
                 let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
                 sized = or_said(again, sizes, &mut left_out);

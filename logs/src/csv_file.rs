@@ -13,6 +13,12 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
         .from_path(path)
         .map_err(|e| fault(e).at(path))?;
     let names: Vec<String> = reader.headers().map_err(|e| fault(e).at(path))?.iter().map(str::to_owned).collect();
+    if let [one] = &names[..]
+        && let Some(other) = [';', '\t'].into_iter().find(|other| one.contains(*other))
+    {
+        let why = format!("its columns are separated by {other:?}; a log's are by commas, with points in its numbers");
+        return Err(LogFault::Format { format: "CSV", why }.at(path));
+    }
     let mut known: Vec<(usize, Vec<f64>)> = Vec::new();
     let mut table = Table::default();
     for (k, name) in names.iter().enumerate() {

@@ -114,6 +114,9 @@ fn read_table(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogEr
     } else if magic[..head].contains(&0) || magic[..head].starts_with(b"\x89MCAP") {
         let why = "it is neither Parquet nor text".to_owned();
         Err(LogFault::Format { format: "a log", why }.at(path))
+    } else if path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("parquet")) {
+        let why = "it does not begin with PAR1: it is damaged, or something else under that name".to_owned();
+        Err(LogFault::Format { format: "Parquet", why }.at(path))
     } else {
         csv_file::read(path, wanted)
     }

@@ -240,6 +240,12 @@ fn unequal_lines_and_foreign_files_are_refused() {
     std::fs::write(&odd, b"PAR1 but nothing behind it").expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
     assert!(why.contains("cannot be read as Parquet"), "{why}");
+    std::fs::write(&odd, b"XAR1 and so on").expect("written");
+    let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
+    assert!(why.contains("cannot be read as Parquet: it does not begin with PAR1"), "{why}");
+    std::fs::write(&short, "t;q1;tau1\n0;1,5;2\n").expect("written");
+    let why = read(&short, &ReadOptions::new(1)).expect_err("semicolons").to_string();
+    assert!(why.contains("separated by ';'; a log's are by commas"), "{why}");
     std::fs::write(&odd, [0_u8, 1, 2, 3]).expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("binary").to_string();
     assert!(why.contains("neither Parquet nor text"), "{why}");

@@ -246,7 +246,8 @@ impl Document {
             open.push(format!("{out} of {all} stretches of logs, whose torque says nothing, were left out"));
         }
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
-        if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING) {
+        let nothing_missing = self.verdict == "no_gap";
+        if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
         }
         let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known).collect();
