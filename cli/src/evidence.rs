@@ -61,7 +61,7 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
         format!(
             "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}{small}"
         )
-    } else if bias.spread.is_nan() {
+    } else if bias.spread.is_infinite() {
         "cannot tell: the data decide nothing by least squares either".to_owned()
     } else if bias.blind() {
         format!(
@@ -506,6 +506,7 @@ mod tests {
         assert!(text(&weak).contains("cannot tell: IV is 200 times as uncertain"), "{}", text(&weak));
         assert_eq!(bias_json(&weak, &ALONE)["cannot_tell"], true);
         assert!(text(&bias(200.0, 1e-9, &[8.0])).contains("position noise pulls LS"), "what is seen is seen");
+        assert!(text(&bias(f64::INFINITY, 1.0, &[8.0])).contains("the data decide nothing by least squares either"));
         // Not known while running.
         assert!(text(&bias(f64::NAN, 0.4, &[8.0])).contains("no sign of bias in LS"));
     }

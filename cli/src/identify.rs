@@ -366,7 +366,14 @@ pub(crate) fn rows_without_plan(robot: &Robot, log: &Log) -> Result<Taken> {
 
 fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Taken> {
     log.torque()?;
-    if settings.instrument == InstrumentSource::Desired && log.q_des.is_none() {
+    let without_desired = settings.instrument == InstrumentSource::Desired && log.q_des.is_none();
+    let without_second =
+        settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none);
+    // Least squares do not ask for them; what is compared with them is made of the measured motion.
+    if (without_desired || without_second) && method(robot) == Method::LeastSquares {
+        return rows_without_plan(robot, log);
+    }
+    if without_desired {
         return Err(Fault::Data(format!(
             "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
             log.path.display(),
@@ -374,7 +381,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
         ))
         .into());
     }
-    if settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none) {
+    if without_second {
         return Err(Fault::Data(format!(
             "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
              joint",

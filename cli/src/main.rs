@@ -45,7 +45,7 @@ use std::process::ExitCode;
 
 /// Identifies a geared robot arm while it works, and shows what its simulator gets wrong.
 #[derive(Parser)]
-#[command(version, after_help = "Without a command: rivet demo")]
+#[command(version, max_term_width = 100, after_help = "Without a command: rivet demo")]
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 /// Longest value or source line shown in a message \[characters\].
 const LONGEST_VALUE: usize = 48;
 const LONGEST_LINE: usize = 96;
+/// Most mistakes shown of one file: of text that is no robot file every line is one.
+const MOST_SHOWN: usize = 40;
 
 /// One mistake, at one place of one file.
 ///
@@ -106,7 +108,7 @@ impl std::error::Error for ConfigError {}
 
 /// All mistakes of a file, in the order of the text. Never empty.
 ///
-/// `Display` gives each with its source line and a caret below the place.
+/// `Display` gives each of the first 40 with its source line and a caret below the place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigErrors {
     errors: Vec<ConfigError>,
@@ -127,7 +129,7 @@ impl ConfigErrors {
 
 impl fmt::Display for ConfigErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for error in &self.errors {
+        for error in self.errors.iter().take(MOST_SHOWN) {
             writeln!(f, "{error}")?;
             let Some((line, marked)) = &error.snippet else { continue };
             // A long array is shown around the marked entry only.
@@ -141,6 +143,7 @@ impl fmt::Display for ConfigErrors {
         }
         match self.errors.len() {
             1 => write!(f, "1 mistake"),
+            n if n > MOST_SHOWN => write!(f, "{n} mistakes, of which the first {MOST_SHOWN} are shown"),
             n => write!(f, "{n} mistakes"),
         }
     }

@@ -274,8 +274,8 @@ pub const KEYS: &[Key] = &[
     key("friction", "offset", PerJoint, "N m", Magnitude(1e5), Required,
         "Constant torque, for example asymmetric friction or the zero of the torque signal."),
     key("friction", "load_dependent", PerJointOrOne, "-", Within(0.0, 1e4), Absent,
-        "Coulomb friction per torque that the gear carries: adds `load_dependent*|tau of the links|*s(qd)`, tooth friction under load. \
-         With the key, 0 included, the model has the term and it is identified; without it, it has not."),
+        "Coulomb friction per torque that the gear carries: adds `load_dependent*|tau of the links|*s(qd)`, tooth friction under \
+         load (at most 1 when it is identified off line). With the key, 0 included, the model has the term and it is identified; without it, it has not."),
     key("friction", "viscous_quadratic", PerJointOrOne, "N m s^2/rad^2", Magnitude(1e6), Absent,
         "Adds `viscous_quadratic*qd*|qd|`; negative where friction flattens with speed (grease of harmonic drives). With the key, 0 included, \
          the model has the term and it is identified."),
@@ -357,7 +357,7 @@ pub const KEYS: &[Key] = &[
         "Motion that instruments are made of: the desired one as the arm follows it, by a model of each joint's position loop identified \
          while running (`setpoint-through-loop`); the desired one as it is; that of second encoders (service `link-state`, log columns \
          `q_link`); the same phase of the previous cycle of repetitive work, delayed while none is found; the measured one `delay_s` ago. \
-         `auto` takes the first of them that is at hand, in this order but for the raw setpoint, and health says which."),
+         `auto` takes the first of them that is at hand, in this order, the raw setpoint only until the loop is known, and health says which."),
     key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
         "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation. Off line it acts where a log has no desired \
          motion that the joints follow."),

@@ -73,8 +73,14 @@ pub fn robot_with(arm: &str, folder: &Path, from: &str, to: &str) -> PathBuf {
 
 /// What a program gave, with what it wrote as JSON.
 pub fn result(command: &mut Command, folder: &Path) -> (String, serde_json::Value) {
+    let (code, text, json) = answer(command, folder);
+    assert_eq!(code, Some(0), "{text}");
+    (text, json)
+}
+
+/// The same with its exit code, which is an answer of its own.
+pub fn answer(command: &mut Command, folder: &Path) -> (Option<i32>, String, serde_json::Value) {
     let json = folder.join("result.json");
     let (code, text) = said(command.arg("--json").arg(&json));
-    assert_eq!(code, Some(0), "{text}");
-    (text, serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON"))
+    (code, text, serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON"))
 }

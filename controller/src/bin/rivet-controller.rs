@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 /// Computed-torque control with the parameters that rivetd publishes.
 #[derive(Parser)]
-#[command(version)]
+#[command(version, max_term_width = 100)]
 struct Arguments {
     #[command(flatten)]
     options: rivet_controller::Options,

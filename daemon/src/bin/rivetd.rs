@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 /// Identifies the dynamics of a robot arm while it works.
 #[derive(Parser)]
-#[command(version)]
+#[command(version, max_term_width = 100)]
 struct Arguments {
     #[command(flatten)]
     options: rivet_daemon::Options,

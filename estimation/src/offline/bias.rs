@@ -29,7 +29,7 @@ pub struct Bias {
     /// Directions in which regressor and instruments differ.
     pub degrees: usize,
     /// Standard deviation by instruments over that by least squares, the prior left out of both, in the median of the directions that
-    /// the data decide by least squares; NaN where there is none.
+    /// the data decide by least squares; infinite where there is none, NaN where it is not known.
     pub spread: f64,
     /// Probability of an H as large as this if the regressor has no noise and the model is complete.
     pub p_value: f64,
@@ -48,7 +48,7 @@ impl Bias {
     /// Whether a large p-value says nothing: the instruments are too weak to show a bias, or are the regressor itself.
     #[must_use]
     pub fn blind(&self) -> bool {
-        self.degrees == 0 || self.spread.is_nan() || self.spread > BLIND
+        self.degrees == 0 || self.spread > BLIND
     }
 }
 
@@ -109,7 +109,7 @@ fn statistic(
         })
         .collect();
     ratios.sort_unstable_by(f64::total_cmp);
-    let spread = ratios.get(ratios.len() / 2).map_or(f64::NAN, |median| *median);
+    let spread = ratios.get(ratios.len() / 2).map_or(f64::INFINITY, |median| *median);
     Ok(Statistic { hausman, degrees: seen().count(), spread })
 }
 

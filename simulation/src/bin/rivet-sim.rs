@@ -6,7 +6,7 @@ use clap::Parser;
 
 /// Plays a robot controller's shared memory with a simulated arm: publishes joint-state and setpoint, takes command.
 #[derive(Parser)]
-#[command(name = "rivet-sim", version)]
+#[command(name = "rivet-sim", version, max_term_width = 100)]
 struct Line {
     #[command(flatten)]
     options: rivet_simulation::process::Options,
