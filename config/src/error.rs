@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const LONGEST_VALUE: usize = 48;
 const LONGEST_LINE: usize = 96;
 /// Most mistakes shown of one file: of text that is no robot file every line is one.
-const MOST_SHOWN: usize = 40;
+const MOST_SHOWN: usize = 200;
 
 /// One mistake, at one place of one file.
 ///
@@ -108,7 +108,7 @@ impl std::error::Error for ConfigError {}
 
 /// All mistakes of a file, in the order of the text. Never empty.
 ///
-/// `Display` gives each of the first 40 with its source line and a caret below the place.
+/// `Display` gives each of the first 200 with its source line and a caret below the place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigErrors {
     errors: Vec<ConfigError>,
