@@ -29,6 +29,7 @@ impl Diagnosis {
     pub(crate) fn withdraw_what_hardly_helps(&mut self) -> Vec<usize> {
         let helps = |cause: &Cause| {
             cause.effect.kind() != Kind::Structure
+                || is_inexact(cause.effect)
                 || self.left_open().all(|(j, times)| times >= HARDLY || !cause.joints.contains(j))
         };
         let out: Vec<usize> = (0..self.causes.len()).filter(|k| !helps(&self.causes[*k])).collect();
@@ -65,7 +66,7 @@ impl Diagnosis {
     }
 }
 
-/// Whether an effect goes on otherwise than its model.
+/// Whether an effect goes on otherwise than its model: a joint that warms up may have gone on otherwise than it began, too.
 fn is_inexact(effect: Effect) -> bool {
     matches!(
         effect,
@@ -73,6 +74,7 @@ fn is_inexact(effect: Effect) -> bool {
             | Effect::Backlash
             | Effect::PreslidingFriction
             | Effect::TransportDelay
+            | Effect::TemperatureDependentFriction
             | Effect::BaseFlexibility
             | Effect::ExternalForce
     )
