@@ -354,5 +354,7 @@ fn robot_beside_which_shared_memory_fills_up() {
     assert_eq!((meanwhile.samples, meanwhile.lost, meanwhile.dropped_messages), (meanwhile.seq, 0, 0));
     drop(filled);
     let after = report_of("it is over", &|h| h.input_fault == 0);
-    assert_eq!((after.samples, after.lost, after.last_input_fault, after.mode), (after.seq, 0, full, meanwhile.mode));
+    // Where this side gets no processor for a while, silence may be the last fault.
+    let faults = after.input_faults[full as usize];
+    assert_eq!((after.samples, after.lost, faults, after.mode), (after.seq, 0, 1, meanwhile.mode));
 }
