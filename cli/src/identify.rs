@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
+use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
     Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Rows, bias, fit,
@@ -360,7 +361,9 @@ pub(crate) fn rows_everywhere(robot: &Robot, log: &Log) -> Result<Taken> {
 
 /// The same where the log need not have what instruments are made of: torque and measured motion are all that is asked.
 pub(crate) fn rows_without_plan(robot: &Robot, log: &Log) -> Result<Taken> {
-    let instrument = InstrumentSource::Delayed(robot.config.sample_period_s * robot.config.signal.decimation as f64);
+    let usual = || Settings::new(robot.dof(), robot.config.sample_period_s).instruments.delay_s();
+    let delay_s = robot.config.estimator.instruments.delay_s().or_else(usual);
+    let instrument = InstrumentSource::Delayed(delay_s.unwrap_or(robot.config.sample_period_s));
     rows_with(robot, log, &OfflineSettings { instrument, ..runs::settings(robot, false) })
 }
 

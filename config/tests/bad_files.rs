@@ -91,3 +91,22 @@ fn every_key_has_a_bad_file() {
         .collect();
     assert!(missing.is_empty(), "no bad file for {missing:?}");
 }
+
+/// A file of another kind is not answered by thousands of lines.
+#[test]
+fn of_many_mistakes_the_first_are_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("robot.toml");
+    let text: String = (0..300).map(|k| format!("unknown_{k:03} = 1\n")).collect();
+    fs::write(&file, text).expect("written");
+    let Err(errors) = rivet_config::load(&file) else { panic!("it loads") };
+    assert!(errors.errors().len() >= 300);
+    let report = errors.to_string();
+    // Required keys that are missing come first.
+    let shown = report.lines().filter(|line| line.contains("robot.toml:")).count();
+    assert_eq!((shown, report.contains("unknown_150"), report.contains("unknown_250")), (200, true, false));
+    assert!(
+        report.ends_with(&format!("{} mistakes, of which the first 200 are shown", errors.errors().len())),
+        "{report}"
+    );
+}

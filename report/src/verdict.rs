@@ -450,6 +450,15 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_missing_where_the_model_is_right() {
+        let open = |verdict: &str| {
+            line(&document(&[("verdict", json!(verdict)), ("unexplained_share", json!(0.98))]), "Not covered")
+        };
+        assert!(open("unexplained").contains("98 % of the squared gap above the noise stays unexplained"));
+        assert!(!open("no_gap").contains("unexplained"), "{}", open("no_gap"));
+    }
+
+    #[test]
     fn another_mounting_says_what_to_write() {
         let found = json!({"turned_rad": 3.1, "gravity_x_m_s2": -0.0, "gravity_y_m_s2": 0.0, "gravity_z_m_s2": 9.81});
         let document =

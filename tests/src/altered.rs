@@ -48,6 +48,9 @@ pub fn written(log: &Log, tau: &[Vec<f64>], folder: &Path) -> PathBuf {
     for (j, q) in log.q_des.iter().flatten().enumerate() {
         columns.push((format!("q_des{}", j + 1), &q[..]));
     }
+    for (j, q) in log.q_link.iter().enumerate() {
+        columns.extend(q.iter().map(|q| (format!("q_link{}", j + 1), &q[..])));
+    }
     let path = folder.join("changed.parquet");
     write_columns(&path, &columns).expect("written");
     path

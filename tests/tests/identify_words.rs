@@ -241,3 +241,58 @@ fn a_joint_that_stands_is_told_and_the_others_are_learnt() {
         result(rivet().args(["identify", "--compare"]).arg(robot("ur10e")).args([&log, &other]), folder);
     assert!(text.contains("wrist_1_joint: no motion in these logs") && found["of"].as_u64() > Some(10), "{text}");
 }
+
+/// Least squares that leave little and instruments that leave more than no fit at all: the instruments are those of another motion.
+#[test]
+fn instruments_of_another_motion_are_said_to_mislead() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = sound("ur10e", &log);
+    let tau = log.torque().expect("torque").clone();
+    let file = robot_with("ur10e", folder.path(), "[estimator]", "[estimator]\ninstruments = \"setpoint\"");
+    let mut misled = |later: usize| -> Vec<String> {
+        let of = |q: &Vec<f64>| (0..q.len()).map(|k| q[(k + later) % q.len()]).collect();
+        log.q_des = Some(log.q.iter().map(of).collect());
+        let (text, found) =
+            result(rivet().arg("identify").arg(&file).arg(written(&log, &tau, folder.path())), folder.path());
+        let faults =
+            found["warnings"].as_array().expect("a list").iter().filter(|w| w["fault"] == "instruments_mislead");
+        let said: Vec<String> = faults.map(|w| w["text"].as_str().expect("words").to_owned()).collect();
+        assert_eq!(text.contains("the instruments do not stand for this motion"), !said.is_empty(), "{text}");
+        said
+    };
+    assert_eq!(misled(0), Vec::<String>::new());
+    // Ten seconds.
+    let said = misled(1000);
+    assert!(said.len() == 1 && said[0].contains("wrist_1_joint"), "{said:?}");
+}
+
+/// A second encoder of another sign is told off line, where it is taken as the robot file asks; and least squares need none.
+#[test]
+fn a_second_encoder_is_told_where_it_sees_another_motion_and_missed_where_it_is_asked_for() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = sound("ur10e", &log);
+    let tau = log.torque().expect("torque").clone();
+    let second = "[estimator]\ninstruments = \"second-encoder\"";
+    let file = robot_with("ur10e", folder.path(), "[estimator]", second);
+    for (sign, told) in [(-1.0, true), (1.0, false)] {
+        log.q_link = log.q.iter().map(|q| Some(q.iter().map(|q| sign * q).collect())).collect();
+        let path = written(&log, &tau, folder.path());
+        let (text, found) = result(rivet().arg("identify").arg(&file).arg(path), folder.path());
+        let faults = found["warnings"].as_array().expect("a list").iter();
+        let faults = faults.filter(|w| w["fault"] == "second_encoder_sees_another_motion").count();
+        assert_eq!(faults, if told { 6 } else { 0 }, "{text}");
+        assert_eq!(text.contains("q_link is not the motion of q"), told, "{text}");
+    }
+    log.q_link = vec![None; 6];
+    let path = written(&log, &tau, folder.path());
+    let (code, text) = said(rivet().arg("identify").arg(&file).arg(&path));
+    assert!(code == Some(65) && text.contains("q_link columns are missing"), "{code:?} {text}");
+    let file = robot_with("ur10e", folder.path(), "[estimator]", &format!("{second}\nkind = \"rls\""));
+    let (text, found) = result(rivet().arg("identify").arg(&file).arg(&path), folder.path());
+    assert!(
+        text.contains("least squares") && found["joints"][0]["residual_percent"]["least_squares"].is_number(),
+        "{text}"
+    );
+}

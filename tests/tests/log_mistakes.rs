@@ -32,6 +32,10 @@ fn positions_in_degrees_are_refused_wherever_a_log_is_read() {
 fn failures_end_with_the_code_of_whose_fault_it_is() {
     let (code, text) = said(rivet().args(["figures", "4"]));
     assert!(code == Some(64) && text.contains("figure 4 is not computed"), "{code:?} {text}");
+    for command in ["identify", "replay", "diagnose"] {
+        let (code, text) = said(rivet().arg(command).arg(robot("ur10e")).arg("of-yesterday.parquet"));
+        assert!(code == Some(74) && text.contains("of-yesterday.parquet: "), "{command}: {code:?} {text}");
+    }
     let Some(log) = shared("data/real/staubli_tx40/exciting_0.0-5.5s.parquet") else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let tx40 = robot("staubli-tx40");
