@@ -1,46 +1,75 @@
-//! Positions in steps that are too coarse for the direction of friction: smoothed before differences are taken, and said.
+//! Positions in steps or with noise that are too coarse for the direction of friction: smoothed before differences are taken, and said.
 
 use rivet_config::Robot;
-use rivet_estimation::offline::{Record, ZeroPhase, position_step, told_up_to_hz};
+use rivet_estimation::offline::{Record, ZeroPhase, position_noise, position_step, told_up_to_hz};
 use rivet_logs::Log;
 
-use crate::evidence::{COARSE_NAME, Distrust};
+use crate::evidence::{COARSE_NAME, Distrust, NOISY_NAME};
 use crate::runs;
 use crate::table::number;
 
-/// Positions keep what is slower than so many times the cut-off of the model filter, whatever their steps are: the model is told
+/// Positions keep what is slower than so many times the cut-off of the model filter, whatever their noise is: the model is told
 /// apart in that band.
 const LEAST_BAND: f64 = 2.0;
 /// Positions are too coarse where a speed, by differences of theirs, is off by more than this share of the joint's dead zone (one
 /// standard deviation): then rows that count have no direction.
 const OF_DEAD_ZONE: f64 = 0.5;
+/// Readings are noisy where they are off by more than so many times what the joint moves in the jitter of the stamps.
+const BEYOND_JITTER: f64 = 2.0;
 /// A low-pass beyond this share of the sample rate takes nothing away.
 const ALL: f64 = 0.4;
 
-/// What is to be done about the steps of a log.
+/// What positions of a joint are off by.
+enum Off {
+    /// Steps \[rad\].
+    Steps(f64),
+    /// White noise \[rad\], one standard deviation.
+    Noise(f64),
+}
+
+/// What is to be done about the steps and the noise of a log.
 pub(crate) struct Coarse {
-    /// Joint (from 0) and step \[rad\], of those that are too coarse.
-    joints: Vec<(usize, f64)>,
+    /// Joints (from 0) that are too coarse.
+    joints: Vec<(usize, Off)>,
     /// Motion and torque are kept up to this \[Hz\].
     hz: f64,
+    /// Up to where speeds are good enough, which may be less \[Hz\].
+    told_hz: f64,
     log: String,
 }
 
-/// Looks at the steps of a log, row by row as logged. None where they are fine enough.
+/// Looks at the positions of a log, row by row as logged. None where they are fine enough.
 pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
     let (period_s, signal) = (log.median_step_s(), &robot.config.signal);
     let velocity = robot.model.structure.sign_velocity;
     let of = |(j, q): (usize, &Vec<f64>)| {
-        let step = position_step(q)?;
-        // Of a central difference, readings being off by step/√12 each.
-        let off = step / 12.0_f64.sqrt() / (2.0_f64.sqrt() * period_s);
-        (velocity > 0.0 && off > OF_DEAD_ZONE * signal.dead_zone[j])
-            .then(|| (j, step, told_up_to_hz(step, period_s, velocity)))
+        let (off, noise) = if let Some(step) = position_step(q) {
+            (Off::Steps(step), step / 12.0_f64.sqrt())
+        } else {
+            let noise = position_noise(q);
+            // A row that comes early or late is no noise: its stamp says so.
+            let noise = if noise > BEYOND_JITTER * between_rows(&log.t, q, period_s) { noise } else { 0.0 };
+            (Off::Noise(noise), noise)
+        };
+        // Of a central difference.
+        let speed = noise / (2.0_f64.sqrt() * period_s);
+        (velocity > 0.0 && speed > OF_DEAD_ZONE * signal.dead_zone[j])
+            .then(|| (j, off, told_up_to_hz(noise, period_s, velocity)))
     };
-    let found: Vec<(usize, f64, f64)> = log.q.iter().enumerate().filter_map(of).collect();
-    let hz = found.iter().map(|(.., hz)| *hz).reduce(f64::min)?.max(LEAST_BAND * signal.model_filter_hz);
-    let joints = found.into_iter().map(|(j, step, _)| (j, step)).collect();
-    (hz < ALL / period_s).then(|| Coarse { joints, hz, log: runs::short_name(&log.path) })
+    let found: Vec<(usize, Off, f64)> = log.q.iter().enumerate().filter_map(of).collect();
+    let told_hz = found.iter().map(|(.., hz)| *hz).reduce(f64::min)?;
+    let hz = told_hz.max(LEAST_BAND * signal.model_filter_hz);
+    let joints = found.into_iter().map(|(j, off, _)| (j, off)).collect();
+    (hz < ALL / period_s).then(|| Coarse { joints, hz, told_hz, log: runs::short_name(&log.path) })
+}
+
+/// By how much a joint moves in what the log's steps differ from the usual one: root mean square \[rad\].
+fn between_rows(t: &[f64], q: &[f64], period_s: f64) -> f64 {
+    let squares = t.windows(2).zip(q.windows(2)).map(|(t, q)| {
+        let step = t[1] - t[0];
+        ((q[1] - q[0]) * (step - period_s) / step).powi(2)
+    });
+    (squares.sum::<f64>() / q.len().max(1) as f64).sqrt()
 }
 
 impl Coarse {
@@ -53,16 +82,33 @@ impl Coarse {
 
     /// Joint by joint, for people and as JSON.
     pub(crate) fn said(&self, robot: &Robot) -> Vec<Distrust> {
-        let of = |(j, step): &(usize, f64)| Distrust {
-            log: Some(self.log.clone()),
-            joint: Some(robot.model.arm.joints[*j].name.clone()),
-            name: COARSE_NAME,
-            text: format!(
-                "positions come in steps of {} rad: positions and torque are smoothed to {} Hz before differences are taken, or near \
-                 standstill speed would have no direction",
-                number(*step, 2),
-                number(self.hz, 2)
-            ),
+        // Speeds are off by as much as goes with the power 3/2 of the band.
+        let over = (self.hz / self.told_hz).powf(1.5);
+        let still = if over > 1.5 {
+            format!(
+                "; that leaves {} times as much noise in speeds as its direction needs, and bias in friction",
+                number(over, 2)
+            )
+        } else {
+            String::new()
+        };
+        let of = |(j, off): &(usize, Off)| {
+            let (name, what) = match off {
+                Off::Steps(step) => (COARSE_NAME, format!("positions come in steps of {} rad", number(*step, 2))),
+                Off::Noise(noise) => {
+                    (NOISY_NAME, format!("positions are noisy by {} rad (one std)", number(*noise, 1)))
+                }
+            };
+            Distrust {
+                log: Some(self.log.clone()),
+                joint: Some(robot.model.arm.joints[*j].name.clone()),
+                name,
+                text: format!(
+                    "{what}: positions and torque are smoothed to {} Hz before differences are taken, or near standstill speed would \
+                     have no direction{still}",
+                    number(self.hz, 2)
+                ),
+            }
         };
         self.joints.iter().map(of).collect()
     }

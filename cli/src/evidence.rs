@@ -319,6 +319,8 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
 
 /// Positions in steps that matter.
 pub(crate) const COARSE_NAME: &str = "coarse_positions";
+/// Positions with noise that matters.
+pub(crate) const NOISY_NAME: &str = "noisy_positions";
 /// Positions that are held over rows.
 pub(crate) const HELD_NAME: &str = "positions_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
@@ -332,19 +334,28 @@ pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not reco
 const UNSEEN: &str =
     "q_link is not the motion of q: it was not recorded, has another sign, or is that of another joint";
 
-/// Of a joint's torque, what the fit may leave \[%\] and still be said to explain it.
-const EXPLAINS: f64 = 90.0;
+/// Of a joint's torque, what the fit may leave \[%\] and still be said to explain some of it, and to explain it.
+const EXPLAINS_NOTHING: f64 = 90.0;
+const EXPLAINS: f64 = 70.0;
 
-/// Joints of whose torque the fit leaves next to all, given what it leaves of each \[%\].
+/// Joints of whose torque the fit leaves most, given what it leaves of each \[%\].
 pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
-    let of = |(name, _): (&String, &f64)| Distrust {
+    let is_it = "is it the torque of this joint, and of this motion?";
+    let of = |(name, left): (&String, &f64)| Distrust {
         log: None,
         joint: Some(name.clone()),
         name: UNEXPLAINED_NAME,
-        text: format!(
-            "the model explains next to nothing of this torque (more than {EXPLAINS:.0} % is left): what is found from it means nothing, \
-             whatever its standard deviation; is it the torque of this joint, and of this motion?"
-        ),
+        text: if *left > EXPLAINS_NOTHING {
+            format!(
+                "the model explains next to nothing of this torque (more than {EXPLAINS_NOTHING:.0} % is left): what is found from it means \
+                 nothing, whatever its standard deviation; {is_it}"
+            )
+        } else {
+            format!(
+                "the model explains little of this torque (more than {EXPLAINS:.0} % is left): what is found from it stands for something \
+                 else as well; {is_it}"
+            )
+        },
     };
     names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(of).collect()
 }
@@ -384,7 +395,8 @@ pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Dis
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
     let shared = |d: &Distrust| {
-        [UNFOLLOWED_NAME, UNSEEN_NAME, COARSE_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME].contains(&d.name)
+        [UNFOLLOWED_NAME, UNSEEN_NAME, COARSE_NAME, NOISY_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME]
+            .contains(&d.name)
     };
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {

@@ -120,6 +120,8 @@ struct Findings {
     /// Physically consistent parameters near those of the fit that counts.
     consistent: Result<Projection, ConsistencyError>,
     held_out: Vec<HeldOut>,
+    /// What stands for the contents of each log.
+    contents: Vec<u64>,
     /// Torques that cannot be believed.
     distrusts: Vec<Distrust>,
 }
@@ -166,7 +168,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&refined.text())?;
     }
     if let Some(path) = &args.json {
-        let text = format!("{:#}\n", said::to_json(&robot, &result));
+        let text = format!("{:#}\n", said::to_json(&robot, &result, refined.as_ref()));
         runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }
@@ -291,6 +293,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         reference,
         consistent,
         held_out,
+        contents,
         distrusts,
     })
 }
@@ -320,23 +323,20 @@ fn unfollowed_of(runs: &[Run]) -> BTreeMap<&Path, BTreeSet<usize>> {
     found
 }
 
-/// Fits every log on its own.
+/// Fits every log on its own, and looks at each as if it were the only one.
 fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
-    let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let (mut alone, mut known) = (Vec::new(), Vec::<(u64, String)>::new());
     for path in &args.logs {
-        let Taken { mut rows, mut distrusts, contents, .. } = read_rows(robot, std::slice::from_ref(path))?;
+        let name = runs::short_name(path);
+        let found = identify(robot, std::slice::from_ref(path), &[]).with_context(|| path.display().to_string())?;
+        let fit = found.chosen(robot).clone();
+        let Findings { rows, mut distrusts, contents, .. } = found;
         let before = known.iter().find(|(content, _)| contents.contains(content));
-        distrusts.extend(before.map(|(_, name)| evidence::repeated(runs::short_name(path), name, Purpose::Comparing)));
-        known.extend(contents.into_iter().map(|content| (content, runs::short_name(path))));
-        let named = || path.display().to_string();
-        let bounded = bounded(robot, &mut rows, prior).with_context(named)?;
-        let mut fit = fit(&Equations::new(&rows), &bounded.nominal, prior, method(robot)).with_context(named)?;
-        bounded.hold(&mut fit);
-        let of_log = |d: Distrust| Distrust { log: Some(runs::short_name(path)), ..d };
-        distrusts.extend(evidence::still(robot, &still(&rows)).map(of_log));
-        distrusts.extend(bounded.said(robot).map(of_log));
-        alone.push(Alone { name: runs::short_name(path), fit, rows, distrusts });
+        distrusts.extend(before.map(|(_, before)| evidence::repeated(name.clone(), before, Purpose::Comparing)));
+        known.extend(contents.into_iter().map(|content| (content, name.clone())));
+        let of_log = |d: Distrust| Distrust { log: Some(name.clone()), ..d };
+        let distrusts = distrusts.into_iter().map(of_log).collect();
+        alone.push(Alone { name, fit, rows, distrusts });
     }
     show(&compare::text(robot, &alone)?)?;
     if let Some(path) = &args.json {

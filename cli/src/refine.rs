@@ -9,6 +9,7 @@ use anyhow::{Result, anyhow};
 use rivet_config::{FrictionLaw, Robot};
 use rivet_estimation::offline::{Rows, residual_squares};
 use rivet_logs::Log;
+use serde_json::{Value, json};
 
 use crate::identify;
 use crate::table::Table;
@@ -48,6 +49,23 @@ pub(crate) struct Refined {
 }
 
 impl Refined {
+    fn is_chosen(&self, tried: &Tried) -> bool {
+        tried.law == self.robot.friction_law() && tried.instruments != self.robot.config.estimator.kind.least_squares()
+    }
+
+    /// Every law that was tried, as JSON.
+    pub(crate) fn json(&self) -> Value {
+        let of = |tried: &Tried| {
+            json!({
+                "estimator": if tried.instruments { "instrumental" } else { "least_squares" },
+                "friction_law": law_json(&tried.law),
+                "left_out_percent": tried.error(),
+                "chosen": self.is_chosen(tried),
+            })
+        };
+        self.tried.iter().map(of).collect()
+    }
+
     /// The laws and their errors as a table.
     pub(crate) fn text(&self) -> String {
         let mut table = Table::new([
@@ -59,7 +77,6 @@ impl Refined {
             "left-out error %",
             "",
         ]);
-        let chosen = self.robot.friction_law();
         for tried in &self.tried {
             let law = tried.law;
             let number = |x: f64| if x > 0.0 { format!("{x:.0e}") } else { "-".to_owned() };
@@ -71,12 +88,7 @@ impl Refined {
                 yes(law.viscous_quadratic),
                 yes(law.load_dependent),
                 format!("{:.2}", tried.error()),
-                if law == chosen && tried.instruments != self.robot.config.estimator.kind.least_squares() {
-                    "chosen"
-                } else {
-                    ""
-                }
-                .to_owned(),
+                if self.is_chosen(tried) { "chosen" } else { "" }.to_owned(),
             ]);
         }
         format!(
@@ -84,6 +96,17 @@ impl Refined {
             table.text()
         )
     }
+}
+
+/// A law of friction by the keys of the robot file: of a travel and a velocity only what it has.
+pub(crate) fn law_json(law: &FrictionLaw) -> Value {
+    let sliding = law.presliding_travel > 0.0;
+    json!({
+        "friction_velocity": if sliding { None } else { Some(law.sign_velocity) },
+        "presliding_travel": if sliding { Some(law.presliding_travel) } else { None },
+        "viscous_quadratic": law.viscous_quadratic,
+        "load_dependent": law.load_dependent,
+    })
 }
 
 /// Tries methods and laws of friction on `logs`.

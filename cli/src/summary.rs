@@ -53,7 +53,11 @@ fn unused(health: &Health, samples: usize) -> Option<String> {
     match (refused, met.is_empty()) {
         (0, true) => None,
         (0, false) => Some(format!("not all samples could be learnt from; {met}")),
-        _ => Some(format!("{refused} of {samples} samples were refused; {met}")),
+        _ if refused >= samples as u64 => Some(format!("{refused} of {samples} samples were refused; {met}")),
+        // What is met may as well have been looked at and not learnt from.
+        _ => {
+            Some(format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"))
+        }
     }
 }
 

@@ -232,8 +232,8 @@ pub const KEYS: &[Key] = &[
          motion that the joints follow."),
     key("estimator", "longest_cycle_s", Number, "s", Within(1.0, 120.0), Fallback::Number(20.0),
         "`auto`, `previous-cycle`: longest cycle that is looked for. At 100 rows a second and six joints, 20 s take 300 kB."),
-    key("estimator", "prior", Number, "-", Above(0.0, 1000.0), Fallback::Number(1.0),
-        "Relative standard deviation of the nominal parameters at the start; large is weak."),
+    key("estimator", "prior", Number, "-", Above(0.0, 100.0), Fallback::Number(1.0),
+        "Relative standard deviation of the nominal parameters at the start; large is weak. Off line ten times as much."),
 
     key("supervision", "kind", Choice(&["tracked", "eigen", "columns", "off"]), "", Bounds::None, Fallback::Text("eigen"),
         "By directions that follow the information from sample to sample; by the eigenvalues and eigenvectors of the information; by its \

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::{Findings, Run};
 use crate::delays;
 use crate::evidence::{self, Compared, Largest};
+use crate::refine::{Refined, law_json};
 use crate::runs;
 use crate::table::{Table, number, paragraph};
 
@@ -31,7 +32,10 @@ fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
                 Instruments::PreviousCycle { .. } => {
                     "\"previous-cycle\" acts on line only, off line no cycle is looked for: "
                 }
-                _ => "as the robot file asks: ",
+                Instruments::Delayed { .. } => "as the robot file asks: ",
+                Instruments::Setpoint | Instruments::SetpointThroughLoop | Instruments::SecondEncoder => {
+                    "the log has not those of the robot file, and least squares ask for none; to compare with: "
+                }
             };
             // On line "auto" takes them by itself.
             let second = match robot.config.estimator.instruments {
@@ -154,7 +158,7 @@ fn compared(robot: &Robot, result: &Findings) -> Compared {
     Compared { distorts: None, without_ratio: evidence::OF_DELAYED, largest }
 }
 
-pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
+pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined>) -> Value {
     let (model, base) = (&robot.model, &robot.base);
     let chosen = result.chosen(robot);
     let parameter = |i: usize| {
@@ -219,6 +223,9 @@ pub(super) fn to_json(robot: &Robot, result: &Findings) -> Value {
         "robot": robot.config.name,
         "model_hash": format!("{:016x}", robot.hash),
         "estimator": if robot.config.estimator.kind == EstimatorKind::Riv { "instrumental" } else { "least_squares" },
+        // What the values of friction belong to.
+        "friction_law": law_json(&robot.friction_law()),
+        "refined": refined.map(Refined::json),
         "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
         "warnings": evidence::distrust_json(&result.distrusts),

@@ -9,7 +9,12 @@ use super::sums::{Equations, JointSums, Normal};
 use super::trust;
 use crate::linear::dot;
 
-/// Rounds of weighting by the residual of the fit before.
+/// Rounds of weighting by the residual of the fit before, as if it were white, from the torque as a residual on.
+///
+/// What the prior keeps from its value leaves a slow residual, which for its colour counts for little, so the prior keeps it: a
+/// second solution of the same equations, far from any that the data would choose. So the data choose first.
+const WHITE_ROUNDS: usize = 2;
+/// Rounds with the colour of that residual.
 const ROUNDS: usize = 4;
 /// A parameter whose nominal value is small or zero counts as large as the value that alone makes this share of the
 /// torque of some joint.
@@ -133,10 +138,10 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     let mut noise: Vec<f64> =
         (0..n).map(|j| if moves[j] { level(j).max(f64::MIN_POSITIVE) } else { f64::NAN }).collect();
     let mut correlation = vec![1.0; n];
-    let mut turn = |trust: Vec<f64>| -> Result<Weighed, OfflineError> {
+    let mut turn = |trust: Vec<f64>, white: usize| -> Result<Weighed, OfflineError> {
         let sums = equations.trusting(&trust);
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
-        let mut round = || {
+        let mut round = |coloured: bool| {
             let weights = weights(&noise, &correlation);
             let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
             for j in (0..n).filter(|j| moves[*j]) {
@@ -144,19 +149,22 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
                 let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
                 // A perfect fit (noise-free data) must not make a weight infinite.
                 noise[j] = (square / joints[j].count).sqrt().max(1e-12 * level(j)).max(f64::MIN_POSITIVE);
-                correlation[j] = rows_per_independent_row(&residuals);
+                correlation[j] = if coloured { rows_per_independent_row(&residuals) } else { 1.0 };
             }
             Ok((solution, weights))
         };
-        let mut solved = round()?;
+        for _ in 0..white {
+            round(false)?;
+        }
+        let mut solved = round(true)?;
         for _ in 1..ROUNDS {
-            solved = round()?;
+            solved = round(true)?;
         }
         let (solution, weights) = solved;
         Ok(Weighed { solution, weights, noise: noise.clone(), correlation: correlation.clone(), trust })
     };
     // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
-    let alike = turn(vec![1.0; n])?;
+    let alike = turn(vec![1.0; n], WHITE_ROUNDS)?;
     let of = |j: usize| {
         if !moves[j] {
             return 1.0;
@@ -165,7 +173,7 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
         trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, alike.correlation[j])
     };
     let trust: Vec<f64> = (0..n).map(of).collect();
-    if trust.iter().all(|trust| *trust == 1.0) { Ok(alike) } else { turn(trust) }
+    if trust.iter().all(|trust| *trust == 1.0) { Ok(alike) } else { turn(trust, 0) }
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].

@@ -1,10 +1,10 @@
-//! Positions that come in steps: how coarse they are, and how fast a motion they tell.
+//! Positions that come in steps or with noise: how coarse they are, and how fast a motion they tell.
 //!
-//! An encoder of step Δ is off by up to half of one, which has the variance Δ²/12 and is about white while the joint moves by more
-//! than a step from sample to sample. Of a speed up to f that makes, with samples T apart,
+//! An encoder of step Δ is off by up to half of one, which has the variance σ² = Δ²/12 and is about white while the joint moves by
+//! more than a step from sample to sample. Of a speed up to f that makes, as any white noise does, with samples T apart,
 //!
 //! ```text
-//! σ_v² = ∫₀^f (2πν)²·2T·Δ²/12 dν = (2π)²·2T·Δ²/12·f³/3
+//! σ_v² = ∫₀^f (2πν)²·2T·σ² dν = (2π)²·2T·σ²·f³/3
 //! ```
 //!
 //! Where a column is linear in speed and acceleration, the model filter takes most of it out and instruments the rest. The direction
@@ -23,6 +23,11 @@ const OFF: f64 = 0.1;
 const MOST: f64 = 0.98;
 /// ... and so many there have to be.
 const LEAST: usize = 50;
+/// Orders of the differences that tell noise from motion.
+const LOWEST_ORDER: usize = 4;
+const HIGHEST_ORDER: usize = 8;
+/// Median of the absolute value of a normal variable of standard deviation 1.
+const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// The step that positions come in \[rad\]: the one that all small increments are multiples of. None where there is none.
 pub fn position_step(q: &[f64]) -> Option<f64> {
@@ -43,10 +48,37 @@ pub fn position_step(q: &[f64]) -> Option<f64> {
     (whole as f64 >= MOST * countable.len() as f64).then_some(step)
 }
 
-/// Up to which frequency speeds by positions of step `step` \[rad\], `period_s` apart, are good to a share of `velocity`, the speed over
-/// which friction turns \[rad/s\].
-pub fn told_up_to_hz(step: f64, period_s: f64, velocity: f64) -> f64 {
-    let density = 2.0 * period_s * step * step / 12.0;
+/// White noise of positions \[rad\], one standard deviation: the least that differences of several orders say, each robustly, since
+/// motion adds to the low ones. 0 where most readings are held, or there are too few.
+///
+/// A difference of order k of white noise has the variance σ²·C(2k, k).
+pub fn position_noise(q: &[f64]) -> f64 {
+    let mut least = f64::INFINITY;
+    let mut differences = q.to_vec();
+    let mut gain = 1.0;
+    for order in 1..=HIGHEST_ORDER {
+        differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
+        let k = order as f64;
+        gain *= 2.0 * (2.0 * k - 1.0) / k;
+        if differences.len() < LEAST {
+            return 0.0;
+        }
+        if order >= LOWEST_ORDER {
+            let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
+            let middle = sizes.len() / 2;
+            let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+            least = least.min(*median / NORMAL_MEDIAN / f64::sqrt(gain));
+        }
+    }
+    // What sums of numbers of this size leave is no noise.
+    let size = q.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
+    if least > 16.0 * f64::EPSILON * size { least } else { 0.0 }
+}
+
+/// Up to which frequency speeds by positions with white noise of one standard deviation `noise` \[rad\], `period_s` apart, are good to a
+/// share of `velocity`, the speed over which friction turns \[rad/s\]. Steps of Δ are a noise of Δ/√12.
+pub fn told_up_to_hz(noise: f64, period_s: f64, velocity: f64) -> f64 {
+    let density = 2.0 * period_s * noise * noise;
     (3.0 * (SHARE * velocity / (2.0 * PI)).powi(2) / density).cbrt()
 }
 
@@ -79,12 +111,36 @@ mod tests {
     #[test]
     fn speeds_are_as_good_as_told() {
         let (step, period, velocity) = (3e-4, 1e-3, 0.02);
-        let hz = told_up_to_hz(step, period, velocity);
+        let hz = told_up_to_hz(step / 12.0_f64.sqrt(), period, velocity);
         let mut noise: Vec<f64> = wave(step).iter().zip(wave(0.0)).map(|(q, exact)| q - exact).collect();
         super::super::ZeroPhase::new(hz, 6, period).apply(&mut noise);
         let speed: Vec<f64> = noise.windows(3).map(|w| (w[2] - w[0]) / (2.0 * period)).collect();
         let rms = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len() as f64).sqrt();
         println!("below {hz:.0} Hz speeds are off by {rms:.2e} rad/s, {velocity} allows {:.2e}", SHARE * velocity);
         assert!(rms < 1.3 * SHARE * velocity && rms > 0.4 * SHARE * velocity, "{rms}");
+    }
+
+    /// Noise is told from motion, slow or with jerks, and there is none where there is none.
+    #[test]
+    fn noise_is_told_from_motion() {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
+        };
+        for noise in [1e-6, 1e-4] {
+            let noisy: Vec<f64> =
+                wave(0.0).iter().map(|q| q + noise * (0..12).map(|_| uniform()).sum::<f64>()).collect();
+            let found = position_noise(&noisy);
+            assert!((found / noise - 1.0).abs() < 0.03, "{noise}: {found}");
+            // A hundred jumps are no noise.
+            let jumps = |(k, q): (usize, &f64)| q + if k % 400 < 200 { 0.01 } else { 0.0 };
+            let found = position_noise(&noisy.iter().enumerate().map(jumps).collect::<Vec<_>>());
+            assert!((found / noise - 1.0).abs() < 0.1, "{noise}: {found}");
+        }
+        // 6 Hz at 100 Hz, as fast as an arm may turn.
+        let fast: Vec<f64> = (0..2000).map(|k| 0.1 * (0.377 * f64::from(k)).sin()).collect();
+        assert!(position_noise(&fast) < 2e-6 && position_noise(&wave(0.0)) < 1e-12, "{}", position_noise(&fast));
+        assert_eq!((position_noise(&[0.3; 1000]), position_noise(&[])), (0.0, 0.0));
     }
 }
