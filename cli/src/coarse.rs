@@ -1,4 +1,4 @@
-//! Positions in steps or with noise that are too coarse for the direction of friction: smoothed before differences are taken, and said.
+//! Positions too coarse for what is made of them: in steps or with noise, which are smoothed before differences are taken, or too far apart.
 
 use rivet_config::Robot;
 use rivet_estimation::offline::{Record, ZeroPhase, position_noise, position_step, told_up_to_hz};
@@ -14,6 +14,8 @@ const LEAST_BAND: f64 = 2.0;
 /// Positions are too coarse where a speed, by differences of theirs, is off by more than this share of the joint's dead zone (one
 /// standard deviation): then rows that count have no direction.
 const OF_DEAD_ZONE: f64 = 0.5;
+/// Rows come at so many times the cut-off of the model filter: a central difference then keeps sin(x)/x of a speed at the cut-off, 0.64 of it.
+const LEAST_RATE: f64 = 4.0;
 /// Readings are noisy where they are off by more than so many times what the joint moves in the jitter of the stamps.
 const BEYOND_JITTER: f64 = 2.0;
 /// A low-pass beyond this share of the sample rate takes nothing away.
@@ -70,6 +72,22 @@ fn between_rows(t: &[f64], q: &[f64], period_s: f64) -> f64 {
         ((q[1] - q[0]) * (step - period_s) / step).powi(2)
     });
     (squares.sum::<f64>() / q.len().max(1) as f64).sqrt()
+}
+
+/// Of a log whose rows are too far apart for the band of the model filter, that they are.
+pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
+    let (rate_hz, filter_hz) = (1.0 / log.median_step_s(), robot.config.signal.model_filter_hz);
+    (rate_hz < LEAST_RATE * filter_hz).then(|| Distrust {
+        log: Some(runs::short_name(&log.path)),
+        joint: None,
+        name: "rows_far_apart",
+        text: format!(
+            "rows come at {} Hz, and differences of theirs are wrong by a third and more up to the {filter_hz} Hz of the model filter: log faster, or \
+             set signal.model_filter_hz to {} at most",
+            number(rate_hz, 3),
+            number(rate_hz / LEAST_RATE, 2)
+        ),
+    })
 }
 
 impl Coarse {

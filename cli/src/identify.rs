@@ -20,7 +20,7 @@ use rivet_studies::real::Found;
 
 use crate::bounds::Bounded;
 use crate::channels;
-use crate::coarse::coarse;
+use crate::coarse::{coarse, slow};
 use crate::compare::{self, Alone};
 use crate::delays;
 use crate::evidence::{self, Distrust, Purpose};
@@ -400,6 +400,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
         sound.found.insert(0, order);
     }
     sound.found.extend(channels::clipped(robot, log)?);
+    sound.found.extend(slow(robot, log));
     let coarse = coarse(robot, &sound.log);
     sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
     let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);

@@ -140,6 +140,21 @@ fn noisy_positions_are_smoothed_and_said() {
     assert!(!text.contains("noisy"), "{text}");
 }
 
+/// Every 50th row of 1 kHz leaves 10 to 33 % where all rows leave 1: the model filter lets through what the rows cannot tell.
+#[test]
+fn rows_too_far_apart_for_the_filter_are_said() {
+    let Some((case, log)) = sound() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    for (every, told) in [(50, true), (10, false)] {
+        let thin = |x: &[f64]| x.iter().step_by(every).copied().collect::<Vec<f64>>();
+        let mut thinned = Log { t: thin(&log.t), q_des: None, qd_des: None, ..log.slice(0..1) };
+        thinned.q = log.q.iter().map(|q| thin(q)).collect();
+        thinned.tau = log.tau.as_ref().map(|(of, tau)| (*of, tau.iter().map(|tau| thin(tau)).collect()));
+        let (_, text) = said(&mut identify(&case, &thinned, folder.path()));
+        assert_eq!(text.contains("differences of theirs are wrong by a third"), told, "{text}");
+    }
+}
+
 /// Two logs agree in what is wrong with both: that is told as it is of one.
 #[test]
 fn logs_that_are_compared_are_looked_at_as_one_would_be() {
