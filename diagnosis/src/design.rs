@@ -9,12 +9,13 @@ use crate::background::{Nominal, standard_columns};
 use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
-use crate::log_check::{self, LogFault};
+use crate::log_check::LogFault;
 use crate::past::Past;
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
 use crate::signals;
+use crate::silence;
 
 /// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
@@ -74,8 +75,7 @@ impl Prepared {
         let standard = standard_columns(&nominal.model, &motion, &chain);
         let n = run.joints();
         let v0 = nominal.model.structure.sign_velocity;
-        let position_noise: Vec<f64> =
-            run.q.iter().map(|q| signals::position_noise(q, run.period_s, white_noise)).collect();
+        let position_noise: Vec<f64> = run.q.iter().map(|q| signals::position_noise(q, run.period_s)).collect();
         let [speed_gain, accel_gain] = noise_gains(&chain, run.period_s);
         let blur: Vec<f64> = position_noise.iter().map(|sigma| 2.0 * sigma * speed_gain).collect();
         let inertias: Vec<f64> = (0..n).map(|j| inertia(nominal, &motion, j)).collect();
@@ -90,15 +90,15 @@ impl Prepared {
         let effects = nominal.model.effects().list();
         let known = if effects.is_empty() { Vec::new() } else { known::torque(nominal, effects, &run, &motion) };
         let known_rows = known.iter().map(|t| chain.apply(t)).collect();
-        let white = run.tau.iter().map(|t| white_noise(t) * chain.white_gain());
+        let white: Vec<f64> = run.tau.iter().map(|t| signals::white_noise(t) * chain.white_gain()).collect();
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
         let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
-        let floor = white.zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
+        let floor = white.iter().zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
         // What rounding to steps takes from a torque that no noise carries over them is no faster than the torque.
         let rounding = |tau: &Vec<f64>| signals::resolution(tau) / 12.0_f64.sqrt();
         let floor = floor.zip(&run.tau).map(|(floor, tau)| floor.max(rounding(tau))).collect();
-        let silent = (0..n).map(|j| log_check::silence(&tau[j], &motion, &chain, &nominal.x, j)).collect();
+        let silent = (0..n).map(|j| silence::of(&tau[j], white[j], &motion, &chain, &nominal.x, j)).collect();
         Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, position_noise, blur, doubt }
     }
 
@@ -265,18 +265,6 @@ fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
     // Rows come every second mean: a sample in between leaves as much, spread over others.
     let rows = (2.0 * chain.average() as f64).sqrt() * size(&chain.apply(&motion.qdd[0]));
     [size(&motion.qd[0]), rows]
-}
-
-/// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf
-/// to jumps.
-fn white_noise(x: &[f64]) -> f64 {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let mut size: Vec<f64> =
-        x.windows(7).map(|w| w.iter().zip(BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
-    size.sort_by(f64::total_cmp);
-    let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
-    // Root of the sum of squares of the binomials; a normal variable's median size is 0.6745 σ.
-    median / (0.6745 * 924.0_f64.sqrt())
 }
 
 /// Mean inertia at a joint, drive included.

@@ -16,7 +16,9 @@ use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
 use crate::signs;
+use crate::silence;
 use crate::upright;
+use crate::whole;
 
 /// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
 const LEAST_SPEED: f64 = 0.02;
@@ -110,7 +112,7 @@ fn run_all(
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
     let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
-    let is_mute = |(_, run): &(usize, Run)| log_check::is_mute(run, &all.x);
+    let is_mute = |(_, run): &(usize, Run)| silence::is_mute(run, &all.x);
     let (mute, telling): (Vec<_>, Vec<_>) = places.into_iter().zip(runs).partition(is_mute);
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
     let mute: Vec<Prepared> = mute.into_iter().map(|(_, run)| Prepared::new(run, &all)).collect();
@@ -154,7 +156,7 @@ fn run_all(
             None,
         ));
     }
-    log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    silence::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
     say("torque and position in time");
     log.extend(alignment::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
@@ -166,6 +168,11 @@ fn run_all(
             "of no joint that moves can the torque be believed"
         };
         return Ok((Diagnosis::unheard(log, why), None));
+    }
+    if let Some(why) = whole::spoilt(&mut look, &mut sealed, &nominal) {
+        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
+        let found = Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) };
+        return Ok((found, None));
     }
     let given = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log };
     if let Some(found) = upright::check(&given, say) {

@@ -58,6 +58,8 @@ pub(crate) enum Form {
     /// `x`, `x²`, `x³`, 1, x: the angle less `about`, the middle of what was seen. Springs that harden and the like: no effect of
     /// the list, as a pull
     AngleLaw { joint: usize, about: f64 },
+    /// `tanh(x/w)`, 1, x: the angle less `about`, w: `width`. Springs that soften and what gives way at a force: no effect of the list
+    Softening { joint: usize, about: f64, width: f64 },
     /// A spring over two joints, or a hose along them: `x_a` on a, `x_b` on b, `x_b` on a with `x_a` on b, 1 on each. No effect of
     /// the list: each joint by itself bends as no spring does
     SpringBetween { joints: [usize; 2], about: [f64; 2] },
@@ -114,9 +116,11 @@ impl Form {
             Form::Base { .. } => Effect::BaseFlexibility,
             Form::Spring { .. } | Form::SpringBetween { .. } => Effect::JointSpring,
             // What a pull or another law of the angle would be taken for.
-            Form::Counterbalance { .. } | Form::Counterweight { .. } | Form::Pull { .. } | Form::AngleLaw { .. } => {
-                Effect::Counterbalance
-            }
+            Form::Counterbalance { .. }
+            | Form::Counterweight { .. }
+            | Form::Pull { .. }
+            | Form::AngleLaw { .. }
+            | Form::Softening { .. } => Effect::Counterbalance,
             Form::Coupling { .. } => Effect::JointCoupling,
             Form::Delay { .. } => Effect::TransportDelay,
             Form::Lag { .. } => Effect::CurrentLoopLag,
@@ -164,6 +168,7 @@ impl Form {
             | Form::Counterweight { joint }
             | Form::Pull { joint, .. }
             | Form::AngleLaw { joint, .. }
+            | Form::Softening { joint, .. }
             | Form::Saturation { joint, .. }
             | Form::EncoderOffset { joint }
             | Form::Eccentricity { joint }
@@ -211,6 +216,7 @@ impl Form {
             | Form::Counterbalance { .. }
             | Form::Counterweight { .. }
             | Form::Pull { .. }
+            | Form::Softening { .. }
             | Form::Gravity => 2,
             _ => 1,
         }
@@ -227,7 +233,7 @@ impl Form {
             | Form::Ripple { .. }
             | Form::TransmissionError { .. }
             | Form::Pull { .. } => 1,
-            Form::Counterbalance { .. } => 2,
+            Form::Counterbalance { .. } | Form::Softening { .. } => 2,
             Form::Warming { warmth, .. } => 2 + usize::from(warmth.at_work),
             Form::TwoMass { gear, .. } => 2 + usize::from(gear.gap > 0.0),
             Form::Base { .. } => 3,
@@ -252,7 +258,14 @@ impl Form {
 
     /// Whether it is no effect of the list, only what is held against one.
     pub(crate) fn is_nameless(&self) -> bool {
-        matches!(self, Form::Pull { .. } | Form::AngleLaw { .. } | Form::SpringBetween { .. } | Form::TorqueLaw { .. })
+        matches!(
+            self,
+            Form::Pull { .. }
+                | Form::AngleLaw { .. }
+                | Form::Softening { .. }
+                | Form::SpringBetween { .. }
+                | Form::TorqueLaw { .. }
+        )
     }
 
     /// Forms of one effect on the same joints that are refined apart from each other.
@@ -261,6 +274,7 @@ impl Form {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
             Form::Pull { .. } | Form::TorqueLaw { .. } => 2,
             Form::AngleLaw { .. } => 3,
+            Form::Softening { .. } => 4,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
             _ => 0,
         }
@@ -364,6 +378,9 @@ impl Form {
             }
             Form::AngleLaw { joint: j, about } => {
                 (0..4).map(|power| on(j, &|k| (q(j, k) - about).powi([1, 2, 3, 0][power]))).collect()
+            }
+            Form::Softening { joint: j, about, width } => {
+                vec![on(j, &|k| ((q(j, k) - about) / width).tanh()), on(j, &|_| 1.0)]
             }
             Form::SpringBetween { joints: [a, b], about } => {
                 let x = |i: usize, k: usize| q([a, b][i], k) - about[i];

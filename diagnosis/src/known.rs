@@ -103,7 +103,9 @@ impl Form {
                 effect(Kind::Counterbalance, joint, &[2.0 * c[0].hypot(c[1]), 0.0, 0.5, c[1].atan2(c[0])])
             }
             Form::Pull { .. } => Carried::Nothing("what pulls from one angle on is no effect of the list"),
-            Form::AngleLaw { .. } => Carried::Nothing("a law of the angle of its own is no effect of the list"),
+            Form::AngleLaw { .. } | Form::Softening { .. } => {
+                Carried::Nothing("a law of the angle of its own is no effect of the list")
+            }
             Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is no effect of the list"),
             Form::Coupling { driving, driven, whole } => {
                 if whole {

@@ -41,6 +41,8 @@ const LEVERS: [f64; 2] = [0.3, 0.7];
 const PHASES: usize = 6;
 /// Parts of a joint's range at whose ends something may begin to pull.
 const PULLS: usize = 5;
+/// Angles over which a spring that softens gives way \[rad\].
+const WIDTHS: [f64; 2] = [0.15, 0.4];
 
 /// All forms for runs, orders of ripple from `orders[joint]`; none for no run.
 pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
@@ -111,6 +113,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         }
         for step in 1..PULLS {
             let from = low + (high - low) * step as f64 / PULLS as f64;
+            forms.extend(WIDTHS.map(|width| Form::Softening { joint, about: from, width }));
             forms.extend([true, false].map(|above| Form::Pull { joint, from, above }));
         }
     }

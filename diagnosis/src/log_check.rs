@@ -39,13 +39,8 @@ const BOTH_FELT: f64 = 0.2;
 /// ... and the model's torque times that is the measured one, by their correlation.
 const WHOLE_SHAPE: f64 = 0.985;
 /// Speed below which a joint stands still \[rad/s\].
-const STILL: f64 = 0.02;
-/// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
-const CARRIES: f64 = 1e-3;
-/// ... and that does not follow the direction of motion by more than this correlation says nothing: a file may give far too
-/// much friction, but a joint that has less of it still shows that.
-const FOLLOWS: f64 = 0.3;
-/// ... over at least so long a time in motion \[s\].
+pub(crate) const STILL: f64 = 0.02;
+/// A joint that moves does so for at least so long \[s\].
 const IN_MOTION_S: f64 = 0.5;
 /// Steps of torque worth a word, as a share of its rms.
 const COARSE: f64 = 0.05;
@@ -84,6 +79,17 @@ pub enum LogFault {
     Coarse(f64),
     /// By the model the torque is that of another joint, from 0, whose torque is this one's.
     Swapped(usize),
+    /// Of the gravity that the bodies as given have on the joint the torque carries this share: it was taken out.
+    Weightless(f64),
+    /// Positions and torques are those of another joint, from 0, whose are this one's.
+    Exchanged(usize),
+    /// Torque comes more slowly than the log's rows and is held in between: the run is looked at as often as it comes.
+    TorqueHeld {
+        /// Rows for which a torque is held.
+        samples: usize,
+        /// \[s\]
+        seconds: f64,
+    },
     /// Bodies alone along the desired motion miss this share of the torque: it was computed, not measured.
     Computed(f64),
     /// The joint moves no faster than this \[rad/s\].
@@ -152,12 +158,6 @@ impl LogFault {
         }
     }
 
-    /// Of a joint in motion whose torque varies by `carries` \[N·m\] and follows the direction of motion with the correlation
-    /// `follows`, where friction and rotor take `due` by the file.
-    pub fn of_silence(carries: f64, due: f64, follows: f64) -> Option<LogFault> {
-        (carries < CARRIES * due && follows.abs() <= FOLLOWS).then_some(LogFault::Silent { carries, due })
-    }
-
     /// The name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -168,6 +168,9 @@ impl LogFault {
             LogFault::Limit(_) => "torque_limit",
             LogFault::Coarse(_) => "torque_coarse",
             LogFault::Swapped(_) => "torque_swapped",
+            LogFault::Weightless(_) => "torque_without_gravity",
+            LogFault::Exchanged(_) => "joints_exchanged",
+            LogFault::TorqueHeld { .. } => "torque_held",
             LogFault::Computed(_) => "torque_computed",
             LogFault::Still(_) => "too_little_motion",
             LogFault::Late(_) => "torque_late",
@@ -187,11 +190,13 @@ impl LogFault {
         match self {
             LogFault::Silent { carries, .. } => carries,
             LogFault::Glitches(count) | LogFault::Wrapped(count) => count as f64,
-            LogFault::Swapped(other) => (other + 1) as f64,
+            LogFault::Swapped(other) | LogFault::Exchanged(other) => (other + 1) as f64,
             LogFault::Spikes { torque: v, .. }
             | LogFault::Jump { by: v, .. }
             | LogFault::Frozen { seconds: v, .. }
             | LogFault::Held { seconds: v, .. }
+            | LogFault::TorqueHeld { seconds: v, .. }
+            | LogFault::Weightless(v)
             | LogFault::Steps { position: v, .. }
             | LogFault::PositionSign { as_logged: v, .. }
             | LogFault::Sign(v)
@@ -206,6 +211,14 @@ impl LogFault {
         }
     }
 
+    /// Whether it was found by what all joints say, so that nothing that the joint alone seems to have stands in its place.
+    fn is_of_the_whole(&self) -> bool {
+        matches!(
+            self,
+            LogFault::PositionSign { .. } | LogFault::Swapped(_) | LogFault::Exchanged(_) | LogFault::Weightless(_)
+        )
+    }
+
     /// Whether the torque of the joint cannot be believed.
     pub fn spoils(self) -> bool {
         matches!(
@@ -217,6 +230,8 @@ impl LogFault {
                 | LogFault::Silent { .. }
                 | LogFault::Filtered(_)
                 | LogFault::Swapped(_)
+                | LogFault::Exchanged(_)
+                | LogFault::Weightless(_)
         )
     }
 
@@ -250,6 +265,20 @@ impl LogFault {
             LogFault::Swapped(other) => format!(
                 "torque is that of joint {} by the model, and that joint's is this one's: two columns in each other's place?",
                 other + 1
+            ),
+            LogFault::Exchanged(other) => format!(
+                "positions and torque are those of joint {} by the model, and that joint's are this one's: two joints in each other's \
+                 place?",
+                other + 1
+            ),
+            LogFault::Weightless(v) => format!(
+                "torque carries {:.0} % of the gravity that the bodies have here: it seems to be compensated for gravity (an effort \
+                 without it, a command before the compensation is added); the whole torque is asked for",
+                100.0 * v
+            ),
+            LogFault::TorqueHeld { samples, seconds } => format!(
+                "torque is held for {samples} rows, {:.1} ms: the run is looked at as often as it comes",
+                1e3 * seconds
             ),
             LogFault::Computed(v) => format!(
                 "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
@@ -390,8 +419,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
         let scale = if felt && unknown { rest } else { whole };
         let scale = if off(scale) && (!felt || off(rest)) { scale } else { 1.0 };
-        let turned =
-            run.silent[j].filter(|fault| matches!(fault, LogFault::PositionSign { .. } | LogFault::Swapped(_)));
+        let turned = run.silent[j].filter(LogFault::is_of_the_whole);
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
         let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));
         if let Some(fault) = told.or(run.silent[j]) {
@@ -453,51 +481,6 @@ fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
     (off && shape > WHOLE_SHAPE && same(body) && same(own) && felt(body, bb) && felt(own, dd)).then_some(factor)
 }
 
-/// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
-/// drive takes, nor in the direction of its motion. What bodies take may cancel, so it does not count.
-pub(crate) fn silence(tau: &[f64], motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
-    let (n, speed, accel) = (motion.joints(), chain.sample(&motion.qd[j]), chain.sample(&motion.qdd[j]));
-    if !is_moved(motion, chain, j) {
-        return None;
-    }
-    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
-    let rows = moving.len() as f64;
-    let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
-    let drive = |k: usize| {
-        x[12 * n + j].abs() * speed[k].signum() + x[11 * n + j].abs() * speed[k] + x[10 * n + j].abs() * accel[k]
-    };
-    let [carries, due] = [mean(&|k| tau[k].powi(2)), mean(&|k| drive(k).powi(2))].map(f64::sqrt);
-    let (level, turn) = (mean(&|k| tau[k]), mean(&|k| speed[k].signum()));
-    let product = mean(&|k| (tau[k] - level) * (speed[k].signum() - turn));
-    // A channel that stands still at some level says nothing either.
-    let varies = mean(&|k| (tau[k] - level).powi(2)).sqrt();
-    let stuck = varies <= 1e-9 * carries;
-    let most = varies * (1.0 - turn.powi(2)).max(0.0).sqrt();
-    let follows = if stuck { 0.0 } else { product / most.max(f64::MIN_POSITIVE) };
-    LogFault::of_silence(varies, due, follows)
-}
-
-/// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.
-pub(crate) fn is_mute(run: &Run, x: &[f64]) -> bool {
-    let (motion, chain) = (Motion::of(run), Chain::new(run.period_s));
-    let moving: Vec<usize> = (0..run.joints()).filter(|j| !is_still(&motion, *j)).collect();
-    let silent = |j: &usize| silence(&chain.apply(&run.tau[*j]), &motion, &chain, x, *j).is_some();
-    !moving.is_empty() && moving.iter().all(silent)
-}
-
-/// A channel that says nothing whenever its joint moves says nothing where it stands either.
-pub(crate) fn silence_dead(runs: &mut [&mut Prepared], mute: &[Prepared]) {
-    for j in 0..runs.first().map_or(0, |run| run.silent.len()) {
-        let all = || runs.iter().map(|run| &**run).chain(mute);
-        let fault = all().find_map(|run| run.silent[j]);
-        if fault.is_some() && all().all(|run| run.silent[j].is_some() || is_still(&run.motion, j)) {
-            for run in runs.iter_mut() {
-                run.silent[j] = fault;
-            }
-        }
-    }
-}
-
 /// Whether joint `j` stands still throughout.
 pub(crate) fn is_still(motion: &Motion, j: usize) -> bool {
     top_speed(motion, j) < STILL
@@ -525,42 +508,6 @@ fn limit(signal: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// One joint that swings at up to 1 rad/s; by its file rotor 0.1 kg m², friction 1 N·m s/rad and 1 N·m: a root mean square
-    /// of 1.74 N·m in motion.
-    fn heard(tau: impl Fn(f64, f64) -> f64, seconds: f64, friction: f64) -> Option<LogFault> {
-        let at =
-            |f: fn(f64) -> f64| vec![(0..(1e3 * seconds) as i32).map(|k| f(1e-3 * f64::from(k))).collect::<Vec<f64>>()];
-        let motion = Motion { period_s: 1e-3, q: at(|t| 1.0 - t.cos()), qd: at(f64::sin), qdd: at(f64::cos) };
-        let chain = Chain::new(1e-3);
-        let tau: Vec<f64> = (0..motion.len()).map(|k| tau(1e-3 * k as f64, motion.qd[0][k])).collect();
-        let x = [vec![0.0; 10], vec![0.1, friction, friction, 0.0]].concat();
-        silence(&chain.apply(&tau), &motion, &chain, &x, 0)
-    }
-
-    #[test]
-    fn a_channel_that_carries_next_to_nothing_of_a_moving_joint_is_silent() {
-        let Some(LogFault::Silent { carries, due }) = heard(|t, _| 0.002 * (3.0 * t).cos(), 20.0, 1.0) else {
-            panic!("0.0014 N m of 1.7")
-        };
-        // sqrt(1/2), and of 1 + |sin| and a small part across it sqrt(1 + 4/π + 1/2).
-        assert!((carries / 0.00141 - 1.0).abs() < 0.05 && (due / 1.66 - 1.0).abs() < 0.05, "{carries} {due}");
-        assert!(heard(|_, _| 0.0, 20.0, 1.0).is_some(), "a dead channel");
-        assert!(heard(|_, _| 0.7, 20.0, 1.0).is_some(), "one that is stuck");
-    }
-
-    #[test]
-    fn a_sound_channel_is_not_silent() {
-        assert_eq!(heard(|_, v| v.signum() + v, 20.0, 1.0), None);
-        assert_eq!(
-            heard(|_, v| 0.05 * v.signum(), 20.0, 1.0),
-            None,
-            "a twentieth of the file's friction shows all the same"
-        );
-        assert_eq!(heard(|t, _| 0.5 * t.cos(), 20.0, 1.0), None, "bodies against a friction that is not seen");
-        assert_eq!(heard(|_, _| 0.0, 0.6, 1.0), None, "too short a time");
-        assert_eq!(heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 0.0), None, "a file that expects nothing");
-    }
 
     /// Gravity and friction of a joint that swings; noise of a twentieth.
     #[test]

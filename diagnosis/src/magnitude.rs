@@ -68,6 +68,7 @@ impl Form {
             Form::Counterbalance { .. } => named(&[("lever_torque_Nm", c[0]), ("free_length_torque_Nm", c[1])]),
             Form::Counterweight { .. } => named(&[("torque_Nm", wave(c)), ("zero_at_rad", -c[1].atan2(c[0]))]),
             Form::Pull { from, .. } => named(&[("from_rad", *from), ("rise_Nm_rad", c[0]), ("bend_Nm_rad2", c[1])]),
+            Form::Softening { width, .. } => named(&[("most_Nm", c[0].abs()), ("rise_Nm_rad", c[0] / width)]),
             Form::AngleLaw { .. } => {
                 named(&[("rise_Nm_rad", c[0]), ("bend_Nm_rad2", c[1]), ("hardening_Nm_rad3", c[2])])
             }
@@ -121,6 +122,7 @@ impl Form {
                     | Form::Counterbalance { .. }
                     | Form::Counterweight { .. }
                     | Form::AngleLaw { .. }
+                    | Form::Softening { .. }
                     | Form::SpringBetween { .. }
             )
     }

@@ -107,7 +107,9 @@ impl Judge<'_> {
     fn is_patched(steps: &[Step], step: &Step) -> bool {
         let laws = |j: usize| {
             let all = steps.iter().flat_map(|s| &s.adopted);
-            let law = |form: &Form| form.of_angle_alone() || matches!(form, Form::Pull { .. } | Form::AngleLaw { .. });
+            let nameless =
+                |form: &Form| matches!(form, Form::Pull { .. } | Form::AngleLaw { .. } | Form::Softening { .. });
+            let law = |form: &Form| form.of_angle_alone() || nameless(form);
             all.filter(|a| law(&a.form) && a.form.joints() == [j]).count()
         };
         step.adopted.iter().any(|a| a.form.of_angle_alone() && a.form.joints().iter().any(|j| laws(*j) > 1))

@@ -23,6 +23,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
         Form::Counterbalance { joint, arm, phase } => {
             Form::Counterbalance { joint, arm: arm * a, phase: phase + b.ln() }
         }
+        Form::Softening { joint, about, width } => Form::Softening { joint, about: about + a.ln(), width: width * b },
         Form::Pull { joint, from, above } => Form::Pull { joint, from: from + a.ln(), above },
         Form::Warming { joint, warmth } => Form::Warming { joint, warmth: warmth.moved(a, b.ln()) },
         Form::TwoMass { joint, gear } => {
@@ -44,6 +45,7 @@ fn steps(form: &Form) -> Vec<(usize, f64)> {
         Form::Warming { .. } => vec![(0, 1.5), (1, 1.65)],
         Form::Counterbalance { .. } => vec![(1, 1.3), (0, 1.3)],
         Form::Pull { .. } => vec![(0, 1.15)],
+        Form::Softening { .. } => vec![(0, 1.15), (1, 1.3)],
         Form::TwoMass { gear, .. } if gear.gap > 0.0 => vec![(2, 1.4), (0, 1.6), (1, 1.6)],
         Form::TwoMass { .. } => vec![(0, 1.13), (1, 1.6)],
         Form::Base { .. } => vec![(0, 1.07), (1, 1.6), (2, 1.5)],

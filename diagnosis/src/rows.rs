@@ -53,7 +53,7 @@ impl Chain {
         self.filtered(self.averaged(signal))
     }
 
-    fn averaged(&self, signal: &[f64]) -> Vec<f64> {
+    pub(crate) fn averaged(&self, signal: &[f64]) -> Vec<f64> {
         signal.chunks_exact(self.average).map(|c| c.iter().sum::<f64>() / self.average as f64).collect()
     }
 

@@ -35,8 +35,14 @@ const MOVES: f64 = 0.02;
 pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
     let mut run = run;
     let mut found = Vec::new();
-    if let Some((j, samples, slower)) = at_own_rate(&run) {
-        found.push((j, LogFault::Held { samples, seconds: slower.period_s }));
+    if let Some((joints, samples, slower)) = at_own_rate(&run, &run.q) {
+        let fault = LogFault::Held { samples, seconds: slower.period_s };
+        found.extend(joints.first().map(|j| (*j, fault)));
+        run = slower;
+    }
+    if let Some((joints, samples, slower)) = at_own_rate(&run, &run.tau) {
+        let fault = LogFault::TorqueHeld { samples, seconds: slower.period_s };
+        found.extend(joints.into_iter().map(|j| (j, fault)));
         run = slower;
     }
     let samples = run.len();
@@ -88,10 +94,11 @@ pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
     if cuts.is_empty() { (run, found) } else { (longest(run, cuts), found) }
 }
 
-/// The run at the rate at which its positions come, where each is held for so many samples, and how many.
-fn at_own_rate(run: &Run) -> Option<(usize, usize, Run)> {
-    let held: Vec<Option<(usize, usize)>> = run.q.iter().map(|q| held(q)).collect();
-    let (j, (first, every)) = held.iter().enumerate().find_map(|(j, h)| h.map(|h| (j, h)))?;
+/// The run at the rate at which these signals of it come, where each value is held for so many samples; of which joints, and how many.
+fn at_own_rate(run: &Run, signals: &[Vec<f64>]) -> Option<(Vec<usize>, usize, Run)> {
+    let held: Vec<Option<(usize, usize)>> = signals.iter().map(|q| held(q)).collect();
+    let (first, every) = held.iter().flatten().copied().next()?;
+    let joints = (0..held.len()).filter(|j| held[*j].is_some()).collect();
     // Of one clock, or of none.
     let other = |h: &(usize, usize)| h.1 != every || h.0 % every != first % every;
     if held.iter().flatten().any(other) {
@@ -99,10 +106,10 @@ fn at_own_rate(run: &Run) -> Option<(usize, usize, Run)> {
     }
     let of =
         |s: &Vec<Vec<f64>>| s.iter().map(|s| s.iter().skip(first % every).step_by(every).copied().collect()).collect();
-    Some((j, every, run.each(every as f64 * run.period_s, of)))
+    Some((joints, every, run.each(every as f64 * run.period_s, of)))
 }
 
-/// Where positions change and after how many samples they change again, if they are held for as many each time.
+/// Where a signal changes and after how many samples it changes again, if it is held for as many each time.
 fn held(q: &[f64]) -> Option<(usize, usize)> {
     /// Changes that tell, and the share of them that has to agree.
     const ENOUGH: usize = 200;
@@ -201,8 +208,20 @@ fn frozen(run: &Run) -> Vec<(usize, Range<usize>)> {
     found
 }
 
+/// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf
+/// to jumps.
+pub(crate) fn white_noise(x: &[f64]) -> f64 {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let mut size: Vec<f64> =
+        x.windows(7).map(|w| w.iter().zip(BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
+    size.sort_by(f64::total_cmp);
+    let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
+    // Root of the sum of squares of the binomials; a normal variable's median size is 0.6745 σ.
+    median / (0.6745 * 924.0_f64.sqrt())
+}
+
 /// Standard deviation of what a position's steps or noise add to it \[rad\].
-pub(crate) fn position_noise(q: &[f64], period_s: f64, white_noise: impl Fn(&[f64]) -> f64) -> f64 {
+pub(crate) fn position_noise(q: &[f64], period_s: f64) -> f64 {
     /// Below this rate motion itself has what white noise has \[s\].
     const SLOW: f64 = 0.0021;
     let steps = resolution(q) / 12.0_f64.sqrt();
@@ -338,7 +357,7 @@ mod tests {
         assert_eq!(resolution(&smooth), 0.0);
         let coarse: Vec<f64> = smooth.iter().map(|q| (q / 1e-4).round() * 1e-4).collect();
         assert!((resolution(&coarse) / 1e-4 - 1.0).abs() < 1e-6);
-        assert!((position_noise(&coarse, PERIOD_S, |_| 0.0) / 2.887e-5 - 1.0).abs() < 1e-3);
+        assert!((position_noise(&coarse, 2.2 * PERIOD_S) / 2.887e-5 - 1.0).abs() < 1e-3);
         // Steps alone are no positions that are held.
         assert_eq!(held(&coarse), None);
     }

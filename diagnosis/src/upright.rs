@@ -1,139 +1,248 @@
-//! How the arm is mounted: gravity that points elsewhere than the file says, as of an arm that hangs from a ceiling with the file of one
-//! on a table.
+//! What is otherwise than the file says of the whole arm: gravity that points elsewhere, as of an arm that hangs from a ceiling with the
+//! file of one on a table, or a joint that counts from another zero than its URDF.
 //!
 //! Every joint's torque is wrong then, by up to twice the links' weight. Values and effects would share that out among themselves, so it
-//! is asked before any of them. Torque is linear in gravity: with the bodies as given, drives free, least squares give its vector.
+//! is asked before any of them. Torque is linear in gravity: with the bodies as given, drives free, least squares give its vector. The two
+//! may look alike (an arm whose second joint is off by half a turn all but hangs), so both are asked, and the one that leaves less is told.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::effect::Effect;
-use crate::form::{AXES, weight};
+use crate::form::AXES;
 use crate::gap::Gap;
 use crate::opened::share_left;
-use crate::physics::Physics;
 use crate::procedure::Procedure;
 use crate::report::{Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::rigid::{Bodies, FreeDrives};
 use crate::rows::Column;
 use crate::sealed::Sealed;
 use crate::stages::{RunColumns, Stages};
+use crate::zero::{self, Zero};
 
-/// Rows that are looked at, spread over each run.
-const ROWS: usize = 400;
 /// A smaller tilt than this is told with all else that may be wrong \[rad\].
 const LEAST: f64 = 0.6;
+/// So is a smaller angle of a zero \[rad\].
+const LEAST_ZERO: f64 = 0.2;
 /// Bodies may be heavier or lighter than the file's: size of the vector found over that of the file's.
 const SIZE: [f64; 2] = [0.5, 2.0];
 /// Arms are mounted along an axis of their base, or are not: nearer than this it is the axis \[rad\].
 const AXIS: f64 = 0.26;
-/// What is missed with gravity along it, as a share of what is missed as given, at most.
+/// What is missed with gravity along it, drives free, as a share of what is missed as given, at most, on the runs looked at and on the sealed
+/// one: wrong values of bodies leave up to half.
 const BETTER: f64 = 0.6;
-/// No arm is known better than to this share of its torque; with the signal's noise it is the unit of what is missed.
-const KNOWN: f64 = 0.02;
-/// What misses no more than this in that unit is no reason to look.
+/// The same of a zero, of which there are many more; with no more than this gravity is sure.
+const FAR_BETTER: f64 = 0.4;
+/// The same of a zero against the zero of every other joint.
+const NO_OTHER: f64 = 0.7;
+/// What misses no more than this in units of what is known of the torque is no reason to look.
 const FITS: f64 = 1.5;
-/// Directions that the motion hardly tells are rounding.
-const ROUNDING: f64 = 1e-6;
+/// What misses no more than so many times what the other does is not told from it; ...
+const ALIKE: f64 = 1.5;
+/// ... and as good as the same is what misses so much: then it is gravity, of which no joint of its own has to be believed.
+const SAME: f64 = 1.05;
+/// A joint is worse where its gap in motion grows by this share of its torque. With two zeros off, gravity upside down left half of the whole and
+/// added 0.8 and more to one joint; where it hangs, wrong values and elastic gears add 0.02.
+const WORSE: f64 = 0.1;
 /// Parts of the runs looked at from which the interval of the shrink comes.
 const PARTS: usize = 8;
-/// How sure the name is.
+/// How sure the name is, and where another is not told from it or much is left.
 const CONFIDENCE: f64 = 0.97;
+const UNSURE: f64 = 0.58;
 
-/// A run's columns of gravity: torque per m/s² along the base's axes.
-struct Weighed<'a> {
-    run: &'a Prepared,
-    columns: Vec<Column>,
+/// What is otherwise.
+#[derive(Clone, Copy)]
+enum Otherwise {
+    /// Gravity as it must have been \[m/s²\].
+    Gravity(Vector3<f64>),
+    Zero(Zero),
 }
 
-impl<'a> Weighed<'a> {
-    fn of(run: &'a Prepared, nominal: &Nominal) -> Weighed<'a> {
-        let physics = Physics::new(&run.run, &run.motion, nominal, &nominal.x);
-        let rows = |full: Vec<Option<Vec<f64>>>| full.iter().map(|s| s.as_ref().map(|s| run.chain.apply(s))).collect();
-        Weighed { run, columns: weight(&physics, &AXES).into_iter().map(rows).collect() }
+impl Otherwise {
+    fn effect(&self) -> Effect {
+        match self {
+            Otherwise::Gravity(_) => Effect::GravityDirection,
+            Otherwise::Zero(_) => Effect::EncoderOffset,
+        }
     }
 
-    /// The model as given, then with `more` of gravity.
-    fn stages(self, nominal: &Nominal, more: Vector3<f64>) -> Stages {
-        let own = nominal.x.len();
-        let x = DVector::from_iterator(own + 3, std::iter::repeat_n(0.0, own).chain(more.iter().copied()));
-        let columns = RunColumns { run: self.run, extra: self.columns };
-        columns.stages(&nominal.x, &vec![(own..own + 3).collect()], &x, &vec![0.0; own + 3])
+    /// What may be missed with it of what is missed as given.
+    fn better(&self) -> f64 {
+        match self {
+            Otherwise::Gravity(_) => BETTER,
+            Otherwise::Zero(_) => FAR_BETTER,
+        }
     }
-}
 
-/// Gravity as it must have been \[m/s²\], where that is far from the file's, of which is missed `as_given`; none where the runs do not say
-/// so.
-fn found(look: &[Weighed<'_>], nominal: &Nominal, as_given: f64) -> Option<Vector3<f64>> {
-    let given = Vector3::from(nominal.model.arm.gravity);
-    let free = missed(look, nominal, None).0;
-    let size = free.norm() / given.norm();
-    if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&given) < LEAST {
-        return None;
-    }
-    let axes = [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().flat_map(|axis| [axis, -axis]);
-    let axis = axes.into_iter().find(|axis| axis.angle(&free) < AXIS);
-    let turned = axis.unwrap_or_else(|| free.normalize()) * given.norm();
-    (missed(look, nominal, Some(turned)).1 < BETTER * as_given).then_some(turned)
-}
-
-/// Gravity by least squares beside the drives, or as `fixed`, and what is missed with it in units of what is known of the torque.
-fn missed(look: &[Weighed<'_>], nominal: &Nominal, fixed: Option<Vector3<f64>>) -> (Vector3<f64>, f64) {
-    let links = 10 * nominal.model.arm.dof();
-    let given = Vector3::from(nominal.model.arm.gravity);
-    let free = if fixed.is_some() { 0 } else { 3 };
-    let mut rows: Vec<Vec<f64>> = Vec::new();
-    let mut left: Vec<f64> = Vec::new();
-    for Weighed { run, columns: gravity } in look {
-        let count = run.rows();
-        for j in (0..run.tau.len()).filter(|j| run.silent[*j].is_none()) {
-            let rms = (run.tau[j].iter().map(|t| t * t).sum::<f64>() / count.max(1) as f64).sqrt();
-            let known = run.floor[j].hypot(KNOWN * rms);
-            let value = |column: &Column, k: usize| column[j].as_ref().map_or(0.0, |rows| rows[k]);
-            for k in (0..count).step_by((count / ROWS).max(1)) {
-                let weight = 1.0 / known.hypot(run.doubt[j][k]).max(f64::MIN_POSITIVE);
-                let bodies: f64 = run.standard[..links].iter().zip(&nominal.x).map(|(c, x)| x * value(c, k)).sum();
-                let along =
-                    |g: Vector3<f64>| gravity.iter().zip(g.iter()).map(|(column, g)| g * value(column, k)).sum::<f64>();
-                let effects = run.known_rows.get(j).map_or(0.0, |rows| rows[k]);
-                let known = bodies + effects + along(fixed.unwrap_or_else(Vector3::zeros) - given);
-                left.push(weight * (run.tau[j][k] - known));
-                let drives = run.standard[links..].iter().map(|c| weight * value(c, k));
-                rows.push(drives.chain(gravity[..free].iter().map(|column| weight * value(column, k))).collect());
+    /// What it adds to a run's torque as given.
+    fn more(&self, run: &Prepared, nominal: &Nominal) -> Column {
+        let bodies = Bodies::of(run, nominal);
+        let sum = |parts: &[(f64, Column)]| -> Column {
+            let own = |j: usize| {
+                let mut rows = vec![0.0; run.rows()];
+                for (factor, column) in parts {
+                    let values = column[j].iter().flatten();
+                    rows.iter_mut().zip(values).for_each(|(sum, value)| *sum += factor * value);
+                }
+                Some(rows)
+            };
+            (0..run.tau.len()).map(own).collect()
+        };
+        match self {
+            Otherwise::Gravity(gravity) => {
+                let more = gravity - Vector3::from(nominal.model.arm.gravity);
+                sum(&AXES
+                    .map(|axis| bodies.weight(axis))
+                    .into_iter()
+                    .zip(&more)
+                    .map(|(c, g)| (*g, c))
+                    .collect::<Vec<_>>())
+            }
+            Otherwise::Zero(Zero { joint, angle, .. }) => {
+                sum(&[(1.0, bodies.turned(*joint, *angle)), (-1.0, bodies.as_given())])
             }
         }
     }
-    let width = rows.first().map_or(0, Vec::len);
-    if width == 0 {
-        return (given, 0.0);
+
+    /// The model as given, then with it.
+    fn stages(&self, run: &Prepared, nominal: &Nominal) -> Stages {
+        let own = nominal.x.len();
+        let columns = RunColumns { run, extra: vec![self.more(run, nominal)] };
+        let mut x = DVector::zeros(own + 1);
+        x[own] = 1.0;
+        columns.stages(&nominal.x, &vec![vec![own]], &x, &vec![0.0; own + 1])
     }
-    let mut d = DMatrix::from_fn(rows.len(), width, |r, c| rows[r][c]);
-    let sizes: Vec<f64> = d.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
-    d.column_iter_mut().zip(&sizes).for_each(|(mut column, size)| column /= *size);
-    let y = DVector::from_vec(left);
-    let svd = d.clone().svd(true, true);
-    let Ok(x) = svd.solve(&y, ROUNDING * svd.singular_values.max()) else { return (given, 0.0) };
-    let over = ((y - d * &x).norm_squared() / rows.len() as f64).sqrt();
-    let vector = fixed.unwrap_or_else(|| Vector3::from_fn(|axis, _| x[width - 3 + axis] / sizes[width - 3 + axis]));
-    (vector, over)
+
+    fn magnitude(&self, given: &Vector3<f64>) -> Vec<(String, f64)> {
+        let named = |list: &[(&str, f64)]| list.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+        match self {
+            Otherwise::Gravity(g) => named(&[
+                ("turned_rad", g.angle(given)),
+                ("gravity_x_m_s2", g[0]),
+                ("gravity_y_m_s2", g[1]),
+                ("gravity_z_m_s2", g[2]),
+            ]),
+            Otherwise::Zero(Zero { angle, .. }) => named(&[("offset_rad", *angle), ("turned_rad", angle.abs())]),
+        }
+    }
 }
 
-/// What is said of an arm that is mounted otherwise than its file says, before anything else is asked of its logs; none of others.
+/// The runs looked at with drives free: what is measured, what is left of it as given, and gravity's three columns.
+struct Looked<'a> {
+    free: FreeDrives<'a>,
+    bodies: Vec<Bodies<'a>>,
+    measured: Vec<DVector<f64>>,
+    left: DVector<f64>,
+    weight: DMatrix<f64>,
+    given: Vector3<f64>,
+}
+
+impl<'a> Looked<'a> {
+    fn at(look: &'a [Prepared], nominal: &'a Nominal) -> Looked<'a> {
+        let free = FreeDrives::new(look, nominal);
+        let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
+        let measured = free.measured();
+        let given = Vector3::from(nominal.model.arm.gravity);
+        let mut looked =
+            Looked { left: joined(&measured), weight: DMatrix::zeros(0, 0), measured, given, free, bodies };
+        looked.left -= looked.of(&|run| run.as_given());
+        looked.weight = DMatrix::from_columns(&AXES.map(|axis| looked.of(&|run| run.weight(axis))));
+        looked
+    }
+
+    fn of(&self, torque: &dyn Fn(&Bodies<'_>) -> Column) -> DVector<f64> {
+        joined(&self.free.of(&self.bodies.iter().map(torque).collect::<Vec<_>>()))
+    }
+
+    /// Root mean square in units of what is known of the torque.
+    fn size(&self, left: DVector<f64>) -> f64 {
+        self.free.size(&[left])
+    }
+
+    fn as_given(&self) -> f64 {
+        self.size(self.left.clone())
+    }
+
+    fn with_gravity(&self, gravity: &Vector3<f64>) -> f64 {
+        self.size(&self.left - self.change(&Otherwise::Gravity(*gravity)))
+    }
+
+    /// What drives cannot make of the torque that it adds.
+    fn change(&self, told: &Otherwise) -> DVector<f64> {
+        match told {
+            Otherwise::Gravity(gravity) => &self.weight * DVector::from_column_slice((gravity - self.given).as_slice()),
+            Otherwise::Zero(zero) => {
+                self.of(&|run| run.turned(zero.joint, zero.angle)) - self.of(&|run| run.as_given())
+            }
+        }
+    }
+
+    /// Gravity as it must have been, where that is far from the file's, and what is missed with it.
+    fn gravity(&self) -> Option<(Otherwise, f64)> {
+        let more = self.weight.clone().svd(true, true).solve(&self.left, 1e-9 * self.weight.norm()).ok()?;
+        let free = self.given + Vector3::from_column_slice(more.as_slice());
+        let size = free.norm() / self.given.norm();
+        if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < LEAST {
+            return None;
+        }
+        let axes = AXES.map(Vector3::from).into_iter().flat_map(|axis| [axis, -axis]);
+        let axis = axes.into_iter().find(|axis| axis.angle(&free) < AXIS);
+        let turned = axis.unwrap_or_else(|| free.normalize()) * self.given.norm();
+        Some((Otherwise::Gravity(turned), self.with_gravity(&turned)))
+    }
+
+    /// The zero that is another, and what is missed with it.
+    fn zero(&self) -> Option<(Otherwise, f64)> {
+        let zeros = zero::all(&self.free, &self.bodies, &self.measured);
+        let [first, others @ ..] = &zeros[..] else { return None };
+        let no_other = others.first().is_none_or(|second| first.missed < NO_OTHER * second.missed);
+        (first.angle.abs() >= LEAST_ZERO && no_other).then_some((Otherwise::Zero(*first), first.missed))
+    }
+}
+
+/// All joints' rows below each other.
+fn joined(joints: &[DVector<f64>]) -> DVector<f64> {
+    DVector::from_iterator(joints.iter().map(DVector::len).sum(), joints.iter().flat_map(|rows| rows.iter().copied()))
+}
+
+/// What is said of an arm that is mounted or counted otherwise than its file says, before anything else is asked of its logs; none of
+/// others.
 pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
-    let Procedure { nominal, look, sealed, data, ref mute } = *procedure;
-    let given = Vector3::from(nominal.model.arm.gravity);
-    // With gravity as given no column of it is asked for.
-    let bare: Vec<Weighed<'_>> = look.iter().map(|run| Weighed { run, columns: Vec::new() }).collect();
-    let as_given = missed(&bare, nominal, Some(given)).1;
+    let Procedure { nominal, look, .. } = *procedure;
+    let looked = Looked::at(look, nominal);
+    let as_given = looked.as_given();
     if as_given <= FITS {
         return None;
     }
-    let looked_at: Vec<Weighed<'_>> = look.iter().map(|run| Weighed::of(run, nominal)).collect();
-    let gravity = found(&looked_at, nominal, as_given)?;
-    say("gravity points elsewhere");
-    let more = gravity - given;
-    let seen: Vec<Stages> = looked_at.into_iter().map(|run| run.stages(nominal, more)).collect();
-    let stages = Weighed::of(sealed, nominal).stages(nominal, more);
+    let found = [looked.gravity(), looked.zero()];
+    let better = found.into_iter().flatten().filter(|(told, missed)| *missed < told.better() * as_given);
+    let mut better: Vec<(Otherwise, f64)> = better.collect();
+    if let [(_, gravity), (_, zero)] = better[..]
+        && zero * SAME < gravity
+    {
+        better.reverse();
+    }
+    let (told, missed) = *better.first()?;
+    let change = looked.change(&told);
+    let alike = better[1..].iter().filter(|(_, other)| *other < ALIKE * missed).map(|(other, _)| {
+        let cosine = change.normalize().dot(&looked.change(other).normalize());
+        (other.effect(), cosine.clamp(-1.0, 1.0).acos())
+    });
+    let alike: Vec<(Effect, f64)> = alike.collect();
+    tell(procedure, told, missed / as_given, alike).inspect(|found| {
+        say(match found.causes[0].effect {
+            Effect::GravityDirection => "gravity points elsewhere",
+            _ => "a joint's zero is elsewhere",
+        });
+    })
+}
+
+/// The report, where the sealed run bears out what the others promise.
+fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effect, f64)>) -> Option<Diagnosis> {
+    let Procedure { nominal, look, sealed, data, ref mute } = *procedure;
+    let seen: Vec<Stages> = look.iter().map(|run| told.stages(run, nominal)).collect();
+    let stages = told.stages(sealed, nominal);
     let [before, after] = [0, 1].map(|stage| Gap::new(&stages.tau, &stages.models[stage]));
     let (predicted, low, high) = promised(&seen);
     let names = procedure.names();
@@ -147,23 +256,30 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
         repeats: None,
         in_motion: on.in_motion(j),
     };
+    let per_joint: Vec<JointGap> = (0..names.len()).map(joint).collect();
+    // In units of the joint's torque; one that stands holds what its friction lets it.
+    let grows = |gap: &JointGap| gap.in_motion.map_or(0.0, |[a, b]| (b - a) * gap.noise_floor);
+    let measured = 1.0 - after.all / before.all;
+    let unseen = Looked::at(std::slice::from_ref(sealed), nominal);
+    let left = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
+    if low <= 0.0 || measured <= 0.0 || left > told.better() || per_joint.iter().any(|gap| grows(gap) > WORSE) {
+        return None;
+    }
+    let sure = alike.is_empty() && share.max(left) < FAR_BETTER;
+    let joints = match told {
+        Otherwise::Gravity(_) => Vec::new(),
+        Otherwise::Zero(zero) => vec![names[zero.joint].clone()],
+    };
     let cause = Cause {
-        effect: Effect::GravityDirection,
-        joints: Vec::new(),
-        magnitude: [
-            ("turned_rad", gravity.angle(&given)),
-            ("gravity_x_m_s2", gravity[0]),
-            ("gravity_y_m_s2", gravity[1]),
-            ("gravity_z_m_s2", gravity[2]),
-        ]
-        .map(|(name, value)| (name.to_owned(), value))
-        .into(),
-        shrink: Shrink { predicted, low, high, measured: 1.0 - after.all / before.all },
+        effect: told.effect(),
+        joints,
+        magnitude: told.magnitude(&Vector3::from(nominal.model.arm.gravity)),
+        shrink: Shrink { predicted, low, high, measured },
         share: Some(1.0),
         p_value: None,
-        confidence: CONFIDENCE,
-        indistinguishable_from: Vec::new(),
-        angles: Vec::new(),
+        confidence: if sure { CONFIDENCE } else { UNSURE },
+        angles: alike.iter().map(|(_, angle)| *angle).collect(),
+        indistinguishable_from: alike.into_iter().map(|(effect, _)| effect).collect(),
         separating_motion: None,
         curves: Vec::new(),
         impossible: None,
@@ -174,7 +290,7 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
         before: before.all,
         after: after.all,
         noise_floor: floor,
-        per_joint: (0..names.len()).map(joint).collect(),
+        per_joint,
         place: procedure.place(&stages, &names),
         causes: vec![cause],
         unexplained_share: share_left(&before, &after, floor),

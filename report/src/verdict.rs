@@ -29,6 +29,9 @@ const NEXT_TO_NOISE: f64 = 4.0;
 const MEASURE: &str = "Log the torque that was measured, or motor currents (drive_gain, and torque_from = \"current\" where torque \
                        columns are there too).";
 
+const WHOLE_TORQUE: &str = "Log the whole torque, gravity included (what the drive measures, not an effort or a command to which \
+                            compensation is added), and diagnose anew.";
+
 impl Document {
     /// The verdict in six lines.
     pub fn lines(&self) -> Vec<Line> {
@@ -61,6 +64,35 @@ impl Document {
         let thousandths = |value: f64| (value * 1e3).round() / 1e3 + 0.0;
         let along = |axis: &str| (*cause.magnitude.get(&format!("gravity_{axis}_m_s2"))?).map(thousandths);
         Some([along("x")?, along("y")?, along("z")?])
+    }
+
+    /// What to do where the whole arm is otherwise than the file says.
+    fn next_of_the_whole(&self) -> Option<String> {
+        let again = "and diagnose the same logs again: nothing else was asked of them";
+        if let Some([x, y, z]) = self.mounting() {
+            let or =
+                self.or("encoder_offset", "a joint's zero that is another (joint_zero) looks the same in these logs");
+            return Some(format!(
+                "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, {again}{or}."
+            ));
+        }
+        // A smaller offset is a value among others and is told without how far it is turned.
+        let moved = |c: &&crate::Cause| c.effect == "encoder_offset" && c.magnitude.contains_key("turned_rad");
+        let cause = self.causes.iter().find(moved)?;
+        let offset = (*cause.magnitude.get("offset_rad")?)?;
+        let or =
+            self.or("gravity_direction", "an arm that is mounted otherwise (gravity) looks the same in these logs");
+        Some(format!(
+            "Add {offset:.4} rad ({:.1} degrees) to joint_zero of {} in [log] of the robot file, if its log counts so, {again}{or}.",
+            offset.to_degrees(),
+            list(&cause.joints)
+        ))
+    }
+
+    /// What else it may be, where the first cause is not told from it.
+    fn or(&self, effect: &str, what: &str) -> String {
+        let alike = self.causes.iter().any(|c| c.indistinguishable_from.iter().any(|other| other == effect));
+        if alike { format!("; {what}") } else { String::new() }
     }
 
     fn gap_line(&self) -> String {
@@ -296,6 +328,14 @@ impl Document {
                 "Turn the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
             ));
         }
+        if of(&["torque_without_gravity"]).is_some() {
+            return Some(WHOLE_TORQUE.to_owned());
+        }
+        if let Some(joints) = of(&["joints_exchanged"]) {
+            return Some(format!(
+                "Put the columns of {joints}, positions and torques, where they belong, and diagnose the same logs again."
+            ));
+        }
         let joints = of(&["torque_sign", "torque_scale"])?;
         Some(format!(
             "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before believing anything."
@@ -326,11 +366,8 @@ impl Document {
         if !self.other_arm.is_empty() {
             return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
         }
-        if let Some([x, y, z]) = self.mounting() {
-            return format!(
-                "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, and diagnose the same logs again: nothing \
-                 else was asked of them."
-            );
+        if let Some(next) = self.next_of_the_whole() {
+            return next;
         }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
             return format!("To tell causes apart, record {motion}.");
@@ -481,6 +518,23 @@ mod tests {
             assert!(cause.contains("omething changed on the way") && !cause.contains("between"), "{cause}");
             assert!(next.contains("during the run") && !next.contains("swap"), "{next}");
         }
+    }
+
+    #[test]
+    fn a_zero_that_is_another_says_what_to_add_and_what_else_it_may_be() {
+        let size = json!({"offset_rad": -std::f64::consts::FRAC_PI_2, "turned_rad": std::f64::consts::FRAC_PI_2});
+        let mut zero = cause("encoder_offset", &size);
+        zero["joints"] = json!(["shoulder"]);
+        let next = |zero: &serde_json::Value| {
+            line(&document(&[("verdict", json!("parameter")), ("causes", json!([zero]))]), "Next")
+        };
+        let alone = next(&zero);
+        assert!(alone.starts_with("Add -1.5708 rad (-90.0 degrees) to joint_zero of shoulder in [log]"), "{alone}");
+        assert!(!alone.contains("mounted"), "{alone}");
+        zero["indistinguishable_from"] = json!(["gravity_direction"]);
+        assert!(next(&zero).contains("mounted otherwise"), "{}", next(&zero));
+        zero["magnitude"] = json!({"offset_rad": 0.05});
+        assert!(!next(&zero).contains("joint_zero"), "a small one is a value among others: {}", next(&zero));
     }
 
     #[test]

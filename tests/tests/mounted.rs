@@ -78,6 +78,18 @@ fn an_arm_that_is_mounted_otherwise_is_told_before_anything_else() {
     }
 }
 
+/// An arm that hangs is hardly told from one whose second joint is off by half a turn where its file has wrong values: both are said.
+#[test]
+fn a_zero_that_looks_like_the_mounting_is_in_its_class() {
+    let Some(sound) = shared("data/practice-wrong-nominal/case-06") else { return };
+    let folder = case(&sound, |text| text.replace("[0.0, 0.0, -9.81]", "[0.0, 0.0, 9.81]"), |_, _| ());
+    let found = diagnose(folder.path());
+    let cause = &found["causes"][0];
+    assert_eq!(cause["effect"], "gravity_direction", "{found:#}");
+    assert_eq!(cause["indistinguishable_from"], serde_json::json!(["encoder_offset"]), "{found:#}");
+    assert!(cause["confidence"].as_f64().is_some_and(|sure| sure < 0.6), "{found:#}");
+}
+
 /// Torque columns of two joints in each other's place are said, on both joints and no other; as logged none is.
 #[test]
 fn swapped_columns_of_torque_are_said() {

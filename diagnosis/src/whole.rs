@@ -1,0 +1,87 @@
+//! What is wrong with the signals of all joints, or of two at once, so that nothing of the arm can be told from them: a torque from which
+//! gravity was taken out, joints in each other's place. Values and effects would make an arm of it: a counterbalance, lighter links.
+//!
+//! Bodies are as given and drives free, as for what is otherwise of the whole arm (`upright.rs`).
+
+use nalgebra::DVector;
+
+use crate::background::Nominal;
+use crate::design::Prepared;
+use crate::form::AXES;
+use crate::log_check::{LogFault, is_still};
+use crate::parallel;
+use crate::rigid::{Bodies, FreeDrives};
+use crate::rows::Column;
+
+/// What misses no more than this in units of what is known of the torque is no reason to look.
+const FITS: f64 = 1.5;
+/// Gravity weighs on a joint where it is so many times what is known of the torque; ...
+const WEIGHS: f64 = 3.0;
+/// ... on this many joints at least, since one alone may be balanced, ...
+const ON_JOINTS: usize = 2;
+/// ... and the torque carries none of it where it carries this share at most on each, or so much that it is hardly known.
+const NONE: f64 = 0.25;
+/// What is missed with it, as a share of what is missed as given, at most.
+const BETTER: f64 = 0.4;
+/// The same of two joints exchanged, and of that against any other two.
+const FAR_BETTER: f64 = 0.25;
+const NO_OTHER: f64 = 0.7;
+
+/// Marks joints of runs whose signals are wrong together, and says why nothing is evaluated; none where nothing is.
+pub(crate) fn spoilt(look: &mut [Prepared], sealed: &mut Prepared, nominal: &Nominal) -> Option<String> {
+    let (faults, why) = found(look, nominal)?;
+    for run in look.iter_mut().chain([sealed]) {
+        for (j, fault) in &faults {
+            run.silent[*j] = Some(*fault);
+        }
+    }
+    Some(why.to_owned())
+}
+
+fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>, &'static str)> {
+    let free = FreeDrives::new(look, nominal);
+    let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
+    let of = |torque: &dyn Fn(&Bodies<'_>) -> Column| -> Vec<DVector<f64>> {
+        free.of(&bodies.iter().map(torque).collect::<Vec<_>>())
+    };
+    let measured = free.measured();
+    let less =
+        |torque: &[DVector<f64>]| -> Vec<DVector<f64>> { measured.iter().zip(torque).map(|(m, t)| m - t).collect() };
+    let left = less(&of(&|run| run.as_given()));
+    let as_given = free.size(&left);
+    if as_given <= FITS {
+        return None;
+    }
+    // Gravity of the file, and what is left without it.
+    let axes = AXES.map(|axis| of(&|run| run.weight(axis)));
+    let given = nominal.model.arm.gravity;
+    let gravity = |j: usize| -> DVector<f64> { axes.iter().zip(given).map(|(axis, g)| g * &axis[j]).sum() };
+    let gravity: Vec<DVector<f64>> = (0..left.len()).map(gravity).collect();
+    let without: Vec<DVector<f64>> = left.iter().zip(&gravity).map(|(left, gravity)| left + gravity).collect();
+    let size = |j: usize| gravity[j].norm() / (gravity[j].len().max(1) as f64).sqrt();
+    let share = |j: usize| gravity[j].dot(&without[j]) / gravity[j].norm_squared();
+    let shares: Vec<(usize, f64)> = (0..left.len()).filter(|j| size(*j) > WEIGHS).map(|j| (j, share(j))).collect();
+    let none = shares.len() >= ON_JOINTS && shares.iter().all(|(j, share)| share.abs() < NONE.max(FITS / size(*j)));
+    if none && free.size(&without) < BETTER * as_given {
+        let faults = shares.into_iter().map(|(j, share)| (j, LogFault::Weightless(share))).collect();
+        return Some((
+            faults,
+            "gravity seems to have been taken out of the torque: what is left of it says nothing of an arm that carries its own weight",
+        ));
+    }
+    let moves = |j: &usize| look.iter().any(|run| !is_still(&run.motion, *j));
+    let moving: Vec<usize> = (0..left.len()).filter(moves).collect();
+    let with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
+    let pairs: Vec<(usize, usize)> = moving.iter().flat_map(with).collect();
+    let sizes = parallel::map(&pairs, |(a, b)| free.size(&less(&of(&|run| run.exchanged(*a, *b)))));
+    let mut sized: Vec<(f64, (usize, usize))> = sizes.into_iter().zip(pairs).collect();
+    sized.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (least, (a, b)) = *sized.first()?;
+    let no_other = sized.get(1).is_none_or(|second| least < NO_OTHER * second.0);
+    (least < FAR_BETTER * as_given && no_other).then(|| {
+        (
+            vec![(a, LogFault::Exchanged(b)), (b, LogFault::Exchanged(a))],
+            "two joints stand in each other's place: what the other joints feel is that of another motion",
+        )
+    })
+}
