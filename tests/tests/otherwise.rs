@@ -107,7 +107,9 @@ fn channels_of_noise_say_nothing() {
                 state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                 (state >> 33) as f64 / 2.0_f64.powi(31) - 0.5
             };
-            tau.iter_mut().for_each(|tau| *tau = 3.0 * uniform());
+            for tau in tau.iter_mut() {
+                *tau = 3.0 * uniform();
+            }
         }
     });
     assert_eq!((code, &found["verdict"]), (Some(3), &Value::from("not_evaluated")), "{text}");
