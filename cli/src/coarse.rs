@@ -14,6 +14,8 @@ const LEAST_BAND: f64 = 2.0;
 /// Positions are too coarse where a speed, by differences of theirs, is off by more than this share of the joint's dead zone (one
 /// standard deviation): then rows that count have no direction.
 const OF_DEAD_ZONE: f64 = 0.5;
+/// ... and more than so many times what their steps make of a reading.
+const BEYOND_STEPS: f64 = 2.0;
 /// Rows come at so many times the cut-off of the model filter: a central difference then keeps sin(x)/x of a speed at the cut-off, 0.64 of it.
 const LEAST_RATE: f64 = 4.0;
 /// Readings are noisy where they are off by more than so many times what the joint moves in the jitter of the stamps.
@@ -45,13 +47,13 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
     let (period_s, signal) = (log.median_step_s(), &robot.config.signal);
     let velocity = robot.model.structure.sign_velocity;
     let of = |(j, q): (usize, &Vec<f64>)| {
-        let (off, noise) = if let Some(step) = position_step(q) {
-            (Off::Steps(step), step / 12.0_f64.sqrt())
-        } else {
-            let noise = position_noise(q);
-            // A row that comes early or late is no noise: its stamp says so.
-            let noise = if noise > BEYOND_JITTER * between_rows(&log.t, q, period_s) { noise } else { 0.0 };
-            (Off::Noise(noise), noise)
+        let noise = position_noise(q);
+        // A row that comes early or late is no noise: its stamp says so.
+        let noise = if noise > BEYOND_JITTER * between_rows(&log.t, q, period_s) { noise } else { 0.0 };
+        // Digits of a log are steps as well, most of them finer than its noise.
+        let (off, noise) = match position_step(q).map(|step| (step, step / 12.0_f64.sqrt())) {
+            Some((step, rounding)) if noise < BEYOND_STEPS * rounding => (Off::Steps(step), rounding),
+            _ => (Off::Noise(noise), noise),
         };
         // Of a central difference.
         let speed = noise / (2.0_f64.sqrt() * period_s);
@@ -95,6 +97,14 @@ impl Coarse {
     pub(crate) fn smooth(&self, robot: &Robot, record: &mut Record) {
         if self.hz < ALL / record.period_s {
             record.smooth(&ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, record.period_s));
+        }
+    }
+
+    /// Smooths positions alone, where torque is looked at in a narrower band anyway.
+    pub(crate) fn smooth_positions(&self, robot: &Robot, q: &mut [Vec<f64>], period_s: f64) {
+        if self.hz < ALL / period_s {
+            let filter = ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, period_s);
+            q.iter_mut().for_each(|q| filter.apply(q));
         }
     }
 

@@ -362,11 +362,14 @@ pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
 
 /// Of a joint's torque, instruments leave this many times what least squares leave where they do not stand for its motion.
 const MISLEADS: f64 = 1.5;
+/// ... and this much more \[%\]: below it is noise.
+const MISLEADS_BY: f64 = 2.0;
 
 /// Joints of whose torque the fit by instruments leaves more than the robot file's values, and far more than least squares; `left` \[%\]:
 /// nominal, least squares, instruments.
 pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[Vec<f64>; 3]) -> Option<Distrust> {
-    let is = |j: &usize| instruments[*j] > nominal[*j] && instruments[*j] > MISLEADS * least_squares[*j];
+    let more = |than: f64, j: &usize| instruments[*j] > (MISLEADS * than).max(than + MISLEADS_BY);
+    let is = |j: &usize| instruments[*j] > nominal[*j] && more(least_squares[*j], j);
     let joints: Vec<&str> = (0..names.len()).filter(is).map(|j| names[j].as_str()).collect();
     (!joints.is_empty()).then(|| Distrust {
         log: None,

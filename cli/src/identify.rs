@@ -496,6 +496,8 @@ fn held_out(robot: &Robot, values: &[f64], logs: &[PathBuf], distrusts: &mut Vec
         let (file, content) = (path.display().to_string(), content(&log)?);
         let held = HeldOut { file, content, nominal: errors(&nominal)?, identified: errors(&trained)? };
         distrusts.extend(sound.found);
+        distrusts.extend(slow(robot, &sound.log));
+        distrusts.extend(coarse(robot, &sound.log).iter().flat_map(|coarse| coarse.said(robot)));
         Ok(held)
     };
     logs.iter().map(of).collect()

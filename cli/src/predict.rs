@@ -10,6 +10,7 @@ use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, write_columns};
 
+use crate::coarse::coarse;
 use crate::exit::Fault;
 use crate::glitches::Sound;
 use crate::runs::{self, Piece};
@@ -60,11 +61,17 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
 pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    let pieces = if sound.left_out.is_empty() {
+    let mut pieces = if sound.left_out.is_empty() {
         whole_pieces(&sound.log)?
     } else {
         runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
     };
+    // As logs that are learnt from: noise near standstill has every direction, and would count against any friction.
+    if let Some(coarse) = coarse(robot, &sound.log) {
+        for piece in &mut pieces {
+            coarse.smooth_positions(robot, &mut piece.grid.q, piece.report.period_s);
+        }
+    }
     if pieces.iter().all(|piece| moving(robot, piece).is_none()) {
         return Err(Fault::Data(format!(
             "{}: no joint moves faster than its dead zone: what is left of torque at standstill says nothing of the parameters; hold out a \

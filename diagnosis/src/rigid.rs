@@ -106,11 +106,7 @@ impl<'a> FreeDrives<'a> {
             let rows = weights.iter().map(Vec::len).sum();
             let mut drive = DMatrix::zeros(rows, 0);
             if !columns.is_empty() {
-                let svd = DMatrix::from_columns(&columns).svd(true, false);
-                let least = ROUNDING * svd.singular_values.max();
-                let told: Vec<usize> =
-                    (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > least).collect();
-                drive = svd.u.map_or(drive, |u| u.select_columns(&told));
+                drive = range(&DMatrix::from_columns(&columns)).unwrap_or(drive);
             }
             Joint { at: joint, weights, drive }
         };
@@ -142,10 +138,34 @@ impl<'a> FreeDrives<'a> {
         self.of(&self.runs.iter().map(less).collect::<Vec<_>>())
     }
 
+    /// Of what is left of all joints below each other, what a body of link `link` (from 0) of any mass, place and inertia cannot take, root mean
+    /// square.
+    pub(crate) fn with_body(&self, left: &DVector<f64>, link: usize) -> f64 {
+        let of = |c: usize| joined(&self.of(&self.runs.iter().map(|run| run.standard[c].clone()).collect::<Vec<_>>()));
+        let columns: Vec<DVector<f64>> = (10 * link..10 * (link + 1)).map(of).filter(|c| c.norm() > 0.0).collect();
+        let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
+        let taken = if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns)) };
+        let rest = taken.map_or_else(|| left.clone(), |range| left - &range * range.tr_mul(left));
+        self.size(std::slice::from_ref(&rest))
+    }
+
     /// Root mean square of what is left of all joints.
     pub(crate) fn size(&self, left: &[DVector<f64>]) -> f64 {
         (left.iter().map(DVector::norm_squared).sum::<f64>() / self.rows).sqrt()
     }
+}
+
+/// An orthonormal basis of what columns reach, without the directions that the motion hardly tells.
+fn range(columns: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let svd = columns.clone().svd(true, false);
+    let least = ROUNDING * svd.singular_values.max();
+    let told: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > least).collect();
+    svd.u.map(|u| u.select_columns(&told))
+}
+
+/// All joints' rows below each other.
+pub(crate) fn joined(joints: &[DVector<f64>]) -> DVector<f64> {
+    DVector::from_iterator(joints.iter().map(DVector::len).sum(), joints.iter().flat_map(|rows| rows.iter().copied()))
 }
 
 /// One over what is known of the torque of joint `j` \[1/(N·m)\], at the rows looked at.

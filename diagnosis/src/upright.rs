@@ -15,7 +15,7 @@ use crate::gap::Gap;
 use crate::opened::share_left;
 use crate::procedure::Procedure;
 use crate::report::{Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
-use crate::rigid::{Bodies, FreeDrives};
+use crate::rigid::{Bodies, FreeDrives, joined};
 use crate::rows::Column;
 use crate::sealed::Sealed;
 use crate::stages::{RunColumns, Stages};
@@ -197,13 +197,10 @@ impl<'a> Looked<'a> {
         let zeros = zero::all(&self.free, &self.bodies, &self.measured);
         let [first, others @ ..] = &zeros[..] else { return None };
         let no_other = others.first().is_none_or(|second| first.missed < NO_OTHER * second.missed);
-        (first.angle.abs() >= LEAST_ZERO && no_other).then_some((Otherwise::Zero(*first), first.missed))
+        // A tool that is mounted turned, or a body that stands elsewhere, is no zero; of the last joint nothing tells the two apart.
+        let no_body = || self.free.with_body(&self.left, first.joint) > ALIKE * first.missed;
+        (first.angle.abs() >= LEAST_ZERO && no_other && no_body()).then_some((Otherwise::Zero(*first), first.missed))
     }
-}
-
-/// All joints' rows below each other.
-fn joined(joints: &[DVector<f64>]) -> DVector<f64> {
-    DVector::from_iterator(joints.iter().map(DVector::len).sum(), joints.iter().flat_map(|rows| rows.iter().copied()))
 }
 
 /// What is said of an arm that is mounted or counted otherwise than its file says, before anything else is asked of its logs; none of

@@ -207,3 +207,48 @@ fn a_choice_is_in_the_result() {
         assert!(chosen["left_out_percent"].as_f64().is_some_and(|left| left < 1.03 * least), "{chosen}");
     }
 }
+
+/// A few seconds of a file without friction: the prior of a zero was stronger than they are (1.6 +- 1.7 for 30.1).
+#[test]
+fn a_short_record_tells_friction_that_the_file_has_not() {
+    let Some(case) = shared("data/practice/case-18") else { return };
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log").slice(3000..7000);
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth: Vec<[f64; 3]> =
+        parameters(&result(&mut identify(&case, &log, folder.path()), folder.path()).1, ".coulomb");
+    let text = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
+    let friction = text.lines().find(|line| line.starts_with("coulomb")).expect("it has friction");
+    std::fs::write(folder.path().join("robot.toml"), text.replace(friction, "coulomb = [0, 0, 0, 0, 0, 0]"))
+        .expect("written");
+    std::fs::copy(case.join("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    let (_, found) = result(&mut identify(folder.path(), &log, folder.path()), folder.path());
+    for ([value, std, _], [_, _, truth]) in parameters(&found, ".coulomb").into_iter().zip(truth) {
+        println!("Coulomb friction {value} +- {std} for {truth}");
+        assert!((value - truth).abs() < (4.0 * std).max(0.01 * truth) && std < 0.03 * truth, "{value} {std} {truth}");
+    }
+}
+
+/// Six digits are steps of a millionth, finer than the noise that is written with them; and a held-out log may be as noisy.
+#[test]
+fn noise_is_seen_behind_the_digits_it_is_written_with() {
+    let Some((case, mut log)) = sound() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut state = 1_u64;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
+    };
+    for q in log.q.iter_mut().flatten() {
+        *q = ((*q + 1e-4 * (0..12).map(|_| uniform()).sum::<f64>()) * 1e6).round() / 1e6;
+    }
+    let mut command = identify(&case, &log, folder.path());
+    let (text, found) = result(command.arg("--hold-out").arg(case.join("log-b.parquet")), folder.path());
+    assert!(text.contains("positions are noisy by 1e-4 rad (one std)"), "{text}");
+    assert!(held_out(&found).iter().all(|[nominal, identified]| identified < &(1.2 * nominal + 0.2)), "{found}");
+    let mut command = rivet();
+    command.arg("identify").arg(case.join("robot.toml")).arg(case.join("log-b.parquet"));
+    let (text, found) = result(command.arg("--hold-out").arg(written(&log, folder.path())), folder.path());
+    assert!(text.contains("changed.parquet, ") && text.contains("positions are noisy"), "{text}");
+    // 86 % where noise near standstill counted against the true friction.
+    assert!(held_out(&found).iter().all(|[nominal, identified]| nominal.max(*identified) < 12.0), "{found}");
+}

@@ -19,6 +19,9 @@ const ROUNDS: usize = 4;
 /// A parameter whose nominal value is small or zero counts as large as the value that alone makes this share of the
 /// torque of some joint.
 const PRIOR_TORQUE_SHARE: f64 = 0.005;
+/// The same of a value of exactly 0 that one joint alone has, its drive's: one that nobody gave, as friction of a file that has none.
+/// (A body's zeros are symmetries, and on ten seconds of an arm that has them they are needed.)
+const ZERO_TORQUE_SHARE: f64 = 0.05;
 /// Directions of the data below this share of the strongest are rounding, not information.
 const RANK_TOLERANCE: f64 = 1e-7;
 
@@ -267,10 +270,12 @@ impl Solution {
         let size = DVector::from_fn(k, |i, _| dd[(i, i)].sqrt());
         let strongest = size.max().max(f64::MIN_POSITIVE);
         let touched = |i: usize| size[i] > ROUNDING * strongest;
+        let of_one = |i: usize| joints.iter().filter(|joint| joint.dd[(i, i)] > 0.0).count() == 1;
         let width = DVector::from_fn(k, |i, _| {
             let alone = |joint: &Normal| (joint.torque_square / joint.dd[(i, i)]).sqrt();
             let least = joints.iter().map(alone).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
             let share = match touched(i) {
+                true if least.is_finite() && x0[i] == 0.0 && of_one(i) => ZERO_TORQUE_SHARE * least,
                 true if least.is_finite() => PRIOR_TORQUE_SHARE * least,
                 // A value of 0 that no row has anything to do with: one unit is as good as another.
                 false if x0[i] == 0.0 => 1.0,
