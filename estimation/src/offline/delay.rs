@@ -90,7 +90,9 @@ pub fn torque_delay(
         return Ok(vec![Delay { seconds: 0.0, std: f64::INFINITY, doubt: Some(DelayDoubt::Short) }; n]);
     }
     let coarse = search(equations, found, &DVector::from_column_slice(nominal), prior)?;
-    let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(std::iter::repeat_n(0.0, n)));
+    // Next to no delay is what is expected: exactly 0 would be a value that nobody gave.
+    let none = std::iter::repeat_n(f64::MIN_POSITIVE, n);
+    let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(none));
     let (weights, mut late) = (&coarse.weights, coarse.late_s.clone());
     let sums = equations.trusting(&found.trust);
     let of = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s, found.trust[j]);
