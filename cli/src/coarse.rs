@@ -104,7 +104,9 @@ impl Coarse {
     pub(crate) fn smooth_positions(&self, robot: &Robot, q: &mut [Vec<f64>], period_s: f64) {
         if self.hz < ALL / period_s {
             let filter = ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, period_s);
-            q.iter_mut().for_each(|q| filter.apply(q));
+            for q in q.iter_mut() {
+                filter.apply(q);
+            }
         }
     }
 
