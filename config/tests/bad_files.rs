@@ -97,8 +97,8 @@ fn every_key_has_a_bad_file() {
 fn of_many_mistakes_the_first_are_shown() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("robot.toml");
-    let text: String = (0..300).map(|k| format!("unknown_{k:03} = 1\n")).collect();
-    fs::write(&file, text).expect("written");
+    let lines: Vec<String> = (0..300).map(|k| format!("unknown_{k:03} = 1\n")).collect();
+    fs::write(&file, lines.concat()).expect("written");
     let Err(errors) = rivet_config::load(&file) else { panic!("it loads") };
     assert!(errors.errors().len() >= 300);
     let report = errors.to_string();
