@@ -14,12 +14,12 @@ const LEAST_BAND: f64 = 2.0;
 /// Positions are too coarse where a speed, by differences of theirs, is off by more than this share of the joint's dead zone (one
 /// standard deviation): then rows that count have no direction.
 const OF_DEAD_ZONE: f64 = 0.5;
-/// ... and more than so many times what their steps make of a reading.
-const BEYOND_STEPS: f64 = 2.0;
 /// Rows come at so many times the cut-off of the model filter: a central difference then keeps sin(x)/x of a speed at the cut-off, 0.64 of it.
 const LEAST_RATE: f64 = 4.0;
 /// Readings are noisy where they are off by more than so many times what the joint moves in the jitter of the stamps.
 const BEYOND_JITTER: f64 = 2.0;
+/// ... and more than so many times what their steps make of a reading.
+const BEYOND_STEPS: f64 = 2.0;
 /// A low-pass beyond this share of the sample rate takes nothing away.
 const ALL: f64 = 0.4;
 
@@ -95,19 +95,22 @@ pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
 impl Coarse {
     /// Smooths a record of the log: motion and torque alike, so that neither comes after the other.
     pub(crate) fn smooth(&self, robot: &Robot, record: &mut Record) {
-        if self.hz < ALL / record.period_s {
-            record.smooth(&ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, record.period_s));
+        if let Some(filter) = self.filter(robot, record.period_s) {
+            record.smooth(&filter);
         }
     }
 
     /// Smooths positions alone, where torque is looked at in a narrower band anyway.
     pub(crate) fn smooth_positions(&self, robot: &Robot, q: &mut [Vec<f64>], period_s: f64) {
-        if self.hz < ALL / period_s {
-            let filter = ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, period_s);
-            for q in q.iter_mut() {
+        if let Some(filter) = self.filter(robot, period_s) {
+            for q in q {
                 filter.apply(q);
             }
         }
+    }
+
+    fn filter(&self, robot: &Robot, period_s: f64) -> Option<ZeroPhase> {
+        (self.hz < ALL / period_s).then(|| ZeroPhase::new(self.hz, robot.config.signal.model_filter_order, period_s))
     }
 
     /// Joint by joint, for people and as JSON.
@@ -134,7 +137,7 @@ impl Coarse {
                 joint: Some(robot.model.arm.joints[*j].name.clone()),
                 name,
                 text: format!(
-                    "{what}: positions and torque are smoothed to {} Hz before differences are taken, or near standstill speed would \
+                    "{what}: what is faster than {} Hz is smoothed away before differences are taken, or near standstill speed would \
                      have no direction{still}",
                     number(self.hz, 2)
                 ),

@@ -48,7 +48,7 @@ struct Sums {
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
-    let pieces = whole_pieces(log)?;
+    let pieces = smoothed(robot, log, whole_pieces(log)?);
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         for (tau, grid) in tau.iter_mut().zip(&predicted) {
@@ -61,17 +61,12 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
 /// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
 pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
     let mut sums = vec![Sums::default(); robot.dof()];
-    let mut pieces = if sound.left_out.is_empty() {
+    let pieces = if sound.left_out.is_empty() {
         whole_pieces(&sound.log)?
     } else {
         runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
     };
-    // As logs that are learnt from: noise near standstill has every direction, and would count against any friction.
-    if let Some(coarse) = coarse(robot, &sound.log) {
-        for piece in &mut pieces {
-            coarse.smooth_positions(robot, &mut piece.grid.q, piece.report.period_s);
-        }
-    }
+    let pieces = smoothed(robot, &sound.log, pieces);
     if pieces.iter().all(|piece| moving(robot, piece).is_none()) {
         return Err(Fault::Data(format!(
             "{}: no joint moves faster than its dead zone: what is left of torque at standstill says nothing of the parameters; hold out a \
@@ -85,6 +80,16 @@ pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
         compare(robot, piece, &predicted, &mut sums)?;
     }
     Ok(sums.iter().map(|s| percent(s.filtered)).collect())
+}
+
+/// Positions as of logs that are learnt from: what is noise near standstill has every direction, and would count against any friction.
+fn smoothed(robot: &Robot, log: &Log, mut pieces: Vec<Piece>) -> Vec<Piece> {
+    if let Some(coarse) = coarse(robot, log) {
+        for piece in &mut pieces {
+            coarse.smooth_positions(robot, &mut piece.grid.q, piece.report.period_s);
+        }
+    }
+    pieces
 }
 
 /// The pieces of a log between holes; no row is left over.
@@ -106,7 +111,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
     let log = runs::read_log(&robot, &args.log)?;
-    let pieces = whole_pieces(&log)?;
+    let pieces = smoothed(&robot, &log, whole_pieces(&log)?);
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);

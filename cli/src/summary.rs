@@ -47,13 +47,15 @@ fn unused(health: &Health, samples: usize) -> Option<String> {
     let lost = InputFault::Lost as usize;
     let mut health = *health;
     health.input_faults[lost] = 0;
-    let met: Vec<String> = faults_met(&health).into_iter().map(|(what, times)| format!("{what} ({times})")).collect();
+    let met = faults_met(&health);
+    let times: u64 = met.iter().map(|(_, times)| times).sum();
+    let met: Vec<String> = met.into_iter().map(|(what, times)| format!("{what} ({times})")).collect();
     let refused = health.refused_stale + health.refused_invalid + health.rejected_faults;
     let met = if met.is_empty() { String::new() } else { format!("met: {}", met.join(", ")) };
     match (refused, met.is_empty()) {
         (0, true) => None,
         (0, false) => Some(format!("not all samples could be learnt from; {met}")),
-        _ if refused >= samples as u64 => Some(format!("{refused} of {samples} samples were refused; {met}")),
+        _ if times <= refused => Some(format!("{refused} of {samples} samples were refused; {met}")),
         // What is met may as well have been looked at and not learnt from.
         _ => {
             Some(format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"))

@@ -49,6 +49,8 @@ const MUCH_BLUR: f64 = 3e-3;
 /// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
 const FLAT: usize = 5;
 const FLAT_SHARE: f64 = 0.005;
+/// So many times as many as stand a step below: a rounded torque that turns has 2.4 times as many on its last step.
+const MORE: f64 = 5.0;
 
 /// A fault of one joint's signals.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -434,7 +436,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Coarse(step));
         }
         // In coarse steps every turn stands for a while.
-        if let Some(limit) = limit(&run.run.tau[j]).filter(|limit| step < COARSE * limit) {
+        if let Some(limit) = limit(&run.run.tau[j], step).filter(|limit| step < COARSE * limit) {
             say(LogFault::Limit(limit));
         }
     }
@@ -497,12 +499,16 @@ fn top_speed(motion: &Motion, j: usize) -> f64 {
     motion.qd[j].iter().fold(0.0_f64, |m, v| m.max(v.abs()))
 }
 
-/// The largest torque, if it is held for stretches.
-fn limit(signal: &[f64]) -> Option<f64> {
+/// The largest torque of a signal in steps of `step` (0 without), if it is held for stretches.
+fn limit(signal: &[f64], step: f64) -> Option<f64> {
     let top = signal.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
     let held = signal.chunk_by(|a, b| a == b).filter(|c| c.len() >= FLAT && c[0].abs() >= top * (1.0 - 1e-9));
     let flat: usize = held.map(<[f64]>::len).sum();
-    (top > 0.0 && flat as f64 > FLAT_SHARE * signal.len() as f64).then_some(top)
+    // A quiet torque stands on the step below where it turns as well.
+    let below = (top - 1.5 * step)..(top - 0.5 * step);
+    let passing = signal.iter().filter(|t| below.contains(&t.abs())).count();
+    let enough = (FLAT_SHARE * signal.len() as f64).max(MORE * passing as f64);
+    (top > 0.0 && flat as f64 > enough).then_some(top)
 }
 
 #[cfg(test)]
@@ -530,10 +536,15 @@ mod tests {
     #[test]
     fn a_torque_that_is_held_at_its_top_is_a_limit_and_a_standstill_is_not() {
         let wave: Vec<f64> = (0..1000).map(|k| (0.02 * f64::from(k)).sin()).collect();
-        assert_eq!(limit(&wave), None);
+        assert_eq!(limit(&wave, 0.0), None);
         let cut: Vec<f64> = wave.iter().map(|t| t.clamp(-0.8, 0.8)).collect();
-        assert_eq!(limit(&cut), Some(0.8));
+        assert_eq!(limit(&cut, 0.0), Some(0.8));
         let rest: Vec<f64> = wave.iter().map(|t| t.clamp(-0.1, 0.1) + if *t > 0.999 { 0.5 } else { 0.0 }).collect();
-        assert_eq!(limit(&rest), None, "a stretch below the top is no limit");
+        assert_eq!(limit(&rest, 0.0), None, "a stretch below the top is no limit");
+        let rounded = |signal: &[f64]| -> Vec<f64> { signal.iter().map(|t| (t / 0.03).round() * 0.03).collect() };
+        assert!(limit(&rounded(&wave), 0.0).is_some(), "without its steps it would be one");
+        assert_eq!(limit(&rounded(&wave), 0.03), None, "it turns on its last step");
+        let cut = rounded(&cut);
+        assert!(limit(&cut, 0.03).is_some_and(|t| (t - 0.81).abs() < 1e-9), "{:?}", limit(&cut, 0.03));
     }
 }

@@ -208,16 +208,9 @@ fn frozen(run: &Run) -> Vec<(usize, Range<usize>)> {
     found
 }
 
-/// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it, and their median is deaf
-/// to jumps.
+/// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it.
 pub(crate) fn white_noise(x: &[f64]) -> f64 {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let mut size: Vec<f64> =
-        x.windows(7).map(|w| w.iter().zip(BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
-    size.sort_by(f64::total_cmp);
-    let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
-    // Root of the sum of squares of the binomials; a normal variable's median size is 0.6745 σ.
-    median / (0.6745 * 924.0_f64.sqrt())
+    rivet_estimation::offline::white_noise(x, 6)
 }
 
 /// Standard deviation of what a position's steps or noise add to it \[rad\].

@@ -39,6 +39,6 @@ pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sense::{TorqueSense, friction_share, giving_friction, torque_sense};
 pub use setpoint::unfollowed;
 pub use shifts::REACH_S;
-pub use steps::{position_noise, position_step, told_up_to_hz};
+pub use steps::{position_noise, position_step, told_up_to_hz, white_noise};
 pub use sums::Equations;
 pub use zero_phase::ZeroPhase;

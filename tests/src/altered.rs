@@ -87,3 +87,19 @@ pub fn answer(command: &mut Command, folder: &Path) -> (Option<i32>, String, ser
     let (code, text) = said(command.arg("--json").arg(&json));
     (code, text, serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("sound JSON"))
 }
+
+/// Numbers that look random and are the same every time.
+pub struct Random(pub u64);
+
+impl Random {
+    /// Between -0.5 and 0.5.
+    pub fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
+    }
+
+    /// About normal, of standard deviation 1.
+    pub fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum()
+    }
+}

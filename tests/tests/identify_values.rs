@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use rivet_logs::{Log, ReadOptions, read, write_columns};
-use rivet_tests::altered::{result, said, with_torque_times};
+use rivet_logs::{Log, ReadOptions, read};
+use rivet_tests::altered::{Random, result, said, with_torque_times, written};
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
@@ -16,20 +16,35 @@ fn sound() -> Option<(PathBuf, Log)> {
     Some((case, log))
 }
 
-fn written(log: &Log, folder: &Path) -> PathBuf {
-    let mut columns = vec![("t".to_owned(), &log.t[..])];
-    for (group, signals) in [
-        ("q", Some(&log.q)),
-        ("tau", log.torque().ok()),
-        ("q_des", log.q_des.as_ref()),
-        ("qd_des", log.qd_des.as_ref()),
-    ] {
-        let named = signals.into_iter().flatten().enumerate();
-        columns.extend(named.map(|(j, signal)| (format!("{group}{}", j + 1), &signal[..])));
-    }
-    let path = folder.join("changed.parquet");
-    write_columns(&path, &columns).expect("written");
-    path
+/// The folder of the same arm with another line of Coulomb friction and something more in its file.
+fn arm_with(case: &Path, coulomb: &str, more: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
+    let friction = text.lines().find(|line| line.starts_with("coulomb")).expect("it has friction");
+    let text = text.replace(friction, if coulomb.is_empty() { friction } else { coulomb });
+    std::fs::write(folder.path().join("robot.toml"), text + more).expect("written");
+    std::fs::copy(case.join("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    folder
+}
+
+const WITHOUT: &str = "coulomb = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]";
+
+fn identify(robot: &Path, log: &Log, folder: &Path) -> Command {
+    let mut command = rivet();
+    let log = written(log, log.torque().expect("torque"), folder);
+    command.arg("identify").arg(robot.join("robot.toml")).arg(log);
+    command
+}
+
+/// Coulomb friction that `log` tells of an arm whose file has none, `[value, std, truth]`.
+fn friction_found(case: &Path, log: &Log) -> Vec<[f64; 3]> {
+    let without = arm_with(case, WITHOUT, "");
+    let [truth, found] = [case, without.path()].map(|robot| {
+        let (_, found) = result(&mut identify(robot, log, without.path()), without.path());
+        parameters(&found, ".coulomb")
+    });
+    let both = found.into_iter().zip(truth).map(|([value, std, _], [_, _, truth])| [value, std, truth]);
+    both.inspect(|[value, std, truth]| println!("Coulomb friction {value} +- {std} for {truth}")).collect()
 }
 
 /// What identification leaves of the torque of the other log \[%\], nominal and identified, joint by joint.
@@ -54,41 +69,27 @@ fn parameters(found: &Value, end: &str) -> Vec<[f64; 3]> {
 #[test]
 fn what_the_file_has_as_zero_is_found() {
     let Some((case, mut log)) = sound() else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    let text = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
-    let friction = text.lines().find(|line| line.starts_with("coulomb")).expect("it has friction");
-    let urdf = text.lines().find(|line| line.starts_with("urdf")).expect("it has a model");
-    let at = urdf.split('"').nth(1).expect("a path");
-    std::fs::copy(case.join(at), folder.path().join("robot.urdf")).expect("copied");
-    let file = folder.path().join("robot.toml");
-    let with = |line: &str, estimator: &str| {
-        let text = text.replace(urdf, "urdf = \"robot.urdf\"").replace(friction, line);
-        assert!(!text.contains("[estimator]"), "{text}");
-        std::fs::write(&file, format!("{text}\n[estimator]\n{estimator}\n")).expect("written");
-    };
-    let truth: Vec<f64> = parameters(&result(&mut identify(&case, &log, folder.path()), folder.path()).1, ".coulomb")
-        .into_iter()
-        .map(|[_, _, truth]| truth)
-        .collect();
-    with("coulomb = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]", "");
-    let (_, found) = result(&mut identify(folder.path(), &log, folder.path()), folder.path());
-    for ([value, std, _], truth) in parameters(&found, ".coulomb").into_iter().zip(truth) {
-        println!("Coulomb friction {value} +- {std} for {truth}");
+    for [value, std, truth] in friction_found(&case, &log) {
         assert!((value - truth).abs() < (4.0 * std).max(0.01 * truth) && std < 0.02 * truth, "{value} {std} {truth}");
     }
-    with(friction, "offsets = true");
+    let with_offsets = arm_with(&case, "", "\n[estimator]\noffsets = true\n");
     if let Some((_, tau)) = &mut log.tau {
         tau[5].iter_mut().for_each(|tau| *tau += 1.5);
     }
-    let (_, found) = result(&mut identify(folder.path(), &log, folder.path()), folder.path());
+    let folder = with_offsets.path();
+    let (_, found) = result(&mut identify(folder, &log, folder), folder);
     let [value, std, _] = parameters(&found, "j6.offset")[0];
     assert!((value - 1.5).abs() < 4.0 * std && std < 0.05, "{value} {std}");
 }
 
-fn identify(robot: &Path, log: &Log, folder: &Path) -> Command {
-    let mut command = rivet();
-    command.arg("identify").arg(robot.join("robot.toml")).arg(written(log, folder));
-    command
+/// On a few seconds the prior of a zero was stronger than they are (1.6 +- 1.7 for 30.1).
+#[test]
+fn a_short_record_tells_friction_that_the_file_has_not() {
+    let Some(case) = shared("data/practice/case-18") else { return };
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log").slice(3000..7000);
+    for [value, std, truth] in friction_found(&case, &log) {
+        assert!((value - truth).abs() < (4.0 * std).max(0.01 * truth) && std < 0.03 * truth, "{value} {std} {truth}");
+    }
 }
 
 /// A short record has slow stretches beside fast ones: the lag was where the fast ones are (up to 218 ms for 1).
@@ -117,16 +118,12 @@ fn the_lag_of_a_short_record_is_no_louder_stretch() {
 fn noisy_positions_are_smoothed_and_said() {
     let Some((_, log)) = sound() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let mut state = 1_u64;
-    let mut uniform = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
-    };
+    let mut random = Random(1);
     for case in ["case-24", "case-18"] {
         let Some(case) = shared("data/practice").map(|folder| folder.join(case)) else { return };
         let mut noisy = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
         for q in noisy.q.iter_mut().flatten() {
-            *q += 1e-4 * (0..12).map(|_| uniform()).sum::<f64>();
+            *q += 1e-4 * random.normal();
         }
         let mut command = identify(&case, &noisy, folder.path());
         let (text, found) = result(command.arg("--hold-out").arg(case.join("log-b.parquet")), folder.path());
@@ -208,38 +205,14 @@ fn a_choice_is_in_the_result() {
     }
 }
 
-/// A few seconds of a file without friction: the prior of a zero was stronger than they are (1.6 +- 1.7 for 30.1).
-#[test]
-fn a_short_record_tells_friction_that_the_file_has_not() {
-    let Some(case) = shared("data/practice/case-18") else { return };
-    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log").slice(3000..7000);
-    let folder = tempfile::tempdir().expect("a folder");
-    let truth: Vec<[f64; 3]> =
-        parameters(&result(&mut identify(&case, &log, folder.path()), folder.path()).1, ".coulomb");
-    let text = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
-    let friction = text.lines().find(|line| line.starts_with("coulomb")).expect("it has friction");
-    std::fs::write(folder.path().join("robot.toml"), text.replace(friction, "coulomb = [0, 0, 0, 0, 0, 0]"))
-        .expect("written");
-    std::fs::copy(case.join("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
-    let (_, found) = result(&mut identify(folder.path(), &log, folder.path()), folder.path());
-    for ([value, std, _], [_, _, truth]) in parameters(&found, ".coulomb").into_iter().zip(truth) {
-        println!("Coulomb friction {value} +- {std} for {truth}");
-        assert!((value - truth).abs() < (4.0 * std).max(0.01 * truth) && std < 0.03 * truth, "{value} {std} {truth}");
-    }
-}
-
 /// Six digits are steps of a millionth, finer than the noise that is written with them; and a held-out log may be as noisy.
 #[test]
 fn noise_is_seen_behind_the_digits_it_is_written_with() {
     let Some((case, mut log)) = sound() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let mut state = 1_u64;
-    let mut uniform = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
-    };
+    let mut random = Random(1);
     for q in log.q.iter_mut().flatten() {
-        *q = ((*q + 1e-4 * (0..12).map(|_| uniform()).sum::<f64>()) * 1e6).round() / 1e6;
+        *q = ((*q + 1e-4 * random.normal()) * 1e6).round() / 1e6;
     }
     let mut command = identify(&case, &log, folder.path());
     let (text, found) = result(command.arg("--hold-out").arg(case.join("log-b.parquet")), folder.path());
@@ -247,7 +220,10 @@ fn noise_is_seen_behind_the_digits_it_is_written_with() {
     assert!(held_out(&found).iter().all(|[nominal, identified]| identified < &(1.2 * nominal + 0.2)), "{found}");
     let mut command = rivet();
     command.arg("identify").arg(case.join("robot.toml")).arg(case.join("log-b.parquet"));
-    let (text, found) = result(command.arg("--hold-out").arg(written(&log, folder.path())), folder.path());
+    let (text, found) = result(
+        command.arg("--hold-out").arg(written(&log, log.torque().expect("torque"), folder.path())),
+        folder.path(),
+    );
     assert!(text.contains("changed.parquet, ") && text.contains("positions are noisy"), "{text}");
     // 86 % where noise near standstill counted against the true friction.
     assert!(held_out(&found).iter().all(|[nominal, identified]| nominal.max(*identified) < 12.0), "{found}");

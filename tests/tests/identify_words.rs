@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rivet_tests::altered::{changed, result, robot_with, said, sound, written};
+use rivet_tests::altered::{Random, changed, result, robot_with, said, sound, written};
 use rivet_tests::{rivet, robot, shared};
 
 #[test]
@@ -174,14 +174,10 @@ fn torque_that_the_model_does_not_explain_is_told() {
     let Some(log) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let log = sound("ur10e", &log);
-    let mut state = 1_u64;
-    let mut random = || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 40) as f64 / f64::from(1_u32 << 24) - 0.5
-    };
+    let mut random = Random(1);
     let mut tau = log.torque().expect("torque").clone();
-    tau[1].iter_mut().for_each(|tau| *tau = 100.0 * random());
-    tau[4].iter_mut().for_each(|tau| *tau = 20.0 * random());
+    tau[1].iter_mut().for_each(|tau| *tau = 100.0 * random.uniform());
+    tau[4].iter_mut().for_each(|tau| *tau = 20.0 * random.uniform());
     let path = written(&log, &tau, folder.path());
     let (text, found) = result(rivet().arg("identify").arg(robot("ur10e")).arg(&path), folder.path());
     assert!(text.contains("the model explains next to nothing of this torque"), "{text}");

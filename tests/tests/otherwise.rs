@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rivet_dynamics::{Workspace, inverse_dynamics};
 use rivet_logs::{Log, ReadOptions, read};
-use rivet_tests::altered::{answer, written};
+use rivet_tests::altered::{Random, answer, written};
 use rivet_tests::{rivet, shared};
 use serde_json::Value;
 
@@ -102,13 +102,9 @@ fn channels_of_noise_say_nothing() {
     let Some(sound) = shared("data/practice/case-24") else { return };
     let (code, text, found) = told(&sound, |_, tau| {
         for (j, tau) in tau.iter_mut().enumerate() {
-            let mut state = 7 + j as u64;
-            let mut uniform = || {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                (state >> 33) as f64 / 2.0_f64.powi(31) - 0.5
-            };
+            let mut random = Random(7 + j as u64);
             for tau in tau.iter_mut() {
-                *tau = 3.0 * uniform();
+                *tau = 3.0 * random.uniform();
             }
         }
     });
@@ -180,17 +176,13 @@ fn a_tool_that_is_mounted_turned_is_no_zero() {
         |folder: &Path| rivet_config::load(folder.join("robot.toml")).expect("a sound robot file").model.arm.clone();
     let (without, turned) = (load(&sound), load(truth.path()));
     let (_, text, found) = told(file.path(), |log, tau| {
-        let [mut now, mut more] = [vec![vec![0.0; tau.len()]; 3], vec![vec![0.0; tau.len()]; 2]];
-        let period = log.t[1] - log.t[0];
-        for row in 1..log.len() - 1 {
-            for (j, q) in log.q.iter().enumerate() {
-                now[0][j] = q[row];
-                now[1][j] = (q[row + 1] - q[row - 1]) / (2.0 * period);
-                now[2][j] = 0.0;
-            }
+        // Along the plan, which the arm follows within a millisecond: differences of positions are noise.
+        let plan = [&log.q_des, &log.qd_des, &log.qdd_des].map(|signals| signals.as_ref().expect("a plan"));
+        let mut more = [vec![0.0; tau.len()], vec![0.0; tau.len()]];
+        for row in 0..log.len() {
+            let [q, qd, qdd] = plan.map(|signals| signals.iter().map(|signal| signal[row]).collect::<Vec<f64>>());
             for (arm, torque) in [&turned, &without].into_iter().zip(&mut more) {
-                let mut ws = Workspace::new(arm);
-                inverse_dynamics(arm, &arm.links, &mut ws, &now[0], &now[1], &now[2], torque);
+                inverse_dynamics(arm, &arm.links, &mut Workspace::new(arm), &q, &qd, &qdd, torque);
             }
             tau.iter_mut().enumerate().for_each(|(j, tau)| tau[row] += more[0][j] - more[1][j]);
         }

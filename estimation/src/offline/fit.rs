@@ -91,7 +91,7 @@ fn weights(noise: &[f64], correlation: &[f64]) -> Vec<f64> {
 /// * `equations`: the rows
 /// * `nominal`: base parameters before, x₀
 /// * `prior`: standard deviation of x₀ as a multiple of each value (or, for a value near zero, of the value that alone
-///   would make 0.5 % of the torque of some joint)
+///   would make 0.5 % of the torque of some joint; for exactly 0 of a drive, 5 %)
 pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method) -> Result<Fit, OfflineError> {
     let k = nominal.len();
     let Weighed { solution, weights, noise, correlation, trust } = weigh(equations, nominal, prior, method)?;

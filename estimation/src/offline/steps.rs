@@ -24,8 +24,7 @@ const MOST: f64 = 0.98;
 /// ... and so many there have to be.
 const LEAST: usize = 50;
 /// Orders of the differences that tell noise from motion.
-const LOWEST_ORDER: usize = 4;
-const HIGHEST_ORDER: usize = 8;
+const ORDERS: [usize; 3] = [4, 6, 8];
 /// Median of the absolute value of a normal variable of standard deviation 1.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
@@ -48,31 +47,33 @@ pub fn position_step(q: &[f64]) -> Option<f64> {
     (whole as f64 >= MOST * countable.len() as f64).then_some(step)
 }
 
-/// White noise of positions \[rad\], one standard deviation: the least that differences of several orders say, each robustly, since
-/// motion adds to the low ones. 0 where most readings are held, or there are too few.
-///
-/// A difference of order k of white noise has the variance σ²·C(2k, k).
+/// White noise of positions \[rad\], one standard deviation: the least that differences of several orders say, since motion adds to the
+/// low ones. 0 where most readings are held, or there are too few.
 pub fn position_noise(q: &[f64]) -> f64 {
-    let mut least = f64::INFINITY;
-    let mut differences = q.to_vec();
-    let mut gain = 1.0;
-    for order in 1..=HIGHEST_ORDER {
-        differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
-        let k = order as f64;
-        gain *= 2.0 * (2.0 * k - 1.0) / k;
-        if differences.len() < LEAST {
-            return 0.0;
-        }
-        if order >= LOWEST_ORDER {
-            let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
-            let middle = sizes.len() / 2;
-            let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-            least = least.min(*median / NORMAL_MEDIAN / f64::sqrt(gain));
-        }
+    if q.len() < LEAST {
+        return 0.0;
     }
+    let least = ORDERS.map(|order| white_noise(q, order)).into_iter().fold(f64::INFINITY, f64::min);
     // What sums of numbers of this size leave is no noise.
     let size = q.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
     if least > 16.0 * f64::EPSILON * size { least } else { 0.0 }
+}
+
+/// Standard deviation of white noise on a signal so smooth that differences of order `order` leave nothing but it; their median is deaf to
+/// jumps. 0 of fewer than `order` + 1 samples.
+///
+/// A difference of order k of white noise has the variance σ²·C(2k, k), the sum of the squares of its binomials.
+pub fn white_noise(x: &[f64], order: usize) -> f64 {
+    let next = |b: &mut f64, k: usize| Some(std::mem::replace(b, -*b * (order - k) as f64 / (k + 1) as f64));
+    let binomials: Vec<f64> = (0..=order).scan(1.0, next).collect();
+    let mut sizes: Vec<f64> =
+        x.windows(order + 1).map(|w| w.iter().zip(&binomials).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    *median / (NORMAL_MEDIAN * binomials.iter().map(|b| b * b).sum::<f64>().sqrt())
 }
 
 /// Up to which frequency speeds by positions with white noise of one standard deviation `noise` \[rad\], `period_s` apart, are good to a
