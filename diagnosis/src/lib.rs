@@ -36,6 +36,7 @@ mod exhibit;
 mod first_fit;
 mod flips;
 mod form;
+mod freed;
 mod formats;
 mod gap;
 mod held_load;

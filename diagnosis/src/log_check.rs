@@ -30,6 +30,8 @@ const ALL_FRICTION: f64 = 10.0;
 const FELT: f64 = 0.05;
 /// ... if it is the model's torque but for the factor.
 const SAME_SHAPE: f64 = 0.9;
+/// What heavier bodies leave, squared, as a share of what another unit does, at most, where a load is the better explanation.
+const CLEARLY_LESS: f64 = 0.7;
 /// From this factor on it is as well where bodies and drive are both off by it, ...
 const TWICE: f64 = 1.8;
 /// ... by the same but for this share, ...
@@ -399,6 +401,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         if let Some(known) = run.known_rows.get(j) {
             drive.iter_mut().zip(known).for_each(|(d, k)| *d += k);
         }
+        // Torque of 1 kg at the flange.
+        let at_flange = run.standard[links - 10][j].clone().unwrap_or_else(|| vec![0.0; run.rows()]);
         let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
@@ -420,7 +424,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         };
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
         let scale = if felt && unknown { rest } else { whole };
-        let scale = if off(scale) && (!felt || off(rest)) { scale } else { 1.0 };
+        let unit = off(scale) && (!felt || off(rest)) && !is_load(tau, [&bodies, &at_flange], &drive);
+        let scale = if unit { scale } else { 1.0 };
         let turned = run.silent[j].filter(LogFault::is_of_the_whole);
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
         let told = told.or_else(|| factor(tau, &bodies, &drive).map(LogFault::Scale));
@@ -481,6 +486,16 @@ fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
     let same = |part: f64| (part / factor - 1.0).abs() < SAME_FACTOR;
     let off = !(1.0 / TWICE..TWICE).contains(&factor);
     (off && shape > WHOLE_SHAPE && same(body) && same(own) && felt(body, bb) && felt(own, dd)).then_some(factor)
+}
+
+/// Whether heavier bodies, those of the file and one at the flange, explain a torque better beside the drive as it is than another unit of
+/// both.
+fn is_load(tau: &[f64], [bodies, at_flange]: [&[f64]; 2], drive: &[f64]) -> bool {
+    let whole: Vec<f64> = bodies.iter().zip(drive).map(|(body, drive)| body + drive).collect();
+    let less: Vec<f64> = tau.iter().zip(drive).map(|(tau, drive)| tau - drive).collect();
+    let load = apart(&less, &[bodies.to_vec(), at_flange.to_vec()]);
+    let unit = apart(tau, &[whole]);
+    dot(&load, &load) < CLEARLY_LESS * dot(&unit, &unit)
 }
 
 /// Whether joint `j` stands still throughout.

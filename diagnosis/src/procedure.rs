@@ -10,6 +10,7 @@ use crate::details::{self, Details, PINNED, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::exhibit;
 use crate::form::Form;
+use crate::freed;
 use crate::gap::Gap;
 use crate::instead;
 use crate::leftover;
@@ -91,7 +92,9 @@ impl Procedure<'_> {
                 break;
             }
         }
-        let Selected { adopted, .. } = selected;
+        let Selected { mut adopted, .. } = selected;
+        let doubted = freed::doubt(&mut search, &mut adopted);
+        or_said(doubted, "whether a counterbalance is a body whose centre lies elsewhere", &mut left_out);
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
         let first: Vec<String> =
             search.first_noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();

@@ -10,7 +10,7 @@ use crate::design::Prepared;
 use crate::form::AXES;
 use crate::log_check::{LogFault, is_still};
 use crate::parallel;
-use crate::rigid::{Bodies, FreeDrives};
+use crate::rigid::{Bodies, FreeDrives, joined};
 use crate::rows::Column;
 
 /// What misses no more than this in units of what is known of the torque is no reason to look.
@@ -47,22 +47,30 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
     let measured = free.measured();
     let less =
         |torque: &[DVector<f64>]| -> Vec<DVector<f64>> { measured.iter().zip(torque).map(|(m, t)| m - t).collect() };
-    let left = less(&of(&|run| run.as_given()));
+    let given = of(&|run| run.as_given());
+    let left = less(&given);
     let as_given = free.size(&left);
     if as_given <= FITS {
         return None;
     }
     // Gravity of the file, and what is left without it.
     let axes = AXES.map(|axis| of(&|run| run.weight(axis)));
-    let given = nominal.model.arm.gravity;
-    let gravity = |j: usize| -> DVector<f64> { axes.iter().zip(given).map(|(axis, g)| g * &axis[j]).sum() };
+    let vector = nominal.model.arm.gravity;
+    let gravity = |j: usize| -> DVector<f64> { axes.iter().zip(vector).map(|(axis, g)| g * &axis[j]).sum() };
     let gravity: Vec<DVector<f64>> = (0..left.len()).map(gravity).collect();
     let without: Vec<DVector<f64>> = left.iter().zip(&gravity).map(|(left, gravity)| left + gravity).collect();
     let size = |j: usize| gravity[j].norm() / (gravity[j].len().max(1) as f64).sqrt();
     let share = |j: usize| gravity[j].dot(&without[j]) / gravity[j].norm_squared();
     let shares: Vec<(usize, f64)> = (0..left.len()).filter(|j| size(*j) > WEIGHS).map(|j| (j, share(j))).collect();
     let none = shares.len() >= ON_JOINTS && shares.iter().all(|(j, share)| share.abs() < NONE.max(FITS / size(*j)));
-    if none && free.size(&without) < BETTER * as_given {
+    // Bodies that are all far lighter than the file's have as little gravity, and as little inertia.
+    let beyond = |torque: &[DVector<f64>], share_of: &[DVector<f64>]| {
+        let (torque, of) = (joined(torque), joined(share_of));
+        let share = of.dot(&torque) / of.norm_squared().max(f64::MIN_POSITIVE);
+        free.size(&[torque - share * of])
+    };
+    let lighter = beyond(&measured, &given) < beyond(&without, &gravity);
+    if none && !lighter && free.size(&without) < BETTER * as_given {
         let faults = shares.into_iter().map(|(j, share)| (j, LogFault::Weightless(share))).collect();
         return Some((
             faults,

@@ -41,14 +41,18 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// The `rivet` program of the profile these tests were built with, built on first use: a test run of this package alone
-/// does not build another package's program.
+/// The `rivet` program of the profile these tests were built with. A test run of this package alone does not build another package's
+/// program, so it is built on first use unless the run has built it: other packages' features would build most of it once more.
 pub fn rivet() -> Command {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     let program = PROGRAM.get_or_init(|| {
         let this = std::env::current_exe().expect("a running test has a file");
         // target/<profile>/deps/<test>
         let folder = this.ancestors().nth(2).expect("tests lie in target/<profile>/deps").to_owned();
+        let program = folder.join("rivet");
+        if is_newer_than_its_sources(&program) {
+            return program;
+        }
         let mut build = Command::new(env!("CARGO"));
         build.args(["build", "--quiet", "--package", "rivet"]).current_dir(root());
         build.arg("--target-dir").arg(folder.parent().expect("profiles lie in the target folder"));
@@ -56,9 +60,22 @@ pub fn rivet() -> Command {
             build.arg("--release");
         }
         assert!(build.status().expect("cargo runs").success(), "the rivet program builds");
-        folder.join("rivet")
+        program
     });
     Command::new(program)
+}
+
+/// Whether a program was built after every file that cargo says it was made of, and after the packages it depends on were chosen.
+fn is_newer_than_its_sources(program: &Path) -> bool {
+    let changed = |path: &Path| path.metadata().and_then(|file| file.modified()).ok();
+    let Some((built, sources)) = changed(program).zip(std::fs::read_to_string(program.with_extension("d")).ok()) else {
+        return false;
+    };
+    let Some((_, sources)) = sources.split_once(": ") else { return false };
+    let packages = ["Cargo.lock", "Cargo.toml", "cli/Cargo.toml"].map(|file| root().join(file));
+    // A blank in a path is written with a backslash: such a file is not found, and the program is built.
+    let mut sources = sources.split_whitespace().map(Path::new).chain(packages.iter().map(PathBuf::as_path));
+    sources.all(|source| changed(source).is_some_and(|source| source <= built))
 }
 
 /// Runs a command to its end and returns what it printed; a failure is the test's, with everything that was said.

@@ -1,0 +1,79 @@
+//! A counterbalance that may be a body: one whose centre lies elsewhere than the file says pulls at its joint by the same law of the angle.
+//!
+//! The values are free beside every effect, but only by as much as files usually are off; a centre that is on the wrong side of its joint is
+//! far beyond that, and what is left looks like a spring. So a counterbalance is held against its own link, free as far as the link is
+//! long: where that explains as much, the two are one class.
+
+use rivet_dynamics::Arm;
+
+use crate::effect::Effect;
+use crate::form::Form;
+use crate::possible;
+use crate::search::Search;
+use crate::select::{Adopted, Rival};
+
+/// What a body may leave of each joint's torque for it to explain as much: root mean square over that with the counterbalance.
+const ALIKE: f64 = 1.5;
+/// What is left to columns that are held, as a share of what is believed of them; less and the equations lose their digits.
+const HELD: f64 = 1e-4;
+
+/// Adds the link to what a counterbalance is not told from; none where equations have no solution.
+pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<()> {
+    for one in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
+        let [joint] = one.form.joints()[..] else { continue };
+        let named = one.rivals.iter().any(|rival| rival.form.effect() == Effect::LinkInertia);
+        if !named {
+            one.rivals.extend(rival(search, one, joint)?);
+        }
+    }
+    Some(())
+}
+
+/// The body of link `joint` beside a counterbalance there, where it explains as much and is one that can be.
+fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Option<Rival>> {
+    let own = 10 * joint;
+    let mass = search.nominal.x[own];
+    let far = length(&search.nominal.model.arm, joint);
+    if mass <= 0.0 || far <= 0.0 {
+        return Some(None);
+    }
+    let usual = search.design.background.std.clone();
+    let scale = search.scale;
+    let mut solve = |freed: bool, held: bool| {
+        let background = &mut search.design.background;
+        for entry in (1..10).filter(|_| freed) {
+            let width = if entry < 4 { mass * far } else { mass * far * far };
+            background.std[own + entry] = if background.scaled[own + entry] { width / scale } else { width };
+        }
+        for place in (one.place..one.place + one.mean.len()).filter(|_| held) {
+            background.std[place] *= HELD;
+        }
+        let solved = search.solved(scale);
+        let background = &search.design.background;
+        let left = solved.as_ref().map(|solved| {
+            let folds: Vec<Vec<f64>> = (0..background.folds.len()).map(|f| background.fold_errors(f, solved)).collect();
+            (0..search.noise.len()).map(|j| folds.iter().map(|fold| fold[j]).sum()).collect::<Vec<f64>>()
+        });
+        search.design.background.std.clone_from(&usual);
+        solved.zip(left)
+    };
+    let (_, with) = solve(false, false)?;
+    let (_, neither) = solve(false, true)?;
+    let (_, both) = solve(true, false)?;
+    let (body, instead) = solve(true, true)?;
+    let all = |left: &[f64]| -> f64 { left.iter().zip(&search.weights).map(|(left, weight)| left * weight).sum() };
+    // Of the counterbalance's torque what the body cannot make, as a share.
+    let across = (all(&instead) - all(&both)) / (all(&neither) - all(&both)).max(f64::MIN_POSITIVE);
+    let alike = instead.iter().zip(&with).all(|(instead, with)| *instead <= ALIKE * ALIKE * with);
+    let moment = |entry: usize| search.nominal.x[own + entry] + body.x[own + entry];
+    let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
+    let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();
+    Some(if alike && centre <= far { Rival::of(&Form::LinkScale { link: joint }, cosine) } else { None })
+}
+
+/// How far a link reaches from its joint \[m\]: to the next one, or its share of the arm.
+fn length(arm: &Arm, link: usize) -> f64 {
+    let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let next = arm.joints.get(link + 1).map_or(0.0, |joint| norm(&joint.translation));
+    next.max(possible::reach(arm) / arm.dof() as f64)
+}
