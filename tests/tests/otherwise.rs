@@ -4,7 +4,7 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::path::Path;
 
-use rivet_dynamics::{Workspace, inverse_dynamics};
+use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
 use rivet_logs::{Log, ReadOptions, read};
 use rivet_tests::altered::{Random, answer, written};
 use rivet_tests::{rivet, shared};
@@ -189,4 +189,80 @@ fn a_tool_that_is_mounted_turned_is_no_zero() {
     });
     assert!(causes(&found).iter().all(|(name, _)| *name != "encoder_offset"), "{text}");
     assert!(causes(&found).iter().any(|(name, _)| *name == "link_inertia"), "{text}");
+}
+
+/// Adds to torque what bodies of `arm` with these links make along a log beside those of its file.
+fn with_links(arm: &Arm, links: &[[f64; 10]]) -> impl Fn(&mut Log, &mut [Vec<f64>]) {
+    move |log, tau| {
+        let rate = |signal: &[f64]| -> Vec<f64> {
+            let step = log.t[1] - log.t[0];
+            let of = |k: usize| {
+                let (before, after) = (k.saturating_sub(1), (k + 1).min(signal.len() - 1));
+                (signal[after] - signal[before]) / ((after - before) as f64 * step)
+            };
+            (0..signal.len()).map(of).collect()
+        };
+        let speeds: Vec<Vec<f64>> = log.q.iter().map(|q| rate(q)).collect();
+        let accelerations: Vec<Vec<f64>> = speeds.iter().map(|qd| rate(qd)).collect();
+        let (mut ws, mut torque) = (Workspace::new(arm), vec![0.0; arm.dof()]);
+        for row in 0..log.len() {
+            let [q, qd, qdd] =
+                [&log.q, &speeds, &accelerations].map(|of| of.iter().map(|s| s[row]).collect::<Vec<f64>>());
+            for (links, sign) in [(links, 1.0), (&arm.links[..], -1.0)] {
+                inverse_dynamics(arm, links, &mut ws, &q, &qd, &qdd, &mut torque);
+                tau.iter_mut().zip(&torque).for_each(|(tau, own)| tau[row] += sign * own);
+            }
+        }
+    }
+}
+
+/// The upper arm's centre on the other side of the shoulder was a counterbalance with 0.97.
+#[test]
+fn a_counterbalance_that_may_be_a_body_is_a_class_with_it() {
+    let Some(sound) = shared("data/practice/case-24") else { return };
+    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
+    let arm = &robot.model.arm;
+    let mut links = arm.links.clone();
+    links[1][1..4].iter_mut().for_each(|moment| *moment *= -1.0);
+    let (_, text, found) = told(&sound, with_links(arm, &links));
+    let sure = |cause: &Value| {
+        let own = |effect: &Value| effect == "link_inertia";
+        let class = cause["indistinguishable_from"].as_array().expect("a list");
+        own(&cause["effect"]) || class.iter().any(own)
+    };
+    let list = found["causes"].as_array().expect("causes");
+    assert!(!list.is_empty() && list.iter().all(sure), "{text}");
+}
+
+/// A load of twice what the arm may carry was another unit of torque of the elbow.
+#[test]
+fn a_heavy_load_is_no_other_unit_of_torque() {
+    let Some(sound) = shared("data/practice/case-24") else { return };
+    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
+    let arm = &robot.model.arm;
+    let mut links = arm.links.clone();
+    for (at, more) in [25.0, 25.0 * 0.25, 0.0, 25.0 * 0.1].into_iter().enumerate() {
+        links[5][at] += more;
+    }
+    let (_, text, found) = told(&sound, with_links(arm, &links));
+    assert_eq!(joints_with(&found, "torque_scale"), [""; 0], "{text}");
+    assert!(causes(&found).iter().any(|cause| *cause == ("payload", 0.97)), "{text}");
+    let mass = found["causes"][0]["magnitude"]["mass_kg"].as_f64().expect("a mass");
+    assert!((mass - 25.0).abs() < 2.5, "{mass}");
+}
+
+/// Bodies of a fifth of the file's mass were a torque that gravity was taken out of.
+#[test]
+fn bodies_far_lighter_than_the_files_are_no_torque_without_gravity() {
+    let Some(sound) = shared("data/practice/case-24") else { return };
+    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
+    let arm = &robot.model.arm;
+    let mut links = arm.links.clone();
+    links.iter_mut().flatten().for_each(|value| *value *= 0.2);
+    let (_, text, found) = told(&sound, with_links(arm, &links));
+    assert_eq!(joints_with(&found, "torque_without_gravity"), [""; 0], "{text}");
+    let structure = causes(&found).into_iter().filter(|(effect, confidence)| {
+        !["link_inertia", "rotor_inertia", "payload"].contains(effect) && *confidence > 0.6
+    });
+    assert_eq!(structure.count(), 0, "{text}");
 }
