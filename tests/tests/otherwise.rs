@@ -254,7 +254,7 @@ fn a_heavy_load_is_no_other_unit_of_torque() {
 /// Bodies of a fifth of the file's mass were a torque that gravity was taken out of.
 #[test]
 fn bodies_far_lighter_than_the_files_are_no_torque_without_gravity() {
-    let Some(sound) = shared("data/practice/case-24") else { return };
+    let Some(sound) = shared("data/practice/case-18") else { return };
     let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
     let arm = &robot.model.arm;
     let mut links = arm.links.clone();
