@@ -58,7 +58,7 @@ fn common(delays: &[Delay], dry: &[f64]) -> Option<Common> {
 
 const BY_JOINT: &str = "not that of the joints that tell it best; whether friction that the model lacks or a channel of its own makes it so, cannot be told";
 
-fn named(names: &[String], joints: &[usize]) -> String {
+pub(crate) fn named(names: &[String], joints: &[usize]) -> String {
     joints.iter().map(|j| names[*j].as_str()).collect::<Vec<_>>().join(", ")
 }
 

@@ -107,7 +107,10 @@ fn the_lag_of_a_short_record_is_no_louder_stretch() {
     assert!(text.contains("too short a motion") && !text.contains("warning"), "{text}");
     // One second, of which each joint makes a part of one move.
     for first in [1000, 3000, 5000, 7000, 9000] {
-        let (_, text) = said(&mut identify(&case, &log.slice(first..first + 1000), folder.path()));
+        let (text, found) = result(&mut identify(&case, &log.slice(first..first + 1000), folder.path()), folder.path());
+        let lags = found["logs"][0]["instruments"]["lag_s"].as_array().expect("a list");
+        assert!(lags.iter().all(|lag| lag.as_f64().is_some_and(|lag| lag.abs() < 5e-3)), "{first}: {lags:?}");
+        assert!(text.contains("this motion does not tell it"), "{text}");
         assert!(!text.contains("q does not follow q_des") && !text.contains("warning: torque is"), "{text}");
     }
 }

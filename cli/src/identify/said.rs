@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rivet_config::{EstimatorKind, Instruments, Robot};
-use rivet_estimation::offline::{Determined, InstrumentSource, Rows};
+use rivet_estimation::offline::{Determined, InstrumentSource, Lag, Rows};
 use serde_json::{Value, json};
 
 use super::{Findings, Run};
@@ -17,10 +17,19 @@ use crate::table::{Table, number, paragraph};
 fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
     match run.source {
         InstrumentSource::Desired => {
-            let lags: Vec<f64> = rows.lag_s.iter().map(|lag| (1e3 * lag).round() + 0.0).collect();
+            let lags: Vec<f64> = rows.lags.iter().map(|lag| (1e3 * lag.seconds).round() + 0.0).collect();
             let each: Vec<String> = lags.iter().map(|lag| format!("{lag:.0}")).collect();
             let ahead = if lags.iter().any(|lag| *lag < 0.0) { " (negative: the joint is ahead of it)" } else { "" };
-            format!("desired trajectory, delayed by the tracking lag of {} ms{ahead}", each.join(" "))
+            let names: Vec<String> = robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect();
+            let untold: Vec<usize> = (0..lags.len()).filter(|j| !rows.lags[*j].told).collect();
+            let untold = match &untold[..] {
+                [] => String::new(),
+                some => format!(
+                    "; of {} this motion does not tell it, so the others' is taken",
+                    delays::named(&names, some)
+                ),
+            };
+            format!("desired trajectory, delayed by the tracking lag of {} ms{ahead}{untold}", each.join(" "))
         }
         InstrumentSource::SecondEncoder => "motion by second encoders".to_owned(),
         InstrumentSource::Delayed(seconds) => {
@@ -197,7 +206,11 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined
             "rows_per_joint": (0..robot.dof()).map(|j| rows.count(j)).collect::<Vec<_>>(),
             "left_out": rows.left_out,
             "instruments": match run.source {
-                InstrumentSource::Desired => json!({"kind": "desired", "lag_s": rows.lag_s}),
+                InstrumentSource::Desired => {
+                    let [lag, std] = [|lag: &Lag| lag.seconds, |lag: &Lag| lag.std_s]
+                        .map(|of| rows.lags.iter().map(of).collect::<Vec<f64>>());
+                    json!({"kind": "desired", "lag_s": lag, "lag_std_s": std})
+                }
                 InstrumentSource::SecondEncoder => json!({"kind": "second_encoder"}),
                 InstrumentSource::Delayed(delay_s) => json!({"kind": "delayed", "delay_s": delay_s}),
             },

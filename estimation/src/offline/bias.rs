@@ -72,7 +72,7 @@ pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -
     let shift = (instrumental.x.clone() - &least_squares.x).component_div(&least_squares.scale);
     let covariances = [least_squares.covariance(), instrumental.covariance()];
     let Statistic { hausman, degrees, spread } = statistic(&shift, &covariances, &least_squares.prior)?;
-    let delayed = equations.rows.iter().any(|r| r.lag_s.is_empty());
+    let delayed = equations.rows.iter().any(|r| r.lags.is_empty());
     let ratio = if delayed { Vec::new() } else { sums.iter().map(|joint| ratio(joint, &fit.values)).collect() };
     Ok(Bias { hausman, degrees, spread, p_value: crate::chi_square::above(hausman, degrees), ratio })
 }
@@ -141,6 +141,7 @@ mod tests {
     use super::super::rows::{FilteredTorque, JointRows, Rows};
     use super::*;
     use crate::linear::tests::Random;
+    use crate::offline::lag::Lag;
     use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};
 
     /// Two joints and five columns; `noise` on the regressor, instruments off by as much as a tenth of the signal.
@@ -159,19 +160,10 @@ mod tests {
             }
             joints.push(joint);
         }
-        let (left_out, lag_s) = (vec![0.0; 2], vec![0.0; 2]);
+        let (left_out, lags) = (vec![0.0; 2], vec![Lag::NONE; 2]);
         let torque = Arc::new(FilteredTorque { joints: joints.iter().map(|j| j.tau.clone()).collect(), period_s: 0.1 });
-        let rows = Rows {
-            columns: 5,
-            joints,
-            kept: 300,
-            row_period_s: 0.1,
-            torque,
-            first: 0,
-            left_out,
-            moving: 0..300,
-            lag_s,
-        };
+        let rows =
+            Rows { columns: 5, joints, kept: 300, row_period_s: 0.1, torque, first: 0, left_out, moving: 0..300, lags };
         (vec![rows], x)
     }
 

@@ -7,6 +7,7 @@ use rivet_dynamics::{BaseSet, Model, Workspace};
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use super::lag::{Lag, believed, lag};
 use super::pass::{Pair, filtered_rows};
 use super::record::{OfflineError, Record, Trajectory, check};
 use super::trust::beside_stop;
@@ -121,8 +122,8 @@ pub struct Rows {
     pub left_out: Vec<f64>,
     /// Samples of the record between the first and the last motion of any joint.
     pub moving: std::ops::Range<usize>,
-    /// Tracking lag that was found, per joint \[s\], negative where the arm leads; empty for delayed instruments.
-    pub lag_s: Vec<f64>,
+    /// Tracking lag of the instruments, per joint; empty for delayed instruments.
+    pub lags: Vec<Lag>,
 }
 
 impl Rows {
@@ -146,13 +147,13 @@ impl Rows {
         let speed = filter.of_all(&record.measured.qd);
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
-        let (instrument, delay, lag_s) = match (settings.instrument, &record.desired) {
+        let (instrument, delay, lags) = match (settings.instrument, &record.desired) {
             (InstrumentSource::Desired, Some(desired)) => {
                 desired.check(n, rows)?;
                 let of = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
-                let lags: Vec<f64> = (0..n).into_par_iter().map(of).collect();
-                let late = (0..n).map(|j| (lags[j] * record.period_s * 1e9).round() / 1e9).collect();
-                (Some(delayed(desired, &lags)), 0, late)
+                let lags = believed(&(0..n).into_par_iter().map(of).collect::<Vec<_>>(), record.period_s);
+                let samples: Vec<f64> = lags.iter().map(|lag| lag.seconds / record.period_s).collect();
+                (Some(delayed(desired, &samples)), 0, lags)
             }
             (InstrumentSource::Desired, None) => {
                 return Err(OfflineError::Shape { what: "desired motion", found: 0, expected: rows });
@@ -164,7 +165,7 @@ impl Rows {
                     expected: rows,
                 })?;
                 second.check(n, rows)?;
-                (Some(second.clone()), 0, vec![0.0; n])
+                (Some(second.clone()), 0, vec![Lag::NONE; n])
             }
             (InstrumentSource::Delayed(seconds), _) => {
                 (None, (seconds / record.period_s).round().max(1.0) as usize, Vec::new())
@@ -181,7 +182,7 @@ impl Rows {
             first: kept.first().copied().unwrap_or(0),
             left_out: Vec::with_capacity(n),
             moving,
-            lag_s,
+            lags,
         };
         let slides = |j: usize, k: usize| slides(&model.structure, &settings.dead_zone, |j| speed[j][k], j);
         let mut places: Vec<Vec<usize>> =
@@ -242,7 +243,7 @@ impl Rows {
         Rows {
             joints: Vec::new(),
             left_out: self.left_out.clone(),
-            lag_s: self.lag_s.clone(),
+            lags: self.lags.clone(),
             moving: self.moving.clone(),
             torque: Arc::clone(&self.torque),
             ..*self
@@ -293,66 +294,6 @@ pub fn moving_range(speed: &[Vec<f64>], dead_zone: &[f64], edge: usize) -> Optio
     (last > first).then_some(first..last + 1)
 }
 
-/// Step in which the best is looked for first \[s\].
-const COARSE_S: f64 = 0.004;
-
-/// Samples by which `actual` lags `commanded` (negative: leads it, which feed-forward can do), within 0.3 s: where the two differ
-/// least, refined by a parabola. The same stretch of `actual` counts for every shift.
-///
-/// Not where their product is largest: that likes a stretch of `commanded` that is only faster.
-pub(super) fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> f64 {
-    let most = ((0.3 / period_s) as usize).min(actual.len() / 4);
-    let inner = &actual[most..actual.len() - most];
-    // Entry k belongs to a lag of most - k samples.
-    let whole_of = Stretches::new(commanded, inner);
-    // The motion of an arm does not turn within COARSE_S: the best of every so many entries has the best of all beside it, and so
-    // many samples say as much as one of them.
-    let stride = ((COARSE_S / period_s) as usize).max(1);
-    let thin = |x: &[f64]| -> Vec<f64> { x.iter().step_by(stride).copied().collect() };
-    let (thin_inner, thin_commanded) = (thin(inner), thin(commanded));
-    let thin_of = Stretches::new(&thin_commanded, &thin_inner);
-    let largest = |alike: &[f64]| (0..alike.len()).max_by(|a, b| alike[*a].total_cmp(&alike[*b])).unwrap_or(most);
-    let coarse: Vec<f64> = (0..=2 * most / stride).map(|k| thin_of.alike(k)).collect();
-    let near = largest(&coarse) * stride;
-    let mut all = vec![f64::NEG_INFINITY; 2 * most + 1];
-    for k in near.saturating_sub(stride)..=(near + stride).min(2 * most) {
-        all[k] = whole_of.alike(k);
-    }
-    let best = largest(&all);
-    let whole = most as f64 - best as f64;
-    if whole_of.product(best) <= 0.0 || best == 0 || best + 1 == all.len() {
-        return 0.0; // nothing in common, or nothing that fits within the reach
-    }
-    let [before, at, after] = [best - 1, best, best + 1].map(|k| whole_of.alike(k));
-    let bend = before - 2.0 * at + after;
-    whole - if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
-}
-
-/// A stretch of a signal against all stretches of another.
-struct Stretches<'a> {
-    commanded: &'a [f64],
-    inner: &'a [f64],
-    /// Sum of the squares of `commanded` before each entry.
-    squares: Vec<f64>,
-}
-
-impl<'a> Stretches<'a> {
-    fn new(commanded: &'a [f64], inner: &'a [f64]) -> Stretches<'a> {
-        let mut squares = vec![0.0; commanded.len() + 1];
-        commanded.iter().enumerate().for_each(|(k, x)| squares[k + 1] = squares[k] + x * x);
-        Stretches { commanded, inner, squares }
-    }
-
-    fn product(&self, k: usize) -> f64 {
-        dot(self.inner, &self.commanded[k..k + self.inner.len()])
-    }
-
-    /// What of the square of their difference depends on k, over -2.
-    fn alike(&self, k: usize) -> f64 {
-        self.product(k) - 0.5 * (self.squares[k + self.inner.len()] - self.squares[k])
-    }
-}
-
 /// The motion, each joint later by its lag in samples (straight lines between samples; end values hold).
 fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
     let shift = |(x, lag): (&Vec<f64>, &f64)| -> Vec<f64> {
@@ -370,32 +311,6 @@ fn delayed(motion: &Trajectory, lags: &[f64]) -> Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tracking_lag_is_found_to_a_fraction_of_a_sample() {
-        let wave = |k: f64| (0.02 * k).sin() + 0.5 * (0.037 * k).cos();
-        let commanded: Vec<f64> = (0..2000).map(|k| wave(f64::from(k))).collect();
-        for late in [0.0, 3.0, 17.4, -12.6] {
-            let actual: Vec<f64> = (0..2000).map(|k| wave(f64::from(k) - late)).collect();
-            let found = lag(&actual, &commanded, 0.004);
-            assert!((found - late).abs() < 0.7, "{late}: {found}");
-        }
-    }
-
-    /// Point-to-point motion of which a short record has one slow move beside a fast one: no lag makes them alike.
-    #[test]
-    fn a_faster_stretch_beside_is_no_lag() {
-        let move_of = |k: f64, from: f64, to: f64| ((k - from) / (to - from)).clamp(0.0, 1.0);
-        let bump = |s: f64| (std::f64::consts::PI * s).sin().powi(2);
-        let speed = |k: f64| 0.2 * bump(move_of(k, 0.0, 2000.0)) + 1.5 * bump(move_of(k, 2000.0, 2900.0));
-        let commanded: Vec<f64> = (0..2500).map(|k| speed(f64::from(k))).collect();
-        for late in [0.0, 12.0] {
-            let actual: Vec<f64> = (0..2500).map(|k| speed(f64::from(k) - late)).collect();
-            let found = lag(&actual, &commanded, 0.001);
-            assert!((found - late).abs() < 0.7, "{late}: {found}");
-        }
-        assert_eq!(lag(&commanded, &vec![0.0; 2500], 0.001), 0.0);
-    }
 
     #[test]
     fn standstill_at_both_ends_is_trimmed() {

@@ -1,7 +1,7 @@
 //! Whether a desired motion is one that the arm followed: a channel that was not recorded is no instrument.
 
+use super::lag::lag;
 use super::record::Trajectory;
-use super::rows::lag;
 
 /// A joint moves from this standard deviation of its position on \[rad\]: less is sag and noise of a joint that stands.
 const MOVES: f64 = 0.01;
@@ -18,7 +18,7 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
         if q.len() != plan.len() || deviation(q.iter().copied()) < MOVES {
             return false;
         }
-        let late = lag(&measured.qd[*j], &desired.qd[*j], period_s).round() as isize;
+        let late = (lag(&measured.qd[*j], &desired.qd[*j], period_s).seconds / period_s).round() as isize;
         let (q, plan) = (&q[late.max(0).cast_unsigned()..], &plan[(-late).max(0).cast_unsigned()..]);
         let error = deviation(q.iter().zip(plan).map(|(q, plan)| q - plan));
         error > FOLLOWS * deviation(q.iter().copied())
