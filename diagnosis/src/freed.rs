@@ -29,13 +29,13 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
     Some(())
 }
 
-/// The body of link `joint` beside a counterbalance there, where it explains as much and is one that can be.
-fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Option<Rival>> {
+/// The body of link `joint` instead of a counterbalance there, where it explains as much and is one that can be; else nothing.
+fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Rival>> {
     let own = 10 * joint;
     let mass = search.nominal.x[own];
     let far = length(&search.nominal.model.arm, joint);
     if mass <= 0.0 || far <= 0.0 {
-        return Some(None);
+        return Some(Vec::new());
     }
     let usual = search.design.background.std.clone();
     let scale = search.scale;
@@ -68,7 +68,8 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Option<
     let moment = |entry: usize| search.nominal.x[own + entry] + body.x[own + entry];
     let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
     let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();
-    Some(if alike && centre <= far { Rival::of(&Form::LinkScale { link: joint }, cosine) } else { None })
+    let rival = Rival::of(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
+    Some(rival.into_iter().collect())
 }
 
 /// How far a link reaches from its joint \[m\]: to the next one, or its share of the arm.

@@ -246,7 +246,7 @@ fn a_heavy_load_is_no_other_unit_of_torque() {
     }
     let (_, text, found) = told(&sound, with_links(arm, &links));
     assert_eq!(joints_with(&found, "torque_scale"), [""; 0], "{text}");
-    assert!(causes(&found).iter().any(|cause| *cause == ("payload", 0.97)), "{text}");
+    assert!(causes(&found).contains(&("payload", 0.97)), "{text}");
     let mass = found["causes"][0]["magnitude"]["mass_kg"].as_f64().expect("a mass");
     assert!((mass - 25.0).abs() < 2.5, "{mass}");
 }
