@@ -8,6 +8,13 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
         let zero = "the torque signal with the drive off (a zero that is off by as much looks the same in motion)";
         return (effect == Effect::FrictionAsymmetry).then(|| zero.to_owned());
     }
+    let both = |a: Effect, b: Effect| effect == a && rivals == [b] || effect == b && rivals == [a];
+    if both(Effect::Counterbalance, Effect::LinkInertia) {
+        // At rest they pull alike in every pose.
+        let fast =
+            "fast moves of the joint while those before it turn: a body has inertia where it pulls, a spring has none";
+        return Some(fast.to_owned());
+    }
     let of = |effect: Effect| match effect {
         Effect::StribeckFriction | Effect::ViscousNonlinearity => {
             "constant speeds from very slow to fast, each in both directions"
@@ -53,6 +60,13 @@ mod tests {
     fn what_has_no_rival_needs_no_motion_but_a_constant_torque() {
         assert_eq!(motion(Effect::TorqueRipple, &[]), None);
         assert!(motion(Effect::FrictionAsymmetry, &[]).is_some_and(|m| m.contains("drive off")));
+    }
+
+    /// Static poses, which each of them by itself asks for, do not tell a body from a counterbalance.
+    #[test]
+    fn a_body_is_told_from_a_counterbalance_by_its_inertia() {
+        let told = motion(Effect::Counterbalance, &[Effect::LinkInertia]).expect("a rival");
+        assert!(told.contains("inertia") && !told.contains("static"), "{told}");
     }
 
     #[test]
