@@ -402,7 +402,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             drive.iter_mut().zip(known).for_each(|(d, k)| *d += k);
         }
         // Torque of 1 kg at the flange.
-        let at_flange = run.standard[links - 10][j].clone().unwrap_or_else(|| vec![0.0; run.rows()]);
+        let at_flange = run.standard[links - 10][j].as_deref();
         let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
@@ -424,7 +424,7 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         };
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
         let scale = if felt && unknown { rest } else { whole };
-        let unit = off(scale) && (!felt || off(rest)) && !is_load(tau, [&bodies, &at_flange], &drive);
+        let unit = off(scale) && (!felt || off(rest)) && !is_load(tau, &bodies, at_flange, &drive);
         let scale = if unit { scale } else { 1.0 };
         let turned = run.silent[j].filter(LogFault::is_of_the_whole);
         let told = turned.or_else(|| LogFault::of_torque(dissipates, cosine(tau, &modelled), scale));
@@ -490,10 +490,11 @@ fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
 
 /// Whether heavier bodies, those of the file and one at the flange, explain a torque better beside the drive as it is than another unit of
 /// both.
-fn is_load(tau: &[f64], [bodies, at_flange]: [&[f64]; 2], drive: &[f64]) -> bool {
+fn is_load(tau: &[f64], bodies: &[f64], at_flange: Option<&[f64]>, drive: &[f64]) -> bool {
     let whole: Vec<f64> = bodies.iter().zip(drive).map(|(body, drive)| body + drive).collect();
     let less: Vec<f64> = tau.iter().zip(drive).map(|(tau, drive)| tau - drive).collect();
-    let load = apart(&less, &[bodies.to_vec(), at_flange.to_vec()]);
+    let heavier: Vec<Vec<f64>> = [Some(bodies), at_flange].into_iter().flatten().map(<[f64]>::to_vec).collect();
+    let load = apart(&less, &heavier);
     let unit = apart(tau, &[whole]);
     dot(&load, &load) < CLEARLY_LESS * dot(&unit, &unit)
 }

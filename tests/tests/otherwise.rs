@@ -191,6 +191,16 @@ fn a_tool_that_is_mounted_turned_is_no_zero() {
     assert!(causes(&found).iter().any(|(name, _)| *name == "link_inertia"), "{text}");
 }
 
+/// What is said of a sound case whose arm has other bodies than its file; `change`: links as the file has them.
+fn told_with(case: &str, change: impl Fn(&mut [[f64; 10]])) -> Option<(String, Value)> {
+    let sound = shared(&format!("data/practice/{case}"))?;
+    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
+    let mut links = robot.model.arm.links.clone();
+    change(&mut links);
+    let (_, text, found) = told(&sound, with_links(&robot.model.arm, &links));
+    Some((text, found))
+}
+
 /// Adds to torque what bodies of `arm` with these links make along a log beside those of its file.
 fn with_links(arm: &Arm, links: &[[f64; 10]]) -> impl Fn(&mut Log, &mut [Vec<f64>]) {
     move |log, tau| {
@@ -219,32 +229,26 @@ fn with_links(arm: &Arm, links: &[[f64; 10]]) -> impl Fn(&mut Log, &mut [Vec<f64
 /// The upper arm's centre on the other side of the shoulder was a counterbalance with 0.97.
 #[test]
 fn a_counterbalance_that_may_be_a_body_is_a_class_with_it() {
-    let Some(sound) = shared("data/practice/case-24") else { return };
-    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
-    let arm = &robot.model.arm;
-    let mut links = arm.links.clone();
-    links[1][1..4].iter_mut().for_each(|moment| *moment *= -1.0);
-    let (_, text, found) = told(&sound, with_links(arm, &links));
-    let sure = |cause: &Value| {
+    let found = told_with("case-24", |links| links[1][1..4].iter_mut().for_each(|moment| *moment *= -1.0));
+    let Some((text, found)) = found else { return };
+    let holds_it = |cause: &Value| {
         let own = |effect: &Value| effect == "link_inertia";
         let class = cause["indistinguishable_from"].as_array().expect("a list");
         own(&cause["effect"]) || class.iter().any(own)
     };
     let list = found["causes"].as_array().expect("causes");
-    assert!(!list.is_empty() && list.iter().all(sure), "{text}");
+    assert!(!list.is_empty() && list.iter().all(holds_it), "{text}");
 }
 
 /// A load of twice what the arm may carry was another unit of torque of the elbow.
 #[test]
 fn a_heavy_load_is_no_other_unit_of_torque() {
-    let Some(sound) = shared("data/practice/case-24") else { return };
-    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
-    let arm = &robot.model.arm;
-    let mut links = arm.links.clone();
-    for (at, more) in [25.0, 25.0 * 0.25, 0.0, 25.0 * 0.1].into_iter().enumerate() {
-        links[5][at] += more;
-    }
-    let (_, text, found) = told(&sound, with_links(arm, &links));
+    let found = told_with("case-24", |links| {
+        for (at, more) in [25.0, 25.0 * 0.25, 0.0, 25.0 * 0.1].into_iter().enumerate() {
+            links[5][at] += more;
+        }
+    });
+    let Some((text, found)) = found else { return };
     assert_eq!(joints_with(&found, "torque_scale"), [""; 0], "{text}");
     assert!(causes(&found).contains(&("payload", 0.97)), "{text}");
     let mass = found["causes"][0]["magnitude"]["mass_kg"].as_f64().expect("a mass");
@@ -254,12 +258,8 @@ fn a_heavy_load_is_no_other_unit_of_torque() {
 /// Bodies of a fifth of the file's mass were a torque that gravity was taken out of.
 #[test]
 fn bodies_far_lighter_than_the_files_are_no_torque_without_gravity() {
-    let Some(sound) = shared("data/practice/case-18") else { return };
-    let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
-    let arm = &robot.model.arm;
-    let mut links = arm.links.clone();
-    links.iter_mut().flatten().for_each(|value| *value *= 0.2);
-    let (_, text, found) = told(&sound, with_links(arm, &links));
+    let found = told_with("case-18", |links| links.iter_mut().flatten().for_each(|value| *value *= 0.2));
+    let Some((text, found)) = found else { return };
     assert_eq!(joints_with(&found, "torque_without_gravity"), [""; 0], "{text}");
     let structure = causes(&found).into_iter().filter(|(effect, confidence)| {
         !["link_inertia", "rotor_inertia", "payload"].contains(effect) && *confidence > 0.6

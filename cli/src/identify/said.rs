@@ -24,6 +24,7 @@ fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
             let untold: Vec<usize> = (0..lags.len()).filter(|j| !rows.lags[*j].told).collect();
             let untold = match &untold[..] {
                 [] => String::new(),
+                all if all.len() == lags.len() => "; this motion tells it of no joint, so none is taken".to_owned(),
                 some => format!(
                     "; of {} this motion does not tell it, so the others' is taken",
                     delays::named(&names, some)
