@@ -7,7 +7,9 @@ use rivet_config::{Differentiator, Filtering, Instruments, Origin, Resolved, Rob
 use rivet_diagnosis::LogFault;
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
-use rivet_estimation::offline::{Bias, Fit, Rows, giving_friction, torque_sense};
+use rivet_estimation::offline::{
+    Bias, Constant, Equations, Fit, OfflineError, Rows, constant_torque, giving_friction, torque_sense,
+};
 use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
@@ -381,6 +383,41 @@ pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[
             joints.join(", ")
         ),
     })
+}
+
+/// A constant torque that the model leaves out is worth a word from this many of its deviations on...
+const CONSTANT_DEVIATIONS: f64 = 5.0;
+/// ... where it is this share of the noise that the fit leaves: below it bodies hardly take any of it up.
+const CONSTANT_NOISE: f64 = 0.5;
+
+/// Joints whose torque has a constant part while the robot file gives the model none.
+pub(crate) fn constant(
+    robot: &Robot,
+    equations: &Equations<'_>,
+    nominal: &[f64],
+    prior: f64,
+    fit: &Fit,
+) -> Result<Vec<Distrust>, OfflineError> {
+    if robot.model.structure.offset {
+        return Ok(Vec::new());
+    }
+    let told = constant_torque(equations, nominal, prior, fit)?;
+    let matters = |(j, found): (usize, Option<Constant>)| {
+        let Constant { torque, std } = found?;
+        let least = (CONSTANT_DEVIATIONS * std).max(CONSTANT_NOISE * fit.noise[j]);
+        (torque.abs() > least).then(|| Distrust {
+            log: None,
+            joint: Some(robot.model.arm.joints[j].name.clone()),
+            name: "constant_torque",
+            text: format!(
+                "torque has a constant part that the model has not ({} +- {} N m beside it, one std): values of bodies take it up; \
+                 with offsets = true in [estimator] it is found as such",
+                number(torque, 2),
+                number(std, 1)
+            ),
+        })
+    };
+    Ok(told.into_iter().enumerate().filter_map(matters).collect())
 }
 
 /// Joints that do not move in any log.

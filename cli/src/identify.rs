@@ -270,14 +270,19 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
     // Of a torque that is not believed anyway it is no news.
-    let news = |d: &Distrust| !distrusts.iter().any(|other| other.joint == d.joint);
+    let news = |d: &Distrust, said: &[Distrust]| !said.iter().any(|other| other.joint == d.joint);
     let unexplained: Vec<Distrust> =
-        evidence::unexplained(&runs::joint_names(robot), left).into_iter().filter(news).collect();
+        evidence::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
     if method(robot) == Method::Instrumental {
         distrusts.extend(evidence::misled(&runs::joint_names(robot), &residuals));
     }
     distrusts.extend(bounded.said(robot));
+    let constant: Vec<Distrust> = evidence::constant(robot, &equations, nominal, prior, chosen)?
+        .into_iter()
+        .filter(|d| news(d, &distrusts))
+        .collect();
+    distrusts.extend(constant);
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);

@@ -14,6 +14,7 @@
 //! P is the weak prior around the nominal parameters x₀: it decides only what the motion leaves open.
 
 mod bias;
+mod constant;
 mod covariance;
 mod delay;
 mod fit;
@@ -32,6 +33,7 @@ mod trust;
 mod zero_phase;
 
 pub use bias::{Bias, bias};
+pub use constant::{Constant, constant_torque};
 pub use delay::{Delay, DelayDoubt, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
 pub use glitches::{Jumps, MOST_LEFT_OUT, Reach, beyond, unwrap};

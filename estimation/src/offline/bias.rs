@@ -131,7 +131,7 @@ fn ratio(joint: &JointSums, values: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::f64::consts::TAU;
     use std::path::PathBuf;
     use std::sync::Arc;
@@ -145,7 +145,7 @@ mod tests {
     use crate::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, fit};
 
     /// Two joints and five columns; `noise` on the regressor, instruments off by as much as a tenth of the signal.
-    fn rows(noise: f64, random: &mut Random) -> (Vec<Rows>, Vec<f64>) {
+    pub(crate) fn rows(noise: f64, random: &mut Random) -> (Vec<Rows>, Vec<f64>) {
         let x = vec![3.0, -1.0, 0.5, 2.0, 1.0];
         let mut joints = Vec::new();
         for _ in 0..2 {

@@ -408,15 +408,13 @@ fn positions_that_are_held_over_rows_are_drawn_anew_and_said() {
 /// What cannot be written or is not there is told before anything is computed.
 #[test]
 fn what_cannot_end_well_is_refused_at_the_start() {
-    let begun = std::time::Instant::now();
     let folder = tempfile::tempdir().expect("a folder");
     let (code, text) = said(rivet().args(["figures", "--out", "/nonexistent/x.html"]));
     assert!(code != Some(0) && text.contains("/nonexistent/x.html") && !text.contains("Figure"), "{code:?} {text}");
     for study in ["real", "withheld"] {
         let (code, text) = said(rivet().args(["study", study]).current_dir(folder.path()));
-        assert!(code == Some(64) && text.contains("--root DIR"), "{code:?} {text}");
+        assert!(code == Some(64) && text.contains("--root DIR") && !text.contains(" % "), "{code:?} {text}");
     }
-    assert!(begun.elapsed() < std::time::Duration::from_secs(10), "{:?}", begun.elapsed());
     let page = folder.path().join("figures.html");
     let (code, text) = said(rivet().args(["figures", "12", "12", "--out"]).arg(&page));
     assert!(code == Some(0) && text.matches("Figure 12").count() == 1, "{code:?} {text}");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_logs::{Log, ReadOptions, read};
-use rivet_tests::altered::{Random, result, said, with_torque_times, written};
+use rivet_tests::altered::{Random, result, robot_with, said, with_torque_times, written};
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
@@ -231,4 +231,49 @@ fn noise_is_seen_behind_the_digits_it_is_written_with() {
     assert!(text.contains("changed.parquet, ") && text.contains("positions are noisy"), "{text}");
     // 86 % where noise near standstill counted against the true friction.
     assert!(held_out(&found).iter().all(|[nominal, identified]| nominal.max(*identified) < 12.0), "{found}");
+}
+
+/// Bodies take up the zero of a torque signal as far as poses let them, with deviations that say nothing of it.
+#[test]
+fn a_constant_torque_that_the_model_has_not_is_said() {
+    let Some((case, mut log)) = sound() else { return };
+    let without = arm_with(&case, "", "\n[estimator]\noffsets = false\n");
+    let folder = without.path();
+    let told = |log: &Log, robot: &Path| -> Vec<(String, String)> {
+        let (_, found) = result(&mut identify(robot, log, folder), folder);
+        let warnings = found["warnings"].as_array().expect("a list").iter();
+        let constant = warnings.filter(|w| w["fault"] == "constant_torque");
+        let text = |x: &Value| x.as_str().expect("words").to_owned();
+        constant.map(|w| (text(&w["joint"]), text(&w["text"]))).collect()
+    };
+    assert_eq!(told(&log, folder), []);
+    if let Some((_, tau)) = &mut log.tau {
+        tau[2].iter_mut().for_each(|tau| *tau -= 3.0);
+    }
+    let said = told(&log, folder);
+    println!("{said:?}");
+    let [(joint, text)] = &said[..] else { panic!("{said:?}") };
+    let size: f64 =
+        text.split('(').nth(1).and_then(|t| t.split(' ').next()).and_then(|t| t.parse().ok()).expect("its size");
+    assert!(joint.ends_with('3') && (size + 3.0).abs() < 0.3 && text.contains("offsets = true"), "{said:?}");
+    let with = arm_with(&case, "", "\n[estimator]\noffsets = true\n");
+    assert_eq!(told(&log, with.path()), []);
+}
+
+/// Zeros in the file and little motion: weighed by the colour of what the prior keeps, values ran away to 1e18.
+#[test]
+fn what_a_push_does_not_tell_stays_near_the_file() {
+    let Some(log) = shared("data/real/ur10e_innopolis/20_01_22-push_pose_1.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(robot("ur10e")).expect("readable");
+    let coulomb = text.lines().find(|line| line.starts_with("coulomb")).expect("friction");
+    let file = robot_with("ur10e", folder.path(), coulomb, WITHOUT);
+    let (_, found) = result(rivet().arg("identify").arg(file).arg(log), folder.path());
+    for [value, std, nominal] in parameters(&found, "") {
+        assert!((value - nominal).abs() < 1e3 && std < 1e3, "{value} +- {std}, {nominal} in the file");
+    }
+    for joint in found["joints"].as_array().expect("joints") {
+        let left = joint["residual_percent"]["instrumental"].as_f64();
+        assert!(left.is_some_and(|left| left < 100.0), "{joint}");
+    }
 }

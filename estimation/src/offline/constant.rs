@@ -1,0 +1,136 @@
+//! Whether torque has a constant part that the model has no parameter for: a torque signal whose zero is off, a hose.
+//!
+//! Bodies take up such a part, as far as poses let them, and their deviations say nothing of it. What a column of ones on each
+//! joint would find beside the fit's columns follows from the fit's own equations, without solving them again:
+//!
+//! ```text
+//! b = (W − CᵀA⁻¹C)⁻¹ r       A = ΣwDᵀD + P⁻¹,  c_j = w_jΣDᵀ,  W_jj = w_jΣ1,  r_j = w_jΣe  over the rows of joint j
+//! ```
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::{Fit, Method, Solution};
+use super::record::OfflineError;
+use super::sums::{Equations, Normal};
+
+/// Of what ones alone would tell of a constant, what is left beside the model's columns where rounding or the prior is all that is.
+const TOLD: f64 = 1e-6;
+
+/// A constant torque of one joint that is not in the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constant {
+    /// \[N m\].
+    pub torque: f64,
+    /// Standard deviation, colour of the residuals included \[N m\].
+    pub std: f64,
+}
+
+/// Constant torque per joint beside the columns of the rows, all joints at once; none of a joint that never moves or whose
+/// constant is the same to the rows as what the model has.
+///
+/// * `nominal`, `prior`: as for [`fit`](super::fit())
+/// * `fit`: tells what rows count
+///
+/// # Errors
+/// When least squares have no solution.
+pub fn constant_torque(
+    equations: &Equations<'_>,
+    nominal: &[f64],
+    prior: f64,
+    fit: &Fit,
+) -> Result<Vec<Option<Constant>>, OfflineError> {
+    let k = nominal.len();
+    let weights = fit.weights();
+    let sums = equations.trusting(&fit.trust);
+    let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, Method::LeastSquares)).collect();
+    let x0 = DVector::from_column_slice(nominal);
+    let solution = Solution::new(&joints, &weights, &x0, prior, Method::LeastSquares)?;
+    let n = weights.len();
+    let (mut cross, mut own, mut left) = (DMatrix::zeros(k, n), DVector::zeros(n), DVector::zeros(n));
+    for j in 0..n {
+        for rows in equations.rows.iter().map(|record| &record.joints[j]) {
+            let width = rows.columns.len().max(1);
+            for (row, e) in rows.residual(solution.x.as_slice()).into_iter().enumerate() {
+                let weight = weights[j] * rows.weight(row, fit.trust[j]);
+                own[j] += weight;
+                left[j] += weight * e;
+                let entries = rows.d[row * width..].iter().zip(&rows.columns);
+                entries.for_each(|(d, c)| cross[(*c, j)] += weight * solution.scale[*c] * d);
+            }
+        }
+    }
+    let mut information = DMatrix::from_diagonal(&own) - cross.transpose() * &solution.inverse * &cross;
+    let told: Vec<bool> = (0..n).map(|j| information[(j, j)] > TOLD * own[j]).collect();
+    for j in (0..n).filter(|j| !told[*j]) {
+        information.row_mut(j).fill(0.0);
+        information.column_mut(j).fill(0.0);
+        information[(j, j)] = 1.0;
+        left[j] = 0.0;
+    }
+    let Some(covariance) = information.cholesky().map(|root| root.inverse()) else { return Ok(vec![None; n]) };
+    let torque = &covariance * left;
+    let of = |j: usize| told[j].then(|| Constant { torque: torque[j], std: covariance[(j, j)].sqrt() });
+    Ok((0..n).map(of).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows::JointRows;
+    use super::super::{Rows, fit};
+    use super::*;
+    use crate::linear::tests::Random;
+    use crate::offline::bias::tests::rows as two_joints;
+
+    /// The second joint's torque is off by 0.7 N m; a column of the first joint's is nearly constant.
+    fn found(seed: u64, off: f64) -> Vec<Option<Constant>> {
+        let (mut rows, x) = two_joints(0.0, &mut Random(seed));
+        let JointRows { d, z, .. } = &mut rows[0].joints[0];
+        d.iter_mut().zip(z).skip(2).step_by(5).for_each(|(d, z)| (*d, *z) = (1.0 + 0.1 * *d, 1.0 + 0.1 * *d));
+        let rows: Vec<Rows> = rows
+            .into_iter()
+            .map(|mut record| {
+                for (j, off) in [0.0, off].into_iter().enumerate() {
+                    let exact: Vec<f64> = record.joints[j]
+                        .d
+                        .chunks_exact(5)
+                        .map(|d| d.iter().zip(&x).map(|(d, x)| d * x).sum())
+                        .collect();
+                    let mut random = Random(seed + 77 + j as u64);
+                    record.joints[j].tau = exact.iter().map(|tau| tau + off + 0.3 * random.normal()).collect();
+                }
+                record
+            })
+            .collect();
+        let equations = Equations::new(&rows);
+        let fit = fit(&equations, &x, 10.0, Method::LeastSquares).expect("solved");
+        constant_torque(&equations, &x, 10.0, &fit).expect("told")
+    }
+
+    #[test]
+    fn a_constant_is_told_with_its_deviation_and_without_one_there_is_none() {
+        let count = 200;
+        let (mut within, mut none) = (0, 0);
+        for seed in 0..count {
+            let [first, second] = found(seed, 0.7)[..] else { panic!("two joints") };
+            let (first, second) = (first.expect("told"), second.expect("told"));
+            within += usize::from((second.torque - 0.7).abs() < 2.0 * second.std);
+            none += usize::from(first.torque.abs() < 2.0 * first.std);
+            assert!(second.torque > 5.0 * second.std && first.std > 2.0 * second.std, "{first:?} {second:?}");
+        }
+        println!("{within} and {none} of {count} within two deviations");
+        let least = (0.9 * count as f64) as usize;
+        assert!(within >= least && none >= least, "{within} {none}");
+    }
+
+    /// A column of ones is the constant itself.
+    #[test]
+    fn what_the_model_has_is_not_told_again() {
+        let (mut rows, x) = two_joints(0.0, &mut Random(3));
+        rows[0].joints[1].d.iter_mut().skip(4).step_by(5).for_each(|d| *d = 1.0);
+        rows[0].joints[0].d.iter_mut().skip(4).step_by(5).for_each(|d| *d = 0.0);
+        let equations = Equations::new(&rows);
+        let fit = fit(&equations, &x, 1e6, Method::LeastSquares).expect("solved");
+        let told = constant_torque(&equations, &x, 1e6, &fit).expect("told");
+        assert!(told[0].is_some() && told[1].is_none(), "{told:?}");
+    }
+}
