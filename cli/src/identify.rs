@@ -266,6 +266,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     for (path, joints) in unfollowed_of(&runs) {
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
+    distrusts.extend(evidence::few(&rows, robot.base.len()));
     distrusts.extend(evidence::still(robot, &still));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };

@@ -215,7 +215,7 @@ pub fn torque_percent(rows: &[Rows], size: &[f64]) -> Vec<f64> {
 }
 
 /// `1 + 2 Σ ρ_k` of the residuals, summed while the autocorrelation ρ_k is positive; records are not joined.
-fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
+pub(super) fn rows_per_independent_row(records: &[Vec<f64>]) -> f64 {
     let product = |lag: usize| -> f64 {
         records.iter().map(|e| e.iter().zip(e.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>()).sum()
     };

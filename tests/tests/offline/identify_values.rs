@@ -255,12 +255,13 @@ fn a_constant_torque_that_the_model_has_not_is_said() {
     let [(joint, text)] = &said[..] else { panic!("{said:?}") };
     let size: f64 =
         text.split('(').nth(1).and_then(|t| t.split(' ').next()).and_then(|t| t.parse().ok()).expect("its size");
-    assert!(joint.ends_with('3') && (size + 3.0).abs() < 0.3 && text.contains("offsets = true"), "{said:?}");
+    assert!(joint == "elbow_joint" && (size + 3.0).abs() < 0.3 && text.contains("offsets = true"), "{said:?}");
     let with = arm_with(&case, "", "\n[estimator]\noffsets = true\n");
     assert_eq!(told(&log, with.path()), []);
 }
 
-/// Zeros in the file and little motion: weighed by the colour of what the prior keeps, values ran away to 1e18.
+/// Zeros in the file and little motion: weighed by the colour of what the prior keeps, values ran away to 1e18. Two rows tell next to
+/// nothing, and it is said.
 #[test]
 fn what_a_push_does_not_tell_stays_near_the_file() {
     let Some(log) = shared("data/real/ur10e_innopolis/20_01_22-push_pose_1.parquet") else { return };
@@ -268,12 +269,13 @@ fn what_a_push_does_not_tell_stays_near_the_file() {
     let text = std::fs::read_to_string(robot("ur10e")).expect("readable");
     let coulomb = text.lines().find(|line| line.starts_with("coulomb")).expect("friction");
     let file = robot_with("ur10e", folder.path(), coulomb, WITHOUT);
-    let (_, found) = result(rivet().arg("identify").arg(file).arg(log), folder.path());
+    let (text, found) = result(rivet().arg("identify").arg(file).arg(log), folder.path());
+    assert!(text.contains("2 rows of torque for 58 parameters"), "{text}");
     for [value, std, nominal] in parameters(&found, "") {
-        assert!((value - nominal).abs() < 1e3 && std < 1e3, "{value} +- {std}, {nominal} in the file");
+        assert!((value - nominal).abs() < (3.0 * std).min(1e3), "{value} +- {std}, {nominal} in the file");
     }
     for joint in found["joints"].as_array().expect("joints") {
         let left = joint["residual_percent"]["instrumental"].as_f64();
-        assert!(left.is_some_and(|left| left < 100.0), "{joint}");
+        assert!(left.is_none_or(|left| left < 100.0), "{joint}");
     }
 }
