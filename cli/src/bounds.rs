@@ -1,16 +1,22 @@
+//! Values that the rows cannot tell, or that no arm has: they are taken out before the rest is found.
+//!
 //! Friction with load is a share of the torque that the gear carries: a value that no gear has is something else, and is taken out.
 //!
 //! Where a joint carries next to nothing, the column is as small, and what it is fitted to is what the model lacks: a wrist of a UR10e
 //! came out with 84 N m of friction per N m carried (its other joints: 0.02 to 0.12), which predicts as well as none on motion alike
 //! and is wrong by all of it under the first payload.
+//!
+//! A joint that turns one way only has its Coulomb friction and a constant torque in the same rows. What tells them apart there is how
+//! friction turns over near standstill, which the model knows worst: a wrist came out with 3.7 +- 0.5 N m of offset and -1.2 of
+//! friction for 0 and 2.5, which misses another motion by three quarters of its torque. The offset stays as the file has it.
 
 use std::ops::RangeInclusive;
 
 use rivet_config::Robot;
 use rivet_dynamics::Parameter;
-use rivet_estimation::offline::{Equations, Fit, OfflineError, Rows};
+use rivet_estimation::offline::{Equations, Fit, OfflineError, Rows, one_way};
 
-use crate::evidence::Distrust;
+use crate::evidence::{Distrust, ONE_WAY_NAME};
 use crate::table::number;
 
 /// What friction over torque carried can be.
@@ -20,7 +26,7 @@ const SHARE: RangeInclusive<f64> = 0.0..=1.0;
 pub(crate) struct Bounded {
     /// Base parameters before, 0 where they were taken out.
     pub(crate) nominal: Vec<f64>,
-    /// Solution of the equations that are left; none where the model has no such bound.
+    /// Solution of the equations that are left; none where it was not asked for.
     pub(crate) values: Option<Vec<f64>>,
     held: Vec<Held>,
 }
@@ -29,17 +35,37 @@ pub(crate) struct Bounded {
 struct Held {
     column: usize,
     joint: usize,
-    found: f64,
+    /// What it stays at.
+    value: f64,
+    why: Why,
+}
+
+enum Why {
+    /// It came out as this, as no gear has it.
+    Impossible(f64),
+    /// An offset of a joint that turns one way.
+    OneWay,
 }
 
 impl Bounded {
-    /// Takes friction with load out of the rows of joints on which `solve` finds what cannot be, until there is none.
+    /// Takes offsets of joints that turn one way out of the rows, then friction with load of joints on which `solve` finds what cannot be,
+    /// until there is none.
     pub(crate) fn new(
         robot: &Robot,
         rows: &mut [Rows],
         solve: impl Fn(&Equations<'_>, &[f64]) -> Result<Vec<f64>, OfflineError>,
     ) -> Result<Bounded, OfflineError> {
         let mut left = Bounded { nominal: robot.nominal_base.clone(), values: None, held: Vec::new() };
+        let turns = one_way(&robot.model, &robot.base, rows);
+        for (column, value) in left.nominal.iter().enumerate() {
+            if let Parameter::Offset(joint) = robot.base.parameter(&robot.model, column)
+                && turns[joint]
+            {
+                left.held.push(Held { column, joint, value: *value, why: Why::OneWay });
+            }
+        }
+        let offsets = left.columns();
+        rows.iter_mut().for_each(|rows| rows.take_out(&offsets));
         if !robot.model.structure.load_friction {
             return Ok(left);
         }
@@ -49,43 +75,59 @@ impl Bounded {
                 // What is said of a joint that stands, the robot file says.
                 Parameter::LoadFriction(joint) if rows.iter().any(|r| r.count(joint) > 0) => {
                     let found = values[column];
-                    (!SHARE.contains(&found)).then_some(Held { column, joint, found })
+                    let held = Held { column, joint, value: 0.0, why: Why::Impossible(found) };
+                    (!SHARE.contains(&found)).then_some(held)
                 }
                 _ => None,
             };
             let beyond: Vec<Held> = (0..values.len()).filter_map(beyond).collect();
             if beyond.is_empty() {
+                let mut values = values;
+                left.columns().into_iter().for_each(|(column, value)| values[column] = value);
                 left.values = Some(values);
                 return Ok(left);
             }
-            let columns: Vec<usize> = beyond.iter().map(|held| held.column).collect();
+            let columns: Vec<(usize, f64)> = beyond.iter().map(|held| (held.column, held.value)).collect();
             for rows in rows.iter_mut() {
                 rows.take_out(&columns);
             }
-            for &column in &columns {
-                left.nominal[column] = 0.0;
+            for &(column, value) in &columns {
+                left.nominal[column] = value;
             }
             left.held.extend(beyond);
         }
     }
 
+    fn columns(&self) -> Vec<(usize, f64)> {
+        self.held.iter().map(|held| (held.column, held.value)).collect()
+    }
+
     /// Says so of a fit.
     pub(crate) fn hold(&self, fit: &mut Fit) {
-        fit.hold(&self.held.iter().map(|held| held.column).collect::<Vec<_>>());
+        fit.hold(&self.columns());
     }
 
     /// Says so to people.
     pub(crate) fn said(&self, robot: &Robot) -> impl Iterator<Item = Distrust> {
-        let of = |held: &Held| Distrust {
-            log: None,
-            joint: Some(robot.model.arm.joints[held.joint].name.clone()),
-            name: "load_friction_impossible",
-            text: format!(
-                "friction with load came out as {} N m per N m carried, and can be 0 to 1 only: these logs do not tell it (a joint that \
-                 carries next to nothing shows none), and it would hold what the model lacks; it is held at 0 there and all else is \
-                 found without it",
-                number(held.found, 3)
-            ),
+        let of = |held: &Held| {
+            let (name, text) = match held.why {
+                Why::Impossible(found) => (
+                    "load_friction_impossible",
+                    format!(
+                        "friction with load came out as {} N m per N m carried, and can be 0 to 1 only: these logs do not tell it (a \
+                         joint that carries next to nothing shows none), and it would hold what the model lacks; it is held at 0 there \
+                         and all else is found without it",
+                        number(found, 3)
+                    ),
+                ),
+                Why::OneWay => (
+                    ONE_WAY_NAME,
+                    "turns one way only, where Coulomb friction and a constant torque are one value: the offset stays as in the file, \
+                     what is found as Coulomb friction has all of it. Let it turn both ways to tell them apart"
+                        .to_owned(),
+                ),
+            };
+            Distrust { log: None, joint: Some(robot.model.arm.joints[held.joint].name.clone()), name, text }
         };
         self.held.iter().map(of)
     }

@@ -7,9 +7,7 @@ use rivet_config::{Differentiator, Filtering, Instruments, Origin, Resolved, Rob
 use rivet_diagnosis::LogFault;
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection};
-use rivet_estimation::offline::{
-    Bias, Constant, Equations, Fit, OfflineError, Rows, constant_torque, giving_friction, torque_sense,
-};
+use rivet_estimation::offline::{Bias, Fit, Rows, giving_friction, torque_sense};
 use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
@@ -280,8 +278,15 @@ pub(crate) fn distrusts<'a>(
 pub(crate) fn of_torque<'a>(robot: &Robot, logs: impl Iterator<Item = (String, &'a Rows)>) -> Vec<Distrust> {
     let (model, base) = (&robot.model, &robot.base);
     let mut found = Vec::new();
+    let mut pieces = Vec::<(String, Vec<&Rows>)>::new();
     for (log, rows) in logs {
-        for (j, sense) in torque_sense(model, base, &robot.nominal_base, rows).into_iter().enumerate() {
+        match pieces.iter_mut().find(|(name, _)| *name == log) {
+            Some((_, pieces)) => pieces.push(rows),
+            None => pieces.push((log, vec![rows])),
+        }
+    }
+    for (log, pieces) in pieces {
+        for (j, sense) in torque_sense(model, base, &robot.nominal_base, &pieces).into_iter().enumerate() {
             let Some(sense) = sense else { continue };
             let fault = LogFault::of_torque(sense.dissipates, sense.alike, sense.scale)
                 .or_else(|| LogFault::of_silence(sense.varies, sense.due, sense.follows));
@@ -292,10 +297,7 @@ pub(crate) fn of_torque<'a>(robot: &Robot, logs: impl Iterator<Item = (String, &
                     _ => "",
                 };
                 let (log, name, joint) = (Some(log.clone()), fault.name(), Some(model.arm.joints[j].name.clone()));
-                // Once for the pieces of a log.
-                if !found.iter().any(|d: &Distrust| d.log == log && d.joint == joint && d.name == name) {
-                    found.push(Distrust { log, joint, name, text: fault.text() + or });
-                }
+                found.push(Distrust { log, joint, name, text: fault.text() + or });
             }
         }
     }
@@ -325,10 +327,14 @@ pub(crate) const COARSE_NAME: &str = "coarse_positions";
 pub(crate) const NOISY_NAME: &str = "noisy_positions";
 /// Positions that are held over rows.
 pub(crate) const HELD_NAME: &str = "positions_held";
+/// Joints that turn one way only.
+pub(crate) const ONE_WAY_NAME: &str = "turns_one_way";
+/// A desired motion that is held over rows.
+pub(crate) const PLAN_HELD_NAME: &str = "desired_motion_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 const UNSEEN_NAME: &str = "second_encoder_sees_another_motion";
-const UNEXPLAINED_NAME: &str = "torque_unexplained";
-const STILL_NAME: &str = "joint_stands";
+pub(crate) const UNEXPLAINED_NAME: &str = "torque_unexplained";
+pub(crate) const STILL_NAME: &str = "joint_stands";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
 
@@ -336,122 +342,22 @@ pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not reco
 const UNSEEN: &str =
     "q_link is not the motion of q: it was not recorded, has another sign, or is that of another joint";
 
-/// Of a joint's torque, what the fit may leave \[%\] and still be said to explain some of it, and to explain it.
-const EXPLAINS_NOTHING: f64 = 90.0;
-const EXPLAINS: f64 = 70.0;
-
-/// Joints of whose torque the fit leaves most, given what it leaves of each \[%\].
-pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
-    let is_it = "is it the torque of this joint, and of this motion?";
-    let of = |(name, left): (&String, &f64)| Distrust {
-        log: None,
-        joint: Some(name.clone()),
-        name: UNEXPLAINED_NAME,
-        text: if *left > EXPLAINS_NOTHING {
-            format!(
-                "the model explains next to nothing of this torque (more than {EXPLAINS_NOTHING:.0} % is left): what is found from it means \
-                 nothing, whatever its standard deviation; {is_it}"
-            )
-        } else {
-            format!(
-                "the model explains little of this torque (more than {EXPLAINS:.0} % is left): what is found from it stands for something \
-                 else as well; {is_it}"
-            )
-        },
-    };
-    names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(of).collect()
-}
-
-/// Of a joint's torque, instruments leave this many times what least squares leave where they do not stand for its motion.
-const MISLEADS: f64 = 1.5;
-/// ... and this much more \[%\]: below it is noise.
-const MISLEADS_BY: f64 = 2.0;
-
-/// Joints of whose torque the fit by instruments leaves more than the robot file's values, and far more than least squares; `left` \[%\]:
-/// nominal, least squares, instruments.
-pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[Vec<f64>; 3]) -> Option<Distrust> {
-    let more = |than: f64, j: &usize| instruments[*j] > (MISLEADS * than).max(than + MISLEADS_BY);
-    let is = |j: &usize| instruments[*j] > nominal[*j] && more(least_squares[*j], j);
-    let joints: Vec<&str> = (0..names.len()).filter(is).map(|j| names[j].as_str()).collect();
-    (!joints.is_empty()).then(|| Distrust {
-        log: None,
-        joint: None,
-        name: "instruments_mislead",
-        text: format!(
-            "on {} the values found by instruments miss more torque than those of the robot file, and far more than least squares: the \
-             instruments do not stand for this motion. Record the desired motion, choose others (instruments, delay_s), or kind = \"rls\"",
-            joints.join(", ")
-        ),
-    })
-}
-
-/// A constant torque that the model leaves out is worth a word from this many of its deviations on...
-const CONSTANT_DEVIATIONS: f64 = 5.0;
-/// ... where it is this share of the noise that the fit leaves: below it bodies hardly take any of it up.
-const CONSTANT_NOISE: f64 = 0.5;
-
-/// Joints whose torque has a constant part while the robot file gives the model none.
-pub(crate) fn constant(
-    robot: &Robot,
-    equations: &Equations<'_>,
-    nominal: &[f64],
-    prior: f64,
-    fit: &Fit,
-) -> Result<Vec<Distrust>, OfflineError> {
-    if robot.model.structure.offset {
-        return Ok(Vec::new());
-    }
-    let told = constant_torque(equations, nominal, prior, fit)?;
-    let matters = |(j, found): (usize, Option<Constant>)| {
-        let Constant { torque, std } = found?;
-        let least = (CONSTANT_DEVIATIONS * std).max(CONSTANT_NOISE * fit.noise[j]);
-        (torque.abs() > least).then(|| Distrust {
-            log: None,
-            joint: Some(robot.model.arm.joints[j].name.clone()),
-            name: "constant_torque",
-            text: format!(
-                "torque has a constant part that the model has not ({} +- {} N m beside it, one std): values of bodies take it up; \
-                 with offsets = true in [estimator] it is found as such",
-                number(torque, 2),
-                number(std, 1)
-            ),
-        })
-    };
-    Ok(told.into_iter().enumerate().filter_map(matters).collect())
-}
-
-/// Fewer rows than parameters, whatever the residual.
-pub(crate) fn few(rows: &[Rows], parameters: usize) -> Option<Distrust> {
-    let joints = rows.first().map_or(0, |r| r.left_out.len());
-    let count: usize = rows.iter().map(|r| (0..joints).map(|j| r.count(j)).sum::<usize>()).sum();
-    (count < parameters).then(|| Distrust {
-        log: None,
-        joint: None,
-        name: "few_rows",
-        text: format!(
-            "{count} rows of torque for {parameters} parameters: almost nothing moves here, values are those of the robot file or \
-             anything that fits these rows"
-        ),
-    })
-}
-
-/// Joints that do not move in any log.
-pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
-    let of = |j: &usize| Distrust {
-        log: None,
-        joint: Some(robot.model.arm.joints[*j].name.clone()),
-        name: STILL_NAME,
-        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay as given".to_owned(),
-    };
-    joints.iter().map(of)
-}
-
 /// For people; empty where all can be believed. Joints without a plan share a paragraph, and those with the same encoder: often it is all
 /// of them.
 pub(crate) fn distrust_text(found: &[Distrust]) -> String {
     let shared = |d: &Distrust| {
-        [UNFOLLOWED_NAME, UNSEEN_NAME, COARSE_NAME, NOISY_NAME, HELD_NAME, UNEXPLAINED_NAME, STILL_NAME]
-            .contains(&d.name)
+        [
+            UNFOLLOWED_NAME,
+            UNSEEN_NAME,
+            COARSE_NAME,
+            NOISY_NAME,
+            HELD_NAME,
+            PLAN_HELD_NAME,
+            UNEXPLAINED_NAME,
+            STILL_NAME,
+            ONE_WAY_NAME,
+        ]
+        .contains(&d.name)
     };
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
     let of = |group: &[Distrust]| {

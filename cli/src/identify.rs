@@ -12,8 +12,8 @@ use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Rows, bias, fit,
-    friction_share, solve, torque_delay, unfollowed,
+    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Parts, Rows, bias, fit,
+    friction_share, parts, solve, torque_delay, unfollowed,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
@@ -23,6 +23,7 @@ use crate::channels;
 use crate::coarse::{coarse, slow};
 use crate::compare::{self, Alone};
 use crate::delays;
+use crate::doubts;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
@@ -109,6 +110,8 @@ struct Findings {
     instrumental: Fit,
     /// Residuals per joint \[%\]: nominal, least squares, instrumental.
     residuals: [Vec<f64>; 3],
+    /// What values from some of the rows leave of the others.
+    parts: Parts,
     /// What sets least squares and instruments apart.
     bias: Bias,
     /// How late torque is behind position, per joint.
@@ -259,6 +262,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
+    let parts = parts(&equations, nominal, prior, chosen, method(robot))?;
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let held_out = held_out(robot, &chosen.values, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
@@ -266,20 +270,22 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     for (path, joints) in unfollowed_of(&runs) {
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
-    distrusts.extend(evidence::few(&rows, robot.base.len()));
-    distrusts.extend(evidence::still(robot, &still));
+    distrusts.extend(doubts::few(&rows, robot.base.len()));
+    distrusts.extend(doubts::still(robot, &still));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
     // Of a torque that is not believed anyway it is no news.
     let news = |d: &Distrust, said: &[Distrust]| !said.iter().any(|other| other.joint == d.joint);
     let unexplained: Vec<Distrust> =
-        evidence::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
+        doubts::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
+    distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
+    distrusts.extend(doubts::changed(&runs::joint_names(robot), &parts));
     if method(robot) == Method::Instrumental {
-        distrusts.extend(evidence::misled(&runs::joint_names(robot), &residuals));
+        distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));
     }
     distrusts.extend(bounded.said(robot));
-    let constant: Vec<Distrust> = evidence::constant(robot, &equations, nominal, prior, chosen)?
+    let constant: Vec<Distrust> = doubts::constant(robot, (&rows, &equations), nominal, prior, chosen)?
         .into_iter()
         .filter(|d| news(d, &distrusts))
         .collect();
@@ -293,6 +299,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         least_squares,
         instrumental,
         residuals,
+        parts,
         bias,
         delays,
         dry,

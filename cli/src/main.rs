@@ -14,6 +14,7 @@ mod delays;
 mod demo;
 mod diagnose;
 mod doctor;
+mod doubts;
 mod evidence;
 mod exit;
 mod export;

@@ -5,13 +5,33 @@ use std::borrow::Cow;
 use rivet_config::Robot;
 use rivet_logs::Stairs;
 
-use crate::evidence::{Distrust, HELD_NAME};
+use crate::evidence::{Distrust, HELD_NAME, PLAN_HELD_NAME};
 use crate::glitches::Sound;
 use crate::runs;
 
-/// Draws held positions of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.
+/// Draws held positions and a held desired motion of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
     let least_s = robot.config.sample_period_s;
+    take_out_of_positions(robot, sound, least_s);
+    let Some((log, stairs)) = sound.log.without_plan_stairs(&sound.left_out, least_s) else { return };
+    let name = runs::short_name(&log.path);
+    for (joint, rows) in robot.model.arm.joints.iter().zip(&stairs) {
+        let Some(rows) = rows else { continue };
+        let text = format!(
+            "the desired motion is held, {rows} rows as a rule: it is drawn through the rows at which a new one came (cubic). Logged at \
+             its own rate, or with its speeds, it tells the tracking lag better"
+        );
+        sound.found.push(Distrust {
+            log: Some(name.clone()),
+            joint: Some(joint.name.clone()),
+            name: PLAN_HELD_NAME,
+            text,
+        });
+    }
+    sound.log = Cow::Owned(log);
+}
+
+fn take_out_of_positions(robot: &Robot, sound: &mut Sound<'_>, least_s: f64) {
     let hole_s = runs::hole_s(sound.log.median_step_s());
     let Some((log, stairs)) = sound.log.without_stairs(&mut sound.left_out, least_s, hole_s) else { return };
     let name = runs::short_name(&log.path);

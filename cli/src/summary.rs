@@ -1,6 +1,7 @@
 //! What an on-line run identified, for people and for programs.
 
-use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text, unexplained};
+use crate::doubts::{missing_more, unexplained};
+use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
 use crate::runs;
 use crate::stream::Recording;
@@ -107,7 +108,7 @@ impl<'a> Summary<'a> {
             Ok(InstrumentSource::SecondEncoder) => "second encoders (q_link of the log)",
             Ok(InstrumentSource::PreviousCycle) if asked => "previous cycle (the motion repeats)",
             Ok(InstrumentSource::PreviousCycle) => {
-                "previous cycle (the motion repeats, and the log has no desired motion)"
+                "previous cycle (the motion repeats, and the log has no desired motion with its derivatives)"
             }
             Ok(InstrumentSource::Delayed) => match self.robot.config.estimator.instruments {
                 Instruments::PreviousCycle { .. } => {
@@ -163,10 +164,18 @@ impl<'a> Summary<'a> {
         let unexplained = unexplained(&runs::joint_names(self.robot), &left);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
+        let torque = |j: usize| self.health.torque_rms[j].max(f64::MIN_POSITIVE);
+        let nominal: Vec<f64> =
+            (0..left.len()).map(|j| 100.0 * self.health.nominal_residual_rms[j] / torque(j)).collect();
+        let more = missing_more(&runs::joint_names(self.robot), &nominal, &left);
+        let more = (!more.is_empty()).then(|| {
+            format!("values as found miss more of the last torque than those of the robot file ({})", more.join(", "))
+        });
         strays
             .into_iter()
             .chain(found)
             .chain(unexplained)
+            .chain(more)
             .chain(model.arm.joints.iter().enumerate().filter_map(joint))
             .collect()
     }

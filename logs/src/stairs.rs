@@ -87,6 +87,30 @@ impl Log {
         Some((log, said))
     }
 
+    /// The log with desired motion drawn through the rows at which a new one came, and the rows of a usual stair of each joint, where it is
+    /// held by a slower source than the log for as long as `least_s` \[s\]; none where that of no joint is. `left_out` (ascending): rows
+    /// that are not to be used.
+    pub fn without_plan_stairs(&self, left_out: &[usize], least_s: f64) -> Option<(Log, Vec<Option<usize>>)> {
+        let step = self.median_step_s();
+        let found = |q: &Vec<f64>| {
+            let (stairs, longest) = stairs(q).filter(|(_, longest)| *longest as f64 * step > least_s)?;
+            Some((stairs.rows, parted(runs(q, 2 * longest), stairs.rows, longest)))
+        };
+        let found: Vec<_> = self.q_des.as_ref()?.par_iter().map(found).collect();
+        if found.iter().all(Option::is_none) {
+            return None;
+        }
+        let mut log = self.clone();
+        for (j, (_, held)) in found.iter().enumerate().filter_map(|(j, found)| Some((j, found.as_ref()?))) {
+            for signals in [&mut log.qd_des, &mut log.qdd_des, &mut log.q_des].into_iter().flatten() {
+                if is_held(&signals[j], held) {
+                    signals[j] = drawn(&self.t, &signals[j], held, left_out);
+                }
+            }
+        }
+        Some((log, found.into_iter().map(|found| found.map(|(rows, _)| rows)).collect()))
+    }
+
     /// Rows of stairs at which a piece of the log begins or ends: when their samples came is not known, or what came next.
     fn without_neighbour(&self, held: &[Range<usize>], left_out: &[usize], hole_s: f64) -> Vec<usize> {
         let apart = |k: usize| {
@@ -250,6 +274,22 @@ mod tests {
         let tau = &drawn.tau.expect("torque").1[0];
         let worst = (0..19_980).map(|k| (tau[k] - (3.0 * STEP * k as f64).sin()).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-6, "{worst}");
+    }
+
+    /// A plan that comes every ten rows, and one that comes with every row.
+    #[test]
+    fn a_plan_that_is_held_is_drawn_through_its_renewals() {
+        let mut log = log(1e-6, false, |_| false);
+        let exact: Vec<f64> = (0..log.t.len()).map(motion).collect();
+        log.q_des = Some(vec![exact.clone()]);
+        assert_eq!(log.without_plan_stairs(&[], STEP), None);
+        log.q_des = Some(vec![(0..exact.len()).map(|k| exact[k / 10 * 10]).collect()]);
+        let (drawn, rows) = log.without_plan_stairs(&[], STEP).expect("stairs");
+        assert_eq!(rows, [Some(10)]);
+        let plan = &drawn.q_des.as_ref().expect("a plan")[0];
+        let worst = (0..exact.len() - 20).map(|k| (plan[k] - exact[k]).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-6, "{worst}");
+        assert_eq!((&drawn.q, &drawn.tau), (&log.q, &log.tau));
     }
 
     /// A coarse encoder stands between its steps in slow motion, an arm stands still, and a fast log is low-passed.

@@ -91,14 +91,16 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     let delayed = result.runs.iter().any(|run| matches!(run.source, InstrumentSource::Delayed(_)));
     out += &evidence::online_text(robot, delayed);
     out += &evidence::distrust_text(&result.distrusts);
-    out += "\nresidual 100*|tau - D x|/|tau| on these rows\n";
-    let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "noise N m", "rows a free row"]);
+    out +=
+        "\nresidual 100*|tau - D x|/|tau| on these rows; left out: on each quarter, by values found from the others\n";
+    let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "left out %", "noise N m", "rows a free row"]);
     for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
         // Of a joint that never moves nothing is known.
         let known = |text: String| if chosen.noise[j].is_nan() { "-".to_owned() } else { text };
         let percent = |k: usize| known(format!("{:.1}", result.residuals[k][j]));
         let (noise, correlation) = (known(number(chosen.noise[j], 3)), known(format!("{:.1}", chosen.correlation[j])));
-        table.row([name, percent(0), percent(1), percent(2), noise, correlation]);
+        let left_out = known(format!("{:.1}", result.parts.left_out[j]));
+        table.row([name, percent(0), percent(1), percent(2), left_out, noise, correlation]);
     }
     out += &table.text();
     out += &evidence::beside_text(&runs::joint_names(robot), chosen);
@@ -114,7 +116,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     let count = |by: Determined| chosen.determined.iter().filter(|d| **d == by).count();
     let held = match count(Determined::ByBound) {
         0 => String::new(),
-        held => format!(", {held} held at 0"),
+        held => format!(", {held} held"),
     };
     let known = format!(
         "{} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held}",
@@ -226,6 +228,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined
                 "least_squares": result.residuals[1][j],
                 "instrumental": result.residuals[2][j],
             },
+            "left_out_percent": result.parts.left_out[j],
             "torque_delay_s": late[j],
             "noise": chosen.noise[j],
             "rows_per_free_row": if chosen.noise[j].is_nan() { None } else { Some(chosen.correlation[j]) },

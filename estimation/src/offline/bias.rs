@@ -65,7 +65,7 @@ pub fn bias(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit) -
     let sums = equations.trusting(&fit.trust);
     let solve = |method| {
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
-        Solution::new(&joints, &weights, &x0, prior, method)
+        Solution::new(&joints, &weights, &x0, (prior, equations.most()), method)
     };
     // The scale is that of the regressor, so it is the same for both, and so is the prior.
     let (least_squares, instrumental) = (solve(Method::LeastSquares)?, solve(Method::Instrumental)?);
@@ -162,8 +162,18 @@ pub(super) mod tests {
         }
         let (left_out, lags) = (vec![0.0; 2], vec![Lag::NONE; 2]);
         let torque = Arc::new(FilteredTorque { joints: joints.iter().map(|j| j.tau.clone()).collect(), period_s: 0.1 });
-        let rows =
-            Rows { columns: 5, joints, kept: 300, row_period_s: 0.1, torque, first: 0, left_out, moving: 0..300, lags };
+        let rows = Rows {
+            columns: 5,
+            joints,
+            kept: 300,
+            row_period_s: 0.1,
+            torque,
+            most: Arc::from([]),
+            first: 0,
+            left_out,
+            moving: 0..300,
+            lags,
+        };
         (vec![rows], x)
     }
 

@@ -55,7 +55,7 @@ pub fn constant_torque(
     let mut weights: Vec<f64> = fit.noise.iter().map(|s| if s.is_nan() { 0.0 } else { 1.0 / (s * s) }).collect();
     let mut found = vec![None; joints.len()];
     for _ in 0..ROUNDS {
-        let solution = Solution::new(&joints, &weights, &x0, prior, Method::LeastSquares)?;
+        let solution = Solution::new(&joints, &weights, &x0, (prior, equations.most()), Method::LeastSquares)?;
         let Some(Beside { constants, x }) = beside(&ones, &weights, &solution) else {
             return Ok(vec![None; joints.len()]);
         };

@@ -102,7 +102,7 @@ pub fn torque_delay(
         for round in 1..=ROUNDS {
             let joints: Vec<JointSums> = (0..n).map(|j| widen(&sums[j], &rates[j], k + j, more[j])).collect();
             let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
-            let solution = Solution::new(&normals, weights, &start, prior, Method::Instrumental)?;
+            let solution = Solution::new(&normals, weights, &start, (prior, equations.most()), Method::Instrumental)?;
             let next = |(j, more): (usize, &mut f64)| *more = (*more + solution.x[k + j]).clamp(-APART_S, APART_S);
             more.iter_mut().enumerate().for_each(next);
             if round == ROUNDS {

@@ -146,7 +146,7 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(joint, k, method)).collect();
         let mut round = |coloured: bool| {
             let weights = weights(&noise, &correlation);
-            let solution = Solution::new(&joints, &weights, &x0, prior, method)?;
+            let solution = Solution::new(&joints, &weights, &x0, (prior, equations.most()), method)?;
             for j in (0..n).filter(|j| moves[*j]) {
                 let residuals = equations.weighed_residuals(j, solution.x.as_slice(), trust[j]);
                 let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
@@ -253,7 +253,7 @@ impl Solution {
         joints: &[Normal],
         weights: &[f64],
         x0: &DVector<f64>,
-        prior: f64,
+        (prior, most): (f64, &[f64]),
         method: Method,
     ) -> Result<Solution, OfflineError> {
         let k = x0.len();
@@ -281,7 +281,9 @@ impl Solution {
                 false if x0[i] == 0.0 => 1.0,
                 _ => 0.0,
             };
-            prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE)
+            let width = prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE);
+            // A column that is all but nothing would have a value as large as it takes.
+            width.min(most.get(i).copied().unwrap_or(f64::INFINITY).max(x0[i].abs()))
         });
         // A column the data never touches has the prior's scale: that alone acts on it, and beside the data's it would be rounding.
         let scale = DVector::from_fn(k, |i, _| if touched(i) { 1.0 / size[i] } else { width[i] });

@@ -3,7 +3,7 @@
 use crate::dead_zone::slides;
 use crate::linear::dot;
 use rayon::prelude::*;
-use rivet_dynamics::{BaseSet, Model, Workspace};
+use rivet_dynamics::{BaseSet, Model, Parameter, Workspace};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -83,7 +83,7 @@ impl JointRows {
 }
 
 /// Filtered torque of a record at its own rate, `[joint][sample]` \[N m\], and that rate's period \[s\].
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct FilteredTorque {
     pub(super) joints: Vec<Vec<f64>>,
     pub(super) period_s: f64,
@@ -116,6 +116,8 @@ pub struct Rows {
     pub(super) row_period_s: f64,
     /// The torque of every sample, for the torque between rows.
     pub(super) torque: Arc<FilteredTorque>,
+    /// What a base parameter of an arm like this is at most, in its unit; infinite where nothing bounds it.
+    pub(super) most: Arc<[f64]>,
     /// The sample of the first of those instants.
     pub(super) first: usize,
     /// Share of the rows in motion that a joint's dead zone left out, per joint.
@@ -179,6 +181,7 @@ impl Rows {
             kept: kept.len(),
             row_period_s: step as f64 * record.period_s,
             torque: Arc::new(FilteredTorque { joints: Vec::new(), period_s: record.period_s }),
+            most: most(model, base),
             first: kept.first().copied().unwrap_or(0),
             left_out: Vec::with_capacity(n),
             moving,
@@ -246,6 +249,7 @@ impl Rows {
             lags: self.lags.clone(),
             moving: self.moving.clone(),
             torque: Arc::clone(&self.torque),
+            most: Arc::clone(&self.most),
             ..*self
         }
     }
@@ -259,6 +263,21 @@ impl Rows {
     pub fn count(&self, joint: usize) -> usize {
         self.joints.get(joint).map_or(0, |j| j.tau.len())
     }
+}
+
+/// What a parameter of a body is at most: of one as heavy as the arm with a load of its own weight, as far away as the arm reaches.
+fn most(model: &Model, base: &BaseSet) -> Arc<[f64]> {
+    let mass = 2.0 * model.arm.links.iter().map(|link| link[0]).sum::<f64>();
+    let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
+    let far = model.arm.joints.iter().map(|joint| length(joint.translation)).sum::<f64>();
+    let known = mass > 0.0 && far > 0.0;
+    let of = |i: usize| match base.parameter(model, i) {
+        Parameter::Link { entry: 0, .. } if known => mass,
+        Parameter::Link { entry: 1..=3, .. } if known => mass * far,
+        Parameter::Link { .. } if known => mass * far * far,
+        _ => f64::INFINITY,
+    };
+    (0..base.len()).map(of).collect()
 }
 
 /// Measured torque less the effects of known size that the model has beside its parameters.

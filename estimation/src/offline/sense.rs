@@ -7,7 +7,7 @@ use super::fit::Fit;
 use super::rows::{JointRows, Rows};
 use crate::linear::dot;
 
-/// A joint's torque beside its motion, over the rows of one record in which it moves.
+/// A joint's torque beside its motion, over the rows of one log in which it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TorqueSense {
     /// Cosine of torque and speed; 0 where the model has no viscous friction to know the speed by.
@@ -24,12 +24,39 @@ pub struct TorqueSense {
     pub follows: f64,
 }
 
-/// Per joint of a record, of base parameters `nominal`; none for a joint without rows.
-pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], rows: &Rows) -> Vec<Option<TorqueSense>> {
+/// Per joint of a log, all its pieces together, of base parameters `nominal`; none for a joint without rows. (A piece of one row does not
+/// vary, and one of a few has any sign.)
+pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], pieces: &[&Rows]) -> Vec<Option<TorqueSense>> {
     let parameters: Vec<Parameter> = (0..base.len()).map(|i| base.parameter(model, i)).collect();
-    let of = |(j, joint): (usize, &JointRows)| (!joint.tau.is_empty()).then(|| sense(j, joint, &parameters, nominal));
-    rows.joints.iter().enumerate().map(of).collect()
+    let of = |j: usize| {
+        let mut all = JointRows::default();
+        for rows in pieces.iter().map(|piece| &piece.joints[j]) {
+            all.columns.clone_from(&rows.columns);
+            all.d.extend_from_slice(&rows.d);
+            all.tau.extend_from_slice(&rows.tau);
+        }
+        (!all.tau.is_empty()).then(|| sense(j, &all, &parameters, nominal))
+    };
+    (0..model.arm.dof()).map(of).collect()
 }
+
+/// Joints that turn one way only in nearly all of their rows: what a constant torque does there, Coulomb friction does as well.
+pub fn one_way(model: &Model, base: &BaseSet, rows: &[Rows]) -> Vec<bool> {
+    let of = |j: usize| {
+        let coulomb = (0..base.len()).find(|i| base.parameter(model, *i) == Parameter::Coulomb(j));
+        let mut turns = [0_usize; 2];
+        for rows in rows.iter().map(|record| &record.joints[j]) {
+            let Some(at) = rows.columns.iter().position(|c| Some(*c) == coulomb) else { continue };
+            rows.d.iter().skip(at).step_by(rows.columns.len()).for_each(|sign| turns[usize::from(*sign > 0.0)] += 1);
+        }
+        let [back, forth] = turns.map(|count| count as f64);
+        back + forth > 0.0 && back.min(forth) < ONE_WAY * (back + forth)
+    };
+    (0..model.arm.dof()).map(of).collect()
+}
+
+/// Share of the rows the other way below which these are those of a joint that comes to rest.
+const ONE_WAY: f64 = 0.03;
 
 fn sense(j: usize, rows: &JointRows, parameters: &[Parameter], nominal: &[f64]) -> TorqueSense {
     let k = rows.columns.len();

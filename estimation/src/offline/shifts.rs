@@ -187,7 +187,7 @@ pub(super) fn search(
     let mut profiles = Vec::new();
     let mut values = start.clone();
     for turn in 0..TURNS {
-        let solution = Solution::new(&normals, &weights, start, prior, Method::LeastSquares)?;
+        let solution = Solution::new(&normals, &weights, start, (prior, equations.most()), Method::LeastSquares)?;
         let offset = solution.prior.component_mul(&start.component_div(&solution.scale));
         let evidence =
             Evidence { shifts: &shifts, joints: &equations.joints, weights: &weights, solution: &solution, offset };

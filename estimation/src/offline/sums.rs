@@ -139,6 +139,11 @@ impl<'a> Equations<'a> {
         self.joints.iter().map(of).collect()
     }
 
+    /// What each parameter is at most.
+    pub(super) fn most(&self) -> &[f64] {
+        self.rows.first().map_or(&[], |rows| &rows.most)
+    }
+
     /// The rows as sums to judge parameters by.
     pub fn reference(&self) -> Reference {
         let k = self.rows.first().map_or(0, |r| r.columns);

@@ -1,0 +1,101 @@
+//! What values found from some of the rows leave of the others, and whether all rows are of one arm. From the sums alone, with what a row
+//! counts as in the fit of all.
+
+use nalgebra::DVector;
+
+use super::fit::{Fit, Method, Solution};
+use super::record::OfflineError;
+use super::sums::{Equations, JointSums, Normal, Stretch};
+use crate::linear::dot;
+
+/// Parts of equal time, one after the other over all records.
+const PARTS: usize = 4;
+
+/// The rows in parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parts {
+    /// Per joint: `100 ‖τ - D x‖ / ‖τ‖` of every part by values that were found from the others \[%\]; NaN of a joint that never moves.
+    pub left_out: Vec<f64>,
+    /// Where the rows are cut so that two fits, one a side, leave least beside one fit of all; none of a few rows.
+    pub cut: Option<Cut>,
+}
+
+/// Two fits instead of one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// Share of the time before the cut.
+    pub at: f64,
+    /// Per joint: squares that the two leave over those of the one; NaN of a joint that does not move on either side.
+    pub left: Vec<f64>,
+    /// Per joint: squares that are left of each side by values of the other over those of the one fit of all.
+    pub across: Vec<f64>,
+}
+
+/// Divides the rows of `equations` into parts. `nominal`, `prior`: as for [`fit`](super::fit()); `fit`: by `method`, of all rows.
+///
+/// # Errors
+/// Where a part leaves no solution.
+pub fn parts(
+    equations: &Equations<'_>,
+    nominal: &[f64],
+    prior: f64,
+    fit: &Fit,
+    method: Method,
+) -> Result<Parts, OfflineError> {
+    let sums = equations.trusting(&fit.trust);
+    let (weights, x0) = (fit.weights(), DVector::from_column_slice(nominal));
+    let count = sums.first().map_or(0, |joint| joint.stretches.len());
+    let edge = |part: usize| part * count / PARTS;
+    let solve = |uses: &dyn Fn(usize) -> bool| {
+        let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(&some(joint, uses), x0.len(), method)).collect();
+        Solution::new(&joints, &weights, &x0, (prior, equations.most()), method)
+            .map(|solution| solution.x.as_slice().to_vec())
+    };
+    let left = |j: usize, uses: &dyn Fn(usize) -> bool, x: &[f64]| squares(&sums[j], uses, x);
+    let n = sums.len();
+    let mut left_out = vec![0.0; n];
+    for part in 0..PARTS {
+        let within = |b: usize| (edge(part)..edge(part + 1)).contains(&b);
+        let x = solve(&|b| !within(b))?;
+        (0..n).for_each(|j| left_out[j] += left(j, &within, &x));
+    }
+    let torque = |j: usize| sums[j].torque_square();
+    let percent = |j: usize| if torque(j) > 0.0 { 100.0 * (left_out[j] / torque(j)).sqrt() } else { f64::NAN };
+    let whole: Vec<f64> = (0..n).map(|j| left(j, &|_| true, &fit.values)).collect();
+    let mut best = None::<(f64, Cut)>;
+    for part in 1..PARTS {
+        let (before, after) = (|b: usize| b < edge(part), |b: usize| b >= edge(part));
+        let rows = |j: usize, uses: &dyn Fn(usize) -> bool| some(&sums[j], uses).count();
+        let (first, second) = (solve(&before)?, solve(&after)?);
+        let share = |j: usize, [before_by, after_by]: [&[f64]; 2]| {
+            let moves = rows(j, &before) > 0.0 && rows(j, &after) > 0.0 && whole[j] > 0.0;
+            if moves { (left(j, &before, before_by) + left(j, &after, after_by)) / whole[j] } else { f64::NAN }
+        };
+        let cut = Cut {
+            at: edge(part) as f64 / count as f64,
+            left: (0..n).map(|j| share(j, [&first, &second])).collect(),
+            across: (0..n).map(|j| share(j, [&second, &first])).collect(),
+        };
+        let least = cut.left.iter().copied().fold(f64::INFINITY, f64::min);
+        if best.as_ref().is_none_or(|(before, _)| least < *before) {
+            best = Some((least, cut));
+        }
+    }
+    Ok(Parts { left_out: (0..n).map(percent).collect(), cut: best.map(|(_, cut)| cut) })
+}
+
+/// The sums over some stretches.
+fn some(joint: &JointSums, uses: &dyn Fn(usize) -> bool) -> JointSums {
+    let stretches = joint.stretches.iter().enumerate().filter(|(b, _)| uses(*b)).map(|(_, s)| s.clone()).collect();
+    JointSums { columns: joint.columns.clone(), stretches }
+}
+
+/// ‖τ - D x‖² over some stretches.
+fn squares(joint: &JointSums, uses: &dyn Fn(usize) -> bool, x: &[f64]) -> f64 {
+    let own: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
+    let of = |s: &Stretch| {
+        let bent: f64 = s.dd.chunks_exact(own.len().max(1)).zip(&own).map(|(row, x)| x * dot(row, &own)).sum();
+        (s.tt - 2.0 * dot(&s.dt, &own) + bent).max(0.0)
+    };
+    joint.stretches.iter().enumerate().filter(|(b, _)| uses(*b)).map(|(_, s)| of(s)).sum()
+}
