@@ -9,7 +9,7 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::evidence::{Belief, FOLDS};
+use crate::evidence::{Belief, FOLDS, Solved};
 use crate::form::Form;
 use crate::possible::{self, Impossible};
 use crate::residue::Residue;
@@ -43,15 +43,7 @@ pub(crate) fn at_flange(
     let Some(belief) = one_body(search, &candidate) else { return Some(None) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
-    let usual = search.design.background.std.clone();
-    for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
-        if matches!(parameter, Parameter::Link { .. }) {
-            search.design.background.std[at] *= HELD / search.scale;
-        }
-    }
-    let held = search.solved(search.scale);
-    search.design.background.std = usual;
-    let held = held?;
+    let held = links_held(search)?;
     let background = &search.design.background;
     let joints = search.noise.len();
     let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
@@ -83,6 +75,41 @@ pub(crate) fn at_flange(
     }
     let adoption = Adopted::new(search, &candidate, &selected.physics, gain)?;
     Some(Some((candidate, adoption)))
+}
+
+/// Whether one body at the flange leaves no joint more than `most` times what values of all links leave (root mean squares): then the two are
+/// not told apart, as where the arm has no link that a load would not be part of.
+pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>, most: f64) -> Option<bool> {
+    let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(false) };
+    let Some(belief) = one_body(search, &candidate) else { return Some(false) };
+    candidate.belief = belief;
+    let free = search.solved(search.scale)?;
+    let held = links_held(search)?;
+    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let c = added.c.as_slice();
+    let is_one = candidate.form.plausible(c)
+        && possible::of_payload(c, possible::reach(&search.nominal.model.arm)).is_none()
+        && added.log_evidence > held.log_evidence;
+    let background = &search.design.background;
+    let alike = |j: usize| {
+        let sum = |of: &dyn Fn(usize) -> Vec<f64>| (0..FOLDS).map(|f| of(f)[j]).sum::<f64>();
+        let links = sum(&|f| background.fold_errors(f, &free));
+        sum(&|f| background.fold_errors_with(&candidate.cells, &[], f, &added)) <= most * most * links
+    };
+    Some(is_one && (0..search.noise.len()).all(alike))
+}
+
+/// Solved with values of links held near the file's.
+fn links_held(search: &mut Search<'_>) -> Option<Solved> {
+    let usual = search.design.background.std.clone();
+    for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
+        if matches!(parameter, Parameter::Link { .. }) {
+            search.design.background.std[at] *= HELD / search.scale;
+        }
+    }
+    let held = search.solved(search.scale);
+    search.design.background.std = usual;
+    held
 }
 
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the

@@ -6,11 +6,14 @@
 
 use rivet_dynamics::Arm;
 
+use crate::body;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::possible;
+use crate::report::Diagnosis;
 use crate::search::Search;
-use crate::select::{Adopted, Rival};
+use crate::select::{Adopted, Rival, Selected};
+use crate::separate;
 
 /// What a body may leave of each joint's torque for it to explain as much: root mean square over that with the counterbalance.
 const ALIKE: f64 = 1.5;
@@ -27,6 +30,65 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
         }
     }
     Some(())
+}
+
+/// Log evidence that a counterbalance adds beside values that are free, from which on these may only imitate it. Where there is none it is
+/// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::select::LEAST_GAIN)).
+const DOUBT: f64 = 6.0;
+
+/// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
+pub(crate) struct Doubts {
+    /// By joint: a counterbalance there.
+    counterbalance: Vec<bool>,
+    /// One body at the flange.
+    payload: bool,
+}
+
+impl Doubts {
+    /// None where equations have no solution.
+    pub(crate) fn of(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
+        let free = search.solved(search.scale)?;
+        let mut counterbalance = Vec::new();
+        for joint in 0..search.noise.len() {
+            let candidate = search.candidate(Form::Counterweight { joint }, &selected.physics);
+            let gain = candidate.and_then(|candidate| {
+                let added = free.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+                Some(added.log_evidence - candidate.price() - free.log_evidence)
+            });
+            if let Some(gain) = gain.filter(|gain| *gain >= DOUBT) {
+                say(&format!("a counterbalance on joint {} beside free values: log evidence {gain:+.0}", joint + 1));
+            }
+            counterbalance.push(gain.is_some_and(|gain| gain >= DOUBT));
+        }
+        let payload = body::instead_of_links(search, selected, ALIKE)?;
+        Some(Doubts { counterbalance, payload })
+    }
+
+    /// What values of these links, of an arm of so many joints, are not told from.
+    pub(crate) fn of_links(&self, links: &[usize]) -> Vec<Effect> {
+        let mut found = Vec::new();
+        if links.iter().any(|link| self.counterbalance[*link]) {
+            found.push(Effect::Counterbalance);
+        }
+        if self.payload && links.contains(&(self.counterbalance.len() - 1)) {
+            found.push(Effect::Payload);
+        }
+        found
+    }
+}
+
+impl Diagnosis {
+    /// Says of wrong values of links what they are not told from.
+    pub(crate) fn links_are_not_told_from(&mut self, effects: &[Effect]) {
+        let told = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
+        let class: Vec<Effect> = effects.iter().filter(told).copied().collect();
+        for cause in self.causes.iter_mut().filter(|cause| cause.effect == Effect::LinkInertia) {
+            if cause.indistinguishable_from.is_empty() {
+                cause.separating_motion = separate::motion(cause.effect, &class).filter(|_| !class.is_empty());
+                cause.indistinguishable_from.clone_from(&class);
+            }
+        }
+    }
 }
 
 /// The body of link `joint` instead of a counterbalance there, where it explains as much and is one that can be; else nothing.

@@ -85,6 +85,12 @@ pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64
             let name = format!("gain of {}", nominal.model.arm.joints[joint].name);
             Some(Impossible { name, value: 1.0 / (1.0 + c[0]), unit: "" })
         }
+        // As they were adopted they had the right sign; what was fitted beside them since may have turned it.
+        Form::Stribeck { joint, .. } | Form::Load { joint, .. } | Form::Spring { joint, .. } if !form.plausible(c) => {
+            let name =
+                format!("{} of {}", form.effect().name().replace('_', " "), nominal.model.arm.joints[joint].name);
+            Some(Impossible { name, value: c[0], unit: "" })
+        }
         _ => place(form, n).and_then(at),
     }
 }

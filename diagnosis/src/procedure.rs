@@ -77,6 +77,7 @@ impl Procedure<'_> {
         }
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
+        let mut doubts = freed::Doubts::of(&mut search, &selected, say)?;
         let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
             let instead = instead::of(&mut search, &wrong, &selected, say);
@@ -87,6 +88,7 @@ impl Procedure<'_> {
             let taken = or_said(taken, "an effect in the place of wrong values", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
+            doubts = freed::Doubts::of(&mut search, &selected, say)?;
             wrong = values::wrong(&mut search, &selected.adopted)?;
             if taken.is_none() {
                 break;
@@ -140,6 +142,8 @@ impl Procedure<'_> {
             log,
         };
         let (mut report, mut upheld) = opened.diagnosis();
+        let links: Vec<usize> = groups.iter().filter(|g| g.effect == Effect::LinkInertia).map(|g| g.joint).collect();
+        report.links_are_not_told_from(&doubts.of_links(&links));
         let unheard = self.unheard(&report.log);
         let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.

@@ -250,7 +250,9 @@ impl<'a> Search<'a> {
             return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
         }
         for c in 0..count {
-            std[c] = self.free(columns, c)?;
+            // A planar arm feels some of a body only.
+            let unfelt = matches!(form, Form::Payload).then_some(FIXED);
+            std[c] = self.free(columns, c).or(unfelt)?;
         }
         Some(Belief { mean: DVector::zeros(count), std })
     }

@@ -3,7 +3,7 @@
 
 use nalgebra::DVector;
 
-use crate::effect::Effect;
+use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
 use crate::form::Form;
 use crate::possible::{self, Impossible};
@@ -68,6 +68,10 @@ impl Procedure<'_> {
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);
+        let missing = |cause: &Cause| cause.effect.kind() == Kind::Structure;
+        if named && matches!(report.verdict, Verdict::Effect | Verdict::Several) && !report.causes.iter().any(missing) {
+            report.verdict = Verdict::Unexplained;
+        }
         // Nothing else was the answer, and this is none.
         if named && report.causes.is_empty() && report.verdict == Verdict::Parameter {
             report.verdict = Verdict::Unexplained;
