@@ -146,21 +146,6 @@ pub(crate) fn constant(
     Ok(told.into_iter().enumerate().filter_map(matters).collect())
 }
 
-/// Fewer rows than parameters, whatever the residual.
-pub(crate) fn few(rows: &[Rows], parameters: usize) -> Option<Distrust> {
-    let joints = rows.first().map_or(0, |r| r.left_out.len());
-    let count: usize = rows.iter().map(|r| (0..joints).map(|j| r.count(j)).sum::<usize>()).sum();
-    (count < parameters).then(|| Distrust {
-        log: None,
-        joint: None,
-        name: "few_rows",
-        text: format!(
-            "{count} rows of torque for {parameters} parameters: almost nothing moves here, values are those of the robot file or \
-             anything that fits these rows"
-        ),
-    })
-}
-
 /// Joints that do not move in any log.
 pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
     let of = |j: &usize| Distrust {

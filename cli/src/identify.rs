@@ -231,6 +231,7 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
     let Taken { runs, mut rows, contents, mut distrusts } = read_rows(robot, logs)?;
+    enough(robot, &rows, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     // Before a column is taken out that the robot file has a value for.
     let whole =
@@ -270,7 +271,6 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     for (path, joints) in unfollowed_of(&runs) {
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
-    distrusts.extend(doubts::few(&rows, robot.base.len()));
     distrusts.extend(doubts::still(robot, &still));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
@@ -309,6 +309,21 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         contents,
         distrusts,
     })
+}
+
+/// Refuses fewer rows than parameters: whatever solves them leaves nothing, and means nothing.
+fn enough(robot: &Robot, rows: &[Rows], logs: &[PathBuf]) -> Result<()> {
+    let count: usize = rows.iter().map(|r| (0..robot.dof()).map(|j| r.count(j)).sum::<usize>()).sum();
+    if count >= robot.base.len() {
+        return Ok(());
+    }
+    let names: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    Err(Fault::Data(format!(
+        "{}: {count} rows of torque in motion for {} parameters: almost nothing moves, so nothing is learnt",
+        names.join(", "),
+        robot.base.len()
+    ))
+    .into())
 }
 
 /// Joints (from 0) that do not move in any of the rows.

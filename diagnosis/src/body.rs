@@ -69,7 +69,7 @@ pub(crate) fn at_flange(
     if !stands {
         return Some(None);
     }
-    *impossible = possible::of_payload(added.c.as_slice(), possible::reach(&search.nominal.model.arm));
+    *impossible = possible::of_payload(added.c.as_slice(), &search.nominal.model.arm);
     if impossible.is_some() {
         return Some(None);
     }
@@ -77,8 +77,8 @@ pub(crate) fn at_flange(
     Some(Some((candidate, adoption)))
 }
 
-/// Whether one body at the flange leaves no joint more than `most` times what values of all links leave (root mean squares): then the two are
-/// not told apart, as where the arm has no link that a load would not be part of.
+/// Whether one body at the flange leaves no joint more than `most` times what values of all links leave (root mean squares), and has the evidence:
+/// then the two are not told apart, as where the arm has no link that a load would not be part of.
 pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>, most: f64) -> Option<bool> {
     let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(false) };
     let Some(belief) = one_body(search, &candidate) else { return Some(false) };
@@ -88,8 +88,8 @@ pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>,
     let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let c = added.c.as_slice();
     let is_one = candidate.form.plausible(c)
-        && possible::of_payload(c, possible::reach(&search.nominal.model.arm)).is_none()
-        && added.log_evidence > held.log_evidence;
+        && possible::of_payload(c, &search.nominal.model.arm).is_none()
+        && added.log_evidence > free.log_evidence;
     let background = &search.design.background;
     let alike = |j: usize| {
         let sum = |of: &dyn Fn(usize) -> Vec<f64>| (0..FOLDS).map(|f| of(f)[j]).sum::<f64>();

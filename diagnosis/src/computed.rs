@@ -114,7 +114,7 @@ pub(crate) fn flange_body<'a>(arm: &Arm, runs: impl IntoIterator<Item = &'a Run>
     }
     let x = normal.cholesky()?.solve(&moment);
     let body = FlangeBody { mass: x[0], centre: [1, 2, 3].map(|k| x[k] / x[0]), takes: x.dot(&moment) / missed };
-    let possible = possible::of_payload(x.as_slice(), possible::reach(arm)).is_none();
+    let possible = possible::of_payload(x.as_slice(), arm).is_none();
     (possible && body.takes >= MOSTLY).then_some(body)
 }
 

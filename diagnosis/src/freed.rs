@@ -36,6 +36,9 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
 /// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::select::LEAST_GAIN)).
 const DOUBT: f64 = 6.0;
 
+/// What one body at the flange may leave of each joint's torque for it to explain as much as all links: it is one of them.
+const AS_WELL: f64 = 1.1;
+
 /// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
 pub(crate) struct Doubts {
     /// By joint: a counterbalance there.
@@ -60,7 +63,7 @@ impl Doubts {
             }
             counterbalance.push(gain.is_some_and(|gain| gain >= DOUBT));
         }
-        let payload = body::instead_of_links(search, selected, ALIKE)?;
+        let payload = body::instead_of_links(search, selected, AS_WELL)?;
         Some(Doubts { counterbalance, payload })
     }
 

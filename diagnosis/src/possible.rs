@@ -79,7 +79,7 @@ pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64
     let n = nominal.model.arm.dof();
     let at = |at: usize| of_value(at, nominal, standard);
     match *form {
-        Form::Payload => of_payload(c, reach(&nominal.model.arm)),
+        Form::Payload => of_payload(c, &nominal.model.arm),
         Form::LinkScale { link } => (10 * link..10 * link + 10).find_map(at),
         Form::Gain { joint } if 1.0 + c[0] <= 0.0 => {
             let name = format!("gain of {}", nominal.model.arm.joints[joint].name);
@@ -105,13 +105,19 @@ pub(crate) fn place(form: &Form, joints: usize) -> Option<usize> {
     }
 }
 
-/// A body at the flange of an arm that reaches so far \[m\].
-pub(crate) fn of_payload(c: &[f64], reach: f64) -> Option<Impossible> {
-    let far = c[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / c[0].abs();
+/// A body at the flange of an arm. Where the flange is the model does not say: about as far beyond the last link's centre as that is beyond its
+/// joint.
+pub(crate) fn of_payload(c: &[f64], arm: &Arm) -> Option<Impossible> {
+    let far =
+        |body: &[f64]| body[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / body[0].abs().max(f64::MIN_POSITIVE);
     let named = |name: &str, value, unit| Some(Impossible { name: name.to_owned(), value, unit });
+    let reach = reach(arm);
+    let flange = arm.links.last().map_or(0.0, |link| 2.0 * far(link));
     match () {
         () if c[0] <= 0.0 => named("mass at the flange", c[0], "kg"),
-        () if reach > 0.0 && far > FAR * reach => named("distance of the load from the flange", far, "m"),
+        () if reach > 0.0 && far(c) > FAR * reach + flange => {
+            named("distance of the load from the flange", far(c), "m")
+        }
         () => None,
     }
 }
@@ -173,8 +179,8 @@ mod tests {
         assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");
         // A third of a kilogram a hand's breadth off the flange, then further off than the arm is long.
         let body = |x: f64| [0.3, 0.3 * x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(of_payload(&body(0.1), 0.8), None);
-        assert!(of_payload(&body(0.9), 0.8).is_some_and(|what| what.unit == "m"));
-        assert!(of_payload(&body(0.1).map(|v| -v), 0.8).is_some_and(|what| what.unit == "kg"));
+        assert_eq!(of_payload(&body(0.1), &nominal.model.arm), None);
+        assert!(of_payload(&body(2.0), &nominal.model.arm).is_some_and(|what| what.unit == "m"));
+        assert!(of_payload(&body(0.1).map(|v| -v), &nominal.model.arm).is_some_and(|what| what.unit == "kg"));
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_logs::{Log, ReadOptions, read};
-use rivet_tests::altered::{Random, result, robot_with, said, with_torque_times, written};
+use rivet_tests::altered::{Random, result, said, with_torque_times, written};
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
@@ -62,6 +62,10 @@ fn parameters(found: &Value, end: &str) -> Vec<[f64; 3]> {
     let all = found["parameters"].as_array().expect("a list").iter();
     let these = all.filter(|p| p["name"].as_str().is_some_and(|name| name.ends_with(end)));
     these.map(|p| [number(p, "value"), number(p, "std"), number(p, "nominal")]).collect()
+}
+
+fn names(found: &Value) -> impl Iterator<Item = &str> {
+    found["parameters"].as_array().expect("a list").iter().filter_map(|p| p["name"].as_str())
 }
 
 /// The prior holds a zero near zero, that leaves a slow residual, which counts for little: the prior had the last word, with small
@@ -260,22 +264,28 @@ fn a_constant_torque_that_the_model_has_not_is_said() {
     assert_eq!(told(&log, with.path()), []);
 }
 
-/// Zeros in the file and little motion: weighed by the colour of what the prior keeps, values ran away to 1e18. Two rows tell next to
-/// nothing, and it is said.
+/// A push of an arm at rest: two rows are explained by anything, which came out with values of up to 1e18.
 #[test]
-fn what_a_push_does_not_tell_stays_near_the_file() {
+fn a_log_in_which_next_to_nothing_moves_is_refused() {
     let Some(log) = shared("data/real/ur10e_innopolis/20_01_22-push_pose_1.parquet") else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    let text = std::fs::read_to_string(robot("ur10e")).expect("readable");
-    let coulomb = text.lines().find(|line| line.starts_with("coulomb")).expect("friction");
-    let file = robot_with("ur10e", folder.path(), coulomb, WITHOUT);
-    let (text, found) = result(rivet().arg("identify").arg(file).arg(log), folder.path());
-    assert!(text.contains("2 rows of torque for 58 parameters"), "{text}");
-    for [value, std, nominal] in parameters(&found, "") {
-        assert!((value - nominal).abs() < (3.0 * std).min(1e3), "{value} +- {std}, {nominal} in the file");
-    }
-    for joint in found["joints"].as_array().expect("joints") {
-        let left = joint["residual_percent"]["instrumental"].as_f64();
-        assert!(left.is_none_or(|left| left < 100.0), "{joint}");
+    let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(log));
+    assert!(code == Some(65) && text.contains("2 rows of torque in motion for 58 parameters"), "{code:?} {text}");
+}
+
+/// Where one joint moves, most columns are next to nothing: the values that make them as large as the torque are those of no body (up to
+/// 7e4 kg m2, decided by the data).
+#[test]
+fn what_one_joint_does_not_tell_is_of_a_body_that_can_be() {
+    for joint in [1, 4] {
+        let Some(log) = shared(&format!("data/real/ur10e_innopolis/20_01_22-joint_{joint}.parquet")) else { return };
+        let folder = tempfile::tempdir().expect("a folder");
+        let (_, found) = result(rivet().arg("identify").arg(robot("ur10e")).arg(log), folder.path());
+        for (name, [value, std, nominal]) in names(&found).zip(parameters(&found, "")) {
+            let of_body = name.starts_with('l');
+            assert!(
+                !of_body || (value - nominal).abs() < 100.0 && std < 1000.0,
+                "{name} {value} +- {std} for {nominal}"
+            );
+        }
     }
 }

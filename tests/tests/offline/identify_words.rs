@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rivet_logs::{ReadOptions, read};
 use rivet_tests::altered::{Random, changed, result, robot_with, said, sound, written};
 use rivet_tests::{rivet, robot, shared};
 
@@ -292,4 +293,79 @@ fn a_second_encoder_is_told_where_it_sees_another_motion_and_missed_where_it_is_
             && found["joints"][0]["residual_percent"]["least_squares"].is_number(),
         "{text}"
     );
+}
+
+/// Coulomb friction and an offset are one value of a joint that turns one way: the offset took it all (3.7 +- 0.5 N m for 0).
+#[test]
+fn an_offset_of_a_joint_that_turns_one_way_stays_as_in_the_file() {
+    let Some(path) = shared("data/real/ur10e_innopolis/20_02_10-20sec_7harm.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = sound("ur10e", &path);
+    // Of the elbow, the rows in which it goes forth alone; the rest of the log is cut out, so that nothing else is changed.
+    let forth = |k: usize| k + 1 < log.len() && log.q[2][k + 1] > log.q[2][k];
+    let longest = (0..log.len()).fold((0..0, 0), |(best, from): (std::ops::Range<usize>, usize), k| match forth(k) {
+        true if k + 1 - from > best.len() => (from..k + 1, from),
+        true => (best, from),
+        false => (best, k + 1),
+    });
+    let part = log.slice(longest.0);
+    let tau = part.torque().expect("torque").clone();
+    let (text, found) =
+        result(rivet().arg("identify").arg(robot("ur10e")).arg(written(&part, &tau, folder.path())), folder.path());
+    let warnings = found["warnings"].as_array().expect("a list").iter();
+    let joints: Vec<&str> =
+        warnings.filter(|w| w["fault"] == "turns_one_way").filter_map(|w| w["joint"].as_str()).collect();
+    assert!(joints.contains(&"elbow_joint"), "{text}");
+    let offset = found["parameters"].as_array().expect("a list").iter().find(|p| p["name"] == "j3.offset");
+    let offset = offset.expect("the elbow has one");
+    assert!(offset["value"] == 0.0 && offset["decided_by"] == "bound" && offset["std"].is_null(), "{offset}");
+}
+
+/// A plan that comes every 10 ms, logged at 1 kHz: lags were off by up to 60 ms, and what is left of the torque was five times as much.
+#[test]
+fn a_plan_that_is_held_is_drawn_anew_and_said() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = read(&case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
+    let tau = log.torque().expect("torque").clone();
+    let mut lags = |every: usize| -> (Vec<f64>, bool) {
+        let mut held = log.clone();
+        for plan in held.q_des.as_mut().expect("a plan") {
+            *plan = (0..plan.len()).map(|k| plan[k / every * every]).collect();
+        }
+        let path = written(&held, &tau, folder.path());
+        let (text, found) = result(rivet().arg("identify").arg(case.join("robot.toml")).arg(path), folder.path());
+        let lags = found["logs"][0]["instruments"]["lag_s"].as_array().expect("lags").iter();
+        (
+            lags.map(|lag| lag.as_f64().expect("a number")).collect(),
+            text.contains("the desired motion is held, 10 rows"),
+        )
+    };
+    let ((exact, no), (held, said)) = (lags(1), lags(10));
+    assert!(said && !no);
+    for (held, exact) in held.iter().zip(&exact) {
+        assert!((held - exact).abs() < 3e-4, "{held} s for {exact}");
+    }
+}
+
+/// A load is picked up half-way: one fit of both halves is of neither arm, with deviations so large that nothing contradicts it.
+#[test]
+fn an_arm_that_changes_half_way_is_said() {
+    let [Some(without), Some(with)] = ["20_02_19_14harm50sec", "20_02_19_14harm50secLoad"]
+        .map(|name| shared(&format!("data/real/ur10e_innopolis/{name}.parquet")))
+    else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let faults = |logs: &[&Path]| -> Vec<String> {
+        let (_, found) = result(rivet().arg("identify").arg(robot("ur10e")).args(logs), folder.path());
+        let all = found["warnings"].as_array().expect("a list").iter();
+        all.filter_map(|w| w["fault"].as_str().map(str::to_owned)).collect()
+    };
+    for one in [&without, &with] {
+        let found = faults(&[one]);
+        assert!(!found.contains(&"arm_changes".to_owned()), "{found:?}");
+    }
+    let both = faults(&[&without, &with]);
+    assert!(both.contains(&"arm_changes".to_owned()), "{both:?}");
 }

@@ -1,13 +1,13 @@
 //! Logs of sound arms with one thing of all joints wrong: a joint's zero, gravity taken out of the torque, joints in each other's place, channels
 //! of noise, torque that is held. Each was called by the name of an effect that looks like it, most with 0.95 and more.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use std::path::Path;
 
 use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
-use rivet_logs::{Log, ReadOptions, read};
+use rivet_logs::{Log, ReadOptions, read, write_columns};
 use rivet_tests::altered::{Random, answer, written};
-use rivet_tests::{rivet, shared};
+use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
 /// What is said of a case with both logs changed, positions and torques: exit code, text, document.
@@ -238,6 +238,72 @@ fn a_counterbalance_that_may_be_a_body_is_a_class_with_it() {
     };
     let list = found["causes"].as_array().expect("causes");
     assert!(!list.is_empty() && list.iter().all(holds_it), "{text}");
+}
+
+/// What a weight of 20 N m pulls is within what values of three links may be off: they alone were told, and nothing else was thought of.
+#[test]
+fn wrong_values_that_may_be_a_counterbalance_are_a_class_with_it() {
+    let Some(sound) = shared("data/practice-wrong-nominal/case-15") else { return };
+    let classes = |torque: f64| {
+        let (_, text, found) = told(&sound, |log, tau| {
+            tau[1].iter_mut().zip(&log.q[1]).for_each(|(tau, q)| *tau += torque * (q - 0.3).sin());
+        });
+        let list = found["causes"].as_array().expect("causes").iter();
+        let links = list.filter(|c| c["effect"] == "link_inertia");
+        (links.map(|c| c["indistinguishable_from"].clone()).collect::<Vec<Value>>(), text)
+    };
+    let (none, text) = classes(0.0);
+    assert!(none.iter().all(|class| class == &Value::from(Vec::<Value>::new())), "{text}");
+    let (with, text) = classes(20.0);
+    assert_eq!(with, [Value::from(vec!["counterbalance"])], "{text}");
+}
+
+/// On a planar arm a load at the flange is the last link's, and what it has no column for is not felt: it was not thought of there.
+#[test]
+fn a_load_on_a_planar_arm_is_a_class_with_its_last_link() {
+    let robot = rivet_config::load(robot("dd2")).expect("a sound robot file");
+    let (arm, drive) = (&robot.model.arm, &robot.config.friction);
+    let mut links = arm.links.clone();
+    // 1.5 kg, 0.3 m from the second joint.
+    for (at, more) in [1.5, 1.5 * 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5 * 0.09, 0.0, 1.5 * 0.09].into_iter().enumerate() {
+        links[1][at] += more;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mut random, mut ws) = (Random(5), Workspace::new(arm));
+    let mut command = rivet();
+    command.arg("diagnose").arg(&robot.config.path);
+    for (name, waves) in [("log-a", [0.31, 0.83]), ("log-b", [0.43, 0.71])] {
+        let mut columns: Vec<(String, Vec<f64>)> =
+            ["t", "q1", "q2", "tau1", "tau2"].map(|name| (name.to_owned(), Vec::new())).to_vec();
+        for k in 0..15_000 {
+            let t = 2e-3 * f64::from(k);
+            // Angle, speed and acceleration of two sines a joint.
+            let of = |j: usize| {
+                let (a, b) = (TAU * waves[j], TAU * (waves[j] + 0.37 + 0.2 * j as f64));
+                let (x, y) = ((a * t).sin_cos(), (b * t + 1.0).sin_cos());
+                [0.7 * x.0 + 0.3 * y.0, 0.7 * a * x.1 + 0.3 * b * y.1, -0.7 * a * a * x.0 - 0.3 * b * b * y.0]
+            };
+            let [first, second] = [of(0), of(1)];
+            let [q, qd, qdd] = [0, 1, 2].map(|of| [first[of], second[of]]);
+            let mut tau = [0.0; 2];
+            inverse_dynamics(arm, &links, &mut ws, &q, &qd, &qdd, &mut tau);
+            columns[0].1.push(t);
+            for j in 0..2 {
+                let friction = drive.viscous[j] * qd[j] + drive.coulomb[j] * (qd[j] / 0.004).tanh();
+                columns[1 + j].1.push(q[j] + 1e-6 * random.normal());
+                columns[3 + j].1.push(tau[j] + friction + [0.1, 0.02][j] * random.normal());
+            }
+        }
+        let path = folder.path().join(name).with_extension("parquet");
+        let columns: Vec<(String, &[f64])> = columns.iter().map(|(name, of)| (name.clone(), &of[..])).collect();
+        write_columns(&path, &columns).expect("written");
+        command.arg(path);
+    }
+    let (_, text, found) = answer(&mut command, folder.path());
+    let list = found["causes"].as_array().expect("causes");
+    let is = |effect: &Value| effect == "payload";
+    let holds = |c: &Value| is(&c["effect"]) || c["indistinguishable_from"].as_array().expect("a list").iter().any(is);
+    assert!(list.len() == 1 && holds(&list[0]), "{text}");
 }
 
 /// A load of twice what the arm may carry was another unit of torque of the elbow.
