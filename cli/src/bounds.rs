@@ -65,7 +65,9 @@ impl Bounded {
             }
         }
         let offsets = left.columns();
-        rows.iter_mut().for_each(|rows| rows.take_out(&offsets));
+        for rows in rows.iter_mut() {
+            rows.take_out(&offsets);
+        }
         if !robot.model.structure.load_friction {
             return Ok(left);
         }

@@ -326,9 +326,9 @@ fn an_offset_of_a_joint_that_turns_one_way_stays_as_in_the_file() {
 fn a_plan_that_is_held_is_drawn_anew_and_said() {
     let Some(case) = shared("data/practice/case-24") else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let log = read(&case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
     let tau = log.torque().expect("torque").clone();
-    let mut lags = |every: usize| -> (Vec<f64>, bool) {
+    let lags = |every: usize| -> (Vec<f64>, bool) {
         let mut held = log.clone();
         for plan in held.q_des.as_mut().expect("a plan") {
             *plan = (0..plan.len()).map(|k| plan[k / every * every]).collect();
