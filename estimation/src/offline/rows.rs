@@ -265,9 +265,10 @@ impl Rows {
     }
 }
 
-/// What a parameter of a body is at most: of one as heavy as the arm with a load of its own weight, as far away as the arm reaches.
+/// What a parameter of a body is at most: of one twenty times as heavy as the arm, as far away as it reaches. No body is, and a bound that is
+/// tighter would tell what the rows do not, such as a delay.
 fn most(model: &Model, base: &BaseSet) -> Arc<[f64]> {
-    let mass = 2.0 * model.arm.links.iter().map(|link| link[0]).sum::<f64>();
+    let mass = 20.0 * model.arm.links.iter().map(|link| link[0]).sum::<f64>();
     let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
     let far = model.arm.joints.iter().map(|joint| length(joint.translation)).sum::<f64>();
     let known = mass > 0.0 && far > 0.0;
