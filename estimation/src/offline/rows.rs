@@ -272,11 +272,17 @@ fn most(model: &Model, base: &BaseSet) -> Arc<[f64]> {
     let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
     let far = model.arm.joints.iter().map(|joint| length(joint.translation)).sum::<f64>();
     let known = mass > 0.0 && far > 0.0;
-    let of = |i: usize| match base.parameter(model, i) {
+    let own = |parameter: Parameter| match parameter {
         Parameter::Link { entry: 0, .. } if known => mass,
         Parameter::Link { entry: 1..=3, .. } if known => mass * far,
         Parameter::Link { .. } if known => mass * far * far,
         _ => f64::INFINITY,
+    };
+    // What was regrouped into it may have a large factor, as where two axes all but meet.
+    let of = |i: usize| {
+        let more = base.regrouping(i).into_iter().map(|(k, factor)| (model.parameters[k], factor.abs()));
+        let more = more.filter(|(_, factor)| *factor > 0.0).map(|(parameter, factor)| factor * own(parameter));
+        own(base.parameter(model, i)) + more.sum::<f64>()
     };
     (0..base.len()).map(of).collect()
 }
