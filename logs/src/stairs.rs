@@ -21,6 +21,8 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 const RARE: usize = 100;
 /// A signal is held with the positions if it repeats in so many of the rows in which they do.
 const TOGETHER: f64 = 0.9;
+/// A plan that comes less often than this \[s\] is one that stands between moves.
+const SLOWEST_PLAN_S: f64 = 0.1;
 /// Samples further apart than so many times those in the middle say nothing of the curve between those.
 const UNEVEN: f64 = 4.0;
 
@@ -93,7 +95,8 @@ impl Log {
     pub fn without_plan_stairs(&self, left_out: &[usize], least_s: f64) -> Option<(Log, Vec<Option<usize>>)> {
         let step = self.median_step_s();
         let found = |q: &Vec<f64>| {
-            let (stairs, longest) = stairs(q).filter(|(_, longest)| *longest as f64 * step > least_s)?;
+            let held = |longest: usize| longest as f64 * step > least_s && longest as f64 * step <= SLOWEST_PLAN_S;
+            let (stairs, longest) = stairs(q).filter(|(_, longest)| held(*longest))?;
             Some((stairs.rows, parted(runs(q, 2 * longest), stairs.rows, longest)))
         };
         let found: Vec<_> = self.q_des.as_ref()?.par_iter().map(found).collect();
