@@ -9,6 +9,7 @@ use rivet_dynamics::Arm;
 use crate::body;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::motions::Class;
 use crate::possible;
 use crate::report::Diagnosis;
 use crate::search::Search;
@@ -41,8 +42,8 @@ const AS_WELL: f64 = 1.1;
 
 /// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
 pub(crate) struct Doubts {
-    /// By joint: a counterbalance there.
-    counterbalance: Vec<bool>,
+    /// By joint: a counterbalance there, with its coefficients.
+    counterbalance: Vec<Option<(Form, Vec<f64>)>>,
     /// One body at the flange.
     payload: bool,
 }
@@ -53,24 +54,35 @@ impl Doubts {
         let free = search.solved(search.scale)?;
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
-            let candidate = search.candidate(Form::Counterweight { joint }, &selected.physics);
-            let gain = candidate.and_then(|candidate| {
-                let added = free.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
-                Some(added.log_evidence - candidate.price() - free.log_evidence)
-            });
-            if let Some(gain) = gain.filter(|gain| *gain >= DOUBT) {
+            let form = Form::Counterweight { joint };
+            let added = match search.candidate(form.clone(), &selected.physics) {
+                Some(candidate) => free.add(&candidate.cells, &candidate.belief, &search.weights, |_| true),
+                None => None,
+            };
+            let added = added.filter(|added| added.log_evidence - free.log_evidence >= DOUBT);
+            if let Some(added) = &added {
+                let gain = added.log_evidence - free.log_evidence;
                 say(&format!("a counterbalance on joint {} beside free values: log evidence {gain:+.0}", joint + 1));
             }
-            counterbalance.push(gain.is_some_and(|gain| gain >= DOUBT));
+            counterbalance.push(added.map(|added| (form, added.c.as_slice().to_vec())));
         }
         let payload = body::instead_of_links(search, selected, AS_WELL)?;
         Some(Doubts { counterbalance, payload })
     }
 
+    /// The counterbalances that values of these links may be, each with its coefficients and what it is told from.
+    pub(crate) fn classes(&self, links: &[usize]) -> impl Iterator<Item = Class<'_>> {
+        links.iter().filter_map(|link| {
+            let (form, coefficients) = self.counterbalance[*link].as_ref()?;
+            let rivals = vec![Form::LinkScale { link: *link }];
+            Some(Class { form, coefficients: coefficients.clone(), rivals })
+        })
+    }
+
     /// What values of these links, of an arm of so many joints, are not told from.
     pub(crate) fn of_links(&self, links: &[usize]) -> Vec<Effect> {
         let mut found = Vec::new();
-        if links.iter().any(|link| self.counterbalance[*link]) {
+        if links.iter().any(|link| self.counterbalance[*link].is_some()) {
             found.push(Effect::Counterbalance);
         }
         if self.payload && links.contains(&(self.counterbalance.len() - 1)) {
@@ -81,6 +93,11 @@ impl Doubts {
 }
 
 impl Diagnosis {
+    /// Whether values of links stand that are not told from this effect.
+    pub(crate) fn links_may_be(&self, effect: Effect) -> bool {
+        self.causes.iter().any(|c| c.effect == Effect::LinkInertia && c.indistinguishable_from.contains(&effect))
+    }
+
     /// Says of wrong values of links what they are not told from.
     pub(crate) fn links_are_not_told_from(&mut self, effects: &[Effect]) {
         let told = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);

@@ -106,6 +106,8 @@ enum Plan {
     Chirp,
     /// The whole range once slowly and once at twice the speed.
     Range,
+    /// Fast moves over the whole range, while the joint before turns as well.
+    Fast,
 }
 
 impl Plan {
@@ -118,10 +120,19 @@ impl Plan {
             Plan::Reversals => "reversals from tiny to large",
             Plan::Chirp => "a chirp from 0.5 to 12 Hz",
             Plan::Range => "the whole range forth and back, slowly, then at twice the speed",
+            Plan::Fast => "fast moves over the whole range, while the joint before turns,",
         }
     }
 
-    /// Speeds over time of the one joint that moves, from rest to rest \[rad/s\]: `low..high` is its range, `start` where it
+    /// The plans that tell this class. Its own link as a rival is asked as a scale of what the file has, which any motion refutes; as a
+    /// body that is free it pulls like a counterbalance at rest and in slow moves, and only its inertia tells.
+    fn of(class: &Class<'_>) -> &'static [Plan] {
+        let is = |effect: Effect| move |form: &Form| form.effect() == effect;
+        let has = |effect: Effect| is(effect)(class.form) || class.rivals.iter().any(is(effect));
+        if has(Effect::Counterbalance) && has(Effect::LinkInertia) { &[Plan::Fast] } else { &Plan::ALL }
+    }
+
+    /// Speeds over time of a joint that moves, from rest to rest \[rad/s\]: `low..high` is its range, `start` where it
     /// begins, `top` its speed limit.
     fn speeds(self, (low, high): (f64, f64), start: f64, top: f64, dt: f64) -> Vec<f64> {
         let mut v = Vec::new();
@@ -178,6 +189,14 @@ impl Plan {
                     cruise(&mut v, start - low, 0.3 * top, dt);
                 }
             }
+            Plan::Fast => {
+                cruise(&mut v, low - start, 0.5 * top, dt);
+                for _ in 0..8 {
+                    cruise(&mut v, range, top, dt);
+                    cruise(&mut v, -range, top, dt);
+                }
+                cruise(&mut v, start - low, 0.5 * top, dt);
+            }
         }
         v
     }
@@ -225,30 +244,39 @@ fn setpoints(
     extent: Extent,
     dt: f64,
 ) -> [Vec<Vec<f64>>; 3] {
-    let (low, high) = bounds.position[joint];
-    let reach = extent.reach * FURTHEST;
-    let (low, high) = (low.max(home[joint] - reach), high.min(home[joint] + reach));
-    let mut v = Vec::new();
-    rest(&mut v, 0.5, dt);
-    v.extend(plan.speeds((low, high), home[joint], extent.speed * bounds.velocity[joint], dt));
-    rest(&mut v, 0.5, dt);
-    let still = |value: f64| vec![value; v.len()];
+    let speeds = |joint: usize| {
+        let (low, high) = bounds.position[joint];
+        let reach = extent.reach * FURTHEST;
+        let (low, high) = (low.max(home[joint] - reach), high.min(home[joint] + reach));
+        let mut v = Vec::new();
+        rest(&mut v, 0.5, dt);
+        v.extend(plan.speeds((low, high), home[joint], extent.speed * bounds.velocity[joint], dt));
+        rest(&mut v, 0.5, dt);
+        v
+    };
+    let moves = |other: usize| other == joint || plan == Plan::Fast && other + 1 == joint;
+    let all: Vec<Vec<f64>> = (0..home.len()).map(|j| if moves(j) { speeds(j) } else { Vec::new() }).collect();
+    let samples = all.iter().map(Vec::len).max().unwrap_or(0);
+    let still = |value: f64| vec![value; samples];
     let mut q: Vec<Vec<f64>> = home.iter().map(|h| still(*h)).collect();
     let mut qd: Vec<Vec<f64>> = home.iter().map(|_| still(0.0)).collect();
     let mut qdd = qd.clone();
-    let mut at = home[joint];
-    for k in 0..v.len() {
-        let before = if k > 0 { v[k - 1] } else { 0.0 };
-        at += dt * 0.5 * (v[k] + before);
-        q[joint][k] = at;
-        qd[joint][k] = v[k];
-        let after = v.get(k + 1).copied().unwrap_or(0.0);
-        qdd[joint][k] = (after - before) / (2.0 * dt);
+    for (j, v) in all.iter().enumerate().filter(|(_, v)| !v.is_empty()) {
+        let mut at = home[j];
+        for k in 0..samples {
+            let speed = |k: usize| v.get(k).copied().unwrap_or(0.0);
+            let before = if k > 0 { speed(k - 1) } else { 0.0 };
+            at += dt * 0.5 * (speed(k) + before);
+            q[j][k] = at;
+            qd[j][k] = speed(k);
+            qdd[j][k] = (speed(k + 1) - before) / (2.0 * dt);
+        }
     }
     [q, qd, qdd]
 }
 
 /// A class: what was chosen with its coefficients, and its rivals' forms.
+#[derive(Clone)]
 pub(crate) struct Class<'a> {
     pub(crate) form: &'a Form,
     pub(crate) coefficients: Vec<f64>,
@@ -281,7 +309,9 @@ pub(crate) fn best(
     let logs: Vec<(&Record, &Physics<'_>)> = logs.iter().zip(&physics).collect();
     let duels = duels(class, &logs, deviations)?;
     let mut found: Option<(f64, Plan, usize, Extent)> = None;
-    for (joint, plan) in movers(class, home.len()).into_iter().flat_map(|j| Plan::ALL.map(|plan| (j, plan))) {
+    for (joint, plan) in
+        movers(class, home.len()).into_iter().flat_map(|j| Plan::of(class).iter().map(move |plan| (j, *plan)))
+    {
         let Some(extent) = admissible(plan, joint, &home, bounds, model, x) else { continue };
         let [q, ..] = setpoints(plan, joint, &home, bounds, extent, COARSE_S);
         let tau = vec![vec![0.0; q[0].len()]; q.len()];
@@ -518,5 +548,36 @@ impl Duel {
             Some(sums.solve(form.coefficients())?.0)
         });
         Some(left.into_iter().flatten().reduce(f64::min)? - self.left)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The joint and the one before go to and fro within their bounds, and both end where and as they began.
+    #[test]
+    fn fast_moves_turn_the_joint_before_as_well() {
+        let bounds = MotionBounds {
+            position: vec![(-2.0, 2.0), (-1.0, 1.5), (-2.0, 2.0)],
+            velocity: vec![1.0, 1.5, 2.0],
+            torque: vec![1.0; 3],
+            period_s: 0.004,
+        };
+        let home = [0.3, 0.2, -0.4];
+        let extent = Extent { reach: 0.5, speed: 0.8 };
+        let [q, qd, _] = setpoints(Plan::Fast, 1, &home, &bounds, extent, 0.004);
+        for j in 0..3 {
+            let fastest = qd[j].iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            let far = q[j].iter().map(|q| (q - home[j]).abs()).fold(0.0, f64::max);
+            if j == 2 {
+                assert_eq!((fastest, far), (0.0, 0.0));
+                continue;
+            }
+            let top = 0.8 * bounds.velocity[j];
+            assert!((0.9 * top..1.02 * top).contains(&fastest) && far > 0.75 && far < 0.81, "{j}: {fastest} {far}");
+            let last = q[j].len() - 1;
+            assert!((q[j][last] - home[j]).abs() < 1e-9 && qd[j][last] == 0.0, "{}", q[j][last]);
+        }
     }
 }

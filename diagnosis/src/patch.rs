@@ -84,6 +84,8 @@ pub(crate) struct Found<'a> {
     pub(crate) timing: Vec<&'a Column>,
     /// Causes that stand.
     pub(crate) sized: &'a Sized,
+    /// Classes that values of the model stand in.
+    pub(crate) doubted: Vec<Class<'a>>,
     /// What the arm may do, for motions.
     pub(crate) bounds: &'a MotionBounds,
     /// Values that stay as given.
@@ -105,7 +107,7 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let mut gravity = nominal.model.arm.gravity;
     let mut effects: Vec<KnownEffect> = nominal.model.effects().list().to_vec();
     let mut left_out = Vec::new();
-    let mut classes: Vec<Class<'_>> = Vec::new();
+    let mut classes: Vec<Class<'_>> = found.doubted.clone();
     let temperature: Option<Vec<f64>> =
         runs.first().and_then(|r| r.run.temperature.as_ref()).map(|t| t.iter().map(|t| t[0]).collect());
     for adopted in upheld {

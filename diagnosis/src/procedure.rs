@@ -189,6 +189,11 @@ impl Procedure<'_> {
             timing: all().filter_map(|r| r.extra.first()).collect(),
             bounds,
             sized: &sized,
+            doubted: if report.links_may_be(Effect::Counterbalance) {
+                doubts.classes(&links).collect()
+            } else {
+                Vec::new()
+            },
             kept: self.kept(unheard, &unsure, &sized.named),
         };
         let patch = patch::make(&mut search, &wrong, &found);

@@ -265,7 +265,7 @@ fn a_load_on_a_planar_arm_is_a_class_with_its_last_link() {
     let (arm, drive) = (&robot.model.arm, &robot.config.friction);
     let mut links = arm.links.clone();
     // 1.5 kg, 0.3 m from the second joint.
-    for (at, more) in [1.5, 1.5 * 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5 * 0.09, 0.0, 1.5 * 0.09].into_iter().enumerate() {
+    for (at, more) in [1.5, 1.5 * 0.3, 0.0, 0.0, 0.0, 0.0, 1.5 * 0.09, 0.0, 0.0, 1.5 * 0.09].into_iter().enumerate() {
         links[1][at] += more;
     }
     let folder = tempfile::tempdir().expect("a folder");
