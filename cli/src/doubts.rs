@@ -58,15 +58,17 @@ pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[
 
 /// Two fits that leave so much of the squares of one, on some joint, are of two arms. Of measured runs in which nothing changed they leave 0.48
 /// and more; a load picked up, a gain or a temperature left 0.001 to 0.24.
-const OF_TWO: f64 = 0.35;
+const OF_TWO: f64 = 0.3;
 /// Values of one side leave so many times as much of the other as the fit of both where that side tells them; more where it does not, and
 /// then two fits leave little because they are free. Of a change in the middle it is 4.
 const TELLS_OTHER: f64 = 10.0;
 
-/// Whether the arm of the first rows is that of the last.
-pub(crate) fn changed(names: &[String], parts: &Parts) -> Option<Distrust> {
+/// Whether the arm of the first rows is that of the last; `said`: of joints, already.
+pub(crate) fn changed(names: &[String], parts: &Parts, said: &[Distrust]) -> Option<Distrust> {
     let cut = parts.cut.as_ref()?;
-    let is = |j: &usize| cut.left[*j] < OF_TWO && cut.across[*j] < TELLS_OTHER;
+    // Of a torque that is not believed anyway it is no news.
+    let news = |j: usize| !said.iter().any(|d| d.joint.as_ref() == Some(&names[j]));
+    let is = |j: &usize| cut.left[*j] < OF_TWO && cut.across[*j] < TELLS_OTHER && news(*j);
     let joints: Vec<&str> = (0..names.len()).filter(is).map(|j| names[j].as_str()).collect();
     let least = cut.left.iter().copied().fold(f64::INFINITY, f64::min);
     (!joints.is_empty()).then(|| Distrust {

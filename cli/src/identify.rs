@@ -280,7 +280,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         doubts::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
     distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
-    distrusts.extend(doubts::changed(&runs::joint_names(robot), &parts));
+    let changed = doubts::changed(&runs::joint_names(robot), &parts, &distrusts);
+    distrusts.extend(changed);
     if method(robot) == Method::Instrumental {
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));
     }

@@ -106,18 +106,17 @@ pub(crate) fn place(form: &Form, joints: usize) -> Option<usize> {
 }
 
 /// A body at the flange of an arm. Where the flange is the model does not say: about as far beyond the last link's centre as that is beyond its
-/// joint.
+/// joint, or as far as links of this arm are long.
 pub(crate) fn of_payload(c: &[f64], arm: &Arm) -> Option<Impossible> {
     let far =
         |body: &[f64]| body[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / body[0].abs().max(f64::MIN_POSITIVE);
     let named = |name: &str, value, unit| Some(Impossible { name: name.to_owned(), value, unit });
     let reach = reach(arm);
     let flange = arm.links.last().map_or(0.0, |link| 2.0 * far(link));
+    let most = (FAR * reach + flange).max(reach / arm.dof().saturating_sub(1).max(1) as f64);
     match () {
         () if c[0] <= 0.0 => named("mass at the flange", c[0], "kg"),
-        () if reach > 0.0 && far(c) > FAR * reach + flange => {
-            named("distance of the load from the flange", far(c), "m")
-        }
+        () if reach > 0.0 && far(c) > most => named("distance of the load from the flange", far(c), "m"),
         () => None,
     }
 }

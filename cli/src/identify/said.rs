@@ -91,8 +91,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     let delayed = result.runs.iter().any(|run| matches!(run.source, InstrumentSource::Delayed(_)));
     out += &evidence::online_text(robot, delayed);
     out += &evidence::distrust_text(&result.distrusts);
-    out +=
-        "\nresidual 100*|tau - D x|/|tau| on these rows; left out: on each quarter, by values found from the others\n";
+    out += "\nresidual 100*|tau - D x|/|tau| on these rows; left out: on quarters, by values of the others\n";
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "left out %", "noise N m", "rows a free row"]);
     for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
         // Of a joint that never moves nothing is known.
