@@ -1,4 +1,4 @@
-//! What a fit cannot have told, by what it leaves of the rows it was made of: too few of them, a constant, another arm half-way, torque
+//! What a fit cannot have told, by what it leaves of the rows it was made of: a constant, another arm half-way, torque
 //! that no value explains.
 
 use rivet_config::Robot;
@@ -69,8 +69,9 @@ pub(crate) fn changed(names: &[String], parts: &Parts, said: &[Distrust]) -> Opt
     // Of a torque that is not believed anyway it is no news.
     let news = |j: usize| !said.iter().any(|d| d.joint.as_ref() == Some(&names[j]));
     let is = |j: &usize| cut.left[*j] < OF_TWO && cut.across[*j] < TELLS_OTHER && news(*j);
-    let joints: Vec<&str> = (0..names.len()).filter(is).map(|j| names[j].as_str()).collect();
-    let least = cut.left.iter().copied().fold(f64::INFINITY, f64::min);
+    let two: Vec<usize> = (0..names.len()).filter(is).collect();
+    let joints: Vec<&str> = two.iter().map(|j| names[*j].as_str()).collect();
+    let least = two.iter().map(|j| cut.left[*j]).fold(f64::INFINITY, f64::min);
     (!joints.is_empty()).then(|| Distrust {
         log: None,
         joint: None,

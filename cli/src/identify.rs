@@ -263,7 +263,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
     );
     let (bias, delays) = (bias?, delays?);
-    let parts = parts(&equations, nominal, prior, chosen, method(robot))?;
+    let parts = parts(&equations, nominal, prior, chosen, method(robot));
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let held_out = held_out(robot, &chosen.values, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);

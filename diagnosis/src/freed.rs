@@ -41,6 +41,7 @@ const DOUBT: f64 = 6.0;
 const AS_WELL: f64 = 1.1;
 
 /// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
+#[derive(Default)]
 pub(crate) struct Doubts {
     /// By joint: a counterbalance there, with its coefficients.
     counterbalance: Vec<Option<(Form, Vec<f64>)>>,
@@ -55,10 +56,8 @@ impl Doubts {
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
             let form = Form::Counterweight { joint };
-            let added = match search.candidate(form.clone(), &selected.physics) {
-                Some(candidate) => free.add(&candidate.cells, &candidate.belief, &search.weights, |_| true),
-                None => None,
-            };
+            let candidate = search.candidate(form.clone(), &selected.physics);
+            let added = candidate.and_then(|c| free.add(&c.cells, &c.belief, &search.weights, |_| true));
             let added = added.filter(|added| added.log_evidence - free.log_evidence >= DOUBT);
             if let Some(added) = &added {
                 let gain = added.log_evidence - free.log_evidence;
@@ -70,22 +69,26 @@ impl Doubts {
         Some(Doubts { counterbalance, payload })
     }
 
+    fn there(&self, joint: usize) -> Option<&(Form, Vec<f64>)> {
+        self.counterbalance.get(joint)?.as_ref()
+    }
+
     /// The counterbalances that values of these links may be, each with its coefficients and what it is told from.
     pub(crate) fn classes(&self, links: &[usize]) -> impl Iterator<Item = Class<'_>> {
         links.iter().filter_map(|link| {
-            let (form, coefficients) = self.counterbalance[*link].as_ref()?;
+            let (form, coefficients) = self.there(*link)?;
             let rivals = vec![Form::LinkScale { link: *link }];
             Some(Class { form, coefficients: coefficients.clone(), rivals })
         })
     }
 
-    /// What values of these links, of an arm of so many joints, are not told from.
+    /// What values of these links are not told from.
     pub(crate) fn of_links(&self, links: &[usize]) -> Vec<Effect> {
         let mut found = Vec::new();
-        if links.iter().any(|link| self.counterbalance[*link].is_some()) {
+        if links.iter().any(|link| self.there(*link).is_some()) {
             found.push(Effect::Counterbalance);
         }
-        if self.payload && links.contains(&(self.counterbalance.len() - 1)) {
+        if self.payload && links.iter().any(|link| link + 1 == self.counterbalance.len()) {
             found.push(Effect::Payload);
         }
         found

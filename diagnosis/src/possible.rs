@@ -87,8 +87,7 @@ pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64
         }
         // As they were adopted they had the right sign; what was fitted beside them since may have turned it.
         Form::Stribeck { joint, .. } | Form::Load { joint, .. } | Form::Spring { joint, .. } if !form.plausible(c) => {
-            let name =
-                format!("{} of {}", form.effect().name().replace('_', " "), nominal.model.arm.joints[joint].name);
+            let name = format!("its size on {}", nominal.model.arm.joints[joint].name);
             Some(Impossible { name, value: c[0], unit: "" })
         }
         _ => place(form, n).and_then(at),
@@ -176,6 +175,9 @@ mod tests {
         );
         assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));
         assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");
+        let stribeck = Form::Stribeck { joint: 0, velocity: 0.1 };
+        assert_eq!(of_form(&stribeck, &[1.0], &nominal, &x), None);
+        assert!(of_form(&stribeck, &[-1.0], &nominal, &x).is_some_and(|what| what.value == -1.0));
         // A third of a kilogram a hand's breadth off the flange, then further off than the arm is long.
         let body = |x: f64| [0.3, 0.3 * x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(of_payload(&body(0.1), &nominal.model.arm), None);

@@ -77,7 +77,8 @@ impl Procedure<'_> {
         }
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
-        let mut doubts = freed::Doubts::of(&mut search, &selected, say)?;
+        let may_be = "whether wrong values of links are a counterbalance or a load";
+        let mut doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
         let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
             let instead = instead::of(&mut search, &wrong, &selected, say);
@@ -88,12 +89,13 @@ impl Procedure<'_> {
             let taken = or_said(taken, "an effect in the place of wrong values", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
-            doubts = freed::Doubts::of(&mut search, &selected, say)?;
+            doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
             wrong = values::wrong(&mut search, &selected.adopted)?;
             if taken.is_none() {
                 break;
             }
         }
+        let doubts = doubts.unwrap_or_default();
         let Selected { mut adopted, .. } = selected;
         let doubted = freed::doubt(&mut search, &mut adopted);
         or_said(doubted, "whether a counterbalance is a body whose centre lies elsewhere", &mut left_out);

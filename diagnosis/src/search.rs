@@ -250,8 +250,8 @@ impl<'a> Search<'a> {
             return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
         }
         for c in 0..count {
-            // A planar arm feels some of a body only.
-            let unfelt = matches!(form, Form::Payload).then_some(FIXED);
+            // A planar arm feels some of a body only; whatever is believed of the rest.
+            let unfelt = matches!(form, Form::Payload).then_some(1.0);
             std[c] = self.free(columns, c).or(unfelt)?;
         }
         Some(Belief { mean: DVector::zeros(count), std })

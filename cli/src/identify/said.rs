@@ -98,7 +98,8 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         let known = |text: String| if chosen.noise[j].is_nan() { "-".to_owned() } else { text };
         let percent = |k: usize| known(format!("{:.1}", result.residuals[k][j]));
         let (noise, correlation) = (known(number(chosen.noise[j], 3)), known(format!("{:.1}", chosen.correlation[j])));
-        let left_out = known(format!("{:.1}", result.parts.left_out[j]));
+        let left_out = result.parts.left_out[j];
+        let left_out = if left_out.is_nan() { "-".to_owned() } else { format!("{left_out:.1}") };
         table.row([name, percent(0), percent(1), percent(2), left_out, noise, correlation]);
     }
     out += &table.text();

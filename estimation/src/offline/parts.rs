@@ -4,7 +4,6 @@
 use nalgebra::DVector;
 
 use super::fit::{Fit, Method, Solution};
-use super::record::OfflineError;
 use super::sums::{Equations, JointSums, Normal, Stretch};
 use crate::linear::dot;
 
@@ -14,9 +13,10 @@ const PARTS: usize = 4;
 /// The rows in parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts {
-    /// Per joint: `100 ‖τ - D x‖ / ‖τ‖` of every part by values that were found from the others \[%\]; NaN of a joint that never moves.
+    /// Per joint: `100 ‖τ - D x‖ / ‖τ‖` of every part by values that were found from the others \[%\]; NaN of a joint that never moves, and
+    /// of all where the others leave no solution.
     pub left_out: Vec<f64>,
-    /// Where the rows are cut so that two fits, one a side, leave least beside one fit of all; none of a few rows.
+    /// Where the rows are cut so that two fits, one a side, leave least beside one fit of all; none where a side leaves no solution.
     pub cut: Option<Cut>,
 }
 
@@ -32,32 +32,25 @@ pub struct Cut {
 }
 
 /// Divides the rows of `equations` into parts. `nominal`, `prior`: as for [`fit`](super::fit()); `fit`: by `method`, of all rows.
-///
-/// # Errors
-/// Where a part leaves no solution.
-pub fn parts(
-    equations: &Equations<'_>,
-    nominal: &[f64],
-    prior: f64,
-    fit: &Fit,
-    method: Method,
-) -> Result<Parts, OfflineError> {
+pub fn parts(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit, method: Method) -> Parts {
     let sums = equations.trusting(&fit.trust);
     let (weights, x0) = (fit.weights(), DVector::from_column_slice(nominal));
     let count = sums.first().map_or(0, |joint| joint.stretches.len());
     let edge = |part: usize| part * count / PARTS;
     let solve = |uses: &dyn Fn(usize) -> bool| {
         let joints: Vec<Normal> = sums.iter().map(|joint| Normal::new(&some(joint, uses), x0.len(), method)).collect();
-        Solution::new(&joints, &weights, &x0, (prior, equations.most()), method)
-            .map(|solution| solution.x.as_slice().to_vec())
+        let solution = Solution::new(&joints, &weights, &x0, (prior, equations.most()), method).ok()?;
+        Some(solution.x.as_slice().to_vec())
     };
     let left = |j: usize, uses: &dyn Fn(usize) -> bool, x: &[f64]| squares(&sums[j], uses, x);
     let n = sums.len();
     let mut left_out = vec![0.0; n];
     for part in 0..PARTS {
         let within = |b: usize| (edge(part)..edge(part + 1)).contains(&b);
-        let x = solve(&|b| !within(b))?;
-        (0..n).for_each(|j| left_out[j] += left(j, &within, &x));
+        match solve(&|b| !within(b)) {
+            Some(x) => (0..n).for_each(|j| left_out[j] += left(j, &within, &x)),
+            None => left_out.fill(f64::NAN),
+        }
     }
     let torque = |j: usize| sums[j].torque_square();
     let percent = |j: usize| if torque(j) > 0.0 { 100.0 * (left_out[j] / torque(j)).sqrt() } else { f64::NAN };
@@ -66,7 +59,7 @@ pub fn parts(
     for part in 1..PARTS {
         let (before, after) = (|b: usize| b < edge(part), |b: usize| b >= edge(part));
         let rows = |j: usize, uses: &dyn Fn(usize) -> bool| some(&sums[j], uses).count();
-        let (first, second) = (solve(&before)?, solve(&after)?);
+        let (Some(first), Some(second)) = (solve(&before), solve(&after)) else { continue };
         let share = |j: usize, [before_by, after_by]: [&[f64]; 2]| {
             let moves = rows(j, &before) > 0.0 && rows(j, &after) > 0.0 && whole[j] > 0.0;
             if moves { (left(j, &before, before_by) + left(j, &after, after_by)) / whole[j] } else { f64::NAN }
@@ -81,7 +74,7 @@ pub fn parts(
             best = Some((least, cut));
         }
     }
-    Ok(Parts { left_out: (0..n).map(percent).collect(), cut: best.map(|(_, cut)| cut) })
+    Parts { left_out: (0..n).map(percent).collect(), cut: best.map(|(_, cut)| cut) }
 }
 
 /// The sums over some stretches.

@@ -29,6 +29,9 @@ pub struct TorqueSense {
 pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], pieces: &[&Rows]) -> Vec<Option<TorqueSense>> {
     let parameters: Vec<Parameter> = (0..base.len()).map(|i| base.parameter(model, i)).collect();
     let of = |j: usize| {
+        if let [whole] = pieces {
+            return (whole.count(j) > 0).then(|| sense(j, &whole.joints[j], &parameters, nominal));
+        }
         let mut all = JointRows::default();
         for rows in pieces.iter().map(|piece| &piece.joints[j]) {
             all.columns.clone_from(&rows.columns);

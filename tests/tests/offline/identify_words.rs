@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use rivet_logs::{ReadOptions, read};
+use rivet_logs::{Log, ReadOptions, read};
 use rivet_tests::altered::{Random, changed, result, robot_with, said, sound, written};
 use rivet_tests::{rivet, robot, shared};
+use serde_json::Value;
 
 #[test]
 fn a_robot_file_that_asks_for_instruments_the_log_has_not_is_told_that_nothing_is_learnt() {
@@ -368,4 +369,41 @@ fn an_arm_that_changes_half_way_is_said() {
     }
     let both = faults(&[&without, &with]);
     assert!(both.contains(&"arm_changes".to_owned()), "{both:?}");
+}
+
+/// Spikes cut a log into pieces, some of a single row: each by itself was a dead channel or one of the wrong sign.
+#[test]
+fn pieces_of_a_log_are_judged_together() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
+    let mut tau = log.torque().expect("torque").clone();
+    let mut random = Random(11);
+    for _ in 0..50 {
+        let row = ((random.uniform() + 0.5) * log.len() as f64) as usize;
+        tau.iter_mut().for_each(|tau| tau[row.min(log.len() - 1)] = 5000.0);
+    }
+    let path = written(&log, &tau, folder.path());
+    let (text, found) = result(rivet().arg("identify").arg(case.join("robot.toml")).arg(path), folder.path());
+    let faults = found["warnings"].as_array().expect("a list").iter().filter_map(|w| w["fault"].as_str());
+    let other: Vec<&str> = faults.filter(|fault| *fault != "torque_beyond_limit").collect();
+    assert!(text.contains("the log is cut there") && other.is_empty(), "{other:?} {text}");
+}
+
+/// Half a second of a motion: what one part tells is worth less on the next than the file's values.
+#[test]
+fn values_that_do_not_carry_over_are_said() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
+    let said = |log: &Log| -> bool {
+        let path = written(log, log.torque().expect("torque"), folder.path());
+        let (_, found) = result(rivet().arg("identify").arg(case.join("robot.toml")).arg(path), folder.path());
+        let left = found["joints"].as_array().expect("joints").iter().map(|joint| &joint["left_out_percent"]);
+        assert!(left.clone().all(Value::is_number), "{:?}", left.collect::<Vec<_>>());
+        found["warnings"].as_array().expect("a list").iter().any(|w| w["fault"] == "carries_not_over")
+    };
+    let rows = |seconds: f64| (seconds / (log.t[1] - log.t[0])) as usize;
+    assert!(!said(&log));
+    assert!(said(&log.slice(rows(3.0)..rows(3.5))));
 }
