@@ -381,7 +381,9 @@ fn pieces_of_a_log_are_judged_together() {
     let mut random = Random(11);
     for _ in 0..50 {
         let row = ((random.uniform() + 0.5) * log.len() as f64) as usize;
-        tau.iter_mut().for_each(|tau| tau[row.min(log.len() - 1)] = 5000.0);
+        for tau in &mut tau {
+            tau[row.min(log.len() - 1)] = 5000.0;
+        }
     }
     let path = written(&log, &tau, folder.path());
     let (text, found) = result(rivet().arg("identify").arg(case.join("robot.toml")).arg(path), folder.path());
