@@ -2,14 +2,15 @@
 //!
 //! Thresholds and condition numbers of the information mean something only if all coordinates have one unit. Here the
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
-//! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
+//! arm at moderate speed, each passed both ways, so that what is odd in the speed (friction) and what is even in it (bodies) have
+//! nothing in common by chance: what is held then stays itself, not only its torque together with another's. It comes from the model, never from the data: else poor excitation would measure itself.
 
 use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, axpy_short, dot, packed};
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
 /// States of the reference workload.
-const STATES: usize = 300;
+const STATES: usize = 600;
 /// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
 const SPEED_SHARE: f64 = 0.5;
 const DEFAULT_SPEED: f64 = 2.0;
@@ -235,7 +236,7 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
     let dof = model.arm.dof();
     let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     let mut seed = 0x7269_7665_7465_7374;
-    for _ in 0..STATES {
+    for _ in 0..STATES / 2 {
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
             let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
@@ -244,6 +245,9 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
             qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
             qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
         }
+        each(&q, &qd, &qdd);
+        // The way back.
+        qd.iter_mut().for_each(|qd| *qd = -*qd);
         each(&q, &qd, &qdd);
     }
 }

@@ -13,7 +13,7 @@ const HELD_SHARE: f64 = 0.25;
 /// Decisions about directions in a time constant of the window, at most. Sooner, the first rows of a window decide one by one
 /// what may move, and what they let in explains the errors of all that is held: on a measured arm (TX40, no desired motion) the
 /// residual of its wrist then rose to eight times that of the nominal parameters.
-const MOST_DECISIONS: f64 = 400.0;
+const MOST_DECISIONS: f64 = 300.0;
 /// Rows that a decision waits for, at most, however long the window.
 const MOST_ROWS: f64 = 25.0;
 /// Standard deviations that the tracked scheme refreshes with each of its steps.
