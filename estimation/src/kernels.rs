@@ -4,7 +4,7 @@
 //! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
-use crate::linear::{axpy, dot, dot_short, packed};
+use crate::linear::{axpy, dot, dot_four, dot_short, packed};
 use crate::operations::multiply_adds;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
@@ -88,8 +88,13 @@ pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64]) {
     let n = x.len();
-    for (out, &k) in out.iter_mut().zip(index) {
-        *out = dot(x, &t[k * n..(k + 1) * n]);
+    multiply_adds(n * index.len());
+    let row = |k: usize| &t[k * n..(k + 1) * n];
+    // Four at once: x is read once for all, and no sum waits for another's.
+    for (out, index) in out.chunks_mut(4).zip(index.chunks(4)) {
+        let fours: [usize; 4] = std::array::from_fn(|i| index[i.min(index.len() - 1)]);
+        let products = dot_four(fours.map(row), x);
+        out.copy_from_slice(&products[..out.len()]);
     }
 }
 
@@ -131,8 +136,13 @@ pub(crate) fn solve_transposed(a: &[f64], b: &mut [f64], from: usize) {
 /// `out = T·x` for the columns of T from `from` on, T row-major with `from` columns more than x has entries.
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn times_from(t: &[f64], from: usize, x: &[f64], out: &mut [f64]) {
-    for (out, row) in out.iter_mut().zip(t.chunks_exact(from + x.len())) {
-        *out = dot(&row[from..], x);
+    let n = from + x.len();
+    let row = |i: usize| &t[i * n + from..(i + 1) * n];
+    let last = out.len().saturating_sub(1);
+    multiply_adds(out.len() * x.len());
+    for (i, out) in out.chunks_mut(4).enumerate() {
+        let products = dot_four(std::array::from_fn(|k| row((4 * i + k).min(last))), x);
+        out.copy_from_slice(&products[..out.len()]);
     }
 }
 
