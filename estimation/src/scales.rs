@@ -2,8 +2,9 @@
 //!
 //! Thresholds and condition numbers of the information mean something only if all coordinates have one unit. Here the
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
-//! arm at moderate speed, each passed both ways, so that what is odd in the speed (friction) and what is even in it (bodies) have
-//! nothing in common by chance: what is held then stays itself, not only its torque together with another's. It comes from the model, never from the data: else poor excitation would measure itself.
+//! arm at moderate speed, each passed both ways, so that what is odd in the speed (friction) and what is even in it
+//! (bodies) have nothing in common by chance: what is held stays itself then, not only its torque together with another's.
+//! It comes from the model, never from the data: else poor excitation would measure itself.
 
 use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, axpy_short, dot, packed};
@@ -247,7 +248,9 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
         }
         each(&q, &qd, &qdd);
         // The way back.
-        qd.iter_mut().for_each(|qd| *qd = -*qd);
+        for qd in &mut qd {
+            *qd = -*qd;
+        }
         each(&q, &qd, &qdd);
     }
 }
