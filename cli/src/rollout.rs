@@ -46,7 +46,9 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     for (link, body) in arm.links.iter_mut().enumerate() {
         body.copy_from_slice(&patch.written[10 * link..10 * link + 10]);
     }
-    let corrected = Model::new(arm, patch.model.structure).with_effects(patch.model.effects().clone());
+    let corrected = Model::new(arm, patch.model.structure)
+        .with_load(patch.model.load().to_vec())
+        .with_effects(patch.model.effects().clone());
     let corrected = Truth::new(&corrected, &drives(&patch.model, &patch.written), &Disturbances::default());
     let given = Truth::new(&robot.model, &robot.config.nominal_joints(), &Disturbances::default());
     let gains = gains(&robot.model, &robot.config.nominal_joints());

@@ -81,7 +81,9 @@ impl Robot {
             viscous_quadratic: law.viscous_quadratic,
             ..self.model.structure
         };
-        let model = Model::new(self.model.arm.clone(), structure).with_load(self.model.load().to_vec());
+        let model = Model::new(self.model.arm.clone(), structure)
+            .with_load(self.model.load().to_vec())
+            .with_effects(self.model.effects().clone());
         let base = BaseSet::new(&model)?;
         let hash = model_hash(&model, &base);
         let nominal = model.nominal(&config.nominal_joints());

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rivet_config::{Changes, load, write_changed};
+use rivet_config::{Changes, FrictionLaw, load, write_changed};
 use rivet_dynamics::{EffectKind, KnownEffect, smallest_eigenvalue};
 
 #[test]
@@ -32,6 +32,11 @@ fn every_effect_reads_back_with_all_digits() {
     assert!(read.model.structure.offset, "an offset that is not 0 is part of the model");
     assert_ne!(read.hash, robot.hash, "parameters beside other effects mean something else");
     assert!(read.model.arm.links.iter().all(|body| smallest_eigenvalue(body) > -1e-9));
+    // Another law of friction is another law of the same arm.
+    let law = FrictionLaw { viscous_quadratic: true, ..read.friction_law() };
+    let refined = read.with_friction_law(law).expect("base parameters");
+    assert_eq!(refined.model.effects().list(), effects);
+    assert_eq!(refined.with_friction_law(read.friction_law()).expect("base parameters").hash, read.hash);
     // And once more from what was read.
     let again = write_changed(&read, &Changes { effects: Vec::new(), ..changes }, &file).expect("written");
     assert!(again.config.effects.is_empty());

@@ -61,8 +61,8 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         caption: "Joint 2 rests for eight seconds, trembling by a count of its encoder: the function d1 of its viscous friction x1 is zero. \
                   Unsupervised least squares with a window of 1 s drifts on noise until the joint moves. All parameters start half too high. Where coordinates are held, x1 stays \
                   exactly until its joint moves; a change of the arm is noticed then, the window begins anew at the nominal values, here those of the \
-                  start, and x1 settles within a second. Where directions are held, it is the torque of the reference workload that \
-                  stays: x1 gives way a little while the others find their values, and settles within a second."
+                  start, and x1 settles within a second. Where directions are held, x1 stays as well: on the reference workload, which goes both ways, its \
+                  friction has nothing in common with what the others find meanwhile."
             .into(),
         panels: vec![
             panel("model function d1", "time [s]", "velocity of joint 2 [rad/s]", None, vec![line("", 1, function)]),
