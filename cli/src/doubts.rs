@@ -56,6 +56,27 @@ pub(crate) fn misled(names: &[String], [nominal, least_squares, instruments]: &[
     })
 }
 
+/// Independent equations for each value below which deviations are told too small: of a UR10e's motion cut to 0.5, 1, 2 s (0.6, 1.2, 2.5 of
+/// them) 66, 81 and 98 % of the values lay within two.
+const INDEPENDENT: f64 = 2.0;
+
+/// Whether the motion is so short that the fit follows whatever it holds: below f a second has 2·f independent equations a joint.
+pub(crate) fn short(robot: &Robot, rows: &[Rows]) -> Option<Distrust> {
+    let seconds: f64 = rows.iter().map(|r| (0..robot.dof()).map(|j| r.seconds_of(j)).sum::<f64>()).sum();
+    let (hz, values) = (robot.config.signal.model_filter_hz, robot.base.len() as f64);
+    let equations = 2.0 * hz * seconds;
+    (equations < INDEPENDENT * values).then(|| Distrust {
+        log: None,
+        joint: None,
+        name: "little_motion",
+        text: format!(
+            "{} s of motion below {hz} Hz are {equations:.0} independent equations for {values} values: the fit follows whatever they hold, \
+             and standard deviations are told too small",
+            number(seconds / robot.dof() as f64, 2)
+        ),
+    })
+}
+
 /// Two fits that leave so much of the squares of one, on some joint, are of two arms. Of measured runs in which nothing changed they leave 0.48
 /// and more; a load picked up, a gain or a temperature left 0.001 to 0.24.
 const OF_TWO: f64 = 0.3;

@@ -272,6 +272,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(doubts::still(robot, &still));
+    distrusts.extend(doubts::short(robot, &rows));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
     // Of a torque that is not believed anyway it is no news.
@@ -280,7 +281,13 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         doubts::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
     distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
-    let changed = doubts::changed(&runs::joint_names(robot), &parts, &distrusts);
+    // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
+    let changed = if method(robot) == Method::Instrumental {
+        let parts = rivet_estimation::offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares);
+        doubts::changed(&runs::joint_names(robot), &parts, &distrusts)
+    } else {
+        doubts::changed(&runs::joint_names(robot), &parts, &distrusts)
+    };
     distrusts.extend(changed);
     if method(robot) == Method::Instrumental {
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));

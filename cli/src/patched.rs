@@ -10,7 +10,7 @@ use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
 use crate::export::{bodies, place_load};
 use crate::runs;
-use crate::table::number;
+use crate::table::{number, paragraph};
 
 /// Drive values that differ by a smaller share are the same.
 const SAME: f64 = 0.02;
@@ -59,15 +59,16 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     }
     runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
-        eprintln!("rivet: {line} (see {})", notes.display());
+        eprint!("{}", paragraph("rivet: ", &format!("{line} (see {})", notes.display())));
     }
     for report in &patch.formats {
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
-            eprintln!(
-                "rivet: {} is further from the logs than the model as given on {joints}: it cannot hold what was found (see {})",
+            let text = format!(
+                "{} is further from the logs than the model as given on {joints}: it cannot hold what was found (see {})",
                 folder.join(report.format.file()).display(),
                 notes.display()
             );
+            eprint!("{}", paragraph("rivet: ", &text));
         }
     }
     Ok(made)

@@ -58,11 +58,11 @@ impl Table {
     }
 }
 
-/// Texts that are too long by their ends; by beginning and end where the ends are those of another one too.
+/// Texts that are too long by beginning and end; by their ends where those are another one's too.
 fn labels(texts: &[&str], width: usize) -> Vec<String> {
-    let ends: Vec<String> = texts.iter().map(|text| shortened(text, width)).collect();
-    let twice = |k: usize| (0..texts.len()).any(|i| texts[i] != texts[k] && ends[i] == ends[k]);
-    (0..texts.len()).map(|k| if twice(k) { without_middle(texts[k], width) } else { ends[k].clone() }).collect()
+    let short: Vec<String> = texts.iter().map(|text| without_middle(text, width)).collect();
+    let twice = |k: usize| (0..texts.len()).any(|i| texts[i] != texts[k] && short[i] == short[k]);
+    (0..texts.len()).map(|k| if twice(k) { shortened(texts[k], width) } else { short[k].clone() }).collect()
 }
 
 fn without_middle(text: &str, width: usize) -> String {
@@ -70,7 +70,7 @@ fn without_middle(text: &str, width: usize) -> String {
     if count <= width {
         return text.to_owned();
     }
-    let first = kept.div_ceil(2);
+    let first = (2 * kept).div_ceil(3);
     let (begin, end): (String, String) =
         (text.chars().take(first).collect(), text.chars().skip(count + first - kept).collect());
     format!("{begin}..{end}")
@@ -142,8 +142,12 @@ mod tests {
     #[test]
     fn labels_that_are_cut_stay_apart() {
         let labels = labels(&["load_dependent_friction", "position_dependent_friction", "viscous_nonlinearity"], 18);
-        assert_eq!(labels, ["load_dep..friction", "position..friction", "..ous_nonlinearity"]);
-        assert_eq!(super::labels(&["a_joint_of_a_long_name", "joint"], 10), ["..ong_name", "joint"]);
+        assert_eq!(labels, ["load_depend..ction", "position_de..ction", "viscous_non..arity"]);
+        assert_eq!(
+            super::labels(&["the_left_joint_1_of_it", "the_left_joint_2_of_it"], 10),
+            [".._1_of_it", ".._2_of_it"]
+        );
+        assert_eq!(super::labels(&["a_joint_of_a_long_name", "joint"], 10), ["a_join..me", "joint"]);
     }
 
     #[test]

@@ -196,7 +196,7 @@ pub const KEYS: &[Key] = &[
         "v0 of the friction sign tanh(qd/v0); 0 is a hard sign."),
     key("signal", "dead_zone", PerJointOrOne, "rad/s", Within(0.0, 1.0), Fallback::Number(0.01),
         "A joint's equation is left out while the joint is slower than this: its friction is then not known. As long as the model filter still holds some of that, the equation counts for less. 0 uses all."),
-    key("signal", "torque_noise", PerJointOrOne, "N m", Above(0.0, 1e5), Absent,
+    key("signal", "torque_noise", PerJointOrOne, "N m", Within(1e-9, 1e5), Absent,
         "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
          estimated while running. On line only: off line it is estimated from the whole log."),
 

@@ -84,6 +84,12 @@ impl Sealed<'_> {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none() && self.moves(*j))
     }
 
+    /// Whether the model as given misses no joint in motion by more than a sound one is missed by.
+    pub(crate) fn fits_as_given(&self) -> bool {
+        let mut heard = self.heard().filter_map(|j| self.in_motion(j)).peekable();
+        heard.peek().is_some() && heard.all(|[before, _]| before <= SOUND)
+    }
+
     /// Whether most joints keep more than noise in motion with all causes.
     pub(crate) fn is_mostly_open(&self) -> bool {
         let times: Vec<[f64; 2]> = self.heard().filter_map(|j| self.in_motion(j)).collect();

@@ -15,6 +15,9 @@ const FOLLOWS: f64 = 0.3;
 const ONLY_NOISE: f64 = 1.2;
 /// ... where that is no more than this share of what is due.
 const FAR_LESS: f64 = 0.2;
+/// A joint turns one way where its direction is so much on average; its level is what the drive takes by the file within these factors.
+const ONE_WAY: f64 = 0.9;
+const AS_DUE: std::ops::Range<f64> = 0.2..5.0;
 
 impl LogFault {
     /// Of a joint in motion whose torque varies by `carries` \[N·m\] and follows the direction of motion with the correlation
@@ -49,6 +52,12 @@ pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f
     // A channel that stands still at some level says nothing either.
     let varies = mean(&|k| (tau[k] - level).powi(2)).sqrt();
     let stuck = varies <= 1e-9 * carries;
+    // A joint that turns one way at an even speed has a drive that takes an even torque: a level of about that size is heard.
+    let expected = mean(&drive);
+    let one_way = turn.abs() > ONE_WAY && expected != 0.0;
+    if !stuck && one_way && AS_DUE.contains(&(level / expected)) {
+        return None;
+    }
     let most = varies * (1.0 - turn.powi(2)).max(0.0).sqrt();
     let follows = if stuck { 0.0 } else { product / most.max(f64::MIN_POSITIVE) };
     LogFault::of_silence(varies, due, follows).or_else(|| LogFault::of_noise(varies, noise, due, follows))

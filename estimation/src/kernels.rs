@@ -4,7 +4,7 @@
 //! Nothing here multiplies and adds in one rounding and nothing is summed in an order that depends on the width of a
 //! register: results are the same bits on all machines of a target, so a recorded run replays anywhere.
 
-use crate::linear::{axpy, dot, dot_four, dot_short, packed};
+use crate::linear::{axpy, dot, dot_short, dots, packed};
 use crate::operations::multiply_adds;
 use multiversion::multiversion;
 use rivet_dynamics::MAX_JOINTS;
@@ -88,12 +88,10 @@ pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64]) {
     let n = x.len();
-    multiply_adds(n * index.len());
     let row = |k: usize| &t[k * n..(k + 1) * n];
-    // Four at once: x is read once for all, and no sum waits for another's.
     for (out, index) in out.chunks_mut(4).zip(index.chunks(4)) {
         let fours: [usize; 4] = std::array::from_fn(|i| index[i.min(index.len() - 1)]);
-        let products = dot_four(fours.map(row), x);
+        let products = dots(fours.map(row), x);
         out.copy_from_slice(&products[..out.len()]);
     }
 }
@@ -139,9 +137,8 @@ pub(crate) fn times_from(t: &[f64], from: usize, x: &[f64], out: &mut [f64]) {
     let n = from + x.len();
     let row = |i: usize| &t[i * n + from..(i + 1) * n];
     let last = out.len().saturating_sub(1);
-    multiply_adds(out.len() * x.len());
     for (i, out) in out.chunks_mut(4).enumerate() {
-        let products = dot_four(std::array::from_fn(|k| row((4 * i + k).min(last))), x);
+        let products = dots(std::array::from_fn(|k| row((4 * i + k).min(last))), x);
         out.copy_from_slice(&products[..out.len()]);
     }
 }
@@ -272,6 +269,23 @@ mod tests {
             add_products(&mut lower, 0.9, &z, &d, n, Part::Lower);
             add_products(&mut small, 0.9, &z, &d, n, Part::Packed);
             assert_eq!(small, triangle(&lower));
+        }
+    }
+
+    /// Four at once are the same bits as one by one, also where rows are left over.
+    #[test]
+    fn products_of_four_are_those_of_one() {
+        let mut seed = Random(6);
+        for (n, from) in [(1, 0), (7, 2), (12, 0), (61, 5), (64, 1)] {
+            let (t, x) = (random(&mut seed, n * n), random(&mut seed, n));
+            let index: Vec<usize> = (0..n).filter(|k| k % 3 != 1).collect();
+            let mut out = vec![0.0; index.len()];
+            times_chosen(&t, &index, &x, &mut out);
+            let one = |k: usize| dot(&x, &t[k * n..(k + 1) * n]);
+            assert_eq!(out, index.iter().map(|k| one(*k)).collect::<Vec<_>>());
+            let mut out = vec![0.0; n];
+            times_from(&t, from, &x[from..], &mut out);
+            assert_eq!(out, (0..n).map(|k| dot(&t[k * n + from..(k + 1) * n], &x[from..])).collect::<Vec<_>>());
         }
     }
 

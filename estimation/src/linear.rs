@@ -61,6 +61,30 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
 }
 
+/// The same of four vectors with one, bit for bit: x is read once for all, and no sum waits for another's.
+#[inline(always)]
+pub(crate) fn dots(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
+    multiply_adds(4 * x.len());
+    let (eights, rest) = x.as_chunks::<8>();
+    let from = x.len() - rest.len();
+    let mut sums = [[f64x4::ZERO; 2]; 4];
+    let [p, q, r, s] = a.map(|a| a.as_chunks::<8>().0.iter());
+    for ((((x, p), q), r), s) in eights.iter().zip(p).zip(q).zip(r).zip(s) {
+        let halves = |e: &[f64; 8]| [f64x4::new([e[0], e[1], e[2], e[3]]), f64x4::new([e[4], e[5], e[6], e[7]])];
+        let [low, high] = halves(x);
+        for (sums, a) in sums.iter_mut().zip([p, q, r, s]) {
+            let [a, b] = halves(a);
+            sums[0] += a * low;
+            sums[1] += b * high;
+        }
+    }
+    std::array::from_fn(|k| {
+        let left: f64 = a[k][from..].iter().zip(rest).map(|(a, x)| a * x).sum();
+        let [s0, s1, s2, s3] = (sums[k][0] + sums[k][1]).to_array();
+        (s0 + s1) + (s2 + s3) + left
+    })
+}
+
 /// The same of numbers of fewer bits, which are widened before anything is done with them.
 #[inline(always)]
 pub(crate) fn dot_short<T: Copy + Into<f64>>(a: &[T], x: &[f64]) -> f64 {

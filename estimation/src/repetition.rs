@@ -13,8 +13,15 @@ const RESOLUTION_S: f64 = 0.05;
 /// half the resolution off, and at the lag itself.
 const NEARLY: f64 = 0.02;
 const EXACTLY: f64 = 2e-3;
+/// Memory of what is summed at a lag, as a share of the lag: what came before the cycles began (a move to their start) must not hide them.
+const MEMORY: f64 = 0.5;
 /// Memory of the check that the cycle still goes on \[s\].
 const CHECK_S: f64 = 0.5;
+
+/// What is kept of the sums at lag `lag` from one term to the next.
+fn keep(lag: usize) -> f64 {
+    (-1.0 / (MEMORY * lag as f64)).exp()
+}
 
 /// The recent motion of an arm, and its cycle.
 #[derive(Clone, Debug)]
@@ -181,8 +188,9 @@ impl Repetition {
             let at = self.stored(age) * q.len();
             let off: f64 =
                 q.iter().zip(&self.positions[at..]).map(|(q, before)| (q - f64::from(*before)).powi(2)).sum();
-            self.difference[lag] = self.keep * self.difference[lag] + off;
-            self.variance[lag] = self.keep * self.variance[lag] + variance;
+            let keep = keep(lag);
+            self.difference[lag] = keep * self.difference[lag] + off;
+            self.variance[lag] = keep * self.variance[lag] + variance;
             self.terms[lag] += 1.0;
         }
     }
@@ -205,7 +213,8 @@ impl Repetition {
             let least = at - 0.25 * (before - after) * shift;
             if least < EXACTLY {
                 self.cycle = Some((lag as f64 + shift) * (self.per_lag * self.stride) as f64);
-                self.spread = 2.0 * self.variance[lag] * (1.0 - self.keep) / (1.0 - self.keep.powf(self.terms[lag]));
+                let keep = keep(lag);
+                self.spread = 2.0 * self.variance[lag] * (1.0 - keep) / (1.0 - keep.powf(self.terms[lag]));
                 self.mismatch = 0.0;
                 return;
             }
@@ -291,6 +300,32 @@ mod tests {
         // Two cycles: one to look back to, one to compare with it.
         assert!(since < 2.2 * cycle, "{since}");
         assert!(worst[0] < 0.01 && worst[1] < 0.1);
+    }
+
+    /// A move to where the cycles begin does not hide them for long.
+    #[test]
+    fn a_cycle_is_found_behind_another_motion() {
+        let mut arm = arm();
+        let mut repetition = Repetition::new(2, 20.0, 0.002, 5);
+        let mut since = None;
+        let mut lost = 0;
+        for k in 0..30_000 {
+            let t = f64::from(k) * 0.002;
+            let now = arm.at(t.max(5.0), 5.0);
+            let away = if t < 5.0 { 0.7 * (1.0 + (0.2 * std::f64::consts::PI * t).cos()) } else { 0.0 };
+            let q: Vec<f64> = now.q.iter().map(|q| q + away).collect();
+            let (qd, qdd) = (now.qd.to_vec(), now.qdd.to_vec());
+            if repetition.step(Motion { q: &q, qd: &qd, qdd: &qdd }, true) {
+                since = since.or(Some(t));
+            } else if since.is_some() {
+                lost += 1;
+            }
+        }
+        let since = since.expect("found");
+        println!("from {since:.1} s on, lost for {lost} samples");
+        // The move, a cycle to look back to and four to forget by.
+        assert!(since < 5.0 + 5.0 * 5.0, "{since}");
+        assert_eq!(lost, 0);
     }
 
     #[test]

@@ -26,7 +26,8 @@ pub enum ParameterState {
     Active,
     /// It was identified before; now it keeps its value.
     Held,
-    /// Never identified so far: it has its nominal value, or what was loaded.
+    /// Not identified, by itself never so far: it has its nominal value, or what was loaded, less what identified combinations took it
+    /// along; its standard deviation is the prior's, or that way where it is longer.
     Unidentified,
 }
 

@@ -172,7 +172,7 @@ impl Snapshot {
         };
         Some(match DriftVerdict::try_from(drift.verdict) {
             Ok(DriftVerdict::Left) => format!("left by {}", of(DriftVerdict::Left).join(", ")),
-            Ok(DriftVerdict::Within) => "holds".to_owned(),
+            Ok(DriftVerdict::Within) => "residual as in its first 8 s".to_owned(),
             _ => "unresolved: too little motion so far".to_owned(),
         })
     }

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::words::figure;
+
 /// Both simulators driven by the log's torque and a weak position loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Rollout {
@@ -31,19 +33,27 @@ pub struct RolloutPoint {
     pub torque_after: f64,
 }
 
+/// An angle \[rad\] in mrad.
+fn mrad(angle: f64) -> String {
+    figure(1e3 * angle, 3)
+}
+
 impl Rollout {
     /// In a line.
     pub fn text(&self) -> String {
         let Some(end) = self.points.last() else { return "too short a run for a rollout".to_owned() };
-        let verdict =
-            if self.closer { "closer to the log in closed loop" } else { "torque only: no closer in closed loop" };
+        let verdict = if self.closer {
+            "closer to the log in closed loop"
+        } else {
+            "torque only: in closed loop not closer by 5 % in position and torque"
+        };
         let mut text = format!(
-            "{verdict}; after {} s from {} starts position is off by {:.3} instead of {:.3} mrad, torque by {:.1} instead of \
+            "{verdict}; after {} s from {} starts position is off by {} instead of {} mrad, torque by {:.1} instead of \
              {:.1} %",
             end.horizon_s,
             self.starts,
-            1e3 * end.position_after_rad,
-            1e3 * end.position_before_rad,
+            mrad(end.position_after_rad),
+            mrad(end.position_before_rad),
             100.0 * end.torque_after,
             100.0 * end.torque_before
         );

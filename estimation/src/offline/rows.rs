@@ -259,6 +259,11 @@ impl Rows {
         self.kept as f64 * self.row_period_s
     }
 
+    /// Time that the rows of joint `joint` (from 0) stand for \[s\].
+    pub fn seconds_of(&self, joint: usize) -> f64 {
+        self.count(joint) as f64 * self.row_period_s
+    }
+
     /// Number of rows of joint `joint` (from 0).
     pub fn count(&self, joint: usize) -> usize {
         self.joints.get(joint).map_or(0, |j| j.tau.len())

@@ -43,6 +43,11 @@ pub fn position_step(q: &[f64]) -> Option<f64> {
     let (length, steps) =
         countable.iter().fold((0.0, 0.0), |(length, steps), d| (length + d, steps + (d / smallest).round()));
     let step = length / steps;
+    // An even speed has increments alike as well: steps are sometimes none, or two.
+    let held = q.windows(2).any(|w| w[1] == w[0]);
+    if !held && countable.iter().all(|d| (d / step).round() <= 1.0) {
+        return None;
+    }
     let whole = countable.iter().filter(|d| (*d / step - (*d / step).round()).abs() < OFF).count();
     (whole as f64 >= MOST * countable.len() as f64).then_some(step)
 }

@@ -123,7 +123,7 @@ fn standard_deviations_cover_on_geared_arms() {
         );
         (found.inside * found.count as f64, found.count as f64)
     };
-    let (inside, of) = share("ur10e", None, 1);
+    let (inside, of) = share("ur10e", None, 4);
     assert!((0.90..=0.98).contains(&(inside / of)), "{inside} of {of}");
     let [a, b] = ["ur10e", "manutec-r3"].map(|arm| share(arm, Some(FrictionLaw::Stick), 2));
     assert!(a.0 >= 0.80 * a.1 && a.0 + b.0 >= 0.85 * (a.1 + b.1), "{a:?} {b:?}");

@@ -350,8 +350,9 @@ impl Estimator {
                 self.cycle.width[i] = std;
                 self.std[i] = std / self.column[i];
             } else if self.state[i] == ParameterState::Unidentified {
-                // Partly seen: better known than before, if not well.
-                self.std[i] = std.min(self.prior[i]) / self.column[i];
+                // Partly seen: better known than before, if not well. What others took it along by is no less than it may be off.
+                let taken = (self.column[i] * (self.values[i] - self.nominal[i])).abs();
+                self.std[i] = std.min(self.prior[i].max(taken)) / self.column[i];
             } else {
                 self.state[i] = ParameterState::Held;
             }
@@ -372,10 +373,11 @@ impl Estimator {
             self.excitation[i] = self.excited[i] * self.prior[i].powi(2) / variance;
             if std < 0.5 * self.prior[i] {
                 self.state[i] = ParameterState::Active;
-            } else if self.state[i] == ParameterState::Active {
-                self.state[i] = ParameterState::Held;
+            } else {
+                // Nothing is held here.
+                self.state[i] = ParameterState::Unidentified;
             }
-            self.std[i] = std.min(self.prior[i]) / self.column[i];
+            self.std[i] = std / self.column[i];
         }
         self.verdict.active = self.state.iter().filter(|s| **s == ParameterState::Active).count();
     }
