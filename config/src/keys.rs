@@ -243,6 +243,10 @@ pub const KEYS: &[Key] = &[
         "`tracked`, `eigen`, `columns`: a direction moves once its standard deviation, as torque on a reference workload, is below this many \
          standard deviations of the torque noise; with `tracked` and `eigen`, one that is known less well than that already moves as soon as \
          the window knows it better."),
+    key("supervision", "workload", Choice(&["one-way", "both-ways"]), "", Bounds::None, Fallback::Text("one-way"),
+        "The reference workload: 300 random states of the arm, or each of them passed in both directions. Both ways, friction and bodies have \
+         nothing in common on it by chance, so that what is held stays itself, to rounding, and not only its torque together with another's \
+         (figure 18). On short measured logs one way left a little less (docs/figures.md)."),
     key("supervision", "hysteresis", Number, "-", Above(0.0, 1.0), Fallback::Number(0.7),
         "`tracked`, `eigen`: a moving direction is held again below this share of the eigenvalue that made it move."),
     key("supervision", "relevance", Number, "-", Within(0.0, 0.99), Fallback::Number(0.3),

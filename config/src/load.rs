@@ -11,7 +11,7 @@ use toml::de::DeTable;
 use crate::error::{ConfigError, ConfigErrors};
 use crate::reader::{RawParameter, Reader};
 use crate::sections::{self, Bus, RobotConfig, read};
-use crate::supervision::supervision;
+use crate::supervision::{supervision, workload};
 
 /// A robot file with the model it describes.
 #[derive(Clone, Debug)]
@@ -136,6 +136,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let signal = read::signal(&mut reader, sample_period_s);
     let estimator = read::estimator(&mut reader, sample_period_s, signal.decimation, &friction);
     let supervision = supervision(&mut reader);
+    let workload = workload(&mut reader);
     let publish = read::publish(&mut reader, sample_period_s);
     let realtime = read::realtime(&mut reader);
     let controller = read::controller(&mut reader, sample_period_s, publish.every);
@@ -207,6 +208,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
         signal,
         estimator,
         supervision,
+        workload,
         publish,
         realtime,
         controller,

@@ -5,7 +5,9 @@ pub(crate) mod read;
 use std::path::PathBuf;
 
 use rivet_dynamics::{Joints, KnownEffect};
-use rivet_estimation::{Differentiator, EstimatorKind, Filtering, Instruments, Prior, Settings, Supervision, Window};
+use rivet_estimation::{
+    Differentiator, EstimatorKind, Filtering, Instruments, Prior, ReferenceWorkload, Settings, Supervision, Window,
+};
 
 use crate::reader::Resolved;
 
@@ -38,6 +40,8 @@ pub struct RobotConfig {
     pub estimator: Estimator,
     /// `[supervision]`
     pub supervision: Supervision,
+    /// `supervision.workload`
+    pub workload: ReferenceWorkload,
     /// `[publish]`
     pub publish: Publish,
     /// `[realtime]`
@@ -86,6 +90,7 @@ impl RobotConfig {
             },
             instruments: self.estimator.instruments,
             supervision: self.supervision,
+            workload: self.workload,
             prior: Prior { relative_std: self.estimator.prior },
         }
     }

@@ -1,6 +1,6 @@
 //! `[supervision]`: which directions of the parameter space may move.
 
-use rivet_estimation::{ColumnsSettings, EigenSettings, Supervision, TrackedSettings};
+use rivet_estimation::{ColumnsSettings, EigenSettings, ReferenceWorkload, Supervision, TrackedSettings};
 
 use crate::reader::Reader;
 
@@ -26,5 +26,13 @@ pub(crate) fn supervision(reader: &mut Reader<'_>) -> Supervision {
             rounds,
             ..TrackedSettings::default()
         }),
+    }
+}
+
+/// What directions are measured by.
+pub(crate) fn workload(reader: &mut Reader<'_>) -> ReferenceWorkload {
+    match reader.text("supervision", "workload").as_str() {
+        "both-ways" => ReferenceWorkload::BothWays,
+        _ => ReferenceWorkload::OneWay,
     }
 }

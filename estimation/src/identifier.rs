@@ -123,7 +123,8 @@ impl Identifier {
             Filtering::Input(_) | Filtering::None => vec![1.0],
         };
         let over_rows = (settings.filtering == Filtering::Model).then_some(&filter);
-        let mut scales = Scales::of_model(&model, &base, nominal_base, settings.torque_noise.as_deref());
+        let noise = settings.torque_noise.as_deref();
+        let mut scales = Scales::of_workload(&model, &base, nominal_base, noise, settings.workload);
         let with_energy = settings.estimator.energy();
         if with_energy {
             let span = if settings.energy_span_s > 0.0 { settings.energy_span_s } else { FIRST_SPAN };

@@ -52,7 +52,7 @@ pub use report::{Estimate, Instrument, Motion, ParameterState, Refusal, Sample, 
 pub use scales::Scales;
 pub use settings::{
     ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Filtering, InputSignals, Instruments,
-    LONGEST_CYCLE_S, MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, Settings, SettingsError, Supervision,
-    TrackedSettings, Window,
+    LONGEST_CYCLE_S, MAX_DELAY_ROWS, MAX_FILTER_ORDER, MAX_HALF_WIDTH, Prior, ReferenceWorkload, Settings,
+    SettingsError, Supervision, TrackedSettings, Window,
 };
 pub use torque_rows::TorqueRows;

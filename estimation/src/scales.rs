@@ -2,16 +2,15 @@
 //!
 //! Thresholds and condition numbers of the information mean something only if all coordinates have one unit. Here the
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
-//! arm at moderate speed, each passed both ways, so that what is odd in the speed (friction) and what is even in it
-//! (bodies) have nothing in common by chance: what is held stays itself then, not only its torque together with another's.
-//! It comes from the model, never from the data: else poor excitation would measure itself.
+//! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
 use crate::kernels::{Lanes, lower_solve, lower_times};
 use crate::linear::{axpy, axpy_short, dot, packed};
+use crate::settings::ReferenceWorkload;
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
 
 /// States of the reference workload.
-const STATES: usize = 600;
+const STATES: usize = 300;
 /// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
 const SPEED_SHARE: f64 = 0.5;
 const DEFAULT_SPEED: f64 = 2.0;
@@ -57,18 +56,40 @@ impl Scales {
     /// Scales of `model` in `base` parameters, from seeded states. `torque_noise`: where it is known.
     #[must_use]
     pub fn of_model(model: &Model, base: &BaseSet, nominal_base: &[f64], torque_noise: Option<&[f64]>) -> Scales {
+        Scales::of_workload(model, base, nominal_base, torque_noise, ReferenceWorkload::OneWay)
+    }
+
+    /// The same from the states of `reference`.
+    #[must_use]
+    pub fn of_workload(
+        model: &Model,
+        base: &BaseSet,
+        nominal_base: &[f64],
+        torque_noise: Option<&[f64]>,
+        reference: ReferenceWorkload,
+    ) -> Scales {
         let (dof, n, full) = (model.arm.dof(), base.len(), model.len());
         let mut ws = Workspace::new(&model.arm);
         let (mut y, mut d) = (vec![0.0; dof * full], vec![0.0; dof * n]);
-        let mut rows = Vec::with_capacity(STATES * dof * n);
+        let both = reference == ReferenceWorkload::BothWays;
+        let states = if both { 2 * STATES } else { STATES };
+        let mut rows = Vec::with_capacity(states * dof * n);
+        let mut back = vec![0.0; dof];
         workload(model, |q, qd, qdd| {
-            model.regressor(&mut ws, q, qd, qdd, &mut y);
-            base.select(&y, full, &mut d);
-            rows.extend_from_slice(&d);
+            let mut add = |qd: &[f64]| {
+                model.regressor(&mut ws, q, qd, qdd, &mut y);
+                base.select(&y, full, &mut d);
+                rows.extend_from_slice(&d);
+            };
+            add(qd);
+            if both {
+                back.iter_mut().zip(qd).for_each(|(back, qd)| *back = -qd);
+                add(&back);
+            }
         });
         let mut square = vec![0.0; dof];
         for (k, row) in rows.chunks_exact(n).enumerate() {
-            square[k % dof] += dot(row, nominal_base).powi(2) / STATES as f64;
+            square[k % dof] += dot(row, nominal_base).powi(2) / states as f64;
         }
         let largest = square.iter().fold(0.0_f64, |m, s| m.max(*s)).sqrt();
         let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
@@ -86,7 +107,7 @@ impl Scales {
         let torque = expected.iter().zip(&noise).map(|(t, noise)| (t / noise).powi(2)).sum::<f64>().sqrt();
         let mut workload = vec![0.0; n * n];
         for (k, row) in rows.chunks_exact(n).enumerate() {
-            let weight = 1.0 / (noise[k % dof].powi(2) * STATES as f64);
+            let weight = 1.0 / (noise[k % dof].powi(2) * states as f64);
             for i in 0..n {
                 if row[i] != 0.0 {
                     axpy(weight * row[i], row, &mut workload[i * n..(i + 1) * n]);
@@ -237,7 +258,7 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
     let dof = model.arm.dof();
     let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     let mut seed = 0x7269_7665_7465_7374;
-    for _ in 0..STATES / 2 {
+    for _ in 0..STATES {
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let reach = if joint.kind == JointKind::Revolute { std::f64::consts::PI } else { 1.0 };
             let (low, high) = (joint.lower.clamp(-reach, reach), joint.upper.clamp(-reach, reach));
@@ -245,11 +266,6 @@ pub(crate) fn workload(model: &Model, mut each: impl FnMut(&[f64], &[f64], &[f64
             let speed = SPEED_SHARE * speed_limit(joint);
             qd[j] = speed * (2.0 * unit(&mut seed) - 1.0);
             qdd[j] = speed / RISE_TIME * (2.0 * unit(&mut seed) - 1.0);
-        }
-        each(&q, &qd, &qdd);
-        // The way back.
-        for qd in &mut qd {
-            *qd = -*qd;
         }
         each(&q, &qd, &qdd);
     }

@@ -284,6 +284,19 @@ pub struct Settings {
     pub supervision: Supervision,
     /// What is known before the first sample.
     pub prior: Prior,
+    /// Motion that says what a parameter's torque is: the yardstick of `supervision`.
+    pub workload: ReferenceWorkload,
+}
+
+/// Random states of the arm within its limits, at moderate speed, that parameters are measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ReferenceWorkload {
+    /// 300 states.
+    #[default]
+    OneWay,
+    /// The same, each passed both ways: friction, odd in the speed, and bodies, even in it, have nothing in common by chance, so that
+    /// what is held stays itself and not only its torque together with another's.
+    BothWays,
 }
 
 /// Which setting cannot be used, and why.
@@ -338,6 +351,7 @@ impl Settings {
                 longest_cycle_s: LONGEST_CYCLE_S,
             },
             supervision: Supervision::Eigen(EigenSettings::default()),
+            workload: ReferenceWorkload::default(),
             prior: Prior { relative_std: 1.0 },
         }
     }

@@ -124,7 +124,7 @@ fn leak(reference: &Estimator, other: &Estimator) -> f64 {
 /// a row. The reference decides anew. Rounds or deflation alone do not do.
 #[test]
 fn a_basis_that_lags_lets_in_too_much() {
-    const SEEDS: u32 = 8;
+    const SEEDS: u32 = 4;
     let Some(mut arm) = Arm::new() else { return };
     let truth = arm.bench.truth.clone();
     let lagging = |rounds, deflation| tracked(|s| (s.rounds, s.deflation) = (rounds, deflation));
@@ -176,8 +176,8 @@ fn a_basis_that_lags_lets_in_too_much() {
     ] {
         println!("{name}: {row:.3?}");
     }
-    assert!(lags[1] > 1.3 * remedy[1] && lags[3] > 8.0 * remedy[3], "the failure: {lags:?} beside {remedy:?}");
-    assert!(no_deflation[1] > 1.3 * remedy[1], "rounds alone: {no_deflation:?} beside {remedy:?}");
+    assert!(lags[1] > 3.0 * reference[1] && lags[3] > 8.0 * remedy[3], "the failure: {lags:?}");
+    assert!(no_deflation[1] > 1.3 * reference[1], "rounds alone: {no_deflation:?}");
     assert!(no_rounds[1] > 3.0 * reference[1], "deflation alone holds what must move: {no_rounds:?}");
     assert!(remedy[1] < 1.1 * reference[1] && remedy[2] < 1.2 * reference[2], "{remedy:?} beside {reference:?}");
     assert!((remedy[0] - reference[0]).abs() < 0.25 && remedy[3] < 0.1, "{remedy:?} beside {reference:?}");

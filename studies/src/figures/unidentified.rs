@@ -3,8 +3,8 @@
 use super::bench::{Bench, PERIOD_S, Source, Swing, Trace, largest, repeat, run};
 use super::{Check, Figure, Series, Unit, dashes, line, panel};
 use rivet_estimation::{
-    ColumnsSettings, EigenSettings, EstimatorKind, Filtering, ParameterState, Prior, Scales, Settings, Supervision,
-    TrackedSettings, Window,
+    ColumnsSettings, EigenSettings, EstimatorKind, Filtering, ParameterState, Prior, ReferenceWorkload, Scales,
+    Settings, Supervision, TrackedSettings, Window,
 };
 
 /// Encoder step \[rad\].
@@ -30,8 +30,14 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
         prior: Prior { relative_std: 1.0 },
         ..bench.paper(EstimatorKind::Rls)
     };
-    let supervised =
-        Settings { filter_hz: 10.0, decimation: 20, window, dead_zone: vec![0.02; 2], ..Settings::new(2, PERIOD_S) };
+    let supervised = Settings {
+        filter_hz: 10.0,
+        decimation: 20,
+        window,
+        dead_zone: vec![0.02; 2],
+        workload: ReferenceWorkload::BothWays,
+        ..Settings::new(2, PERIOD_S)
+    };
     let by = |supervision: Supervision| Settings { supervision, ..supervised.clone() };
     let go = |settings: &Settings| -> Vec<Trace> {
         repeat(repetitions, |seed| {
