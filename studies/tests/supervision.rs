@@ -24,7 +24,7 @@ fn at_recursive_cost_as_good_as_the_oracle() {
         assert!(scheme.agreement >= 0.95 && scheme.held <= 1e-9, "{scheme:?}");
         assert!(of("plain RIV").efficiency[0] < 0.1 * scheme.efficiency[0], "unsupervised RIV bursts");
     }
-    // The same rule by other code; what is left is that the estimator decides 400 times in a window, here with every second row
+    // The same rule by other code; what is left is that the estimator decides 300 times in a window, here with every second row
     // (with every row: 0.996, 1.000 and 100.0 %).
     let whole = of("eigen, whole");
     assert!(whole.efficiency.iter().all(|e| (e - 1.0).abs() <= 0.05) && whole.agreement >= 0.99, "{whole:?}");
