@@ -79,7 +79,7 @@ fn off_line_says_what_it_does_not_take_from_the_robot_file() {
         text
     };
     let text = words("");
-    assert!(text.contains("robot file's half_width = 40 acts on line only"), "{text}");
+    assert!(text.contains("robot file's half_width = 25 acts on line only"), "{text}");
     // Delayed instruments are in use here, so delay_s is.
     assert!(text.contains("on line only estimator.window_s") && !text.contains("estimator.delay_s"), "{text}");
     let text = words("torque_noise = 1.0\n[supervision]\ntolerance = 0.3\nkind = \"eigen\"");
@@ -88,7 +88,7 @@ fn off_line_says_what_it_does_not_take_from_the_robot_file() {
     }
     assert!(!text.contains("supervision.kind"), "the default: {text}");
     let text = words("filtering = \"none\"");
-    assert!(text.contains("half_width = 40 and filtering = \"none\" act on line only"), "{text}");
+    assert!(text.contains("half_width = 25 and filtering = \"none\" act on line only"), "{text}");
     let file = robot_with("ur10e", folder.path(), "[estimator]", "[estimator]\ninstruments = \"previous-cycle\"");
     let (_, text) = said(rivet().arg("identify").arg(&file).arg(&log));
     assert!(text.contains("off line no cycle is looked for: delayed instruments"), "{text}");

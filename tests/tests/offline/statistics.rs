@@ -105,7 +105,7 @@ fn coverage(robot: &Robot, friction: FrictionLaw, motions: u64) -> Coverage {
 
 /// The geared arms, with encoder quanta, torque noise and residuals coloured by what friction has beyond the model: it really
 /// sticks, where the model's is rounded. No covariance knows what a wrong law adds to the parameters themselves (most of the
-/// wrist's error on the UR10e, 84 % inside by itself; the Manutec's wrist turns faster, 95 %); with the law right it is noise.
+/// wrist's error on the UR10e); with the law right it is noise. Four motions each.
 #[test]
 fn standard_deviations_cover_on_geared_arms() {
     let share = |arm: &str, friction: Option<FrictionLaw>, motions: u64| {
@@ -125,8 +125,8 @@ fn standard_deviations_cover_on_geared_arms() {
     };
     let (inside, of) = share("ur10e", None, 4);
     assert!((0.90..=0.98).contains(&(inside / of)), "{inside} of {of}");
-    let [a, b] = ["ur10e", "manutec-r3"].map(|arm| share(arm, Some(FrictionLaw::Stick), 2));
-    assert!(a.0 >= 0.80 * a.1 && a.0 + b.0 >= 0.85 * (a.1 + b.1), "{a:?} {b:?}");
+    let [a, b] = ["ur10e", "manutec-r3"].map(|arm| share(arm, Some(FrictionLaw::Stick), 4));
+    assert!(a.0 >= 0.85 * a.1 && b.0 >= 0.85 * b.1, "{a:?} {b:?}");
 }
 
 /// Parameters of independent runs of a measured arm differ as their standard deviations say.
