@@ -124,6 +124,21 @@ mod tests {
         );
         assert_eq!(heard(|t, _| 0.5 * t.cos(), 20.0, 1.0), None, "bodies against a friction that is not seen");
         assert_eq!(heard(|_, _| 0.0, 0.6, 1.0), None, "too short a time");
+        // One way at an even speed: friction is a level, and not a dead channel where it is about that of the file.
+        let even = |level: f64| {
+            let n = 3000;
+            let motion = Motion {
+                period_s: 1e-3,
+                q: vec![(0..n).map(|k| 1e-3 * f64::from(k)).collect()],
+                qd: vec![vec![1.0; n as usize]],
+                qdd: vec![vec![0.0; n as usize]],
+            };
+            let chain = Chain::new(1e-3);
+            let tau: Vec<f64> = (0..n).map(|k| level + 0.01 * (300.0 * 1e-3 * f64::from(k)).sin()).collect();
+            of(&chain.apply(&tau), 0.0, &motion, &chain, &[vec![0.0; 10], vec![0.1, 1.0, 1.0, 0.0]].concat(), 0)
+        };
+        assert_eq!(even(1.7), None);
+        assert!(even(0.0).is_some() && even(-1.7).is_some());
         assert_eq!(heard(|t, _| 0.05 * (3.0 * t).cos(), 20.0, 0.0), None, "a file that expects nothing");
     }
 }

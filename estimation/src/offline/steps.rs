@@ -109,6 +109,9 @@ mod tests {
             assert!((found / step - 1.0).abs() < 1e-2, "{step}: {found}");
         }
         assert_eq!(position_step(&wave(0.0)), None);
+        // A joint at a speed that hardly changes has increments alike, and no steps.
+        let even: Vec<f64> = (0..500).map(f64::from).map(|k| (1.8e-3 + 2e-7 * k) * k).collect();
+        assert_eq!(position_step(&even), None);
         assert_eq!(position_step(&[0.3; 1000]), None);
         assert_eq!(position_step(&[]), None);
     }

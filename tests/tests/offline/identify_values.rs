@@ -96,6 +96,17 @@ fn a_short_record_tells_friction_that_the_file_has_not() {
     }
 }
 
+/// What half a second holds a fit of all values follows: residuals of next to nothing and deviations that are far too small.
+#[test]
+fn a_motion_shorter_than_its_values_need_is_said() {
+    let Some((case, log)) = sound() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    for (rows, little) in [(400, true), (4000, false)] {
+        let (text, _) = result(&mut identify(&case, &log.slice(3000..3000 + rows), folder.path()), folder.path());
+        assert_eq!(text.contains("independent equations"), little, "{text}");
+    }
+}
+
 /// A short record has slow stretches beside fast ones: the lag was where the fast ones are (up to 218 ms for 1).
 #[test]
 fn the_lag_of_a_short_record_is_no_louder_stretch() {

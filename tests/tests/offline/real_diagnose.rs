@@ -272,6 +272,22 @@ fn gas_spring(q2: f64) -> f64 {
     distance * crank * angle.sin() / length * pressure * area
 }
 
+/// A model that was identified on these runs leaves ten times the noise on most joints, and a burst at the first start a little less: a force
+/// of 1400 N at 0.93 was named, which nothing exerted.
+#[test]
+fn a_burst_beside_much_else_is_no_contact() {
+    let Some(logs) = shared("data/real/kuka_kr300") else { return };
+    let runs = ["traj_A_10s.parquet", "traj_B_10s.parquet"].map(|run| logs.join(run));
+    let folder = tempfile::tempdir().expect("a folder");
+    succeed(rivet().arg("identify").arg(robot("kuka-kr300-r2500")).args(&runs).arg("--export").arg(folder.path()));
+    let found = diagnose(&folder.path().join("model.toml"), &runs);
+    let of = |list: &str| -> Vec<&str> {
+        found[list].as_array().expect("a list").iter().filter_map(|c| c["effect"].as_str()).collect()
+    };
+    assert!(!of("causes").contains(&"external_force"), "{found:#}");
+    assert!(of("hints").contains(&"external_force"), "{found:#}");
+}
+
 /// A heavy arm whose URDF has neither the payload nor the counterbalance of axis 2. Both are named, and over the angles that
 /// axis 2 visits the law found is the published one.
 #[test]
