@@ -1,5 +1,5 @@
-//! What a fit cannot have told, by what it leaves of the rows it was made of: a constant, another arm half-way, torque
-//! that no value explains.
+//! What a fit cannot have told, by the rows it was made of and what it leaves of them: too little motion, a constant, another arm
+//! half-way, torque that no value explains.
 
 use rivet_config::Robot;
 use rivet_estimation::offline::{Constant, Equations, Fit, OfflineError, Parts, Rows, constant_torque, one_way};

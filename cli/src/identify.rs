@@ -12,7 +12,7 @@ use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
 use rivet_estimation::Settings;
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Parts, Rows, bias, fit,
+    self, Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Parts, Rows, bias, fit,
     friction_share, parts, solve, torque_delay, unfollowed,
 };
 use rivet_logs::Log;
@@ -282,12 +282,10 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(unexplained);
     distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
     // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
-    let changed = if method(robot) == Method::Instrumental {
-        let parts = rivet_estimation::offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares);
-        doubts::changed(&runs::joint_names(robot), &parts, &distrusts)
-    } else {
-        doubts::changed(&runs::joint_names(robot), &parts, &distrusts)
-    };
+    let by_least_squares = (method(robot) == Method::Instrumental)
+        .then(|| offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares));
+    let of_two = by_least_squares.as_ref().unwrap_or(&parts);
+    let changed = doubts::changed(&runs::joint_names(robot), of_two, &distrusts);
     distrusts.extend(changed);
     if method(robot) == Method::Instrumental {
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));

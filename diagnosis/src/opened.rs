@@ -243,7 +243,7 @@ impl Opened<'_> {
         };
         // What was fitted may fail, or hold a joint that stands: where nothing is missing, nothing is unexplained.
         let verdict = match verdict {
-            Verdict::Unexplained if !faulty && self.is_sound(&judge) => {
+            Verdict::Unexplained if !faulty && causes.is_empty() && self.is_sound(&judge) => {
                 if names.iter().any(|name| judge.is_unbelieved(name)) { Verdict::NotEvaluated } else { Verdict::NoGap }
             }
             other => other,

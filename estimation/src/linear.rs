@@ -61,7 +61,8 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
 }
 
-/// The same of four vectors with one, bit for bit: x is read once for all, and no sum waits for another's.
+/// [`dot`] of four vectors with one, to the bit, whatever their length; [`dot_four`] is quicker where it is a multiple of four, as in the
+/// blocks of U.
 #[inline(always)]
 pub(crate) fn dots(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     multiply_adds(4 * x.len());

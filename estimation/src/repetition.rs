@@ -18,9 +18,10 @@ const MEMORY: f64 = 0.5;
 /// Memory of the check that the cycle still goes on \[s\].
 const CHECK_S: f64 = 0.5;
 
-/// What is kept of the sums at lag `lag` from one term to the next.
+/// What is kept of the sums at lag `lag` from one term to the next: asked for hundreds of lags in one period, so no exponential.
 fn keep(lag: usize) -> f64 {
-    (-1.0 / (MEMORY * lag as f64)).exp()
+    let terms = MEMORY * lag as f64;
+    terms / (terms + 1.0)
 }
 
 /// The recent motion of an arm, and its cycle.

@@ -26,8 +26,8 @@ pub enum ParameterState {
     Active,
     /// It was identified before; now it keeps its value.
     Held,
-    /// Not identified, by itself never so far: it has its nominal value, or what was loaded, less what identified combinations took it
-    /// along; its standard deviation is the prior's, or that way where it is longer.
+    /// Never identified by itself so far (without supervision: not by the window of now). It has its nominal value, or what was loaded, but
+    /// for what identified combinations have carried it away by; its standard deviation is no less than that.
     Unidentified,
 }
 

@@ -19,6 +19,7 @@ mod jitter;
 mod late_torque;
 mod log_mistakes;
 mod mounted;
+mod one_by_one;
 mod otherwise;
 mod poisoned;
 mod real_diagnose;

@@ -324,6 +324,16 @@ impl Estimator {
         for ((out, x), c) in self.values.iter_mut().zip(&self.rows.scaled).zip(&self.column) {
             *out = x / c;
         }
+        for i in 0..self.n {
+            if self.state[i] == ParameterState::Unidentified {
+                self.doubt_carried(i);
+            }
+        }
+    }
+
+    /// A parameter that is not identified by itself may be off by as much as identified combinations have carried it away.
+    fn doubt_carried(&mut self, i: usize) {
+        self.std[i] = self.std[i].max((self.values[i] - self.nominal[i]).abs());
     }
 
     /// Refreshes standard deviation and state of the next `count` parameters.
@@ -350,9 +360,9 @@ impl Estimator {
                 self.cycle.width[i] = std;
                 self.std[i] = std / self.column[i];
             } else if self.state[i] == ParameterState::Unidentified {
-                // Partly seen: better known than before, if not well. What others took it along by is no less than it may be off.
-                let taken = (self.column[i] * (self.values[i] - self.nominal[i])).abs();
-                self.std[i] = std.min(self.prior[i].max(taken)) / self.column[i];
+                // Partly seen: better known than before, if not well.
+                self.std[i] = std.min(self.prior[i]) / self.column[i];
+                self.doubt_carried(i);
             } else {
                 self.state[i] = ParameterState::Held;
             }
@@ -374,7 +384,7 @@ impl Estimator {
             if std < 0.5 * self.prior[i] {
                 self.state[i] = ParameterState::Active;
             } else {
-                // Nothing is held here.
+                // Nothing is held here: it is as open as at the start.
                 self.state[i] = ParameterState::Unidentified;
             }
             self.std[i] = std / self.column[i];

@@ -1,0 +1,87 @@
+//! Sound logs that say little: joints that move one after the other. Where the model as given misses nothing in motion, what a fit
+//! makes of a joint that stands is no gap.
+
+use std::path::{Path, PathBuf};
+
+use rivet_config::Robot;
+use rivet_dynamics::Workspace;
+use rivet_logs::write_columns;
+use rivet_tests::altered::{Random, answer};
+use rivet_tests::{rivet, robot};
+
+const SECONDS: f64 = 30.0;
+const PERIOD_S: f64 = 0.004;
+/// Moves of one joint before the next has its turn.
+const MOVES: usize = 4;
+/// Share of the range that a move may end in, the longest range \[rad\], top speed of a move \[rad/s\].
+const RANGE: f64 = 0.9;
+const WIDEST: f64 = 3.2;
+const SPEED: f64 = 0.8;
+/// What a standing joint holds of its friction, in the direction it came from.
+const HELD: f64 = 0.4;
+
+/// A log of the arm as its file says: minimum-jerk moves of one joint at a time, with noise of the torque alone.
+fn log(robot: &Robot, seed: u64, folder: &Path) -> PathBuf {
+    let (n, rows) = (robot.dof(), (SECONDS / PERIOD_S) as usize);
+    let mut random = Random(seed);
+    let middle = |j: usize| 0.5 * (robot.model.arm.joints[j].lower + robot.model.arm.joints[j].upper);
+    let mut q: Vec<f64> = (0..n).map(middle).collect();
+    let (mut ws, mut y) = (Workspace::new(&robot.model.arm), vec![0.0; n * robot.model.len()]);
+    let mut columns = vec![Vec::new(); 1 + 2 * n];
+    let mut held = vec![0.0; n];
+    let mut moves = 0;
+    while columns[0].len() < rows {
+        let j = (moves / MOVES) % n;
+        moves += 1;
+        let joint = &robot.model.arm.joints[j];
+        let range = RANGE * (joint.upper - joint.lower).min(WIDEST);
+        let (from, to) = (q[j], middle(j) + range * random.uniform());
+        let time = (1.875 * (to - from).abs() / SPEED).max(0.3);
+        let rest = 0.5 + 0.3 * random.uniform();
+        for k in 0..((time + rest) / PERIOD_S) as usize {
+            let s = (k as f64 * PERIOD_S / time).min(1.0);
+            let (mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n]);
+            q[j] = from + (to - from) * s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
+            qd[j] = (to - from) / time * 30.0 * (s * (1.0 - s)).powi(2);
+            qdd[j] = (to - from) / (time * time) * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s);
+            robot.model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+            let t = PERIOD_S * columns[0].len() as f64;
+            columns[0].push(t);
+            for i in 0..n {
+                let row = &y[i * robot.model.len()..(i + 1) * robot.model.len()];
+                if qd[i] != 0.0 {
+                    held[i] = HELD * qd[i].signum();
+                }
+                let stuck = if qd[i] == 0.0 { held[i] * robot.config.friction.coulomb[i] } else { 0.0 };
+                let noise = 0.5 * robot.config.simulation.torque_noise[i] * random.normal();
+                columns[1 + i].push(q[i] + 1e-6 * random.normal());
+                columns[1 + n + i]
+                    .push(row.iter().zip(&robot.nominal).map(|(y, x)| y * x).sum::<f64>() + stuck + noise);
+            }
+        }
+        q[j] = to;
+    }
+    let name = |k: usize| match k {
+        0 => "t".to_owned(),
+        k if k <= n => format!("q{k}"),
+        k => format!("tau{}", k - n),
+    };
+    let named: Vec<(String, &[f64])> = columns.iter().enumerate().map(|(k, c)| (name(k), &c[..rows])).collect();
+    let path = folder.join(format!("{seed}.parquet"));
+    write_columns(&path, &named).expect("written");
+    path
+}
+
+/// What a fit made of the three joints that hardly moved did not hold on the sealed log of the first: `unexplained`, though the model as
+/// given misses 1.2 times the noise on either.
+#[test]
+fn a_sound_arm_whose_joints_move_one_by_one_has_no_gap() {
+    for (arm, seeds) in [("manutec-r3", [7, 8]), ("ur5e", [5, 6])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let loaded = rivet_config::load(robot(arm)).expect("a sound robot file");
+        let logs = seeds.map(|seed| log(&loaded, seed, folder.path()));
+        let (code, text, found) = answer(rivet().arg("diagnose").arg(robot(arm)).args(logs), folder.path());
+        assert_eq!((code, found["verdict"].as_str()), (Some(0), Some("no_gap")), "{arm}: {text}");
+        assert!(found["causes"].as_array().is_some_and(Vec::is_empty), "{arm}: {text}");
+    }
+}
