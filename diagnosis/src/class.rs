@@ -37,6 +37,7 @@ mod tests {
                 values: Vec::new(),
                 acts_on: Vec::new(),
                 mean: Vec::new(),
+                another_law: false,
             }
         };
         let class = of(&[adopted(0, 0.96), adopted(1, 0.98)]);

@@ -21,6 +21,7 @@
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
 mod alignment;
+mod another_law;
 mod background;
 mod body;
 mod bursts;

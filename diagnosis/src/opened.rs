@@ -34,6 +34,8 @@ const FIRST_OF_CLASS: f64 = 0.8;
 /// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
 /// tampered with.
 const NOT_PLAIN: f64 = 0.6;
+/// A law of the angle beside which another has evidence is not the one that is there: it tells the joint, not the mechanism.
+const ANOTHER_LAW: f64 = 0.4;
 /// ... and one of which the sealed run keeps less than was thought possible, or far more: its form goes on otherwise than the effect.
 const PROMISE_BROKEN: f64 = 0.6;
 /// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
@@ -313,6 +315,9 @@ impl Opened<'_> {
         let mut confidence = confidence(step, shrink, rivals.len());
         if !step.adopted.is_empty() && is_predictable(step) && !judge.sealed.is_plain(k, judge.joints(step)) {
             confidence *= NOT_PLAIN;
+        }
+        if step.adopted.iter().any(|a| a.another_law) {
+            confidence *= ANOTHER_LAW;
         }
         let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low;
         if is_predictable(step) && (broken || shrink.measured > FAR_MORE * shrink.high.max(MATERIAL)) {

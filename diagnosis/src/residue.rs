@@ -109,6 +109,7 @@ mod tests {
             values: Vec::new(),
             acts_on: Vec::new(),
             mean: Vec::new(),
+            another_law: false,
         }
     }
 

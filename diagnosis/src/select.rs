@@ -2,6 +2,7 @@
 
 use nalgebra::DVector;
 
+use crate::another_law;
 use crate::bursts;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
@@ -69,6 +70,8 @@ pub(crate) struct Adopted {
     pub(crate) acts_on: Vec<bool>,
     /// Prior mean of its coefficients.
     pub(crate) mean: Vec<f64>,
+    /// Whether it is a law of the angle beside which another one has evidence.
+    pub(crate) another_law: bool,
 }
 
 /// What explains the same as an adopted effect.
@@ -112,7 +115,9 @@ impl<'a> Selected<'a> {
             self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&flips));
             say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
             let found = best(search, &self.candidates, &self.physics, &self.adopted, Some(&flips), true, say)?;
-            let Some((candidate, adoption)) = found else { return Some(()) };
+            let Some((candidate, adoption)) = found else {
+                return another_law::mark(search, &self.candidates, &mut self.adopted);
+            };
             self.adopt(search, &candidate, adoption, say)?;
         }
         self.candidates.clear();
@@ -338,6 +343,7 @@ impl Adopted {
                 .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
                 .collect(),
             mean: candidate.belief.mean.iter().copied().collect(),
+            another_law: false,
         })
     }
 }

@@ -1,0 +1,49 @@
+//! Torque over a joint's angle that follows another law than the one that was named.
+//!
+//! Springs, levers and weights are exact: with the one that is there nothing is left that follows the angle. One that merely bends alike
+//! (a lever whose two terms all but cancel, say) takes nearly all of another law, and what it leaves is small beside the gap but not
+//! beside noise. On measured arms, where other joints keep more than noise as well, that says nothing.
+
+use std::f64::consts::TAU;
+
+use crate::form::Form;
+use crate::residue::Residue;
+use crate::search::{Candidate, Search};
+use crate::select::{Adopted, LEAST_GAIN};
+
+/// A ripple of more cycles over the joint's range than this is no part of a law of the angle.
+const CYCLES: f64 = 4.0;
+
+/// Marks laws of the angle beside which another one of the same joint has as much evidence as a further effect needs.
+pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut [Adopted]) -> Option<()> {
+    if Residue::of(search).any_noisy() || !adopted.iter().any(|a| a.form.of_angle_alone()) {
+        return Some(());
+    }
+    let over: Vec<&Candidate> = candidates.iter().filter(|c| bends_slowly(&c.form, search)).collect();
+    let solved = search.scales();
+    for law in adopted.iter_mut().filter(|a| a.form.of_angle_alone()) {
+        let (effect, joints) = (law.form.effect(), law.form.joints());
+        let others = over.iter().filter(|c| c.form.joints() == joints && c.form.effect() != effect);
+        let gains = others.filter_map(|c| Some(search.standing(0, c, &solved)?.gain));
+        law.another_law = gains.fold(f64::NEG_INFINITY, f64::max) >= LEAST_GAIN[1];
+    }
+    (!solved.is_empty()).then_some(())
+}
+
+/// Whether a form follows the angle alone, and no faster than a few times over the joint's range.
+fn bends_slowly(form: &Form, search: &Search<'_>) -> bool {
+    match *form {
+        Form::Ripple { joint, order } => order * range(search, joint) <= CYCLES * TAU,
+        Form::AngleLaw { .. } | Form::Pull { .. } | Form::Softening { .. } => true,
+        _ => form.of_angle_alone(),
+    }
+}
+
+/// Largest angle that a joint goes over in a run \[rad\].
+fn range(search: &Search<'_>, joint: usize) -> f64 {
+    let of = |q: &[f64]| {
+        let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(*q), h.max(*q)));
+        (high - low).max(0.0)
+    };
+    search.runs.iter().map(|run| of(&run.motion.q[joint])).fold(0.0, f64::max)
+}
