@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 
 use anyhow::Result;
+use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_dynamics::JointKind;
 use rivet_estimation::offline::{Jumps, MOST_LEFT_OUT, Reach, beyond, unwrap};
-use rivet_logs::{Log, Signals};
+use rivet_logs::Log;
 
 use crate::evidence::Distrust;
 use crate::exit::Fault;
@@ -51,8 +52,8 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         sound.found.push(Distrust { log, joint, name, text });
     };
     let mut left_out = Vec::new();
-    let mut position = |j: usize, what: &str, q: &[f64]| -> Option<Vec<f64>> {
-        let (Jumps { wraps, rows, farthest }, whole) = unwrap(&log.t, q, reach(j));
+    let mut position = |j: usize, what: &str, (jumps, whole): Unwrapped<'_>| -> Option<Vec<f64>> {
+        let Jumps { wraps, rows, farthest } = jumps;
         if let Some(first) = wraps.first() {
             let text = format!(
                 "{what} wraps by a whole turn {} (first at {} s) and is unwrapped",
@@ -74,25 +75,26 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         left_out.extend(rows);
         (!wraps.is_empty()).then(|| whole.into_owned())
     };
-    for j in 0..joints.len() {
-        if let Some(q) = position(j, "position", &log.q[j]) {
+    let looked_through: Vec<Looked<'_>> =
+        (0..joints.len()).into_par_iter().map(|j| Looked::through(log, j, reach(j), joints[j].effort)).collect();
+    let mut torques = Vec::new();
+    for (j, Looked { measured, second, desired, torque }) in looked_through.into_iter().enumerate() {
+        torques.push(torque);
+        if let Some(q) = position(j, "position", measured) {
             sound.log.to_mut().q[j] = q;
         }
-        if let Some(link) = &log.q_link[j]
-            && let Some(q) = position(j, "position of the second encoder", link)
-        {
+        if let Some(q) = second.and_then(|link| position(j, "position of the second encoder", link)) {
             sound.log.to_mut().q_link[j] = Some(q);
         }
         // A command may jump, and an arm that cannot follow it does not; but it turns no further than the arm.
-        if let Some(q) = log.q_des.as_ref().and_then(|desired| desired_unwrapped(&log.t, desired, j, reach(j)))
+        if let Some(q) = desired
             && let Some(desired) = &mut sound.log.to_mut().q_des
         {
             desired[j] = q;
         }
     }
     if let Some((_, tau)) = &log.tau {
-        for (j, tau) in tau.iter().enumerate() {
-            let rows = beyond(tau, joints[j].effort);
+        for (j, (tau, rows)) in tau.iter().zip(torques).enumerate() {
             let Some(first) = rows.first() else { continue };
             let farthest = rows.iter().map(|k| tau[*k].abs()).fold(0.0, f64::max);
             let text = format!(
@@ -122,10 +124,30 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     Ok(sound)
 }
 
-/// The desired positions of a joint without whole turns, if there were any.
-fn desired_unwrapped(t: &[f64], desired: &Signals, j: usize, reach: Reach) -> Option<Vec<f64>> {
-    let (Jumps { wraps, .. }, whole) = unwrap(t, &desired[j], reach);
-    (!wraps.is_empty()).then(|| whole.into_owned())
+/// Jumps of a position, and what it is without whole turns.
+type Unwrapped<'a> = (Jumps, Cow<'a, [f64]>);
+
+/// What was found of one joint.
+struct Looked<'a> {
+    measured: Unwrapped<'a>,
+    second: Option<Unwrapped<'a>>,
+    /// Desired positions without whole turns, if there were any.
+    desired: Option<Vec<f64>>,
+    /// Rows whose torque no drive gives.
+    torque: Vec<usize>,
+}
+
+impl Looked<'_> {
+    fn through(log: &Log, j: usize, reach: Reach, effort: f64) -> Looked<'_> {
+        let unwrapped = |q| unwrap(&log.t, q, reach);
+        let desired = log.q_des.as_ref().map(|desired| unwrapped(&desired[j]));
+        Looked {
+            measured: unwrapped(&log.q[j]),
+            second: log.q_link[j].as_ref().map(|q| unwrapped(q)),
+            desired: desired.filter(|(jumps, _)| !jumps.wraps.is_empty()).map(|(_, whole)| whole.into_owned()),
+            torque: log.tau.as_ref().map(|(_, tau)| beyond(&tau[j], effort)).unwrap_or_default(),
+        }
+    }
 }
 
 fn times(count: usize) -> String {

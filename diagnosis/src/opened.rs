@@ -36,6 +36,9 @@ const FIRST_OF_CLASS: f64 = 0.8;
 const NOT_PLAIN: f64 = 0.6;
 /// A law of the angle beside which another has evidence is not the one that is there: it tells the joint, not the mechanism.
 const ANOTHER_LAW: f64 = 0.4;
+/// Friction with the motor's torque instead of the link's differs between the directions of a joint whose load has one sign: an asymmetry
+/// beside friction with load may be what that one's form misses.
+const BESIDE_LOAD: f64 = 0.45;
 /// ... and one of which the sealed run keeps less than was thought possible, or far more: its form goes on otherwise than the effect.
 const PROMISE_BROKEN: f64 = 0.6;
 /// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
@@ -319,6 +322,9 @@ impl Opened<'_> {
         if step.adopted.iter().any(|a| a.another_law) {
             confidence *= ANOTHER_LAW;
         }
+        if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
+            confidence *= BESIDE_LOAD;
+        }
         let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low;
         if is_predictable(step) && (broken || shrink.measured > FAR_MORE * shrink.high.max(MATERIAL)) {
             confidence *= PROMISE_BROKEN;
@@ -385,6 +391,11 @@ fn verdict(
 
 fn is_structure(cause: &Cause) -> bool {
     cause.effect.kind() == Kind::Structure
+}
+
+/// Whether a step is friction with load on one of these joints.
+fn is_load_on(step: &Step, joints: &[usize]) -> bool {
+    step.effect == Effect::LoadDependentFriction && step.joints.iter().any(|j| joints.contains(j))
 }
 
 /// Whether an effect takes most of the gap, whatever it is called.

@@ -48,6 +48,9 @@ struct Args {
     /// Measures the Rust side alone, once, and prints it as lines of `name nanoseconds`.
     #[arg(long, hide = true)]
     measure: bool,
+    /// The same of the off-line fit, in milliseconds.
+    #[arg(long, hide = true)]
+    fit: bool,
 }
 
 /// Named figures of one run.
@@ -57,6 +60,9 @@ fn main() -> Result<()> {
     let args = Args::parse();
     if args.measure {
         return measure(args.seconds);
+    }
+    if args.fit {
+        return offline::fit();
     }
     let workload = Workload::new()?;
     let temporary = tempfile::tempdir()?;

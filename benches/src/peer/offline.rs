@@ -1,6 +1,8 @@
 //! Off-line identification of a minute: `rivet identify` as a user runs it, beside numpy and Pinocchio.
 //!
-//! Twice: by the clock, both on all processors as they come (rivet shares records out, numpy its matrix products); and by
+//! Beside the whole command, what the peer does of it alone: samples in memory to base parameters.
+//!
+//! Everything twice: by the clock, both on all processors as they come (rivet shares records out, numpy its matrix products); and by
 //! processor time on one of them, which other load on the machine leaves alone.
 
 use std::path::{Path, PathBuf};
@@ -9,6 +11,9 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use rivet_benches::Workload;
+use rivet_estimation::offline::{
+    Equations, InstrumentSource, Method, OfflineSettings, Record, Rows, Trajectory, solve,
+};
 use rivet_logs::write_columns;
 use rustix::thread::CpuSet;
 
@@ -45,6 +50,8 @@ pub(crate) fn compare(
             let passed = clock.elapsed().as_secs_f64() * 1e3;
             let (name, cost) = if one { ("one", children_ms()? - start) } else { ("all", passed) };
             ours.push(Figures::from([(name.to_owned(), cost)]));
+            let fits = run(Command::new(std::env::current_exe().context("path of this program")?).arg("--fit"), cpus)?;
+            ours.push(named(&fits, one));
             let threads = [("OPENBLAS_NUM_THREADS", "1"), ("OMP_NUM_THREADS", "1")];
             let threads = threads.into_iter().filter(|_| one);
             match run(Command::new(python(venv)).arg(&script).arg(&data).envs(threads), cpus) {
@@ -61,11 +68,75 @@ pub(crate) fn compare(
         goal,
     };
     Ok(vec![
-        row("by the clock / bare lstsq", "all", "bare-all", Some((15.0, 30.0))),
-        row("by the clock / filtered lstsq", "all", "filtered-all", None),
-        row("processor time / bare lstsq", "one", "bare-one", None),
-        row("processor time / filtered lstsq", "one", "filtered-one", None),
+        row("command / bare lstsq", "all", "bare-all", Some((15.0, 30.0))),
+        row("command / filtered lstsq", "all", "filtered-all", None),
+        row("command, one cpu / bare", "one", "bare-one", None),
+        row("command, one cpu / filtered", "one", "filtered-one", None),
+        row("least squares / bare lstsq", "least_squares-all", "bare-all", Some((15.0, 30.0))),
+        row("instruments / bare lstsq", "instrumental-all", "bare-all", None),
+        row("least squares, one cpu / bare", "least_squares-one", "bare-one", None),
+        row("instruments, one cpu / bare", "instrumental-one", "bare-one", None),
     ])
+}
+
+/// What the peer does, done here: samples in memory to base parameters; prints `JOB MILLISECONDS` of processor time and `JOB_passed
+/// MILLISECONDS` by the clock, as the peer does.
+pub(crate) fn fit() -> Result<()> {
+    let workload = Workload::long(SECONDS)?;
+    let jobs = [("least_squares", Method::LeastSquares), ("instrumental", Method::Instrumental)];
+    for (name, method) in jobs {
+        let signals = signals(&workload);
+        let (start, clock) = (own_ms(), Instant::now());
+        let values = estimate(&workload, signals, method)?;
+        println!("{name} {}\n{name}_passed {}", own_ms() - start, clock.elapsed().as_secs_f64() * 1e3);
+        if values.iter().any(|x| !x.is_finite()) {
+            bail!("{name}: a value is not a number");
+        }
+    }
+    Ok(())
+}
+
+/// Signals of the log, joint by joint.
+struct Signals {
+    q: Vec<Vec<f64>>,
+    tau: Vec<Vec<f64>>,
+    desired: Trajectory,
+}
+
+fn signals(workload: &Workload) -> Signals {
+    let n = workload.robot.dof();
+    let of = |signal: &[f64]| (0..n).map(|j| signal.iter().skip(j).step_by(n).copied().collect()).collect();
+    let s = &workload.samples;
+    let desired = Trajectory { q: of(&s.q_des), qd: of(&s.qd_des), qdd: of(&s.qdd_des) };
+    Signals { q: of(&s.q), tau: of(&s.tau), desired }
+}
+
+/// Differences, rows and their solution. Least squares alone need no second motion: their instruments are never used, and made of the
+/// motion that is there.
+fn estimate(workload: &Workload, signals: Signals, method: Method) -> Result<Vec<f64>> {
+    let (robot, signal) = (&workload.robot, &workload.robot.config.signal);
+    let period_s = robot.config.sample_period_s;
+    let settings = OfflineSettings {
+        filter_hz: signal.model_filter_hz,
+        filter_order: signal.model_filter_order,
+        row_period_s: period_s * signal.decimation as f64,
+        dead_zone: signal.dead_zone.clone(),
+        instrument: match method {
+            Method::Instrumental => InstrumentSource::Desired,
+            Method::LeastSquares => InstrumentSource::Delayed(period_s),
+        },
+    };
+    let Signals { q, tau, desired } = signals;
+    let measured = Trajectory::from_positions(&q, period_s);
+    let record = Record { period_s, measured, tau, desired: Some(desired), second: None };
+    let rows = [Rows::new(&robot.model, &robot.base, &settings, &record)?];
+    Ok(solve(&Equations::new(&rows), &robot.nominal_base, robot.config.estimator.prior, method)?)
+}
+
+/// Processor time of this process [ms].
+fn own_ms() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
 }
 
 /// The figures that belong to one processor, or to all of them.

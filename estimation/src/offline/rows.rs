@@ -106,6 +106,46 @@ impl FilteredTorque {
     }
 }
 
+/// What instruments are made of.
+struct Instruments {
+    /// Another motion; without one, the measured one so many samples before.
+    motion: Option<Trajectory>,
+    delay: usize,
+    lags: Vec<Lag>,
+}
+
+impl Instruments {
+    /// Of a record of an arm with `n` joints whose measured motion is sound.
+    fn of(settings: &OfflineSettings, record: &Record, n: usize) -> Result<Instruments, OfflineError> {
+        let rows = record.measured.len();
+        match (settings.instrument, &record.desired) {
+            (InstrumentSource::Desired, Some(desired)) => {
+                desired.check(n, rows)?;
+                let of = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
+                let lags = believed(&(0..n).into_par_iter().map(of).collect::<Vec<_>>(), record.period_s);
+                let samples: Vec<f64> = lags.iter().map(|lag| lag.seconds / record.period_s).collect();
+                Ok(Instruments { motion: Some(delayed(desired, &samples)), delay: 0, lags })
+            }
+            (InstrumentSource::Desired, None) => {
+                Err(OfflineError::Shape { what: "desired motion", found: 0, expected: rows })
+            }
+            (InstrumentSource::SecondEncoder, _) => {
+                let second = record.second.as_ref().ok_or(OfflineError::Shape {
+                    what: "motion by second encoders",
+                    found: 0,
+                    expected: rows,
+                })?;
+                second.check(n, rows)?;
+                Ok(Instruments { motion: Some(second.clone()), delay: 0, lags: vec![Lag::NONE; n] })
+            }
+            (InstrumentSource::Delayed(seconds), _) => {
+                let delay = (seconds / record.period_s).round().max(1.0) as usize;
+                Ok(Instruments { motion: None, delay, lags: Vec::new() })
+            }
+        }
+    }
+}
+
 /// Filtered rows of one record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
@@ -144,35 +184,15 @@ impl Rows {
         if settings.dead_zone.len() != n {
             return Err(OfflineError::Shape { what: "dead zone", found: settings.dead_zone.len(), expected: n });
         }
-        let torque = without_effects(model, record);
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
-        let speed = filter.of_all(&record.measured.qd);
+        let torque = || filter.of_all(&without_effects(model, record));
+        let speed = || filter.of_all(&record.measured.qd);
+        // What stands still has no tracking lag either, so that is said first.
+        let (torque, (speed, instruments)) =
+            rayon::join(torque, || rayon::join(speed, || Instruments::of(settings, record, n)));
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
-        let (instrument, delay, lags) = match (settings.instrument, &record.desired) {
-            (InstrumentSource::Desired, Some(desired)) => {
-                desired.check(n, rows)?;
-                let of = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
-                let lags = believed(&(0..n).into_par_iter().map(of).collect::<Vec<_>>(), record.period_s);
-                let samples: Vec<f64> = lags.iter().map(|lag| lag.seconds / record.period_s).collect();
-                (Some(delayed(desired, &samples)), 0, lags)
-            }
-            (InstrumentSource::Desired, None) => {
-                return Err(OfflineError::Shape { what: "desired motion", found: 0, expected: rows });
-            }
-            (InstrumentSource::SecondEncoder, _) => {
-                let second = record.second.as_ref().ok_or(OfflineError::Shape {
-                    what: "motion by second encoders",
-                    found: 0,
-                    expected: rows,
-                })?;
-                second.check(n, rows)?;
-                (Some(second.clone()), 0, vec![Lag::NONE; n])
-            }
-            (InstrumentSource::Delayed(seconds), _) => {
-                (None, (seconds / record.period_s).round().max(1.0) as usize, Vec::new())
-            }
-        };
+        let Instruments { motion: instrument, delay, lags } = instruments?;
         let step = (settings.row_period_s / record.period_s).round().max(1.0) as usize;
         let kept: Vec<usize> = moving.clone().filter(|k| *k >= delay).step_by(step).collect();
         let mut result = Rows {
@@ -192,7 +212,6 @@ impl Rows {
             (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
-        let torque = filter.of_all(&torque);
         let stops = beside_stop(model, settings, record, &filter);
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
         for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
