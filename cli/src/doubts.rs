@@ -2,9 +2,9 @@
 //! half-way, torque that no value explains.
 
 use rivet_config::Robot;
-use rivet_estimation::offline::{Constant, Equations, Fit, OfflineError, Parts, Rows, constant_torque, one_way};
+use rivet_estimation::offline::{self, Constant, Equations, Fit, OfflineError, Parts, Rows, constant_torque, one_way};
 
-use crate::evidence::{Distrust, STILL_NAME, UNEXPLAINED_NAME};
+use crate::evidence::{BRIEF_NAME, Distrust, STILL_NAME, UNEXPLAINED_NAME};
 use crate::table::number;
 
 /// Of a joint's torque, what the fit may leave \[%\] and still be said to explain some of it, and to explain it.
@@ -168,6 +168,21 @@ pub(crate) fn constant(
         })
     };
     Ok(told.into_iter().enumerate().filter_map(matters).collect())
+}
+
+/// Joints (from 0) that move too briefly beside others to be learnt from.
+pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
+    let of = |j: usize| Distrust {
+        log: None,
+        joint: Some(robot.model.arm.joints[j].name.clone()),
+        name: BRIEF_NAME,
+        text: format!(
+            "moves for {} s only, too briefly beside the others to tell its noise: its rows are not learnt from, rotor inertia and \
+             friction stay as given",
+            number(rows.iter().map(|r| r.seconds_of(j)).sum(), 2)
+        ),
+    };
+    offline::brief(rows).into_iter().map(of).collect()
 }
 
 /// Joints that do not move in any log.

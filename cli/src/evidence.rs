@@ -321,6 +321,20 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
     joints.iter().map(of).collect()
 }
 
+/// Joints of a log whose setpoints give other velocities or accelerations than their positions have.
+pub(crate) fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
+    let of = |j: &usize| {
+        Distrust {
+        log: Some(log.to_owned()),
+        joint: Some(robot.model.arm.joints[*j].name.clone()),
+        name: UNDERIVED_NAME,
+        text: "qd_des or qdd_des is not the derivative of q_des (left at 0, in another unit, of another joint); both are made of q_des"
+            .to_owned(),
+    }
+    };
+    joints.iter().map(of).collect()
+}
+
 /// Positions in steps that matter.
 pub(crate) const COARSE_NAME: &str = "coarse_positions";
 /// Positions with noise that matters.
@@ -332,9 +346,11 @@ pub(crate) const ONE_WAY_NAME: &str = "turns_one_way";
 /// A desired motion that is held over rows.
 pub(crate) const PLAN_HELD_NAME: &str = "desired_motion_held";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
+const UNDERIVED_NAME: &str = "setpoint_not_derived";
 const UNSEEN_NAME: &str = "second_encoder_sees_another_motion";
 pub(crate) const UNEXPLAINED_NAME: &str = "torque_unexplained";
 pub(crate) const STILL_NAME: &str = "joint_stands";
+pub(crate) const BRIEF_NAME: &str = "joint_hardly_moves";
 /// What is wrong with a desired motion that is not the one the arm followed.
 pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
 
@@ -348,6 +364,7 @@ pub(crate) fn distrust_text(found: &[Distrust]) -> String {
     let shared = |d: &Distrust| {
         [
             UNFOLLOWED_NAME,
+            UNDERIVED_NAME,
             UNSEEN_NAME,
             COARSE_NAME,
             NOISY_NAME,

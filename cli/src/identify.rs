@@ -252,7 +252,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let mut residuals = [as_given, by_least_squares, by_instruments];
     let still = still(&rows);
     for percent in &mut residuals {
-        for &j in &still {
+        for &j in still.iter().chain(&offline::brief(&rows)) {
             percent[j] = f64::NAN;
         }
     }
@@ -272,6 +272,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(doubts::still(robot, &still));
+    distrusts.extend(doubts::brief(robot, &rows));
     distrusts.extend(doubts::short(robot, &rows));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
     let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
@@ -290,7 +291,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     if method(robot) == Method::Instrumental {
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));
     }
-    distrusts.extend(bounded.said(robot));
+    let hardly: Vec<Option<String>> = doubts::brief(robot, &rows).into_iter().map(|d| d.joint).collect();
+    distrusts.extend(bounded.said(robot).filter(|d| !hardly.contains(&d.joint)));
     let constant: Vec<Distrust> = doubts::constant(robot, (&rows, &equations), nominal, prior, chosen)?
         .into_iter()
         .filter(|d| news(d, &distrusts))
@@ -437,7 +439,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     sound.found.extend(slow(robot, log));
     let coarse = coarse(robot, &sound.log);
     sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
-    let (mut found, mut all_rows, mut still) = (Vec::new(), Vec::new(), None);
+    let (mut found, mut all_rows, mut still, mut underived) = (Vec::new(), Vec::new(), None, BTreeSet::new());
     let why = || {
         sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
     };
@@ -446,6 +448,9 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     {
         if let Some(repeated) = &sound.repeated {
             piece.report.repeated.clone_from(repeated);
+        }
+        if settings.instrument == InstrumentSource::Desired {
+            underived.extend(runs::not_derived(&piece.grid, piece.report.period_s));
         }
         let mut record = runs::record(&mut piece)?;
         if let Some(coarse) = &coarse {
@@ -471,10 +476,12 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
             Err(why) => return Err(why).with_context(|| log.path.display().to_string()),
         }
     }
+    let short = runs::short_name(&log.path);
     match still.filter(|_| found.is_empty()) {
-        Some(still) => Err(still).with_context(why),
-        None => Ok(Taken { runs: found, rows: all_rows, contents: Vec::new(), distrusts: sound.found }),
+        Some(still) => return Err(still).with_context(why),
+        None => sound.found.extend(evidence::underived(robot, &short, &underived)),
     }
+    Ok(Taken { runs: found, rows: all_rows, contents: Vec::new(), distrusts: sound.found })
 }
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.

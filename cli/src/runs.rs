@@ -7,7 +7,7 @@ use anyhow::Result;
 use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
-use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase};
+use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase, underived};
 use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, Signals, read};
 
 use crate::exit::Fault;
@@ -176,15 +176,35 @@ pub(crate) fn record(piece: &mut Piece) -> Result<Record> {
     Ok(Record { period_s, measured, tau, desired, second })
 }
 
+/// Joints (from 0) of a log on a grid whose desired velocities or accelerations are not those of their desired positions; none where the
+/// log has not all three.
+pub(crate) fn not_derived(grid: &Log, period_s: f64) -> Vec<usize> {
+    match (&grid.q_des, &grid.qd_des, &grid.qdd_des) {
+        (Some(q), Some(qd), Some(qdd)) => underived([q, qd, qdd], period_s),
+        _ => Vec::new(),
+    }
+}
+
 /// The desired motion.
 fn desired(log: &Log, period_s: f64) -> Option<Trajectory> {
     log.q_des.clone().map(|q| planned(q, log.qd_des.clone(), log.qdd_des.clone(), period_s))
 }
 
-/// A motion of which some derivatives are known; the others are differences.
+/// A motion of which some derivatives are known; the others, and those that are none, are differences.
 fn planned(q: Signals, qd: Option<Signals>, qdd: Option<Signals>, period_s: f64) -> Trajectory {
     match (qd, qdd) {
-        (Some(qd), Some(qdd)) => Trajectory { q, qd, qdd },
+        (Some(qd), Some(qdd)) => {
+            let mut plan = Trajectory { q, qd, qdd };
+            let broken = underived([&plan.q, &plan.qd, &plan.qdd], period_s);
+            if !broken.is_empty() {
+                let mut differences = Trajectory::from_positions(&plan.q, period_s);
+                for j in broken {
+                    plan.qd[j] = std::mem::take(&mut differences.qd[j]);
+                    plan.qdd[j] = std::mem::take(&mut differences.qdd[j]);
+                }
+            }
+            plan
+        }
         (qd, qdd) => {
             let differences = Trajectory::from_positions(&q, period_s);
             Trajectory { q, qd: qd.unwrap_or(differences.qd), qdd: qdd.unwrap_or(differences.qdd) }

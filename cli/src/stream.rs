@@ -1,9 +1,9 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
 use crate::channels::doubted;
-use crate::evidence::Distrust;
+use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
-use crate::runs::{hole_s, read_log};
+use crate::runs::{hole_s, not_derived, read_log, short_name};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_estimation::offline::{Trajectory, unfollowed};
@@ -47,7 +47,7 @@ impl Recording {
         let config = &robot.config;
         let joints = robot.model.arm.dof();
         let log = read_log(robot, path)?;
-        let distrusts = doubted(robot, &log)?;
+        let mut distrusts = doubted(robot, &log)?;
         let period_s = config.sample_period_s;
         let begin = log.t.first().copied().unwrap_or(0.0);
         let mut pieces: Vec<Stretch> = Vec::new();
@@ -62,6 +62,8 @@ impl Recording {
             pieces.push(Stretch { log: grid, before, first_seq: first_seq.max(least) });
             first_report.get_or_insert(report);
         }
+        let underived = pieces.iter().flat_map(|piece| not_derived(&piece.log, period_s)).collect();
+        distrusts.extend(evidence::underived(robot, &short_name(path), &underived));
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
         Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts })

@@ -36,6 +36,8 @@ const PATIENCE: usize = 3;
 const NEWTON_STEPS: usize = 60;
 /// Without a covariance: torque cost \[%\] below which a projection counts as exact.
 const EXACT_PERCENT: f64 = 0.5;
+/// With a covariance: torque cost \[%\] that counts as much as deviations do.
+const TOLERATED_PERCENT: f64 = 2.0;
 /// Of its deviation, what a value may move that no reference row tells.
 const STAYS: f64 = 1e-4;
 /// Directions of the covariance below this share of the largest are rounding.
@@ -209,7 +211,9 @@ pub fn project(
         covariance.row_mut(i).scale_mut(STAYS);
         covariance.column_mut(i).scale_mut(STAYS);
     }
-    nearest(model, base, values, &information(&covariance)?, nominal, reference)
+    // Beside what the covariance says, torque: deviations that say nothing (few rows, weak instruments) would leave the set anywhere.
+    let told = information(&covariance)? + as_torque(base, reference, TOLERATED_PERCENT);
+    nearest(model, base, values, &told, nominal, reference)
 }
 
 /// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each
@@ -225,9 +229,12 @@ pub fn project_torque(
     reference: &Reference,
 ) -> Result<Projection, ConsistencyError> {
     check(model, base, values, nominal, reference)?;
-    let exact = EXACT_PERCENT / 100.0;
-    let information = reference.metric() * (base.len() as f64 / (exact * exact));
-    nearest(model, base, values, &information, nominal, reference)
+    nearest(model, base, values, &as_torque(base, reference, EXACT_PERCENT), nominal, reference)
+}
+
+/// The information under which a torque cost of `percent` \[%\] is a distance of 1.
+fn as_torque(base: &BaseSet, reference: &Reference, percent: f64) -> DMatrix<f64> {
+    reference.metric() * (base.len() as f64 * (100.0 / percent).powi(2))
 }
 
 fn check(

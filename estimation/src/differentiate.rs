@@ -5,6 +5,7 @@
 //! velocities, accelerations, torques, setpoints) belongs to the same instant, `delay` samples (or three time constants of
 //! the state filter) ago.
 
+use crate::plan::Plan;
 use crate::report::{Motion, Setpoint};
 use crate::settings::Differentiator;
 use crate::state_filter::StateFilter;
@@ -136,6 +137,10 @@ pub(crate) struct Aligned {
     pub(crate) tau: Vec<f64>,
     desired: Vec<f64>,
     has_setpoint: bool,
+    plan: Plan,
+    /// Desired positions, for the derivatives that a plan lacks, and the samples that they have been there for.
+    planned: Line,
+    planned_for: usize,
 }
 
 /// The state filter in place of the line: the same channels.
@@ -172,18 +177,23 @@ impl Aligned {
             tau: zeros,
             desired: vec![0.0; 3 * dof],
             has_setpoint: false,
+            plan: Plan::new(dof, period),
+            planned: Line::new(dof, 2 * half + 1),
+            planned_for: 0,
         }
     }
 
     /// For positions alone: torques and setpoints are not delayed with them, but left out.
     pub(crate) fn positions(dof: usize, differentiator: Differentiator, period: f64) -> Aligned {
         let aligned = Aligned::new(dof, differentiator, period);
-        Aligned { late: Late::new(0, 0), ..aligned }
+        Aligned { late: Late::new(0, 0), planned: Line::new(0, 1), ..aligned }
     }
 
     /// Forgets all samples.
     pub(crate) fn restart(&mut self) {
         self.filled = 0;
+        self.planned_for = 0;
+        self.plan.take(None);
         if let Some(states) = &mut self.states {
             states.filter.restart();
             states.with_setpoint = 0;
@@ -212,6 +222,7 @@ impl Aligned {
                 None => row[n..].fill(0.0),
             }
             *is_set = f64::from(u8::from(setpoint.is_some()));
+            self.take_plan(setpoint);
         }
         self.filled = (self.filled + 1).min(self.line.length);
         if self.filled < self.line.length {
@@ -226,9 +237,40 @@ impl Aligned {
         if let Some((is_set, row)) = self.late.oldest().split_last() {
             self.tau.copy_from_slice(&row[..n]);
             self.desired.copy_from_slice(&row[n..]);
-            self.has_setpoint = *is_set != 0.0;
+            self.has_setpoint = *is_set != 0.0 && self.complete_plan();
         }
         true
+    }
+
+    fn take_plan(&mut self, setpoint: Option<Setpoint<'_>>) {
+        self.plan.take(setpoint);
+        match setpoint {
+            Some(s) => {
+                s.q.iter().enumerate().for_each(|(j, q)| self.planned.write(j, *q));
+                self.planned.advance();
+                self.planned_for = (self.planned_for + 1).min(self.planned.length);
+            }
+            None => self.planned_for = 0,
+        }
+    }
+
+    /// Makes the derivatives that are not those of the desired positions; false where these have not been there for long enough.
+    fn complete_plan(&mut self) -> bool {
+        let n = self.dof;
+        if !self.plan.broken().contains(&true) {
+            return true;
+        }
+        for j in (0..n).filter(|j| self.plan.broken()[*j]) {
+            let window = self.planned.window(j);
+            self.desired[n + j] = dot(&self.weights.velocity, window);
+            self.desired[2 * n + j] = dot(&self.weights.acceleration, window);
+        }
+        self.planned_for == self.planned.length
+    }
+
+    /// Joints whose desired velocity and acceleration are made of their desired positions, since those given are not.
+    pub(crate) fn made_up(&self) -> &[bool] {
+        self.plan.broken()
     }
 
     /// `push` through the state filter.
@@ -251,6 +293,10 @@ impl Aligned {
         }
         for (k, value) in self.desired.iter_mut().enumerate() {
             *value = filter.value(2 * n + k);
+        }
+        self.plan.take(setpoint);
+        for j in (0..n).filter(|j| self.plan.broken()[*j]) {
+            [_, self.desired[n + j], self.desired[2 * n + j]] = filter.motion(2 * n + j);
         }
         self.has_setpoint = *with_setpoint >= *settling;
         self.filled = (self.filled + 1).min(*settling);

@@ -279,6 +279,13 @@ impl Identifier {
         self.phase = 0;
     }
 
+    /// Joints whose setpoints give velocities or accelerations that are not those of their positions: both are made of the positions, as
+    /// those of the measured motion are.
+    #[must_use]
+    pub fn made_up_setpoints(&self) -> &[bool] {
+        self.aligned.made_up()
+    }
+
     /// Lets only every `factor`-th row that is due reach the estimator, which has its turn at every `factor`-th sample: less
     /// work, later values. The window keeps its length in rows. 1 leaves nothing out.
     pub fn thin(&mut self, factor: usize) {

@@ -33,6 +33,7 @@ mod noise;
 mod observer;
 pub mod offline;
 mod operations;
+mod plan;
 mod reference;
 mod repetition;
 mod report;

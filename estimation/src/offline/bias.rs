@@ -167,6 +167,7 @@ pub(super) mod tests {
             joints,
             kept: 300,
             row_period_s: 0.1,
+            independent_hz: 10.0,
             torque,
             most: Arc::from([]),
             first: 0,
@@ -272,6 +273,7 @@ pub(super) mod tests {
                 filter_hz: 450.0,
                 filter_order: 2,
                 row_period_s: period,
+                independent_hz: 1.0 / period,
                 dead_zone: vec![0.0; 2],
                 instrument: InstrumentSource::Desired,
             };

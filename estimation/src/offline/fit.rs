@@ -129,7 +129,7 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     if let Some(wrong) = rows.iter().find(|r| r.columns != k) {
         return Err(OfflineError::Shape { what: "columns", found: wrong.columns, expected: k });
     }
-    let moves: Vec<bool> = (0..n).map(|j| rows.iter().any(|r| r.count(j) > 0)).collect();
+    let moves: Vec<bool> = equations.joints.iter().map(|joint| joint.count() > 0.0).collect();
     if !moves.contains(&true) {
         return Err(OfflineError::AllStill);
     }

@@ -154,6 +154,8 @@ pub struct Rows {
     /// Instants that rows were taken at, of which a joint's dead zone leaves out some, and the time between them \[s\].
     pub(super) kept: usize,
     pub(super) row_period_s: f64,
+    /// Rows that the model filter leaves independent of each other, each second.
+    pub(super) independent_hz: f64,
     /// The torque of every sample, for the torque between rows.
     pub(super) torque: Arc<FilteredTorque>,
     /// What a base parameter of an arm like this is at most, in its unit; infinite where nothing bounds it.
@@ -200,6 +202,7 @@ impl Rows {
             joints: Vec::with_capacity(n),
             kept: kept.len(),
             row_period_s: step as f64 * record.period_s,
+            independent_hz: 2.0 * settings.filter_hz,
             torque: Arc::new(FilteredTorque { joints: Vec::new(), period_s: record.period_s }),
             most: most(model, base),
             first: kept.first().copied().unwrap_or(0),
@@ -281,6 +284,11 @@ impl Rows {
     /// Time that the rows of joint `joint` (from 0) stand for \[s\].
     pub fn seconds_of(&self, joint: usize) -> f64 {
         self.count(joint) as f64 * self.row_period_s
+    }
+
+    /// Rows of joint `joint` (from 0) that the filter leaves independent of each other.
+    pub(super) fn independent(&self, joint: usize) -> f64 {
+        (self.count(joint) as f64).min(self.independent_hz * self.seconds_of(joint))
     }
 
     /// Number of rows of joint `joint` (from 0).

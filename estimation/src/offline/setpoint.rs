@@ -2,6 +2,7 @@
 
 use super::lag::lag;
 use super::record::Trajectory;
+use crate::plan::is_broken;
 
 /// A joint moves from this standard deviation of its position on \[rad\]: less is sag and noise of a joint that stands.
 const MOVES: f64 = 0.01;
@@ -24,6 +25,14 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
         error > FOLLOWS * deviation(q.iter().copied())
     };
     (0..joints).filter(strays).collect()
+}
+
+/// The joints (from 0) whose desired velocities or accelerations are not those of their desired positions: a planner left them 0, say.
+/// Positions, velocities and accelerations are `[joint][sample]` \[rad, rad/s, rad/s²\].
+#[must_use]
+pub fn underived([q, qd, qdd]: [&[Vec<f64>]; 3], period_s: f64) -> Vec<usize> {
+    let joints = q.len().min(qd.len()).min(qdd.len());
+    (0..joints).filter(|j| is_broken([&q[*j], &qd[*j], &qdd[*j]], period_s)).collect()
 }
 
 fn deviation(x: impl Iterator<Item = f64> + Clone) -> f64 {

@@ -77,7 +77,8 @@ impl Shifts {
             dd: vec![0.0; width * width],
             count: 0.0,
         };
-        for record in equations.rows {
+        // Rows that are left out of the sums are none here either.
+        for record in equations.rows.iter().filter(|_| rows > 0.0) {
             let joint = &record.joints[j];
             for (row, place) in joint.place.iter().enumerate().step_by(stride) {
                 let d = &joint.d[row * width..(row + 1) * width];

@@ -16,6 +16,25 @@ const STRETCH_S: f64 = 2.5;
 /// Fewer stretches than this say too little about a variance: they are made shorter.
 const LEAST_STRETCHES: f64 = 16.0;
 
+/// A joint that moves for less than this share of the time for which the one does that moves longest ...
+const BRIEF: f64 = 0.2;
+
+/// Joints (from 0) that move so briefly beside others that their rows, fewer than the parameters which they hang on, would be fitted
+/// exactly whatever they are: their noise would be told as nothing, and what they count as without bound. They are left out, as if the
+/// joints stood.
+#[must_use]
+pub fn brief(rows: &[Rows]) -> Vec<usize> {
+    let n = rows.iter().map(|r| r.joints.len()).min().unwrap_or(0);
+    let seconds = |j: usize| rows.iter().map(|r| r.seconds_of(j)).sum::<f64>();
+    let longest = (0..n).map(seconds).fold(0.0, f64::max);
+    let is_brief = |j: &usize| {
+        let columns = rows.iter().map(|r| r.joints[*j].columns.len()).max().unwrap_or(0);
+        let independent: f64 = rows.iter().map(|r| r.independent(*j)).sum();
+        seconds(*j) > 0.0 && seconds(*j) < BRIEF * longest && independent < columns as f64
+    };
+    (0..n).filter(is_brief).collect()
+}
+
 /// Sums over the rows of one joint in one stretch of time, over the joint's own columns; matrices row-major.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
@@ -92,7 +111,13 @@ impl<'a> Equations<'a> {
             let stretches = if any { rows.iter().flat_map(of).collect() } else { Vec::new() };
             JointSums { columns: columns(j), stretches }
         };
-        let (joints, beside) = (0..n).into_par_iter().map(|j| (all(j), beside(j))).unzip();
+        let brief = brief(rows);
+        let none = |j: usize| {
+            let of = |r: &'a Rows| ranges(r, j, length).map(|_| Stretch::new(&r.joints[j], 0..0));
+            JointSums { columns: columns(j), stretches: rows.iter().flat_map(of).collect() }
+        };
+        let of = |j: usize| if brief.contains(&j) { (none(j), none(j)) } else { (all(j), beside(j)) };
+        let (joints, beside) = (0..n).into_par_iter().map(of).unzip();
         Equations { rows, joints, beside, length }
     }
 
