@@ -1,12 +1,13 @@
 //! Readings of a log that no arm gives: taken back where they are whole turns, else left out, and said.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use anyhow::Result;
 use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_dynamics::JointKind;
-use rivet_estimation::offline::{Jumps, MOST_LEFT_OUT, Reach, beyond, unwrap};
+use rivet_estimation::offline::{Jumps, MOST_LEFT_OUT, Reach, beyond, dropouts, unwrap};
 use rivet_logs::Log;
 
 use crate::evidence::Distrust;
@@ -109,6 +110,26 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
             left_out.extend(rows);
         }
     }
+    if let Some((_, tau)) = &log.tau {
+        let lost = dropouts(tau);
+        if let Some(first) = lost.first()
+            && let Some((_, tau)) = &mut sound.log.to_mut().tau
+        {
+            let text = format!(
+                "torque of every joint is exactly 0 for up to five rows between others: {} (first at {} s), lost samples, bridged by \
+                 straight lines",
+                share(lost.iter().map(ExactSizeIterator::len).sum(), log.len()),
+                number(log.t[first.start], 5)
+            );
+            sound.found.push(Distrust {
+                log: Some(runs::short_name(&log.path)),
+                joint: None,
+                name: "torque_lost",
+                text,
+            });
+            tau.iter_mut().for_each(|tau| lost.iter().for_each(|rows| bridge(tau, rows)));
+        }
+    }
     left_out.sort_unstable();
     left_out.dedup();
     sound.left_out = left_out;
@@ -122,6 +143,12 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     }
     stairs::take_out(robot, &mut sound);
     Ok(sound)
+}
+
+/// A straight line over some rows, from the one before to the one behind.
+fn bridge(x: &mut [f64], rows: &Range<usize>) {
+    let (from, to, steps) = (x[rows.start - 1], x[rows.end], (rows.len() + 1) as f64);
+    x[rows.clone()].iter_mut().enumerate().for_each(|(k, x)| *x = from + (to - from) * (k + 1) as f64 / steps);
 }
 
 /// Jumps of a position, and what it is without whole turns.

@@ -6,6 +6,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::effect::Effect;
 use crate::form::Form;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
@@ -14,8 +15,14 @@ use crate::select::{Adopted, LEAST_GAIN};
 /// A ripple of more cycles over the joint's range than this is no part of a law of the angle.
 const CYCLES: f64 = 4.0;
 
-/// Marks laws of the angle beside which another one of the same joint has as much evidence as a further effect needs.
+/// Cosine of 8 degrees.
+const ALONG_GRAVITY: f64 = 0.99;
+
+/// Marks a counterbalance of a joint that carries no weight, and laws of the angle beside which another one of the same joint has as much evidence as a further effect needs.
 pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut [Adopted]) -> Option<()> {
+    for law in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
+        law.another_law |= law.form.joints() == [0] && turns_about_gravity(search);
+    }
     if Residue::of(search).any_noisy() || !adopted.iter().any(|a| a.form.of_angle_alone()) {
         return Some(());
     }
@@ -25,9 +32,19 @@ pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut 
         let (effect, joints) = (law.form.effect(), law.form.joints());
         let others = over.iter().filter(|c| c.form.joints() == joints && c.form.effect() != effect);
         let gains = others.filter_map(|c| Some(search.standing(0, c, &solved)?.gain));
-        law.another_law = gains.fold(f64::NEG_INFINITY, f64::max) >= LEAST_GAIN[1];
+        law.another_law |= gains.fold(f64::NEG_INFINITY, f64::max) >= LEAST_GAIN[1];
     }
     (!solved.is_empty()).then_some(())
+}
+
+/// Whether the first joint turns about gravity: there is nothing to balance then.
+fn turns_about_gravity(search: &Search<'_>) -> bool {
+    let arm = &search.nominal.model.arm;
+    let Some(first) = arm.joints.first() else { return false };
+    let axis: Vec<f64> =
+        first.rotation.iter().map(|row| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum()).collect();
+    let along: f64 = axis.iter().zip(&arm.gravity).map(|(a, g)| a * g).sum();
+    along.abs() > ALONG_GRAVITY * arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
 }
 
 /// Whether a form follows the angle alone, and no faster than a few times over the joint's range.

@@ -6,13 +6,15 @@
 
 use crate::effect::{Effect, Kind};
 use crate::report::{Cause, Diagnosis, Verdict};
-use crate::sealed::IN_MOTION;
+use crate::sealed::{IN_MOTION, SOUND};
 
 /// A gap is closed where it became so many times smaller, whatever is left.
 const CLOSED: f64 = 7.0;
 /// Confidence in structure on a joint that is left open, and in what is named beside such a joint.
 const LEFT_OPEN: f64 = 0.45;
 const OPEN_BESIDE: f64 = 0.6;
+/// Contact that takes less than this share of the gap, beside joints that keep more than a sound one does, may be what a gear rings like.
+const SLIGHT: f64 = 0.05;
 /// An effect that makes the gap of a joint of its own no more times smaller than this, and leaves it open, is no name.
 const HARDLY: f64 = 1.5;
 
@@ -55,7 +57,11 @@ impl Diagnosis {
         let open: Vec<String> = self.left_open().map(|(joint, _)| joint.clone()).collect();
         let roughly: Vec<Cause> = self.causes.iter().filter(|c| is_inexact(c.effect)).cloned().collect();
         let strange = open.iter().any(|joint| !roughly.iter().any(|c| own(c, joint)));
+        let rings = self.per_joint.iter().any(|gap| gap.in_motion.is_some_and(|[_, after]| after > SOUND));
         for cause in &mut self.causes {
+            if rings && cause.effect == Effect::ExternalForce && cause.share.is_some_and(|share| share < SLIGHT) {
+                cause.confidence *= LEFT_OPEN;
+            }
             let structure = cause.effect.kind() == Kind::Structure;
             if structure && !is_inexact(cause.effect) && open.iter().any(|joint| own(cause, joint)) {
                 cause.confidence *= LEFT_OPEN;

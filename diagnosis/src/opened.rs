@@ -104,11 +104,16 @@ impl Judge<'_> {
                 && !a.form.plausible(&a.coefficients(&solved.x))
         };
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
-        let plain = self.sealed.is_plain(k, on.clone());
+        // A wrong value of one joint is told from its own motion, however little of the whole gap that is.
+        let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
+        let plain = self.sealed.is_plain(k, own());
+        // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
+        let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
+        let right = step.effect == Effect::TorqueConstant && !own().any(given);
         let cut = step.effect == Effect::TorqueSaturation;
         let helped = value || !predictable || cut || step.adopted.is_empty() || self.sealed.needs(k, on);
         let material = is_material(step, shrink, plain, predictable);
-        transfers && enough && material && helped && self.is_believed(step) && !step.doubtful
+        transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
 
     /// Whether two laws of the angle stand on one joint: together they fit one that nobody knows.
@@ -413,7 +418,7 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
     let Shrink { predicted, low, high, measured } = shrink;
     if step.adopted.is_empty() {
         // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
-        return low > 0.0 && measured > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL);
+        return measured > 0.0 && (plain || low > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL));
     }
     let value = step.effect.kind() == Kind::Value;
     let everywhere = step.joints.is_empty();

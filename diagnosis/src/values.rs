@@ -46,7 +46,9 @@ impl Group {
 
 fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
+    let coupled = search.nominal.model.structure.coupling.map(|coupling| coupling.driven);
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
+        let of_coupling = coupled.unwrap_or_default();
         let (effect, joint) = match *parameter {
             Parameter::Link { link, .. } => (Effect::LinkInertia, link),
             Parameter::RotorInertia(j) => (Effect::RotorInertia, j),
@@ -55,6 +57,10 @@ fn groups(search: &Search<'_>) -> Vec<Group> {
             // Effects in general, but values of a model that has them.
             Parameter::LoadFriction(j) => (Effect::LoadDependentFriction, j),
             Parameter::ViscousQuadratic(j) => (Effect::ViscousNonlinearity, j),
+            // Of the motor that turns with two joints: the one that it belongs to.
+            Parameter::CouplingInertia => (Effect::RotorInertia, of_coupling),
+            Parameter::CouplingViscous => (Effect::ViscousFriction, of_coupling),
+            Parameter::CouplingCoulomb => (Effect::CoulombFriction, of_coupling),
             _ => continue,
         };
         match groups.iter_mut().find(|g| g.effect == effect && g.joint == joint) {

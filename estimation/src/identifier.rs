@@ -41,6 +41,8 @@ const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
 /// million rows.
 const OUTLIER: f64 = 5.0;
+/// Samples for which a torque that drops out is that of before.
+const DROPOUT: usize = 5;
 /// Span for which the first guess of noise holds when energies are counted from the start \[s\].
 const FIRST_SPAN: f64 = 1.0;
 /// Memory of reported residuals when nothing is forgotten \[s\].
@@ -94,6 +96,9 @@ pub struct Identifier {
     thinning: usize,
     /// Samples since the estimator last had its turn.
     turn: usize,
+    /// The last torque that did not drop out, and for how many samples it has \[N m\].
+    last_torque: [f64; MAX_JOINTS],
+    lost: usize,
     d: Vec<f64>,
     z: Vec<f64>,
     estimator: Estimator,
@@ -203,6 +208,8 @@ impl Identifier {
             settings: settings.clone(),
             thinning: 1,
             turn: 0,
+            last_torque: [0.0; MAX_JOINTS],
+            lost: 0,
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
             estimator: Estimator::new(nominal_base, &scales, &estimator),
@@ -235,7 +242,8 @@ impl Identifier {
         self.remember(q);
         let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
         self.reference.read_second(q, second.filter(whole), tau);
-        let whole = self.aligned.push(q, tau, setpoint);
+        let tau = self.carried(tau);
+        let whole = self.aligned.push(q, &tau[..self.dof], setpoint);
         observer.done(Phase::Differentiate);
         if !whole {
             self.work(false, observer);
@@ -428,6 +436,17 @@ impl Identifier {
         self.interrupted = true;
         self.estimator.work();
         Step::Refused(why)
+    }
+
+    /// The torque of a sample; while it drops out, that of the last one: zeros of all joints (two at least) at once are samples that were
+    /// lost on their way, and would weigh like any other.
+    fn carried(&mut self, tau: &[f64]) -> [f64; MAX_JOINTS] {
+        let none = self.dof > 1 && tau.iter().all(|tau| *tau == 0.0);
+        self.lost = if none { self.lost + 1 } else { 0 };
+        if !none || self.lost > DROPOUT {
+            self.last_torque[..self.dof].copy_from_slice(tau);
+        }
+        self.last_torque
     }
 
     fn remember(&mut self, q: &[f64]) {

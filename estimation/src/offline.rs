@@ -37,7 +37,7 @@ pub use bias::{Bias, bias};
 pub use constant::{Constant, constant_torque};
 pub use delay::{Delay, DelayDoubt, torque_delay};
 pub use fit::{Determined, Fit, Method, fit, residual_percent, residual_squares, solve, torque_percent};
-pub use glitches::{Jumps, MOST_LEFT_OUT, Reach, beyond, unwrap};
+pub use glitches::{Jumps, MOST_LEFT_OUT, Reach, beyond, dropouts, unwrap};
 pub use lag::Lag;
 pub use parts::{Cut, Parts, parts};
 pub use record::{OfflineError, Record, Trajectory, predict};

@@ -90,6 +90,32 @@ fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
     steps
 }
 
+/// Most rows of a torque that dropped out.
+const DROPOUT: usize = 5;
+
+/// Stretches of a few rows in which the torque of all joints, two at least, is exactly 0 between rows in which some joint carries torque
+/// of one sign: samples that were lost and filled with zeros. `tau` is `[joint][row]` \[N m\].
+#[must_use]
+pub fn dropouts(tau: &[Vec<f64>]) -> Vec<std::ops::Range<usize>> {
+    let rows = tau.iter().map(Vec::len).min().unwrap_or(0);
+    let none = |k: usize| tau.iter().all(|tau| tau[k] == 0.0);
+    let mut found = Vec::new();
+    let mut k = 1;
+    while tau.len() > 1 && k + 1 < rows {
+        if !none(k) {
+            k += 1;
+            continue;
+        }
+        let end = (k..rows).find(|k| !none(*k)).unwrap_or(rows);
+        let carried = end < rows && tau.iter().any(|tau| tau[k - 1] * tau[end] > 0.0);
+        if carried && end - k <= DROPOUT {
+            found.push(k..end);
+        }
+        k = end + 1;
+    }
+    found
+}
+
 /// Tells the rows of `q` that jumped, and gives it without whole turns. Where a position does not come back the longer side
 /// is believed.
 pub fn unwrap<'a>(t: &[f64], q: &'a [f64], reach: Reach) -> (Jumps, Cow<'a, [f64]>) {
@@ -226,6 +252,20 @@ pub fn beyond(tau: &[f64], effort: f64) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn zeros_of_all_joints_between_torques_are_lost_samples() {
+        let mut tau = vec![vec![3.0; 40], vec![-1.0; 40]];
+        for rows in [5..6, 10..14, 20..26] {
+            tau.iter_mut().for_each(|tau| tau[rows.clone()].fill(0.0));
+        }
+        tau[1][30] = 0.0;
+        assert_eq!(dropouts(&tau), [5..6, 10..14], "six are a drive that is off, one joint may carry nothing");
+        tau[0][6..40].iter_mut().for_each(|t| *t = -3.0);
+        tau[1][6..40].iter_mut().for_each(|t| *t = 1.0);
+        assert!(!dropouts(&tau).contains(&(5..6)), "torque that changes its sign passes through nothing");
+        assert!(dropouts(&tau[..1]).is_empty(), "one joint that carries nothing is no news");
+    }
 
     const REACH: Reach = Reach { speed: 2.0, resolution: 1e-5, revolute: true };
 
