@@ -77,6 +77,9 @@ pub(crate) enum Form {
     EncoderOffset { joint: usize },
     /// Angle off by `cos q`, `sin q`
     Eccentricity { joint: usize },
+    /// Angle off by `q`, 1: a gear ratio or the counts of an encoder. No effect of the list; over a part of a turn an eccentricity looks
+    /// like it
+    PositionScale { joint: usize },
     /// A force at the flange in stretches of time, by run: base axes times hats over time
     Force { windows: Vec<Vec<(f64, f64)>> },
     /// Gravity along the base's x and y
@@ -126,7 +129,8 @@ impl Form {
             Form::Lag { .. } => Effect::CurrentLoopLag,
             Form::Saturation { .. } => Effect::TorqueSaturation,
             Form::EncoderOffset { .. } => Effect::EncoderOffset,
-            Form::Eccentricity { .. } => Effect::EncoderEccentricity,
+            // What a scale would be taken for.
+            Form::Eccentricity { .. } | Form::PositionScale { .. } => Effect::EncoderEccentricity,
             Form::Force { .. } => Effect::ExternalForce,
             Form::Gravity => Effect::GravityDirection,
             Form::Payload => Effect::Payload,
@@ -172,6 +176,7 @@ impl Form {
             | Form::Saturation { joint, .. }
             | Form::EncoderOffset { joint }
             | Form::Eccentricity { joint }
+            | Form::PositionScale { joint }
             | Form::RotorInertia { joint }
             | Form::Coulomb { joint }
             | Form::Viscous { joint } => vec![joint],
@@ -212,6 +217,7 @@ impl Form {
             | Form::Ripple { .. }
             | Form::TransmissionError { .. }
             | Form::Eccentricity { .. }
+            | Form::PositionScale { .. }
             | Form::Spring { .. }
             | Form::Counterbalance { .. }
             | Form::Counterweight { .. }
@@ -265,6 +271,7 @@ impl Form {
                 | Form::Softening { .. }
                 | Form::SpringBetween { .. }
                 | Form::TorqueLaw { .. }
+                | Form::PositionScale { .. }
         )
     }
 
@@ -272,7 +279,7 @@ impl Form {
     pub(crate) fn kind(&self) -> usize {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
-            Form::Pull { .. } | Form::TorqueLaw { .. } => 2,
+            Form::Pull { .. } | Form::TorqueLaw { .. } | Form::PositionScale { .. } => 2,
             Form::AngleLaw { .. } => 3,
             Form::Softening { .. } => 4,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
@@ -293,10 +300,12 @@ impl Form {
             Form::Warming { warmth, .. } => warmth.plausible(c),
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
             Form::Base { .. } => Mode::plausible(c[0]),
-            Form::Gain { .. } => c[0].abs() < 0.5,
+            // Less is what any data sheet is off by.
+            Form::Gain { .. } => (LEAST_GAIN_OFF..0.5).contains(&c[0].abs()),
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
             // Over a part of a turn it is a scale that is off: no encoder is mounted so badly.
-            Form::Eccentricity { .. } => c.iter().all(|c| c.abs() < LARGEST_ECCENTRICITY),
+            Form::Eccentricity { .. } => c[0].hypot(c[1]) < LARGEST_ECCENTRICITY,
+            Form::PositionScale { .. } => c.iter().all(|c| c.abs() < 0.3),
             Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
             Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
             // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
@@ -363,6 +372,7 @@ impl Form {
             }
             Form::TransmissionError { joint: j, order } => wave(p, j, order, false),
             Form::Eccentricity { joint: j } => wave(p, j, 1.0, true),
+            Form::PositionScale { joint: j } => scale(p, j),
             Form::TwoMass { joint, gear } => vec![two_mass::column(p, joint, gear)],
             Form::Base { mode } => vec![mode.column(p)],
             Form::Spring { joint: j } => vec![on(j, &|k| q(j, k)), on(j, &|_| 1.0)],
@@ -458,6 +468,8 @@ const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
+/// A torque constant that is off by less is not named.
+const LEAST_GAIN_OFF: f64 = 0.03;
 /// An encoder whose centre is off by this much of its radius is none \[rad\].
 const LARGEST_ECCENTRICITY: f64 = 0.02;
 
@@ -511,6 +523,18 @@ fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Vec<Full> {
         full
     };
     vec![made(true), made(false)]
+}
+
+/// The same where the joint's angle is another multiple of what is measured; and with its zero elsewhere.
+fn scale(p: &Physics<'_>, joint: usize) -> Vec<Full> {
+    let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
+    let n = p.joints();
+    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
+    let mut scale = displaced(p, joint, q, qdd);
+    if let Some(own) = &mut scale[joint] {
+        own.iter_mut().zip(qdd).zip(qd).for_each(|((t, a), v)| *t += rotor * a + viscous * v);
+    }
+    vec![scale, displaced(p, joint, &vec![1.0; q.len()], &vec![0.0; q.len()])]
 }
 
 /// Rigid torque of one body alone, links before it massless.

@@ -5,7 +5,7 @@
 //! joints were closed it mostly was.
 
 use crate::effect::{Effect, Kind};
-use crate::report::{Cause, Diagnosis, Verdict};
+use crate::report::{Cause, Diagnosis, JointGap, Verdict};
 use crate::sealed::{IN_MOTION, SOUND};
 
 /// A gap is closed where it became so many times smaller, whatever is left.
@@ -59,6 +59,14 @@ impl Diagnosis {
         let strange = open.iter().any(|joint| !roughly.iter().any(|c| own(c, joint)));
         let rings = self.per_joint.iter().any(|gap| gap.in_motion.is_some_and(|[_, after]| after > SOUND));
         for cause in &mut self.causes {
+            let kept = |gap: &JointGap| {
+                cause.joints.contains(&gap.joint)
+                    && gap.in_motion.is_some_and(|[_, after]| (SOUND..=IN_MOTION).contains(&after))
+            };
+            // Friction of either direction is exact: with it nothing else is left.
+            if cause.effect == Effect::FrictionAsymmetry && self.per_joint.iter().any(kept) {
+                cause.confidence *= LEFT_OPEN;
+            }
             if rings && cause.effect == Effect::ExternalForce && cause.share.is_some_and(|share| share < SLIGHT) {
                 cause.confidence *= LEFT_OPEN;
             }

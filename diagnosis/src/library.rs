@@ -60,6 +60,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             Form::Gain { joint },
             Form::TorqueLaw { joint },
             Form::EncoderOffset { joint },
+            Form::PositionScale { joint },
             Form::Eccentricity { joint },
             Form::LinkScale { link: joint },
             Form::RotorInertia { joint },

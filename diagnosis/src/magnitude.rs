@@ -83,6 +83,7 @@ impl Form {
                 named(&[("time_constant_s", c[0]), ("bandwidth_hz", 1.0 / (std::f64::consts::TAU * c[0]))])
             }
             Form::Saturation { limit, .. } => named(&[("limit_Nm", *limit)]),
+            Form::PositionScale { .. } => named(&[("position_gain", 1.0 + c[0])]),
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
             Form::Force { .. } => {
                 let largest = c.chunks(3).map(|f| f.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max);

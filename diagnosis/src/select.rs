@@ -289,6 +289,9 @@ pub(crate) fn best(
         })
         .map_or(0, |(i, _)| i);
     let mut rivals = Vec::new();
+    // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
+    let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
+    let another_law = matches!(accepted[simplest].candidate.form, Form::Eccentricity { .. }) && near.iter().any(scale);
     if near.len() > 1 {
         let solved = search.solved(search.scale)?;
         let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);
@@ -300,8 +303,14 @@ pub(crate) fn best(
         }
     }
     let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
-    let adoption =
-        Adopted { shares, share, p_value, rivals, ..Adopted::new(search, &candidate, physics, standing.gain)? };
+    let adoption = Adopted {
+        shares,
+        share,
+        p_value,
+        rivals,
+        another_law,
+        ..Adopted::new(search, &candidate, physics, standing.gain)?
+    };
     Some(Some((candidate, adoption)))
 }
 

@@ -342,6 +342,18 @@ impl Document {
         ))
     }
 
+    /// What to look at where a position is best taken as another multiple of itself.
+    fn scaled_position(&self) -> Option<String> {
+        let gain = |hint: &Cause| hint.magnitude.get("position_gain").copied().flatten();
+        let off = |(_, gain): &(&Cause, f64)| (gain - 1.0).abs() > SCALED;
+        let (hint, gain) = self.hints.iter().filter_map(|hint| Some((hint, gain(hint)?))).find(off)?;
+        Some(format!(
+            "Compare the position of {} with an angle that is known: torques fit best where it is {gain:.3} times what is logged (a gear \
+             ratio, counts of an encoder). Then diagnose again.",
+            list(&hint.joints)
+        ))
+    }
+
     fn next_line(&self) -> String {
         if self.has_computed() {
             return MEASURE.to_owned();
@@ -394,15 +406,18 @@ impl Document {
         }
         match self.verdict.as_str() {
             "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
-            "unexplained" => {
+            "unexplained" => self.scaled_position().unwrap_or_else(|| {
                 "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
                     .to_owned()
-            }
+            }),
             "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
             _ => "Add the effect to the simulator and diagnose a new run.".to_owned(),
         }
     }
 }
+
+/// A position that is off by less than this share of itself is not worth a word.
+const SCALED: f64 = 0.003;
 
 /// Whether a cause is a touch from outside.
 pub(crate) fn is_contact(cause: &Cause) -> bool {

@@ -14,6 +14,7 @@ mod export;
 mod friction_ladder;
 mod identify_values;
 mod identify_words;
+mod incomplete;
 mod instruments;
 mod jitter;
 mod late_torque;
