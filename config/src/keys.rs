@@ -173,12 +173,16 @@ pub const KEYS: &[Key] = &[
         "Where a log carries both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns (a sensor behind the gear does not feel the drive; some controllers log a torque that they computed)."),
 
     key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
-        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`). \
+        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`: the direction of motion is then \
+         that of what was filtered, which bends friction where joints reverse; of simulated arms with a Fourier motion 79 to 90 % of the values \
+         lie within two standard deviations, 97 to 98 with `savitzky-golay`). \
          On line only: off line (`rivet identify`) it is central differences through the zero-phase model filter, whatever stands here."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
         "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1) and off line. \
          What reverses within the window is rounded off, friction above all: the regressor, and not the setpoint's, which the test of bias \
-         then takes for noise. Where it rejects (`operating.md`), try a shorter one, or `central`."),
+         then takes for noise. Where it rejects (`operating.md`), try a shorter one, or `central`. \
+         It does not always: a window of 0.2 s leaves 59 to 64 % of the values of simulated arms within two standard deviations, and the test \
+         silent on a UR10e; `rivet check` says so from 0.12 s on."),
     key("signal", "state_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("60 Hz, at most 0.2 of the sample rate"),
         "Corner of each of the three sections of the `state-filter`; everything is delayed by 3/(2 pi) of its period (8 ms at 60 Hz). At most 0.2 of the sample rate; well above the motion, below the rate of stair-case positions."),
     key("signal", "filtering", Choice(&["model", "input", "none"]), "", Bounds::None, Fallback::Text("model"),
