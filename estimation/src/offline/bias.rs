@@ -273,7 +273,6 @@ pub(super) mod tests {
                 filter_hz: 450.0,
                 filter_order: 2,
                 row_period_s: period,
-                independent_hz: 1.0 / period,
                 dead_zone: vec![0.0; 2],
                 instrument: InstrumentSource::Desired,
             };

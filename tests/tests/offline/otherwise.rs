@@ -65,6 +65,33 @@ fn a_zero_that_is_another_is_told_with_its_angle() {
     }
 }
 
+/// A gear ratio or an encoder's counts: over a part of a turn they look like an encoder that is mounted badly, which it was (0.97).
+#[test]
+fn a_position_of_another_scale_is_told_with_it() {
+    for (case, joint, by) in [("case-18", 2, 1.03), ("case-18", 1, 1.05)] {
+        let Some(sound) = shared("data/practice").map(|folder| folder.join(case)) else { return };
+        let (code, text, found) =
+            told(&sound, |log: &mut Log, _: &mut [Vec<f64>]| log.q[joint].iter_mut().for_each(|q| *q *= by));
+        assert_eq!((code, causes(&found)), (Some(2), Vec::new()), "{text}");
+        let hints = found["hints"].as_array().expect("hints").iter();
+        let gain = hints.filter_map(|hint| hint["magnitude"]["position_gain"].as_f64()).next().expect("a scale");
+        assert!((gain * by - 1.0).abs() < 0.006, "{gain} for {by}");
+        assert!(text.contains("torques fit best where it is"), "{text}");
+    }
+}
+
+/// A lever whose two terms cancel all but a little bends like it, and left 1.2 times the noise: a counterbalance (0.97) where there is no
+/// weight to balance.
+#[test]
+fn a_law_of_the_angle_about_gravity_is_no_counterbalance_for_sure() {
+    let Some(sound) = shared("data/practice/case-24") else { return };
+    let (_, text, found) = told(&sound, |log: &mut Log, tau: &mut [Vec<f64>]| {
+        tau[0].iter_mut().zip(&log.q[0]).for_each(|(tau, q)| *tau += 12.0 * (3.0 * q).sin());
+    });
+    assert!(causes(&found).iter().all(|(_, confidence)| *confidence < 0.6), "{:?}: {text}", causes(&found));
+    assert_ne!(found["verdict"], "no_gap", "{text}");
+}
+
 /// Two zeros at once: gravity upside down (0.97), with which the sealed run was as bad as without.
 #[test]
 fn gravity_is_not_told_where_it_does_not_help() {
