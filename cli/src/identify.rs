@@ -299,7 +299,10 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         .collect();
     distrusts.extend(constant);
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
-    distrusts.extend(doubts::far(consistent.as_ref().ok()));
+    // A torque that is not believed has no arm either.
+    if !distrusts.iter().any(|d| d.name.starts_with("torque")) {
+        distrusts.extend(doubts::far(consistent.as_ref().ok()));
+    }
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
     Ok(Findings {

@@ -104,9 +104,9 @@ impl Judge<'_> {
                 && !a.form.plausible(&a.coefficients(&solved.x))
         };
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
-        // A wrong value of one joint is told from its own motion, however little of the whole gap that is.
+        // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
         let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
-        let plain = self.sealed.is_plain(k, own());
+        let plain = self.sealed.is_plain(k, own()) && (!value || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);

@@ -79,6 +79,11 @@ impl Sealed<'_> {
         is_moved(&self.run.motion, &self.run.chain, j)
     }
 
+    /// Whether half of the joints stand, or more.
+    pub(crate) fn mostly_stands(&self) -> bool {
+        2 * (0..self.noise.len()).filter(|j| self.moves(*j)).count() <= self.noise.len()
+    }
+
     /// Joints whose torque says something of motion.
     fn heard(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none() && self.moves(*j))

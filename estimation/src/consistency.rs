@@ -36,7 +36,8 @@ const PATIENCE: usize = 3;
 const NEWTON_STEPS: usize = 60;
 /// Without a covariance: torque cost \[%\] below which a projection counts as exact.
 const EXACT_PERCENT: f64 = 0.5;
-/// With a covariance: torque cost \[%\] that counts as much as deviations do.
+/// With a covariance: torque cost \[%\] from which on a set is looked for in which one of `TOLERATED_PERCENT` counts as much as deviations do.
+const FAR_PERCENT: f64 = 10.0;
 const TOLERATED_PERCENT: f64 = 2.0;
 /// Of its deviation, what a value may move that no reference row tells.
 const STAYS: f64 = 1e-4;
@@ -211,9 +212,15 @@ pub fn project(
         covariance.row_mut(i).scale_mut(STAYS);
         covariance.column_mut(i).scale_mut(STAYS);
     }
-    // Beside what the covariance says, torque: deviations that say nothing (few rows, weak instruments) would leave the set anywhere.
-    let told = information(&covariance)? + as_torque(base, reference, TOLERATED_PERCENT);
-    nearest(model, base, values, &told, nominal, reference)
+    let information = information(&covariance)?;
+    let near = nearest(model, base, values, &information, nominal, reference)?;
+    if near.torque_percent <= FAR_PERCENT {
+        return Ok(near);
+    }
+    // Deviations that say nothing (few rows, weak instruments) leave the set anywhere: then torque counts beside them.
+    let told = information + as_torque(base, reference, TOLERATED_PERCENT);
+    let nearer = nearest(model, base, values, &told, nominal, reference)?;
+    Ok(if nearer.torque_percent < near.torque_percent { nearer } else { near })
 }
 
 /// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each
