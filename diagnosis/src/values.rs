@@ -61,7 +61,7 @@ fn groups(search: &Search<'_>) -> Vec<Group> {
             Parameter::CouplingInertia => (Effect::RotorInertia, of_coupling),
             Parameter::CouplingViscous => (Effect::ViscousFriction, of_coupling),
             Parameter::CouplingCoulomb => (Effect::CoulombFriction, of_coupling),
-            _ => continue,
+            Parameter::Offset(_) => continue,
         };
         match groups.iter_mut().find(|g| g.effect == effect && g.joint == joint) {
             Some(group) => group.columns.push(at),
