@@ -127,7 +127,11 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
                 name: "torque_lost",
                 text,
             });
-            tau.iter_mut().for_each(|tau| lost.iter().for_each(|rows| bridge(tau, rows)));
+            for tau in tau {
+                for rows in &lost {
+                    bridge(tau, rows);
+                }
+            }
         }
     }
     left_out.sort_unstable();

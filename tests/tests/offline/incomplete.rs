@@ -95,7 +95,9 @@ fn torque_that_drops_out_is_bridged() {
     let log = sound("staubli-tx40", &path);
     let tau = log.torque().expect("torque").clone();
     let mut lost = tau.clone();
-    lost.iter_mut().for_each(|tau| tau.iter_mut().skip(1000).step_by(400).for_each(|tau| *tau = 0.0));
+    for tau in lost.iter_mut().flat_map(|tau| tau.iter_mut().skip(1000).step_by(400)) {
+        *tau = 0.0;
+    }
     let found = |tau: &[Vec<f64>], folder: &Path| {
         let path = written(&log, tau, folder);
         result(rivet().arg("identify").arg(robot("staubli-tx40")).arg(path), folder).1

@@ -73,8 +73,8 @@ fn a_position_of_another_scale_is_told_with_it() {
         let (code, text, found) =
             told(&sound, |log: &mut Log, _: &mut [Vec<f64>]| log.q[joint].iter_mut().for_each(|q| *q *= by));
         assert_eq!((code, causes(&found)), (Some(2), Vec::new()), "{text}");
-        let hints = found["hints"].as_array().expect("hints").iter();
-        let gain = hints.filter_map(|hint| hint["magnitude"]["position_gain"].as_f64()).next().expect("a scale");
+        let mut hints = found["hints"].as_array().expect("hints").iter();
+        let gain = hints.find_map(|hint| hint["magnitude"]["position_gain"].as_f64()).expect("a scale");
         assert!((gain * by - 1.0).abs() < 0.006, "{gain} for {by}");
         assert!(text.contains("torques fit best where it is"), "{text}");
     }
