@@ -257,12 +257,14 @@ mod tests {
     fn zeros_of_all_joints_between_torques_are_lost_samples() {
         let mut tau = vec![vec![3.0; 40], vec![-1.0; 40]];
         for rows in [5..6, 10..14, 20..26] {
-            tau.iter_mut().for_each(|tau| tau[rows.clone()].fill(0.0));
+            for tau in &mut tau {
+                tau[rows.clone()].fill(0.0);
+            }
         }
         tau[1][30] = 0.0;
         assert_eq!(dropouts(&tau), [5..6, 10..14], "six are a drive that is off, one joint may carry nothing");
-        tau[0][6..40].iter_mut().for_each(|t| *t = -3.0);
-        tau[1][6..40].iter_mut().for_each(|t| *t = 1.0);
+        tau[0][6..40].fill(-3.0);
+        tau[1][6..40].fill(1.0);
         assert!(!dropouts(&tau).contains(&(5..6)), "torque that changes its sign passes through nothing");
         assert!(dropouts(&tau[..1]).is_empty(), "one joint that carries nothing is no news");
     }
