@@ -111,7 +111,11 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         }
     }
     if let Some((_, tau)) = &log.tau {
-        let lost = dropouts(tau);
+        // Rows beside one that no drive gives have nothing to be drawn from.
+        let (lost, between): (Vec<_>, Vec<_>) = dropouts(tau)
+            .into_iter()
+            .partition(|rows| [rows.start - 1, rows.end].iter().all(|beside| !left_out.contains(beside)));
+        left_out.extend(between.into_iter().flatten());
         if let Some(first) = lost.first()
             && let Some((_, tau)) = &mut sound.log.to_mut().tau
         {
@@ -149,9 +153,16 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     Ok(sound)
 }
 
-/// A straight line over some rows, from the one before to the one behind.
+/// A straight line over some rows, between the medians of the three before and of the three behind: a glitch beside them does not go on.
 fn bridge(x: &mut [f64], rows: &Range<usize>) {
-    let (from, to, steps) = (x[rows.start - 1], x[rows.end], (rows.len() + 1) as f64);
+    let median = |some: &[f64]| {
+        let mut some = some.to_vec();
+        some.sort_unstable_by(f64::total_cmp);
+        some[some.len() / 2]
+    };
+    let from = median(&x[rows.start.saturating_sub(3)..rows.start]);
+    let to = median(&x[rows.end..x.len().min(rows.end + 3)]);
+    let steps = (rows.len() + 1) as f64;
     x[rows.clone()].iter_mut().enumerate().for_each(|(k, x)| *x = from + (to - from) * (k + 1) as f64 / steps);
 }
 

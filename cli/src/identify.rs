@@ -300,7 +300,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(constant);
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
     // A torque that is not believed has no arm either.
-    if !distrusts.iter().any(|d| d.name.starts_with("torque")) {
+    if !distrusts.iter().any(|d| ["torque_sign", "torque_scale", evidence::UNEXPLAINED_NAME].contains(&d.name)) {
         distrusts.extend(doubts::far(consistent.as_ref().ok()));
     }
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();

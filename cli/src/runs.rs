@@ -177,12 +177,18 @@ pub(crate) fn record(piece: &mut Piece) -> Result<Record> {
 }
 
 /// Joints (from 0) of a log on a grid whose desired velocities or accelerations are not those of their desired positions; none where the
-/// log has not all three.
+/// log gives neither.
 pub(crate) fn not_derived(grid: &Log, period_s: f64) -> Vec<usize> {
-    match (&grid.q_des, &grid.qd_des, &grid.qdd_des) {
-        (Some(q), Some(qd), Some(qdd)) => underived([q, qd, qdd], period_s),
-        _ => Vec::new(),
+    let Some(q) = grid.q_des.as_ref().filter(|_| grid.qd_des.is_some() || grid.qdd_des.is_some()) else {
+        return Vec::new();
+    };
+    if let (Some(qd), Some(qdd)) = (&grid.qd_des, &grid.qdd_des) {
+        return underived([q, qd, qdd], period_s);
     }
+    let made = Trajectory::from_positions(q, period_s);
+    let [qd, qdd] =
+        [(&grid.qd_des, &made.qd), (&grid.qdd_des, &made.qdd)].map(|(given, made)| given.as_ref().unwrap_or(made));
+    underived([q, qd, qdd], period_s)
 }
 
 /// The desired motion.
@@ -192,24 +198,22 @@ fn desired(log: &Log, period_s: f64) -> Option<Trajectory> {
 
 /// A motion of which some derivatives are known; the others, and those that are none, are differences.
 fn planned(q: Signals, qd: Option<Signals>, qdd: Option<Signals>, period_s: f64) -> Trajectory {
-    match (qd, qdd) {
-        (Some(qd), Some(qdd)) => {
-            let mut plan = Trajectory { q, qd, qdd };
-            let broken = underived([&plan.q, &plan.qd, &plan.qdd], period_s);
-            if !broken.is_empty() {
-                let mut differences = Trajectory::from_positions(&plan.q, period_s);
-                for j in broken {
-                    plan.qd[j] = std::mem::take(&mut differences.qd[j]);
-                    plan.qdd[j] = std::mem::take(&mut differences.qdd[j]);
-                }
-            }
-            plan
-        }
+    let mut plan = match (qd, qdd) {
+        (Some(qd), Some(qdd)) => Trajectory { q, qd, qdd },
         (qd, qdd) => {
-            let differences = Trajectory::from_positions(&q, period_s);
-            Trajectory { q, qd: qd.unwrap_or(differences.qd), qdd: qdd.unwrap_or(differences.qdd) }
+            let made = Trajectory::from_positions(&q, period_s);
+            Trajectory { q, qd: qd.unwrap_or(made.qd), qdd: qdd.unwrap_or(made.qdd) }
+        }
+    };
+    let broken = underived([&plan.q, &plan.qd, &plan.qdd], period_s);
+    if !broken.is_empty() {
+        let mut made = Trajectory::from_positions(&plan.q, period_s);
+        for j in broken {
+            plan.qd[j] = std::mem::take(&mut made.qd[j]);
+            plan.qdd[j] = std::mem::take(&mut made.qdd[j]);
         }
     }
+    plan
 }
 
 /// The pieces of a log as runs of a diagnosis.

@@ -57,7 +57,7 @@ fn bends_slowly(form: &Form, search: &Search<'_>) -> bool {
 }
 
 /// Largest angle that a joint goes over in a run \[rad\].
-fn range(search: &Search<'_>, joint: usize) -> f64 {
+pub(crate) fn range(search: &Search<'_>, joint: usize) -> f64 {
     let of = |q: &[f64]| {
         let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(*q), h.max(*q)));
         (high - low).max(0.0)

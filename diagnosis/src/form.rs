@@ -303,10 +303,8 @@ impl Form {
             // Less is what any data sheet is off by.
             Form::Gain { .. } => (LEAST_GAIN_OFF..0.5).contains(&c[0].abs()),
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
-            // Over a part of a turn it is a scale that is off: no encoder is mounted so badly.
-            Form::Eccentricity { .. } => c[0].hypot(c[1]) < LARGEST_ECCENTRICITY,
             Form::PositionScale { .. } => c.iter().all(|c| c.abs() < 0.3),
-            Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
+            Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
             Form::Gravity => c.iter().all(|c| c.abs() < 3.0),
             // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
             // Less than stops are smeared by is no delay where friction sticks; true ones were 3.2 ms and more.
@@ -469,9 +467,7 @@ const HELD: f64 = 0.5;
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
 /// A torque constant that is off by less is not named.
-const LEAST_GAIN_OFF: f64 = 0.03;
-/// An encoder whose centre is off by this much of its radius is none \[rad\].
-const LARGEST_ECCENTRICITY: f64 = 0.02;
+const LEAST_GAIN_OFF: f64 = 0.02;
 
 /// Value between samples, linear; the ends hold.
 fn at(x: &[f64], place: f64) -> f64 {

@@ -36,6 +36,9 @@ const FIRST_OF_CLASS: f64 = 0.8;
 const NOT_PLAIN: f64 = 0.6;
 /// A law of the angle beside which another has evidence is not the one that is there: it tells the joint, not the mechanism.
 const ANOTHER_LAW: f64 = 0.4;
+/// A torque constant that is off by less may as well be bodies that are.
+const SMALL_GAIN: f64 = 0.04;
+const MAY_BE_BODIES: f64 = 0.6;
 /// Friction with the motor's torque instead of the link's differs between the directions of a joint whose load has one sign: an asymmetry
 /// beside friction with load may be what that one's form misses.
 const BESIDE_LOAD: f64 = 0.45;
@@ -326,6 +329,13 @@ impl Opened<'_> {
         }
         if step.adopted.iter().any(|a| a.another_law) {
             confidence *= ANOTHER_LAW;
+        }
+        let small = |a: &Adopted| {
+            let gain = a.coefficients(&self.solved.x).first().copied().unwrap_or(0.0);
+            matches!(a.form, Form::Gain { .. }) && gain.abs() < SMALL_GAIN
+        };
+        if step.adopted.iter().any(small) {
+            confidence *= MAY_BE_BODIES;
         }
         if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
             confidence *= BESIDE_LOAD;

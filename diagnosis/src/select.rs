@@ -44,6 +44,8 @@ const CONTEST_ROUNDS: usize = 4;
 const CLEARLY_MORE: f64 = 0.1;
 /// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
 const OFF_GRID: f64 = 0.4;
+/// An encoder whose centre is off by this much of its radius is none \[rad\].
+const LARGEST_ECCENTRICITY: f64 = 0.02;
 /// Orders that differ by less than this share are the same.
 const SAME_ORDER: f64 = 0.01;
 /// Most effects in one diagnosis; joints that warm up together count once.
@@ -252,6 +254,7 @@ pub(crate) fn best(
             _ => true,
         };
         let plausible = candidate.form.plausible(standing.added.c.as_slice())
+            && !is_mounted_too_badly(search, &candidate.form, standing.added.c.as_slice())
             && cut
             && shown
             && !is_part(&candidate.form, &standing);
@@ -355,6 +358,12 @@ impl Adopted {
             another_law: false,
         })
     }
+}
+
+/// Whether an encoder is off as none is. Over a whole turn it may be all the same; over a part of one it is a scale of the position, or a zero.
+fn is_mounted_too_badly(search: &Search<'_>, form: &Form, c: &[f64]) -> bool {
+    matches!(*form, Form::Eccentricity { joint }
+        if c[0].hypot(c[1]) > LARGEST_ECCENTRICITY && another_law::range(search, joint) < std::f64::consts::PI)
 }
 
 /// Whether two forms repeat with the same order of the angle.

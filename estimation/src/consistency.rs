@@ -219,8 +219,8 @@ pub fn project(
     }
     // Deviations that say nothing (few rows, weak instruments) leave the set anywhere: then torque counts beside them.
     let told = information + as_torque(base, reference, TOLERATED_PERCENT);
-    let nearer = nearest(model, base, values, &told, nominal, reference)?;
-    Ok(if nearer.torque_percent < near.torque_percent { nearer } else { near })
+    let nearer = nearest(model, base, values, &told, nominal, reference).ok();
+    Ok(nearer.filter(|nearer| nearer.torque_percent < near.torque_percent).unwrap_or(near))
 }
 
 /// As [`project`], nearest in torque: the distance of two sets is the torque between them on the reference rows, each

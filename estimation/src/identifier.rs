@@ -96,8 +96,8 @@ pub struct Identifier {
     thinning: usize,
     /// Samples since the estimator last had its turn.
     turn: usize,
-    /// The last torque that did not drop out, and for how many samples it has \[N m\].
-    last_torque: [f64; MAX_JOINTS],
+    /// The last torques that did not drop out \[N m\], and for how many samples they have.
+    last_torques: [[f64; MAX_JOINTS]; 3],
     lost: usize,
     d: Vec<f64>,
     z: Vec<f64>,
@@ -208,7 +208,7 @@ impl Identifier {
             settings: settings.clone(),
             thinning: 1,
             turn: 0,
-            last_torque: [0.0; MAX_JOINTS],
+            last_torques: [[0.0; MAX_JOINTS]; 3],
             lost: 0,
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
@@ -240,9 +240,9 @@ impl Identifier {
             self.restart_signals();
         }
         self.remember(q);
-        let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
-        self.reference.read_second(q, second.filter(whole), tau);
         let tau = self.carried(tau);
+        let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
+        self.reference.read_second(q, second.filter(whole), &tau[..self.dof]);
         let whole = self.aligned.push(q, &tau[..self.dof], setpoint);
         observer.done(Phase::Differentiate);
         if !whole {
@@ -272,6 +272,7 @@ impl Identifier {
     pub fn restart_signals(&mut self) {
         self.interrupted = false;
         self.previous = None;
+        (self.last_torques, self.lost) = ([[0.0; MAX_JOINTS]; 3], 0);
         self.aligned.restart();
         self.regressors.restart();
         self.measured.restart();
@@ -438,15 +439,23 @@ impl Identifier {
         Step::Refused(why)
     }
 
-    /// The torque of a sample; while it drops out, that of the last one: zeros of all joints (two at least) at once are samples that were
-    /// lost on their way, and would weigh like any other.
+    /// The torque of a sample; while it drops out, the median of the three before: zeros of all joints (two at least) at once are samples
+    /// that were lost on their way, and would weigh like any other. A glitch before them does not go on.
     fn carried(&mut self, tau: &[f64]) -> [f64; MAX_JOINTS] {
         let none = self.dof > 1 && tau.iter().all(|tau| *tau == 0.0);
         self.lost = if none { self.lost + 1 } else { 0 };
-        if !none || self.lost > DROPOUT {
-            self.last_torque[..self.dof].copy_from_slice(tau);
+        let mut torque = [0.0; MAX_JOINTS];
+        if none && self.lost <= DROPOUT {
+            let [a, b, c] = &self.last_torques;
+            for (j, torque) in torque.iter_mut().enumerate() {
+                *torque = a[j].min(b[j]).max(a[j].max(b[j]).min(c[j]));
+            }
+            return torque;
         }
-        self.last_torque
+        torque[..self.dof].copy_from_slice(tau);
+        self.last_torques.rotate_left(1);
+        self.last_torques[2] = torque;
+        torque
     }
 
     fn remember(&mut self, q: &[f64]) {

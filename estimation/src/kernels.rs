@@ -13,7 +13,7 @@ use rivet_dynamics::MAX_JOINTS;
 pub(crate) type Lanes = [f64; MAX_JOINTS];
 
 /// `x ← T·x` for a lower triangle T ([`packed`]) and as many vectors as there are lanes.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn lower_times(t: &[f32], x: &mut [Lanes]) {
     let n = x.len();
     multiply_adds(MAX_JOINTS * n * (n + 1) / 2);
@@ -46,7 +46,7 @@ pub(crate) fn lower_times(t: &[f32], x: &mut [Lanes]) {
 }
 
 /// `out = T·x` for the whole row-major T, rows as long as x.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
     multiply_adds(MAX_JOINTS * t.len());
@@ -69,7 +69,7 @@ pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
 }
 
 /// `out = T·x`, T row-major with rows as long as x.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn times(t: &[f64], x: &[f64], out: &mut [f64]) {
     for (out, row) in out.iter_mut().zip(t.chunks_exact(x.len())) {
         *out = dot(row, x);
@@ -77,7 +77,7 @@ pub(crate) fn times(t: &[f64], x: &[f64], out: &mut [f64]) {
 }
 
 /// `out ← out + Tᵀ·x`, T row-major with rows as long as `out`.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
     for (row, x) in t.chunks_exact(out.len()).zip(x) {
         axpy(*x, row, out);
@@ -85,7 +85,7 @@ pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
 }
 
 /// Products of `x` with the rows of T (row-major, as long as x) that `index` names.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64]) {
     let n = x.len();
     let row = |k: usize| &t[k * n..(k + 1) * n];
@@ -97,7 +97,7 @@ pub(crate) fn times_chosen(t: &[f64], index: &[usize], x: &[f64], out: &mut [f64
 }
 
 /// `out = T⁻¹·x` for a lower triangle T ([`packed`]).
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn lower_solve(t: &[f32], x: &[f64], out: &mut [f64]) {
     for (i, x) in x.iter().enumerate() {
         let row = &t[packed(i)];
@@ -106,7 +106,7 @@ pub(crate) fn lower_solve(t: &[f32], x: &[f64], out: &mut [f64]) {
 }
 
 /// Step k of a factorisation `A = L·U` of rows of n: row k, and those below it, which are reduced.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn eliminate(row_k: &[f64], k: usize, below: &mut [f64], n: usize) {
     for row in below.chunks_exact_mut(n) {
         let factor = row[k] / row_k[k];
@@ -116,7 +116,7 @@ pub(crate) fn eliminate(row_k: &[f64], k: usize, below: &mut [f64], n: usize) {
 }
 
 /// `b ← L⁻ᵀ·U⁻ᵀ·b` for factors in one row-major matrix, L with unit diagonal; the first `from` entries of b are zeros.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn solve_transposed(a: &[f64], b: &mut [f64], from: usize) {
     let n = b.len();
     for k in from..n {
@@ -132,7 +132,7 @@ pub(crate) fn solve_transposed(a: &[f64], b: &mut [f64], from: usize) {
 }
 
 /// `out = T·x` for the columns of T from `from` on, T row-major with `from` columns more than x has entries.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn times_from(t: &[f64], from: usize, x: &[f64], out: &mut [f64]) {
     let n = from + x.len();
     let row = |i: usize| &t[i * n + from..(i + 1) * n];
@@ -144,7 +144,7 @@ pub(crate) fn times_from(t: &[f64], from: usize, x: &[f64], out: &mut [f64]) {
 }
 
 /// `T ← T − v·wᵀ − w·vᵀ` in the columns from `from` on.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn add_two_products(t: &mut [f64], from: usize, v: &[f64], w: &[f64]) {
     multiply_adds(2 * v.len() * v.len());
     for ((row, vi), wi) in t.chunks_exact_mut(from + v.len()).zip(v).zip(w) {
@@ -155,7 +155,7 @@ pub(crate) fn add_two_products(t: &mut [f64], from: usize, v: &[f64], w: &[f64])
 }
 
 /// `T ← T·(1 − β·v·vᵀ)` in the columns from `from` on.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn reflect(t: &mut [f64], from: usize, beta: f64, v: &[f64]) {
     for row in t.chunks_exact_mut(from + v.len()) {
         let row = &mut row[from..];
@@ -165,7 +165,7 @@ pub(crate) fn reflect(t: &mut [f64], from: usize, beta: f64, v: &[f64]) {
 }
 
 /// Turns rows i and i + 1 of `t` (`n` long) by the angle with cosine `c[i]` and sine `s[i]`, from the last pair to the first.
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn rotate_neighbours(t: &mut [f64], n: usize, c: &[f64], s: &[f64]) {
     // Four products and two sums an entry pair are as much as three multiply-adds.
     multiply_adds(3 * n * c.len());
@@ -210,7 +210,7 @@ pub(crate) fn add_products(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: 
     }
 }
 
-#[multiversion(targets("x86_64+avx+avx2"))]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: usize, part: Part) {
     let mut rows: [&[f64]; ROWS] = [&[]; ROWS];
     for (row, d) in rows.iter_mut().zip(d.chunks_exact(n)) {

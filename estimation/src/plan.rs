@@ -2,30 +2,30 @@
 //!
 //! A robot controller that plans positions alone leaves the rest 0, or a planner forgets the accelerations. Instruments of such a plan
 //! say that nothing accelerates, and what is found with them is wrong by far more than its deviations. Positions are what the arm is
-//! told to follow, so they are believed: a joint whose Δq̇ or Δq over a window is not the integral of what is given has its derivatives
+//! told to follow, so they are believed: a joint whose Δq̇ or Δq over most windows is not the integral of what is given has its derivatives
 //! made of its positions, as those of the measured motion are.
 
 use crate::report::Setpoint;
 
-/// Length of a window \[s\]: long beside the rows for which a slow planner holds its setpoint.
-const WINDOW_S: f64 = 0.2;
+/// Lengths of the windows \[s\]: long beside the rows for which a slow planner holds its setpoint; two, for a motion may repeat with one.
+const WINDOWS_S: [f64; 2] = [0.2, 0.13];
 /// Share of the squared way that may be missed: a plan that is held misses a part, one of zeros all of it.
-const MISSED: f64 = 0.25;
-/// Squared way that a joint must have gone before anything is said: 2 mrad, 20 mrad/s.
+const MISSED: f64 = 0.5;
+/// Squared way from which on a window says anything: 2 mrad, 20 mrad/s.
 const LEAST: [f64; 2] = [4e-6, 4e-4];
-/// What a window keeps of the sums before it.
-const KEEPS: f64 = 0.9;
+/// What a window keeps of the counts before it.
+const KEEPS: f64 = 0.95;
+/// Windows that must have said something, and the share of them that missed the way: a jump is one window.
+const TOLD: f64 = 1.9;
+const BROKEN: f64 = 0.5;
 
-/// Two integrals of one joint beside what they should give: velocity beside position, acceleration beside velocity.
+/// Two integrals of one joint beside what they should give over a window: velocity beside position, acceleration beside velocity.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
     /// At the start of the window, and of the last sample: position, velocity, acceleration.
     first: [f64; 3],
     last: [f64; 3],
     integral: [f64; 2],
-    /// Squares of the way by positions or velocities, and of what the integral misses of it.
-    way: [f64; 2],
-    off: [f64; 2],
 }
 
 impl Track {
@@ -40,78 +40,118 @@ impl Track {
         self.last = now;
     }
 
-    /// Ends a window, keeping a share of the sums before it; whether the derivatives are not those of the positions.
-    fn close(&mut self, keeps: f64) -> bool {
-        for k in 0..2 {
+    /// Ends a window; of position and velocity, whether it said anything and whether the way was missed.
+    fn close(&mut self) -> [[bool; 2]; 2] {
+        let of = |k: usize| {
             let way = self.last[k] - self.first[k];
-            self.way[k] = keeps * self.way[k] + way * way;
-            self.off[k] = keeps * self.off[k] + (way - self.integral[k]).powi(2);
-        }
+            let off = (way - self.integral[k]).powi(2);
+            let told = off.max(way * way) > LEAST[k];
+            [told, told && off > MISSED * way * way]
+        };
+        let said = [of(0), of(1)];
         self.begin(self.last);
-        (0..2).any(|k| self.off[k].max(self.way[k]) > LEAST[k] && self.off[k] > MISSED * self.way[k])
+        said
+    }
+}
+
+/// What the windows of one joint said: how many said anything of position and velocity, and how many of these missed the way.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    told: [f64; 2],
+    missed: [f64; 2],
+}
+
+impl Counts {
+    /// Takes in a window, keeping a share of those before it.
+    fn add(&mut self, said: [[bool; 2]; 2], keeps: f64) {
+        for (k, [told, missed]) in said.into_iter().enumerate() {
+            // What says nothing leaves things as they are.
+            if told {
+                self.told[k] = keeps * self.told[k] + 1.0;
+                self.missed[k] = keeps * self.missed[k] + f64::from(u8::from(missed));
+            }
+        }
+    }
+
+    fn is_broken(&self) -> bool {
+        (0..2).any(|k| self.told[k] >= TOLD && self.missed[k] > BROKEN * self.told[k])
     }
 }
 
 /// Whether the velocities or accelerations of a joint's whole plan are not those of its positions.
 pub(crate) fn is_broken([q, qd, qdd]: [&[f64]; 3], period: f64) -> bool {
     let now = |k: usize| [q[k], qd[k], qdd[k]];
-    let (mut track, mut broken) = (Track::default(), false);
-    for k in 0..q.len() {
-        if k == 0 {
-            track.begin(now(k));
-        } else {
-            track.step(now(k), period);
-        }
-        if k > 0 && k % window(period) == 0 {
-            broken = track.close(1.0);
+    let mut counts = Counts::default();
+    for window in windows(period) {
+        let mut track = Track::default();
+        for k in 0..q.len() {
+            if k == 0 {
+                track.begin(now(k));
+            } else {
+                track.step(now(k), period);
+            }
+            if k > 0 && k % window == 0 {
+                counts.add(track.close(), 1.0);
+            }
         }
     }
-    broken
+    counts.is_broken()
 }
 
-fn window(period: f64) -> usize {
-    (WINDOW_S / period).round().max(2.0) as usize
+fn windows(period: f64) -> [usize; 2] {
+    WINDOWS_S.map(|seconds| (seconds / period).round().max(2.0) as usize)
 }
 
 /// Looks at the setpoints of all joints.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
     period: f64,
-    window: usize,
-    /// Samples of the window so far; 0 before the first one.
-    samples: usize,
-    tracks: Vec<Track>,
+    windows: [usize; 2],
+    /// Samples of either window so far.
+    samples: [usize; 2],
+    tracks: [Vec<Track>; 2],
+    counts: Vec<Counts>,
     broken: Vec<bool>,
+    /// Whether there was a setpoint at the last sample.
+    begun: bool,
 }
 
 impl Plan {
     pub(crate) fn new(dof: usize, period: f64) -> Plan {
+        let tracks = vec![Track::default(); dof];
         Plan {
             period,
-            window: window(period),
-            samples: 0,
-            tracks: vec![Track::default(); dof],
+            windows: windows(period),
+            samples: [0; 2],
+            tracks: [tracks.clone(), tracks],
+            counts: vec![Counts::default(); dof],
             broken: vec![false; dof],
+            begun: false,
         }
     }
 
-    /// Takes in the setpoint of a sample; without one the window begins anew.
+    /// Takes in the setpoint of a sample; without one the windows begin anew.
     pub(crate) fn take(&mut self, setpoint: Option<Setpoint<'_>>) {
-        let Some(s) = setpoint else {
-            self.samples = 0;
-            return;
-        };
+        let begun = std::mem::replace(&mut self.begun, setpoint.is_some());
+        let Some(s) = setpoint else { return };
         let now = |j: usize| [s.q[j], s.qd[j], s.qdd[j]];
-        if self.samples == 0 {
-            self.tracks.iter_mut().enumerate().for_each(|(j, track)| track.begin(now(j)));
-        } else {
+        for ((samples, window), tracks) in self.samples.iter_mut().zip(self.windows).zip(&mut self.tracks) {
+            if !begun {
+                *samples = 0;
+                tracks.iter_mut().enumerate().for_each(|(j, track)| track.begin(now(j)));
+                continue;
+            }
             let period = self.period;
-            self.tracks.iter_mut().enumerate().for_each(|(j, track)| track.step(now(j), period));
-        }
-        self.samples += 1;
-        if self.samples > self.window {
-            self.samples = 1;
-            self.tracks.iter_mut().zip(&mut self.broken).for_each(|(track, broken)| *broken = track.close(KEEPS));
+            tracks.iter_mut().enumerate().for_each(|(j, track)| track.step(now(j), period));
+            *samples += 1;
+            if *samples == window {
+                *samples = 0;
+                let joints = tracks.iter_mut().zip(&mut self.counts).zip(&mut self.broken);
+                for ((track, counts), broken) in joints {
+                    counts.add(track.close(), KEEPS);
+                    *broken = counts.is_broken();
+                }
+            }
         }
     }
 
@@ -123,6 +163,8 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::report::Motion;
 
@@ -143,9 +185,32 @@ mod tests {
             plan.broken().to_vec()
         };
         let first: Vec<Vec<bool>> = (0..4000).map(|k| sample(k, false)).collect();
-        assert!(first[700..].iter().all(|b| *b == [false, false, true, true, false]), "{:?}", first.last());
+        assert!(first[500..].iter().all(|b| *b == [false, false, true, true, false]), "{:?}", first.last());
         assert!(first.iter().all(|b| !b[0] && !b[1] && !b[4]));
-        let later = (4000..9000).map(|k| sample(k, true)).last();
+        let later = (4000..12_000).map(|k| sample(k, true)).last();
         assert_eq!(later, Some(vec![false; 5]), "told so, it is believed again");
+    }
+
+    /// A plan that repeats with the longer window, one that jumps, and one of which single rows were lost.
+    #[test]
+    fn a_repeating_plan_hides_nothing_and_a_jump_breaks_nothing() {
+        let plan = |k: usize| {
+            let t = k as f64 * 1e-3;
+            [0.1 * (10.0 * TAU * t).sin(), TAU * (10.0 * TAU * t).cos(), -10.0 * TAU * TAU * (10.0 * TAU * t).sin()]
+        };
+        let rows = |part: usize| (0..6000).map(|k| plan(k)[part]).collect::<Vec<f64>>();
+        let (q, qd, qdd) = (rows(0), rows(1), rows(2));
+        let none = vec![0.0; q.len()];
+        assert!(!is_broken([&q, &qd, &qdd], 1e-3) && is_broken([&q, &qd, &none], 1e-3));
+        let slow = |part: usize| -> Vec<f64> {
+            let at = |t: f64| [0.5 * (2.0 * t).sin(), (2.0 * t).cos(), -2.0 * (2.0 * t).sin()][part];
+            (0..6000).map(|k| at(f64::from(k) * 1e-3)).collect()
+        };
+        let (mut jumps, mut lost) = (slow(0), slow(0));
+        jumps.iter_mut().skip(3000).for_each(|q| *q += 1.0);
+        lost.iter_mut().step_by(400).for_each(|q| *q = 0.0);
+        for q in [jumps, lost] {
+            assert!(!is_broken([&q, &slow(1), &slow(2)], 1e-3));
+        }
     }
 }

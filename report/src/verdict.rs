@@ -381,6 +381,9 @@ impl Document {
         if let Some(next) = self.next_of_the_whole() {
             return next;
         }
+        if let Some(next) = self.scaled_position().filter(|_| self.verdict != "no_gap") {
+            return next;
+        }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
             return format!("To tell causes apart, record {motion}.");
         }
@@ -406,10 +409,10 @@ impl Document {
         }
         match self.verdict.as_str() {
             "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
-            "unexplained" => self.scaled_position().unwrap_or_else(|| {
+            "unexplained" => {
                 "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
                     .to_owned()
-            }),
+            }
             "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
             _ => "Add the effect to the simulator and diagnose a new run.".to_owned(),
         }
