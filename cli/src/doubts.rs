@@ -187,7 +187,7 @@ pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
 }
 
 /// The nearest arm that can be built is that of the fit only where its torque is within this of it \[%\]. Whole motions of measured arms:
-/// up to 4.3, and 12 and 48 where the robot file lacks what the arm has.
+/// up to 4.3, and 4 to 10 where the robot file lacks what the arm has.
 const FAR_PERCENT: f64 = 10.0;
 
 /// Consistent parameters whose torque is another one.

@@ -16,8 +16,9 @@ const STRETCH_S: f64 = 2.5;
 /// Fewer stretches than this say too little about a variance: they are made shorter.
 const LEAST_STRETCHES: f64 = 16.0;
 
-/// A joint that moves for less than this share of the time for which the one does that moves longest ...
-const BRIEF: f64 = 0.2;
+/// A joint that moves for less than this share of the time for which the one does that moves longest; of 1.9 s in 20 a measured arm's was
+/// learnt well.
+const BRIEF: f64 = 0.05;
 
 /// Joints (from 0) that move so briefly beside others that their rows, fewer than the parameters which they hang on, would be fitted
 /// exactly whatever they are: their noise would be told as nothing, and what they count as without bound. They are left out, as if the
