@@ -202,14 +202,8 @@ fn as_text(found: &Document) -> String {
         out += &sizes(found);
     }
     if found.verdict == "unexplained" && !found.hints.is_empty() {
-        let word = |c: &Cause| {
-            if c.magnitude.contains_key("position_gain") {
-                format!("a scale of the position of {}", c.joints.join(", "))
-            } else {
-                c.effect.clone()
-            }
-        };
-        let hints: Vec<String> = found.hints.iter().map(word).collect();
+        let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
+        hints.dedup();
         out += &paragraph("  ", &format!("considered and not upheld: {}", hints.join(", ")));
     }
     if found.gap.per_joint.is_empty() {

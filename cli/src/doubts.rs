@@ -2,7 +2,7 @@
 //! half-way, torque that no value explains.
 
 use rivet_config::Robot;
-use rivet_estimation::consistency::Projection;
+use rivet_estimation::consistency::{FAR_PERCENT, Projection};
 use rivet_estimation::offline::{self, Constant, Equations, Fit, OfflineError, Parts, Rows, constant_torque, one_way};
 
 use crate::evidence::{BRIEF_NAME, Distrust, STILL_NAME, UNEXPLAINED_NAME};
@@ -185,10 +185,6 @@ pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
     };
     offline::brief(rows).into_iter().map(of).collect()
 }
-
-/// The nearest arm that can be built is that of the fit only where its torque is within this of it \[%\]. Whole motions of measured arms:
-/// up to 4.3, and 4 to 10 where the robot file lacks what the arm has.
-const FAR_PERCENT: f64 = 10.0;
 
 /// Consistent parameters whose torque is another one.
 pub(crate) fn far(consistent: Option<&Projection>) -> Option<Distrust> {

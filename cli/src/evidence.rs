@@ -328,7 +328,8 @@ pub(crate) fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> V
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: UNDERIVED_NAME,
-        text: "qd_des or qdd_des is not the derivative of q_des (left at 0, in another unit, of another joint); both are made of q_des"
+        text: "qd_des or qdd_des is not the derivative of q_des (left at 0, in another unit, of another joint); both are made of \
+               q_des"
             .to_owned(),
     }
     };

@@ -97,7 +97,7 @@ fn is_inexact(effect: Effect) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{DataUse, JointGap};
+    use crate::report::DataUse;
 
     /// Joints a, b and c with these gaps in motion; one cause on each of the first joints.
     fn diagnosis(in_motion: [[f64; 2]; 3], effects: &[Effect]) -> Diagnosis {
@@ -145,6 +145,21 @@ mod tests {
         assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [9.0, 9.0]], &effects), [OPEN_BESIDE; 2]);
         let contact = [Effect::ExternalForce, Effect::TorqueSaturation];
         assert_eq!(confidences([[20.0, 9.0], [30.0, 9.0], [9.0, 9.0]], &contact)[1], LEFT_OPEN);
+    }
+
+    #[test]
+    fn exact_friction_leaves_nothing_and_a_slight_contact_may_be_a_gear_that_rings() {
+        let asymmetry = [Effect::FrictionAsymmetry];
+        assert_eq!(confidences([[20.0, 1.5], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [1.0]);
+        assert_eq!(confidences([[20.0, 3.0], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [LEFT_OPEN]);
+        assert_eq!(confidences([[20.0, 1.5], [8.0, 3.0], [1.0, 1.0]], &asymmetry), [1.0], "another joint's");
+        let contact = |share: f64, after: f64| {
+            let mut found = diagnosis([[20.0, after], [1.0, 1.0], [1.0, 1.0]], &[Effect::ExternalForce]);
+            found.causes[0].share = Some(share);
+            found.doubt_what_is_left_open();
+            found.causes[0].confidence
+        };
+        assert_eq!([contact(0.01, 3.0), contact(0.01, 1.5), contact(0.2, 3.0)], [LEFT_OPEN, 1.0, 1.0]);
     }
 
     #[test]

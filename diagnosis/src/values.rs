@@ -46,9 +46,8 @@ impl Group {
 
 fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
-    let coupled = search.nominal.model.structure.coupling.map(|coupling| coupling.driven);
+    let of_coupling = search.nominal.model.structure.coupling.map_or(0, |coupling| coupling.driven);
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
-        let of_coupling = coupled.unwrap_or_default();
         let (effect, joint) = match *parameter {
             Parameter::Link { link, .. } => (Effect::LinkInertia, link),
             Parameter::RotorInertia(j) => (Effect::RotorInertia, j),

@@ -36,8 +36,9 @@ const PATIENCE: usize = 3;
 const NEWTON_STEPS: usize = 60;
 /// Without a covariance: torque cost \[%\] below which a projection counts as exact.
 const EXACT_PERCENT: f64 = 0.5;
-/// With a covariance: torque cost \[%\] from which on a set is looked for in which one of `TOLERATED_PERCENT` counts as much as deviations do.
-const FAR_PERCENT: f64 = 10.0;
+/// Torque cost \[%\] from which on a set is another arm's. Whole motions of measured arms: up to 4.3, and 4 to 10 where the robot file lacks
+/// what the arm has. [`project`] then looks for one in which a cost of `TOLERATED_PERCENT` counts as much as deviations do.
+pub const FAR_PERCENT: f64 = 10.0;
 const TOLERATED_PERCENT: f64 = 2.0;
 /// Of its deviation, what a value may move that no reference row tells.
 const STAYS: f64 = 1e-4;

@@ -268,11 +268,6 @@ impl Aligned {
         self.planned_for == self.planned.length
     }
 
-    /// Joints whose desired velocity and acceleration are made of their desired positions, since those given are not.
-    pub(crate) fn made_up(&self) -> &[bool] {
-        self.plan.broken()
-    }
-
     /// `push` through the state filter.
     fn filter(&mut self, q: &[f64], tau: &[f64], setpoint: Option<Setpoint<'_>>) -> bool {
         let n = self.dof;

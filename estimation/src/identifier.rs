@@ -2,6 +2,7 @@
 
 use crate::dead_zone::slides;
 use crate::differentiate::Aligned;
+use crate::dropout::Dropouts;
 use crate::energy::Energy;
 use crate::estimator::{Correlation, Estimator, EstimatorSettings, Hausman};
 use crate::filter::{Butterworth, correlation_factor, neighbour_correlation};
@@ -41,8 +42,6 @@ const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
 /// million rows.
 const OUTLIER: f64 = 5.0;
-/// Samples for which a torque that drops out is that of before.
-const DROPOUT: usize = 5;
 /// Span for which the first guess of noise holds when energies are counted from the start \[s\].
 const FIRST_SPAN: f64 = 1.0;
 /// Memory of reported residuals when nothing is forgotten \[s\].
@@ -96,9 +95,7 @@ pub struct Identifier {
     thinning: usize,
     /// Samples since the estimator last had its turn.
     turn: usize,
-    /// The last torques that did not drop out \[N m\], and for how many samples they have.
-    last_torques: [[f64; MAX_JOINTS]; 3],
-    lost: usize,
+    dropouts: Dropouts,
     d: Vec<f64>,
     z: Vec<f64>,
     estimator: Estimator,
@@ -208,8 +205,7 @@ impl Identifier {
             settings: settings.clone(),
             thinning: 1,
             turn: 0,
-            last_torques: [[0.0; MAX_JOINTS]; 3],
-            lost: 0,
+            dropouts: Dropouts::default(),
             d: vec![0.0; dof * n],
             z: vec![0.0; dof * n],
             estimator: Estimator::new(nominal_base, &scales, &estimator),
@@ -240,7 +236,7 @@ impl Identifier {
             self.restart_signals();
         }
         self.remember(q);
-        let tau = self.carried(tau);
+        let tau = self.dropouts.bridge(tau);
         let whole = |second: &&[f64]| second.len() == self.dof && second.iter().all(|v| v.abs() <= LARGEST_MOTION);
         self.reference.read_second(q, second.filter(whole), &tau[..self.dof]);
         let whole = self.aligned.push(q, &tau[..self.dof], setpoint);
@@ -272,7 +268,7 @@ impl Identifier {
     pub fn restart_signals(&mut self) {
         self.interrupted = false;
         self.previous = None;
-        (self.last_torques, self.lost) = ([[0.0; MAX_JOINTS]; 3], 0);
+        self.dropouts = Dropouts::default();
         self.aligned.restart();
         self.regressors.restart();
         self.measured.restart();
@@ -286,13 +282,6 @@ impl Identifier {
         self.reference.restart();
         self.past.restart();
         self.phase = 0;
-    }
-
-    /// Joints whose setpoints give velocities or accelerations that are not those of their positions: both are made of the positions, as
-    /// those of the measured motion are.
-    #[must_use]
-    pub fn made_up_setpoints(&self) -> &[bool] {
-        self.aligned.made_up()
     }
 
     /// Lets only every `factor`-th row that is due reach the estimator, which has its turn at every `factor`-th sample: less
@@ -437,25 +426,6 @@ impl Identifier {
         self.interrupted = true;
         self.estimator.work();
         Step::Refused(why)
-    }
-
-    /// The torque of a sample; while it drops out, the median of the three before: zeros of all joints (two at least) at once are samples
-    /// that were lost on their way, and would weigh like any other. A glitch before them does not go on.
-    fn carried(&mut self, tau: &[f64]) -> [f64; MAX_JOINTS] {
-        let none = self.dof > 1 && tau.iter().all(|tau| *tau == 0.0);
-        self.lost = if none { self.lost + 1 } else { 0 };
-        let mut torque = [0.0; MAX_JOINTS];
-        if none && self.lost <= DROPOUT {
-            let [a, b, c] = &self.last_torques;
-            for (j, torque) in torque.iter_mut().enumerate() {
-                *torque = a[j].min(b[j]).max(a[j].max(b[j]).min(c[j]));
-            }
-            return torque;
-        }
-        torque[..self.dof].copy_from_slice(tau);
-        self.last_torques.rotate_left(1);
-        self.last_torques[2] = torque;
-        torque
     }
 
     fn remember(&mut self, q: &[f64]) {

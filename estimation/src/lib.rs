@@ -21,6 +21,7 @@ mod closed_loop;
 pub mod consistency;
 mod dead_zone;
 pub mod differentiate;
+mod dropout;
 pub mod eigen;
 mod energy;
 mod estimator;

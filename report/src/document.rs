@@ -512,6 +512,20 @@ pub struct Parameter {
     pub wrong: bool,
 }
 
+impl Cause {
+    /// The size by which a form stands that has no name but that of what it would be taken for.
+    pub(crate) const POSITION_GAIN: &str = "position_gain";
+
+    /// What it is, in words: its name, but for a hint whose form has none of its own.
+    pub fn word(&self) -> String {
+        if self.magnitude.contains_key(Self::POSITION_GAIN) {
+            "a scale of the position".to_owned()
+        } else {
+            crate::words::effect(&self.effect)
+        }
+    }
+}
+
 impl Document {
     /// The JSON Schema of documents.
     pub fn schema() -> schemars::Schema {

@@ -344,7 +344,7 @@ impl Document {
 
     /// What to look at where a position is best taken as another multiple of itself.
     fn scaled_position(&self) -> Option<String> {
-        let gain = |hint: &Cause| hint.magnitude.get("position_gain").copied().flatten();
+        let gain = |hint: &Cause| hint.magnitude.get(Cause::POSITION_GAIN).copied().flatten();
         let off = |(_, gain): &(&Cause, f64)| (gain - 1.0).abs() > SCALED;
         let (hint, gain) = self.hints.iter().filter_map(|hint| Some((hint, gain(hint)?))).find(off)?;
         Some(format!(

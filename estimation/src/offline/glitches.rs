@@ -7,6 +7,7 @@
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
+use crate::dropout::LONGEST;
 use crate::identifier::{DEFAULT_SPEED, LARGEST_EFFORT};
 
 /// No drive accelerates a joint faster than this, even in a collision \[rad/s²\].
@@ -90,9 +91,6 @@ fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
     steps
 }
 
-/// Most rows of a torque that dropped out.
-const DROPOUT: usize = 5;
-
 /// Stretches of a few rows in which the torque of all joints, two at least, is exactly 0 between rows in which some joint carries torque
 /// of one sign: samples that were lost and filled with zeros. `tau` is `[joint][row]` \[N m\].
 #[must_use]
@@ -108,7 +106,7 @@ pub fn dropouts(tau: &[Vec<f64>]) -> Vec<std::ops::Range<usize>> {
         }
         let end = (k..rows).find(|k| !none(*k)).unwrap_or(rows);
         let carried = end < rows && tau.iter().any(|tau| tau[k - 1] * tau[end] > 0.0);
-        if carried && end - k <= DROPOUT {
+        if carried && end - k <= LONGEST {
             found.push(k..end);
         }
         k = end + 1;

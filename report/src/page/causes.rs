@@ -6,7 +6,7 @@ use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::{Cause, Curve, Document, Excerpt};
 use crate::verdict::{OTHER_CONTACT, is_contact};
-use crate::words::{effect, figure, joints, list, percent, quantity, rival};
+use crate::words::{figure, joints, list, percent, quantity, rival};
 
 const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 230.0;
@@ -36,7 +36,7 @@ pub(super) fn causes(document: &Document) -> String {
         out += "</article>\n";
     }
     if !document.hints.is_empty() {
-        let mut names: Vec<String> = document.hints.iter().map(|c| effect(&c.effect)).collect();
+        let mut names: Vec<String> = document.hints.iter().map(Cause::word).collect();
         names.sort();
         names.dedup();
         let _ = writeln!(
@@ -62,7 +62,7 @@ const KEY: &str = "<p class=\"key\"><span><i class=\"k-given\"></i>left without 
                    <span><i class=\"k-found\"></i>left with it</span></p>\n";
 
 fn title(cause: &Cause, document: &Document) -> String {
-    format!("{} on {}", effect(&cause.effect), joints(&cause.joints, document.gap.per_joint.len()))
+    format!("{} on {}", cause.word(), joints(&cause.joints, document.gap.per_joint.len()))
 }
 
 fn body(cause: &Cause, document: &Document) -> String {
@@ -164,7 +164,7 @@ fn shown(cause: &Cause, curve: &Curve) -> String {
         curve.joint,
         curve.variable,
         figure(mean(&|p| p.without), 3),
-        effect(&cause.effect),
+        cause.word(),
         figure(mean(&|p| p.with), 3)
     );
     let along = if curve.along_motion { ", along the motion" } else { "" };
@@ -194,7 +194,7 @@ fn against(cause: &Cause, curve: &Curve) -> String {
     let said = format!(
         "{}: what is left without {} against the torque it would give; slope {} (1 explains it)",
         curve.joint,
-        effect(&cause.effect),
+        cause.word(),
         figure(slope, 3)
     );
     framed(&plot.svg("torque of the cause [N m]", "left without it [N m]", &said), &(said.clone() + "."))

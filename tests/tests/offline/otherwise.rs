@@ -101,11 +101,15 @@ fn gravity_is_not_told_where_it_does_not_help() {
     assert!(sure.is_empty(), "{text}");
 }
 
-/// It was a counterbalance of the second joint, 0.96, on files with right and with wrong values.
+/// It was a counterbalance of the second joint, 0.96, on files with right and with wrong values. What leaves a fifth of its weight to one
+/// joint and takes a fifth more of another's was not taken out: a hose at the flange was said to be.
 #[test]
 fn a_torque_without_gravity_is_said_and_not_evaluated() {
-    for case in ["data/practice/case-18", "data/practice-wrong-nominal/case-06"] {
-        let Some(sound) = shared(case) else { return };
+    let whole = [1.0; 6];
+    let hose = [1.0, 0.78, 1.22, 1.0, 1.0, 1.0];
+    let cases = [("practice/case-18", whole), ("practice-wrong-nominal/case-06", whole), ("practice/case-18", hose)];
+    for (case, share) in cases {
+        let Some(sound) = shared(&format!("data/{case}")) else { return };
         let robot = rivet_config::load(sound.join("robot.toml")).expect("a sound robot file");
         let arm = &robot.model.arm;
         let still = vec![0.0; arm.dof()];
@@ -114,9 +118,14 @@ fn a_torque_without_gravity_is_said_and_not_evaluated() {
             for row in 0..log.len() {
                 let q: Vec<f64> = log.q.iter().map(|q| q[row]).collect();
                 inverse_dynamics(arm, &arm.links, &mut ws, &q, &still, &still, &mut weight);
-                tau.iter_mut().zip(&weight).for_each(|(tau, weight)| tau[row] -= weight);
+                let out = weight.iter().zip(&share).map(|(weight, share)| share * weight);
+                tau.iter_mut().zip(out).for_each(|(tau, out)| tau[row] -= out);
             }
         });
+        if share != whole {
+            assert!(joints_with(&found, "torque_without_gravity").is_empty(), "{text}");
+            continue;
+        }
         assert_eq!((code, &found["verdict"]), (Some(3), &Value::from("not_evaluated")), "{text}");
         assert!(joints_with(&found, "torque_without_gravity").len() >= 2, "{found:#}");
         assert!(text.contains("Log the whole torque"), "{text}");
