@@ -71,7 +71,7 @@ impl Robot {
         let Differentiator::SavitzkyGolay { half_width } = self.config.signal.differentiator else { return None };
         let window_s = (2 * half_width + 1) as f64 * self.config.sample_period_s;
         (half_width > 2 && window_s >= LONG_WINDOW_S).then(|| {
-            format!("signal.half_width = {half_width}: a window of {window_s:.2} s bends friction where joints reverse; 0.05 s is usual")
+            format!("half_width = {half_width} is a window of {window_s:.2} s: it bends friction where joints reverse")
         })
     }
 

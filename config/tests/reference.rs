@@ -37,6 +37,18 @@ fn description_names_every_key_and_fits_the_page() {
     }
 }
 
+/// A window in which friction is rounded off is said, whole; the arms' own are none.
+#[test]
+fn a_long_window_is_doubted() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/ur5e/robot.toml");
+    let text = fs::read_to_string(&path).expect("a robot file");
+    let described = |text: &str| rivet_config::parse(&path, text).unwrap_or_else(|e| panic!("{e}")).describe();
+    let long = described(&text.replacen("[signal]", "[signal]\nhalf_width = 100", 1));
+    assert!(long.contains("\ndoubt            half_width = 100 is a window of 0.20 s"), "{long}");
+    assert!(long.lines().all(|line| line.chars().count() <= 100));
+    assert!(!described(&text).contains("\ndoubt"));
+}
+
 /// A default that depends on other values still makes a file of the contract part alone work at any rate.
 #[test]
 fn contract_only_file_works_at_any_rate() {
