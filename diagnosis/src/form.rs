@@ -31,6 +31,9 @@ pub(crate) enum Form {
     Warming { joint: usize, warmth: Warmth },
     /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
     Presliding { joint: usize, length: f64 },
+    /// `z`, the same state beside friction that turns over as it does: what is dragged along or gives way far, a hose or a cable. No
+    /// effect of the list; over bristles' lengths it is what they are
+    Hysteresis { joint: usize, length: f64 },
     /// `s·cos(kq)`, `s·sin(kq)`, `s`: a part of a turn has a mean
     PositionFriction { joint: usize, order: f64 },
     /// The joint's whole torque
@@ -108,7 +111,8 @@ impl Form {
             Form::ViscousNonlinearity { .. } => Effect::ViscousNonlinearity,
             Form::Load { .. } => Effect::LoadDependentFriction,
             Form::Temperature { .. } | Form::Warming { .. } => Effect::TemperatureDependentFriction,
-            Form::Presliding { .. } => Effect::PreslidingFriction,
+            // What a longer hysteresis would be taken for.
+            Form::Presliding { .. } | Form::Hysteresis { .. } => Effect::PreslidingFriction,
             Form::PositionFriction { .. } => Effect::PositionDependentFriction,
             // What a law of the torque would be taken for.
             Form::Gain { .. } | Form::TorqueLaw { .. } => Effect::TorqueConstant,
@@ -161,6 +165,7 @@ impl Form {
             | Form::Temperature { joint }
             | Form::Warming { joint, .. }
             | Form::Presliding { joint, .. }
+            | Form::Hysteresis { joint, .. }
             | Form::PositionFriction { joint, .. }
             | Form::Gain { joint }
             | Form::TorqueLaw { joint }
@@ -233,6 +238,7 @@ impl Form {
         match self {
             Form::Stribeck { .. }
             | Form::Presliding { .. }
+            | Form::Hysteresis { .. }
             | Form::Delay { .. }
             | Form::Saturation { .. }
             | Form::PositionFriction { .. }
@@ -272,6 +278,7 @@ impl Form {
                 | Form::SpringBetween { .. }
                 | Form::TorqueLaw { .. }
                 | Form::PositionScale { .. }
+                | Form::Hysteresis { .. }
         )
     }
 
@@ -279,7 +286,7 @@ impl Form {
     pub(crate) fn kind(&self) -> usize {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
-            Form::Pull { .. } | Form::TorqueLaw { .. } | Form::PositionScale { .. } => 2,
+            Form::Pull { .. } | Form::TorqueLaw { .. } | Form::PositionScale { .. } | Form::Hysteresis { .. } => 2,
             Form::AngleLaw { .. } => 3,
             Form::Softening { .. } => 4,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
@@ -309,7 +316,8 @@ impl Form {
             // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
             // Less than stops are smeared by is no delay where friction sticks; true ones were 3.2 ms and more.
             Form::Delay { seconds } => (0.5..2.0).contains(&c[0]) && c[0] * seconds > SMEARED_S,
-            Form::Presliding { length, .. } => c[0] > 0.2 && *length > LEAST_TRAVEL,
+            Form::Presliding { length, .. } => c[0] > 0.2 && (LEAST_TRAVEL..MOST_TRAVEL).contains(length),
+            Form::Hysteresis { length, .. } => c[0] > 0.0 && *length >= MOST_TRAVEL,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
             Form::LinkScale { .. } => c[0] > -0.9,
             _ => c.iter().all(|c| c.is_finite()),
@@ -355,6 +363,10 @@ impl Form {
                 let level = p.x[p.coulomb(j)].abs();
                 let z = dahl(&p.motion.q[j], length);
                 vec![on(j, &|k| level * (z[k] - s(j, k)))]
+            }
+            Form::Hysteresis { joint: j, length } => {
+                let z = dahl(&p.motion.q[j], length);
+                vec![on(j, &|k| z[k])]
             }
             Form::PositionFriction { joint: j, order } => {
                 vec![
@@ -466,6 +478,8 @@ const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
+/// ... and within less than this \[rad\]: three degrees of a joint are most of a turn of its motor.
+const MOST_TRAVEL: f64 = 0.05;
 /// A torque constant that is off by less is not named.
 const LEAST_GAIN_OFF: f64 = 0.02;
 

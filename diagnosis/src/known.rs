@@ -74,6 +74,7 @@ impl Form {
             Form::Presliding { joint, length } => {
                 effect(Kind::PreslidingFriction, joint, &[c[0] * x[coulomb(joint)].abs(), length])
             }
+            Form::Hysteresis { .. } => Carried::Nothing("hysteresis beside friction is no effect of the list"),
             Form::PositionFriction { joint, order } => {
                 beside.push((coulomb(joint), c[2]));
                 effect(Kind::PositionDependentFriction, joint, &[c[0], c[1], order])

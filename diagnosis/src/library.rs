@@ -11,6 +11,8 @@ use crate::two_mass::Gear;
 const STRIBECK: [f64; 6] = [0.01, 0.02, 0.04, 0.08, 0.16, 0.32];
 /// Lengths of presliding springs \[rad\].
 const PRESLIDING: [f64; 6] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1];
+/// Lengths of a hysteresis that is none of bristles \[rad\].
+const HYSTERESIS: [f64; 4] = [0.06, 0.15, 0.4, 1.0];
 /// Orders of friction over the joint's turn.
 const FRICTION_ORDERS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Delays \[s\].
@@ -72,6 +74,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         }
         forms.extend(STRIBECK.map(|velocity| Form::Stribeck { joint, velocity }));
         forms.extend(PRESLIDING.map(|length| Form::Presliding { joint, length }));
+        forms.extend(HYSTERESIS.map(|length| Form::Hysteresis { joint, length }));
         forms.extend(FRICTION_ORDERS.map(|order| Form::PositionFriction { joint, order }));
         forms.extend(limits(runs, joint).into_iter().map(|limit| Form::Saturation { joint, limit }));
         forms.extend(orders[joint].iter().flat_map(|order| periodic(joint, *order)));

@@ -43,6 +43,7 @@ impl Form {
                 let level = nominal[12 * joints + joint].abs();
                 named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])
             }
+            Form::Hysteresis { length, .. } => named(&[("hysteresis_Nm", c[0]), ("length_rad", *length)]),
             Form::PositionFriction { order, .. } | Form::Ripple { order, .. } => {
                 named(&[("amplitude_Nm", wave(c)), ("cycles_per_turn", *order)])
             }

@@ -187,7 +187,7 @@ impl Opened<'_> {
         let Opened { procedure, search, steps, measured, seen, .. } = self;
         let names = procedure.names();
         let judge = Judge {
-            sealed: Sealed { run: procedure.sealed, stages: measured, noise: &search.first_noise },
+            sealed: Sealed { run: procedure.sealed, stages: measured, noise: &search.noise },
             residue: Residue::of(search),
             gaps: measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect(),
             names: names.clone(),

@@ -158,7 +158,7 @@ impl Procedure<'_> {
         let sizes = "sizes of causes without what was withdrawn (they stand beside it)";
         let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
         let mut sized = or_said(sized, sizes, &mut left_out);
-        let mut told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+        let mut told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
         // With what was withdrawn an effect may have helped that hardly does by itself.
         let standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
         if standing.len() == report.causes.len() {
@@ -170,7 +170,7 @@ impl Procedure<'_> {
                 let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
                 sized = or_said(again, sizes, &mut left_out);
                 let again =
-                    sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.first_noise));
+                    sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
                 told = again.or(told);
             }
         }

@@ -15,6 +15,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
     match form.clone() {
         Form::Stribeck { joint, velocity } => Form::Stribeck { joint, velocity: velocity * a },
         Form::Presliding { joint, length } => Form::Presliding { joint, length: length * a },
+        Form::Hysteresis { joint, length } => Form::Hysteresis { joint, length: length * a },
         Form::Delay { seconds } => Form::Delay { seconds: seconds * a },
         Form::Ripple { joint, order } => Form::Ripple { joint, order: order * a },
         Form::TransmissionError { joint, order } => Form::TransmissionError { joint, order: order * a },
@@ -39,7 +40,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
 fn steps(form: &Form) -> Vec<(usize, f64)> {
     match form {
         Form::Stribeck { .. } | Form::Delay { .. } => vec![(0, 1.3)],
-        Form::Presliding { .. } => vec![(0, 1.6)],
+        Form::Presliding { .. } | Form::Hysteresis { .. } => vec![(0, 1.6)],
         Form::Ripple { order, .. } | Form::TransmissionError { order, .. } => vec![(0, 1.0 + 0.2 / order)],
         Form::Saturation { .. } => vec![(0, 1.04)],
         Form::Warming { .. } => vec![(0, 1.5), (1, 1.65)],

@@ -513,13 +513,16 @@ pub struct Parameter {
 }
 
 impl Cause {
-    /// The size by which a form stands that has no name but that of what it would be taken for.
+    /// Sizes by which forms stand that have no name but that of what they would be taken for.
     pub(crate) const POSITION_GAIN: &str = "position_gain";
+    pub(crate) const HYSTERESIS: &str = "hysteresis_Nm";
 
     /// What it is, in words: its name, but for a hint whose form has none of its own.
     pub fn word(&self) -> String {
         if self.magnitude.contains_key(Self::POSITION_GAIN) {
             "a scale of the position".to_owned()
+        } else if self.magnitude.contains_key(Self::HYSTERESIS) {
+            "hysteresis beside friction".to_owned()
         } else {
             crate::words::effect(&self.effect)
         }

@@ -354,6 +354,18 @@ impl Document {
         ))
     }
 
+    /// What to look for where torque follows each reversal over an angle that is none of bristles.
+    fn hysteresis(&self) -> Option<String> {
+        let size = |hint: &Cause, name: &str| hint.magnitude.get(name).copied().flatten();
+        let of = |hint| Some((hint, size(hint, Cause::HYSTERESIS)?, size(hint, "length_rad")?));
+        let (hint, torque, length) = self.hints.iter().find_map(of)?;
+        Some(format!(
+            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {torque:.3} N m more against the \
+             motion, which build up over {length:.2} rad after each reversal, beside friction as it is.",
+            list(&hint.joints)
+        ))
+    }
+
     fn next_line(&self) -> String {
         if self.has_computed() {
             return MEASURE.to_owned();
@@ -382,6 +394,9 @@ impl Document {
             return next;
         }
         if let Some(next) = self.scaled_position().filter(|_| self.verdict != "no_gap") {
+            return next;
+        }
+        if let Some(next) = self.hysteresis().filter(|_| self.verdict == "unexplained") {
             return next;
         }
         if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
