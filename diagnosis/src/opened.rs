@@ -324,7 +324,8 @@ impl Opened<'_> {
             stage: k,
         };
         let mut confidence = confidence(step, shrink, rivals.len());
-        if !step.adopted.is_empty() && is_predictable(step) && !judge.sealed.is_plain(k, judge.joints(step)) {
+        let plain = judge.sealed.is_plain(k, judge.joints(step));
+        if !step.adopted.is_empty() && is_predictable(step) && !plain {
             confidence *= NOT_PLAIN;
         }
         if step.adopted.iter().any(|a| a.another_law) {
@@ -340,7 +341,10 @@ impl Opened<'_> {
         if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
             confidence *= BESIDE_LOAD;
         }
-        let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low;
+        // Where joints stand, what they hold may spoil a promise; an effect with which the run comes down to its noise in motion goes on.
+        let goes_on =
+            plain && judge.joints(step).all(|j| judge.sealed.in_motion(j).is_none_or(|[_, after]| after <= SOUND));
+        let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low && !goes_on;
         if is_predictable(step) && (broken || shrink.measured > FAR_MORE * shrink.high.max(MATERIAL)) {
             confidence *= PROMISE_BROKEN;
         }

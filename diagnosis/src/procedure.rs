@@ -169,8 +169,7 @@ impl Procedure<'_> {
             if !out.is_empty() {
                 let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
                 sized = or_said(again, sizes, &mut left_out);
-                let again =
-                    sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
+                let again = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
                 told = again.or(told);
             }
         }
