@@ -107,11 +107,17 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     for held in &result.held_out {
         out +=
             &paragraph("\n", &format!("held out, 100*|tau-pred|/|tau| on {}", runs::short_name(Path::new(&held.file))));
-        let mut table = Table::new(["joint", "nominal %", "identified %"]);
+        let mut table = Table::new(["joint", "nominal %", "identified %", "consistent %"]);
         for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
-            table.row([name, format!("{:.1}", held.nominal[j]), format!("{:.1}", held.identified[j])]);
+            let consistent = held.consistent.as_ref().map_or_else(|| "-".to_owned(), |of| format!("{:.1}", of[j]));
+            table.row([name, format!("{:.1}", held.nominal[j]), format!("{:.1}", held.identified[j]), consistent]);
         }
         out += &table.text();
+        if let Some(cost) = held.cost() {
+            let more = if cost < 0.0 { "less" } else { "more" };
+            out +=
+                &format!("  what can be built misses {:.1} points {more} of the torque, rms over joints\n", cost.abs());
+        }
     }
     let count = |by: Determined| chosen.determined.iter().filter(|d| **d == by).count();
     let held = match count(Determined::ByBound) {
@@ -256,6 +262,8 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined
             "file": held.file,
             "nominal_percent": held.nominal,
             "identified_percent": held.identified,
+            "consistent_percent": held.consistent,
+            "consistent_cost_points": held.cost(),
         })).collect::<Vec<_>>(),
         "parameters": (0..base.len()).map(parameter).collect::<Vec<_>>(),
     })

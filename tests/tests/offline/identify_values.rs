@@ -118,6 +118,13 @@ fn the_lag_of_a_short_record_is_no_louder_stretch() {
     let lags = found["logs"][0]["instruments"]["lag_s"].as_array().expect("a list");
     assert!(lags.iter().all(|lag| lag.as_f64().is_some_and(|lag| lag.abs() < 2e-3)), "{lags:?}");
     assert!(held_out(&found).iter().all(|[nominal, identified]| identified < &(nominal + 2.0)), "{found}");
+    let rms = |key: &str| {
+        let of = found["held_out"][0][key].as_array().expect("one a joint").iter();
+        (of.map(|p| p.as_f64().expect("a number").powi(2)).sum::<f64>() / 6.0).sqrt()
+    };
+    let cost = found["held_out"][0]["consistent_cost_points"].as_f64().expect("a number");
+    assert!((rms("consistent_percent") - rms("identified_percent") - cost).abs() < 1e-9 && cost != 0.0, "{found}");
+    assert!(text.contains("what can be built misses"), "{text}");
     // Three seconds say of no delay whether it is one.
     assert!(text.contains("too short a motion") && !text.contains("warning"), "{text}");
     // One second, of which each joint makes a part of one move.
