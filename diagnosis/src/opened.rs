@@ -76,6 +76,8 @@ struct Judge<'a> {
     gaps: Vec<Gap>,
     names: Vec<String>,
     log: &'a [LogFinding],
+    /// Whether the model as given misses nothing in motion, on the sealed run and on those looked at.
+    sound: bool,
 }
 
 impl Judge<'_> {
@@ -114,7 +116,8 @@ impl Judge<'_> {
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
         let cut = step.effect == Effect::TorqueSaturation;
-        let helped = value || !predictable || cut || step.adopted.is_empty() || self.sealed.needs(k, on);
+        let needed = || !self.sound && self.sealed.is_helped(k, on);
+        let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         let material = is_material(step, shrink, plain, predictable);
         transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
@@ -186,8 +189,11 @@ impl Opened<'_> {
     pub(crate) fn diagnosis(self) -> (Diagnosis, Vec<bool>) {
         let Opened { procedure, search, steps, measured, seen, .. } = self;
         let names = procedure.names();
+        let as_given = |(run, stages)| Sealed { run, stages, noise: &search.noise }.fits_as_given();
+        let sealed = Sealed { run: procedure.sealed, stages: measured, noise: &search.noise };
         let judge = Judge {
-            sealed: Sealed { run: procedure.sealed, stages: measured, noise: &search.noise },
+            sound: sealed.fits_as_given() && procedure.look.iter().zip(seen).all(as_given),
+            sealed,
             residue: Residue::of(search),
             gaps: measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect(),
             names: names.clone(),
@@ -256,7 +262,7 @@ impl Opened<'_> {
         };
         // What was fitted may fail, or hold a joint that stands: where nothing is missing, nothing is unexplained.
         let verdict = match verdict {
-            Verdict::Unexplained if !faulty && causes.is_empty() && self.is_sound(&judge) => {
+            Verdict::Unexplained if !faulty && causes.is_empty() && judge.sound => {
                 if names.iter().any(|name| judge.is_unbelieved(name)) { Verdict::NotEvaluated } else { Verdict::NoGap }
             }
             other => other,
@@ -291,12 +297,6 @@ impl Opened<'_> {
             log: self.log,
         };
         (diagnosis, upheld)
-    }
-
-    /// Whether the model as given misses nothing in motion, on the sealed run and on those looked at.
-    fn is_sound(&self, judge: &Judge<'_>) -> bool {
-        let as_given = |(run, stages)| Sealed { run, stages, noise: judge.sealed.noise }.fits_as_given();
-        judge.sealed.fits_as_given() && self.procedure.look.iter().zip(self.seen).all(as_given)
     }
 
     /// Of contact that a load explains as well, which was picked up or put down during a run: why it is none.

@@ -145,9 +145,8 @@ impl Sealed<'_> {
         missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
     }
 
-    /// Whether the model as given misses more than noise in motion, and step `k` takes some of what the others leave on one of these
-    /// joints, or as much as would be a gap.
-    pub(crate) fn needs(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
+    /// Whether step `k` takes some of what the others leave in motion on one of these joints, or as much as would be a gap.
+    pub(crate) fn is_helped(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
         let helped = |j: usize| {
             let with =
                 self.mean_square(j, self.left(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
@@ -156,8 +155,7 @@ impl Sealed<'_> {
             let slight = self.in_motion(j).is_some_and(|[given, _]| takes < (SLIGHT * given).powi(2));
             !slight && (with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
         };
-        let open = |j: usize| self.in_motion(j).is_some_and(|times| times[0] > SOUND);
-        self.heard().any(open) && joints.any(|j| self.moves(j) && helped(j))
+        joints.any(|j| self.moves(j) && helped(j))
     }
 
     /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.
