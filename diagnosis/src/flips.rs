@@ -22,6 +22,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::design::{Block, Prepared};
 use crate::evidence::Solved;
+use crate::form::Form;
 use crate::parallel;
 use crate::random::Random;
 use crate::rows::Column;
@@ -84,9 +85,10 @@ impl Flips {
         Some(Flips { solved, blocks, weighted, background, signs })
     }
 
-    /// Scores of a candidate of these columns; none of contact, whose stretches lie in few blocks.
+    /// Scores of a candidate of these columns; none of contact, whose stretches lie in few blocks, and none of a command beyond its limit:
+    /// that column is the measured torque with its noise, which is the residual's, so whatever signs are drawn it shows a lot.
     pub(crate) fn scores(&self, search: &Search<'_>, candidate: &Candidate, columns: &[Vec<Column>]) -> Option<Scores> {
-        if !candidate.local.is_empty() {
+        if !candidate.local.is_empty() || matches!(candidate.form, Form::Saturation { .. }) {
             return None;
         }
         let sums = self.solved.sums(&candidate.cells, &search.weights, |_| true)?;

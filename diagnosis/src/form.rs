@@ -479,7 +479,7 @@ const HELD: f64 = 0.5;
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
 /// ... and within less than this \[rad\]: three degrees of a joint are most of a turn of its motor.
-const MOST_TRAVEL: f64 = 0.05;
+const MOST_TRAVEL: f64 = 0.06;
 /// A torque constant that is off by less is not named.
 const LEAST_GAIN_OFF: f64 = 0.02;
 

@@ -396,6 +396,10 @@ fn verdict(
         // Taken up, but by nothing that has a name.
         (0, _) if nameless => Verdict::Unexplained,
         (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
+        // One joint that keeps a gap while the others come down to their noise has something that nobody named.
+        (0, _) if per_joint.iter().enumerate().any(|(j, gap)| gap.is_left() && judge.residue.is_nameless(j)) => {
+            Verdict::Unexplained
+        }
         (0, _) if lacking || withdrawn_structure && !judge.residue.at_floor() => Verdict::Unexplained,
         // Values that fit, or motion of its own kind that was looked at by nobody, are no answer either.
         (0, true) if per_joint.iter().any(JointGap::is_open) => Verdict::Unexplained,

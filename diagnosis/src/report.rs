@@ -109,6 +109,11 @@ impl JointGap {
     pub(crate) fn is_open(&self) -> bool {
         self.in_motion.iter().flatten().any(|times| *times > IN_MOTION)
     }
+
+    /// Whether more than noise is left in motion with all causes.
+    pub(crate) fn is_left(&self) -> bool {
+        self.in_motion.is_some_and(|[_, after]| after > IN_MOTION)
+    }
 }
 
 /// What one joint's torque differs by where its motion does not.

@@ -438,25 +438,41 @@ impl Cycle {
     /// Variances of scaled parameter i: of what moves, and of what is held.
     ///
     /// With a the parameter as a covector on working coordinates and V its active directions, these are
-    /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of a that V does
-    /// not see, taken back to parameters. Leaves `VA⁻ᵀVᵀa` in `covector`.
-    fn variance_of(&mut self, i: usize, whitening: Option<&Whitening>) -> (f64, f64) {
+    /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of `a − Mᵀ·c`,
+    /// `c = VA⁻ᵀVᵀa`, that V does not see, taken back to parameters: what is held is off by itself, and by what its error is taken for
+    /// in what moves. Leaves c in `covector`. `m`: M with all rows so far, since that of the solution is used up.
+    fn variance_of(&mut self, i: usize, m: &[f64], whitening: Option<&Whitening>) -> (f64, f64) {
         if let Judge::Tracked(scheme) = &mut self.judge {
             return scheme.variance_of(i, self.variance, &self.width, whitening, &mut self.covector);
         }
         let n = self.x.len();
         let size = self.index.len();
-        let Cycle { judge, index, scratch, step, unseen, width, lu, covector, .. } = self;
-        let held = if let Judge::Directions(scheme) = &*judge {
-            match whitening {
-                Some(whitening) => (0..n).for_each(|k| scratch[k] = if k >= i { whitening.share(i, k) } else { 0.0 }),
-                None => (0..n).for_each(|k| scratch[k] = f64::from(u8::from(k == i))),
+        let Cycle { judge, index, scratch, step, unseen, width, lu, covector, active, .. } = self;
+        match whitening {
+            Some(whitening) => (0..n).for_each(|k| unseen[k] = if k >= i { whitening.share(i, k) } else { 0.0 }),
+            None => (0..n).for_each(|k| unseen[k] = f64::from(u8::from(k == i))),
+        }
+        // Columns are directions along their axes.
+        let vectors = if let Judge::Directions(scheme) = &*judge { Some(scheme.vectors()) } else { None };
+        let along = |x: &[f64], k: usize| vectors.map_or(x[k], |v| dot(&v[k * n..(k + 1) * n], x));
+        let add = |share: f64, k: usize, x: &mut [f64]| match vectors {
+            Some(v) => axpy(share, &v[k * n..(k + 1) * n], x),
+            None => x[k] += share,
+        };
+        for (share, &k) in step.iter_mut().zip(index.iter()) {
+            *share = along(unseen, k);
+        }
+        lu.solve_transposed(&mut step[..size]);
+        covector.fill(0.0);
+        for (share, &k) in step.iter().zip(index.iter()) {
+            add(*share, k, covector);
+        }
+        let held = if vectors.is_some() || active[i] {
+            for (c, row) in covector.iter().zip(m.chunks_exact(n)) {
+                axpy(-c, row, unseen);
             }
-            unseen.copy_from_slice(scratch);
-            for (share, &k) in step.iter_mut().zip(index.iter()) {
-                let v = &scheme.vectors()[k * n..(k + 1) * n];
-                *share = dot(v, scratch);
-                axpy(-*share, v, unseen);
+            for &k in index.iter() {
+                add(-along(unseen, k), k, unseen);
             }
             match whitening {
                 Some(whitening) => whitening.covector(unseen, scratch),
@@ -464,19 +480,8 @@ impl Cycle {
             }
             scratch.iter().zip(width.iter()).map(|(h, w)| (h * w).powi(2)).sum()
         } else {
-            for (share, &k) in step.iter_mut().zip(index.iter()) {
-                *share = f64::from(u8::from(k == i));
-            }
-            if self.active[i] { 0.0 } else { f64::INFINITY }
+            f64::INFINITY
         };
-        lu.solve_transposed(&mut step[..size]);
-        covector.fill(0.0);
-        for (share, &k) in step.iter().zip(index.iter()) {
-            match &*judge {
-                Judge::Directions(scheme) => axpy(*share, &scheme.vectors()[k * n..(k + 1) * n], covector),
-                _ => covector[k] = *share,
-            }
-        }
         (self.variance * self.spread(&self.step[..size]), held)
     }
 }

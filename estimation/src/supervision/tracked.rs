@@ -437,6 +437,13 @@ impl Tracked {
         self.scratch.fill(0.0);
         add_transposed_times(self.basis.directions(), &self.shares, &mut self.scratch);
         covector.copy_from_slice(&self.scratch[..n]);
+        // What the error of held directions is taken for in what moves.
+        self.residual.fill(0.0);
+        add_transposed_times(self.basis.all_cross(), &self.shares, &mut self.residual);
+        for (taken, active) in self.residual.iter_mut().zip(&self.active) {
+            *taken = if *active { 0.0 } else { -*taken };
+        }
+        add_transposed_times(self.basis.directions(), &self.residual, &mut self.x);
         times(self.basis.all_information(), &self.shares, &mut self.residual);
         let moving: f64 = self.shares[..n].iter().zip(&self.residual).map(|(u, e)| u * e).sum();
         match whitening {
