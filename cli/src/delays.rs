@@ -64,22 +64,20 @@ pub(crate) fn named(names: &[String], joints: &[usize]) -> String {
 
 /// How late torque is behind position, for people.
 pub(crate) fn text(names: &[String], delays: &[Delay], dry: &[f64]) -> String {
-    let of = |d: &Delay| match d.doubt {
-        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * d.std),
+    let of = |(d, dry): (&Delay, &f64)| match d.doubt {
+        None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * variance(d, *dry).sqrt()),
         Some(doubt) => format!("({doubt})"),
     };
-    let each: Vec<String> = delays.iter().map(of).collect();
+    let each: Vec<String> = delays.iter().zip(dry).map(of).collect();
     let others = common(delays, dry).map_or_else(Vec::new, |common| common.others);
     let caveat = if others.is_empty() {
         String::new()
     } else {
         format!("; differs by joint: {} is {BY_JOINT}", named(names, &others))
     };
-    // What the model lacks is no noise: the deviation does not hold it.
-    let text = format!(
-        "{} ms (one std of noise; friction at standstill that the model lacks shifts it as well){caveat}",
-        each.join("  ")
-    );
+    // By these a joint is called late: noise alone would say too much. What else the model lacks they do not hold.
+    let text =
+        format!("{} ms (one std of noise and of friction at standstill that the model lacks){caveat}", each.join("  "));
     paragraph("torque behind position: ", &text)
 }
 

@@ -214,5 +214,6 @@ fn report(robot: &Robot, log: &str, piece: Option<&Piece>, sums: Option<&[Sums]>
     for (name, sums) in runs::joint_names(robot).into_iter().zip(sums) {
         table.row([name, percent(sums.raw), percent(sums.filtered)]);
     }
-    out + &table.text()
+    let rows = "errors are of rows from the first to the last motion, without the ends that filters colour; what is written has every row";
+    out + &table.text() + &paragraph("  ", rows)
 }
