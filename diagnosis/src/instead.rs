@@ -244,3 +244,17 @@ fn touches(form: &Form, group: &Group) -> bool {
     };
     form.effect() != group.effect && (joints.is_empty() || joints.iter().any(near))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wave of a hundredth of the level that comes with it is the level; one that is the larger part is friction over the angle.
+    #[test]
+    fn friction_over_the_angle_is_its_wave() {
+        let form = Form::PositionFriction { joint: 5, order: 132.2 };
+        assert!(!is_itself(&form, &[-0.0056, -0.0044, 0.5623]));
+        assert!(is_itself(&form, &[3.0, 1.0, -2.0]));
+        assert!(is_itself(&Form::Load { joint: 1 }, &[0.1]), "one number has nothing beside it");
+    }
+}
