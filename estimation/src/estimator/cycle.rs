@@ -79,6 +79,10 @@ pub(super) struct Cycle {
     belief: Vec<f64>,
     /// The same without that caution: the prior's width, or the last standard deviation.
     width: Vec<f64>,
+    /// The prior's width, or the last standard deviation that was learnt: what is stated counts what is held by it. The other two, by
+    /// which is decided, take a deviation for learnt whatever it consists of, so that what is held soon counts as known: nothing is let in
+    /// before the tolerance is reached.
+    stated: Vec<f64>,
     /// κσₑ² of the cycle.
     variance: f64,
     /// Covector of a parameter's variance, in working coordinates.
@@ -115,6 +119,7 @@ impl Cycle {
             verdict: Verdict::NONE,
             belief: vec![0.0; n],
             width: vec![0.0; n],
+            stated: vec![0.0; n],
             variance: 1.0,
             covector: vec![0.0; n],
             next: 0,
@@ -130,12 +135,14 @@ impl Cycle {
     pub(super) fn recall(&mut self, i: usize, std: f64) {
         self.belief[i] = self.belief[i].min(std);
         self.width[i] = std;
+        self.stated[i] = std;
     }
 
     /// Nothing is known of scaled parameter `i` but its prior.
     pub(super) fn forget(&mut self, i: usize, prior: f64) {
         self.belief[i] = PRIOR_CAUTION * prior;
         self.width[i] = prior;
+        self.stated[i] = prior;
     }
 
     /// The cycle that is under way is dropped, and what moved before has no advantage any more.
@@ -164,6 +171,7 @@ impl Cycle {
         carry.numbers(&mut self.x);
         carry.sizes(&mut self.belief);
         carry.sizes(&mut self.width);
+        carry.sizes(&mut self.stated);
         for active in &mut self.active {
             carry.flag(active);
         }
@@ -433,21 +441,24 @@ impl Cycle {
             *belief = PRIOR_CAUTION * prior;
         }
         self.width.copy_from_slice(prior);
+        self.stated.copy_from_slice(prior);
     }
 
-    /// Variances of scaled parameter i: of what moves, and of what is held.
+    /// Variances of scaled parameter i: of what moves, of what is held, and of what is held as decisions count it.
     ///
     /// With a the parameter as a covector on working coordinates and V its active directions, these are
     /// `v·|A⁻ᵀVᵀa|²_S` and, what is known being W (diagonal, in parameters), `hᵀ·W·h` with h the part of `a − Mᵀ·c`,
     /// `c = VA⁻ᵀVᵀa`, that V does not see, taken back to parameters: what is held is off by itself, and by what its error is taken for
-    /// in what moves. Leaves c in `covector`. `m`: M with all rows so far, since that of the solution is used up.
-    fn variance_of(&mut self, i: usize, m: &[f64], whitening: Option<&Whitening>) -> (f64, f64) {
+    /// in what moves. Decisions know of the former alone. Leaves c in `covector`. `m`: M with all rows so far, since that of the
+    /// solution is used up.
+    fn variance_of(&mut self, i: usize, m: &[f64], whitening: Option<&Whitening>) -> [f64; 3] {
         if let Judge::Tracked(scheme) = &mut self.judge {
-            return scheme.variance_of(i, self.variance, &self.width, whitening, &mut self.covector);
+            let widths = [&self.stated[..], &self.width];
+            return scheme.variance_of(i, self.variance, widths, whitening, &mut self.covector);
         }
         let n = self.x.len();
         let size = self.index.len();
-        let Cycle { judge, index, scratch, step, unseen, width, lu, covector, active, .. } = self;
+        let Cycle { judge, index, scratch, step, unseen, width, stated, lu, covector, active, .. } = self;
         match whitening {
             Some(whitening) => (0..n).for_each(|k| unseen[k] = if k >= i { whitening.share(i, k) } else { 0.0 }),
             None => (0..n).for_each(|k| unseen[k] = f64::from(u8::from(k == i))),
@@ -459,29 +470,38 @@ impl Cycle {
             Some(v) => axpy(share, &v[k * n..(k + 1) * n], x),
             None => x[k] += share,
         };
+        // Directions are orthonormal, so what is left of it has the other shares as before.
         for (share, &k) in step.iter_mut().zip(index.iter()) {
             *share = along(unseen, k);
+            add(-*share, k, unseen);
         }
         lu.solve_transposed(&mut step[..size]);
         covector.fill(0.0);
         for (share, &k) in step.iter().zip(index.iter()) {
             add(*share, k, covector);
         }
-        let held = if vectors.is_some() || active[i] {
-            for (c, row) in covector.iter().zip(m.chunks_exact(n)) {
-                axpy(-c, row, unseen);
-            }
-            for &k in index.iter() {
-                add(-along(unseen, k), k, unseen);
-            }
+        let mut held = |unseen: &[f64], widths: &[f64]| -> f64 {
             match whitening {
                 Some(whitening) => whitening.covector(unseen, scratch),
                 None => scratch.copy_from_slice(unseen),
             }
-            scratch.iter().zip(width.iter()).map(|(h, w)| (h * w).powi(2)).sum()
-        } else {
-            f64::INFINITY
+            scratch.iter().zip(widths).map(|(h, w)| (h * w).powi(2)).sum()
         };
-        (self.variance * self.spread(&self.step[..size]), held)
+        let [held, taken] = if vectors.is_some() || active[i] {
+            let taken = held(unseen, width);
+            // Where all move, nothing is held.
+            if size < n {
+                for (c, row) in covector.iter().zip(m.chunks_exact(n)) {
+                    axpy(-c, row, unseen);
+                }
+                for &k in index.iter() {
+                    add(-along(unseen, k), k, unseen);
+                }
+            }
+            [held(unseen, stated), taken]
+        } else {
+            [f64::INFINITY; 2]
+        };
+        [self.variance * self.spread(&self.step[..size]), held, taken]
     }
 }

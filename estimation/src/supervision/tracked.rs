@@ -402,16 +402,17 @@ impl Tracked {
         };
     }
 
-    /// Variances of scaled parameter i: of what moves, and of what is held (standard deviations `width`). As the
-    /// estimator's other schemes have them, `VA⁻ᵀVᵀa` left in `covector`; asks for the elimination of the same period.
+    /// Variances of scaled parameter i: of what moves, of what is held (standard deviations `stated`) and of what is held as decisions
+    /// count it (`width`). As the estimator's other schemes have them, `VA⁻ᵀVᵀa` left in `covector`; asks for the elimination of the same
+    /// period.
     pub(crate) fn variance_of(
         &mut self,
         i: usize,
         variance: f64,
-        width: &[f64],
+        [stated, width]: [&[f64]; 2],
         whitening: Option<&Whitening>,
         covector: &mut [f64],
-    ) -> (f64, f64) {
+    ) -> [f64; 3] {
         let n = self.n;
         self.x.fill(0.0);
         match whitening {
@@ -434,6 +435,7 @@ impl Tracked {
         for (place, &k) in self.order.iter().enumerate() {
             self.shares[k] = self.residual[place];
         }
+        let taken = self.held(width, whitening);
         self.scratch.fill(0.0);
         add_transposed_times(self.basis.directions(), &self.shares, &mut self.scratch);
         covector.copy_from_slice(&self.scratch[..n]);
@@ -446,11 +448,16 @@ impl Tracked {
         add_transposed_times(self.basis.directions(), &self.residual, &mut self.x);
         times(self.basis.all_information(), &self.shares, &mut self.residual);
         let moving: f64 = self.shares[..n].iter().zip(&self.residual).map(|(u, e)| u * e).sum();
+        [variance * moving, self.held(stated, whitening), taken]
+    }
+
+    /// Variance of what is left in `x`, where parameters are known to `width`.
+    fn held(&mut self, width: &[f64], whitening: Option<&Whitening>) -> f64 {
+        let n = self.n;
         match whitening {
             Some(whitening) => whitening.covector(&self.x[..n], &mut self.scratch[..n]),
             None => self.scratch[..n].copy_from_slice(&self.x[..n]),
         }
-        let held = self.scratch.iter().zip(width).map(|(h, w)| (h * w).powi(2)).sum();
-        (variance * moving, held)
+        self.scratch.iter().zip(width).map(|(h, w)| (h * w).powi(2)).sum()
     }
 }

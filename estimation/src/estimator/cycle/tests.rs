@@ -13,7 +13,7 @@ use crate::settings::{EigenSettings, Supervision};
 const N: usize = 61;
 const P: usize = 6;
 /// What a step may do beyond `STEP_WORK`: the last thing that it began, at most a standard deviation.
-const LAST: usize = 5 * N * N;
+const LAST: usize = 8 * N * N;
 
 fn estimator() -> Estimator {
     let settings = whitened(Supervision::Eigen(EigenSettings::default()));

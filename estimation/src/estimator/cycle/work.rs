@@ -149,7 +149,7 @@ impl Estimator {
     /// Multiply-adds of one standard deviation, at most.
     fn deviation_cost(&self) -> usize {
         let (n, size) = (self.n, self.cycle.index.len());
-        4 * n * size + size * size + 2 * n * n + 4 * n
+        5 * n * size + size * size + 2 * n * n + 4 * n
     }
 
     /// Runs a whole cycle on all rows so far, and refreshes every standard deviation. For use off the real-time path.
@@ -348,22 +348,25 @@ impl Estimator {
         for _ in 0..count {
             let i = self.cycle.next;
             self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
-            let (moving, held) = if self.cycle.solved {
+            let [moving, held, taken] = if self.cycle.solved {
                 self.cycle.variance_of(i, &self.m, self.whitening.as_ref())
             } else {
-                (0.0, f64::INFINITY)
+                [0.0, f64::INFINITY, f64::INFINITY]
             };
-            // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held.
-            let white = (moving + held).sqrt();
             let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
-            let std = (if moving > 0.0 { long_run } else { 0.0 } + held).sqrt();
-            let small = tolerance.max((HELD_SHARE * self.prior[i]).powi(2));
-            if held <= moving.max(small) && std.is_finite() {
+            let moves = if moving > 0.0 { long_run } else { 0.0 };
+            let (std, width) = ((moves + held).sqrt(), (moves + taken).sqrt());
+            let least = moving.max(tolerance).max((HELD_SHARE * self.prior[i]).powi(2));
+            if taken <= least && width.is_finite() {
+                // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held. Only ever downwards: else a
+                // window that runs dry would loosen its own threshold.
+                self.cycle.belief[i] = self.cycle.belief[i].min((moving + taken).sqrt());
+                self.cycle.width[i] = width;
+            }
+            if held <= least && std.is_finite() {
                 self.state[i] = ParameterState::Active;
                 if held <= HELD_SHARES * moving {
-                    // Only ever downwards: else a window that runs dry would loosen its own threshold.
-                    self.cycle.belief[i] = self.cycle.belief[i].min(white);
-                    self.cycle.width[i] = std;
+                    self.cycle.stated[i] = std;
                 }
                 self.std[i] = std / self.column[i];
             } else if self.state[i] == ParameterState::Unidentified {
