@@ -100,7 +100,9 @@ fn what_is_held_stays_as_uncertain_as_it_was() {
         for _ in 0..2000 {
             let mut row: Vec<f64> = (0..N).map(|_| random.normal()).collect();
             let mean = row.iter().sum::<f64>() / N as f64;
-            row.iter_mut().for_each(|r| *r -= mean);
+            for entry in &mut row {
+                *entry -= mean;
+            }
             let tau = row.iter().zip(&truth).map(|(a, b)| a * b).sum::<f64>() + 0.02 * random.normal();
             feed(&mut estimator, &row, tau);
         }

@@ -115,8 +115,9 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         out += &table.text();
         if let Some(cost) = held.cost() {
             let more = if cost < 0.0 { "less" } else { "more" };
-            out +=
-                &format!("  what can be built misses {:.1} points {more} of the torque, rms over joints\n", cost.abs());
+            let text =
+                format!("what can be built misses {:.1} points {more} of the torque, rms over joints", cost.abs());
+            out += &paragraph("  ", &text);
         }
     }
     let count = |by: Determined| chosen.determined.iter().filter(|d| **d == by).count();
