@@ -114,7 +114,6 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
     let tried: Vec<&Candidate> = selected.candidates.iter().filter(|c| is_rival(&c.form, &selected.adopted)).collect();
     let best = |candidate: &&Candidate| -> Option<(f64, usize)> {
         let sums = all.sums(&candidate.cells, &weights, |_| true)?;
-        let stands = |c: &[f64]| candidate.form.plausible(c) && is_itself(&candidate.form, c);
         let one = |at: usize| {
             if !touches(&candidate.form, &groups[at]) {
                 return None;
@@ -122,7 +121,7 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
             let added = solved[at].add_sums(&sums, &candidate.belief)?;
             let evidence = added.log_evidence - candidate.price();
             let along = cosine(&all, &solved[at], &sums, &added.c)? >= PARTLY_ALONG;
-            (along && stands(added.c.as_slice())).then_some((evidence, at))
+            (along && stands(&candidate.form, added.c.as_slice())).then_some((evidence, at))
         };
         (0..groups.len()).filter_map(one).max_by(|a, b| a.0.total_cmp(&b.0))
     };
@@ -198,8 +197,7 @@ fn whole(
     if candidate.columns.is_empty() {
         candidate = search.candidate(candidate.form, physics)?;
     }
-    let c = added.c.as_slice();
-    Some((candidate.form.plausible(c) && is_itself(&candidate.form, c)).then(|| Instead {
+    Some(stands(&candidate.form, added.c.as_slice()).then(|| Instead {
         gain: evidence - held.log_evidence,
         ahead: evidence - all.log_evidence,
         cosine: cosine(&all, &held, &sums, &added.c).unwrap_or(0.0),
@@ -229,10 +227,11 @@ fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
     !value && !taken && !slow && !form.is_simulated() && !form.is_nameless() && form.coefficients() > 0
 }
 
-/// Whether what a form takes the place of is not a value that it holds: friction over the angle has a level beside its wave. (A wave of 7 mN m
-/// about a level that was off by 0.56 N m was ahead by 14, since a level alone has a prior as narrow as files are sure.)
-fn is_itself(form: &Form, c: &[f64]) -> bool {
-    !matches!(form, Form::PositionFriction { .. }) || c[0].hypot(c[1]) >= c[2].abs()
+/// Whether a form makes sense in a value's place, and is not itself that value: friction over the angle has a level beside its wave. (A wave of 7
+/// mN m about a level that was off by 0.56 N m was ahead by 14, since a level alone has a prior as narrow as files are sure.)
+fn stands(form: &Form, c: &[f64]) -> bool {
+    let level = matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < c[2].abs();
+    !level && form.plausible(c)
 }
 
 /// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.
@@ -253,8 +252,8 @@ mod tests {
     #[test]
     fn friction_over_the_angle_is_its_wave() {
         let form = Form::PositionFriction { joint: 5, order: 132.2 };
-        assert!(!is_itself(&form, &[-0.0056, -0.0044, 0.5623]));
-        assert!(is_itself(&form, &[3.0, 1.0, -2.0]));
-        assert!(is_itself(&Form::Load { joint: 1 }, &[0.1]), "one number has nothing beside it");
+        assert!(!stands(&form, &[-0.0056, -0.0044, 0.5623]));
+        assert!(stands(&form, &[3.0, 1.0, -2.0]));
+        assert!(stands(&Form::Load { joint: 1 }, &[0.1]), "one number has nothing beside it");
     }
 }

@@ -32,7 +32,7 @@ pub(crate) const IN_MOTION: f64 = 4.0;
 pub(crate) struct Sealed<'a> {
     pub(crate) run: &'a Prepared,
     pub(crate) stages: &'a Stages,
-    /// What the model with its values refitted leaves of each joint's torque on the other runs \[N·m\].
+    /// What is left of each joint's torque on the other runs with all that was found \[N·m\]: rows in doubt count little against it.
     pub(crate) noise: &'a [f64],
 }
 

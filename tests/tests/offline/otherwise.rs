@@ -106,6 +106,23 @@ fn a_hysteresis_over_a_long_way_is_none_of_bristles() {
     }
 }
 
+/// A brake that drags now and then is in no list. Values took a little of it and were the answer (`parameter`), with a joint 16 times its noise.
+#[test]
+fn one_joint_that_keeps_a_gap_is_unexplained() {
+    let Some(sound) = shared("data/practice-wrong-nominal/case-15") else { return };
+    let (code, text, found) = told(&sound, |log: &mut Log, tau: &mut [Vec<f64>]| {
+        let (drag, period) = (0.12 * tau[1].iter().map(|tau| tau.abs()).fold(0.0, f64::max), log.median_step_s());
+        for (row, tau) in tau[1].iter_mut().enumerate() {
+            let [before, after] = [row.saturating_sub(8), (row + 8).min(log.len() - 1)].map(|row| log.q[1][row]);
+            let direction = ((after - before) / (16.0 * period) / 0.02).tanh();
+            let on = (row as f64 * period) % 1.7 < 0.5;
+            *tau += if on { drag * direction } else { 0.0 };
+        }
+    });
+    assert_eq!((code, &found["verdict"]), (Some(2), &Value::from("unexplained")), "{text}");
+    assert!(causes(&found).iter().all(|(_, confidence)| *confidence < 0.6), "{text}");
+}
+
 /// A lever whose two terms cancel all but a little bends like it, and left 1.2 times the noise: a counterbalance (0.97) where there is no
 /// weight to balance.
 #[test]

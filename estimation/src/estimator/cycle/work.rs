@@ -12,9 +12,9 @@ use crate::supervision::{Judge, Known};
 const HELD_SHARE: f64 = 0.25;
 /// A parameter counts as better known from now on only where what is held adds at most this times the variance of what moves. The
 /// error of a held direction stays in its parameters: counted by what was last said of them it would fade with every cycle, although nobody
-/// has learnt anything of it. (A slow motion stated a quarter of the deviation that the same rows give unsupervised, and held what it
-/// took for known: values 8 deviations off, 54 with a prior ten times as wide.) At 1 a deviation is too small by the root of 2 at most.
-const HELD_SHARES: f64 = 1.0;
+/// has learnt anything of it. (A slow motion stated a quarter of the deviation that the same rows give unsupervised.) At 1 a deviation is too
+/// small by the root of 2 at most.
+const MOST_HELD: f64 = 1.0;
 /// Decisions about directions in a time constant of the window, at most. Sooner, the first rows of a window decide one by one
 /// what may move, and what they let in explains the errors of all that is held: on a measured arm (TX40, no desired motion) the
 /// residual of its wrist then rose to eight times that of the nominal parameters.
@@ -365,7 +365,7 @@ impl Estimator {
             }
             if held <= least && std.is_finite() {
                 self.state[i] = ParameterState::Active;
-                if held <= HELD_SHARES * moving {
+                if held <= MOST_HELD * moving {
                     self.cycle.stated[i] = std;
                 }
                 self.std[i] = std / self.column[i];
