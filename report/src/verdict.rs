@@ -360,9 +360,10 @@ impl Document {
         let of = |hint| Some((hint, size(hint, Cause::HYSTERESIS)?, size(hint, "length_rad")?));
         let (hint, torque, length) = self.hints.iter().find_map(of)?;
         Some(format!(
-            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {torque:.3} N m more against the \
+            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {} N m more against the \
              motion, which build up over {length:.2} rad after each reversal, beside friction as it is.",
-            list(&hint.joints)
+            list(&hint.joints),
+            figure(torque, 3)
         ))
     }
 
