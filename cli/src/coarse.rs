@@ -1,5 +1,6 @@
 //! Positions too coarse for what is made of them: in steps or with noise, which are smoothed before differences are taken, or too far apart.
 
+use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_estimation::offline::{Record, ZeroPhase, position_noise, position_step, told_up_to_hz};
 use rivet_logs::Log;
@@ -60,7 +61,7 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
         (velocity > 0.0 && speed > OF_DEAD_ZONE * signal.dead_zone[j])
             .then(|| (j, off, told_up_to_hz(noise, period_s, velocity)))
     };
-    let found: Vec<(usize, Off, f64)> = log.q.iter().enumerate().filter_map(of).collect();
+    let found: Vec<(usize, Off, f64)> = log.q.par_iter().enumerate().filter_map(of).collect();
     let told_hz = found.iter().map(|(.., hz)| *hz).reduce(f64::min)?;
     let hz = told_hz.max(LEAST_BAND * signal.model_filter_hz);
     let joints = found.into_iter().map(|(j, off, _)| (j, off)).collect();

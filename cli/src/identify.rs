@@ -273,12 +273,16 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     }
     let chosen = choose(robot, &least_squares, &instrumental);
     let reference = equations.reference();
-    let ((bias, delays), consistent) = rayon::join(
+    let ((bias, delays), (consistent, parts)) = rayon::join(
         || (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen)),
-        || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
+        || {
+            rayon::join(
+                || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
+                || parts(&equations, nominal, prior, chosen, method(robot)),
+            )
+        },
     );
     let (bias, delays) = (bias?, delays?);
-    let parts = parts(&equations, nominal, prior, chosen, method(robot));
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let near = consistent.as_ref().ok().map(|projection| projection.base.as_slice());
     let held_out = held_out(robot, &chosen.values, near, hold_out, &mut distrusts)?;

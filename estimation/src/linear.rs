@@ -79,11 +79,13 @@ pub(crate) fn dots(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
             sums[1] += b * high;
         }
     }
-    std::array::from_fn(|k| {
-        let left: f64 = a[k][from..].iter().zip(rest).map(|(a, x)| a * x).sum();
-        let [s0, s1, s2, s3] = (sums[k][0] + sums[k][1]).to_array();
-        (s0 + s1) + (s2 + s3) + left
-    })
+    let mut totals = [0.0; 4];
+    for ((total, sums), a) in totals.iter_mut().zip(sums).zip(a) {
+        let left: f64 = a[from..].iter().zip(rest).map(|(a, x)| a * x).sum();
+        let [s0, s1, s2, s3] = (sums[0] + sums[1]).to_array();
+        *total = (s0 + s1) + (s2 + s3) + left;
+    }
+    totals
 }
 
 /// The same of numbers of fewer bits, which are widened before anything is done with them.
@@ -106,25 +108,21 @@ pub(crate) fn dot_short<T: Copy + Into<f64>>(a: &[T], x: &[f64]) -> f64 {
 pub(crate) fn dot_four(a: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
     let (fours, rest) = x.as_chunks::<4>();
     let from = x.len() - rest.len();
-    let [mut p, mut q, mut r, mut s] = [f64x4::ZERO; 4];
-    let chunks = a[0].as_chunks::<4>().0.iter().zip(a[1].as_chunks::<4>().0);
-    let chunks = chunks.zip(a[2].as_chunks::<4>().0).zip(a[3].as_chunks::<4>().0);
-    for ((((a, b), c), d), x) in chunks.zip(fours) {
-        let x = f64x4::new(*x);
-        p += f64x4::new(*a) * x;
-        q += f64x4::new(*b) * x;
-        r += f64x4::new(*c) * x;
-        s += f64x4::new(*d) * x;
-    }
-    let total = |sums: f64x4, a: &[f64]| {
-        let [a0, a1, a2, a3] = sums.to_array();
-        let mut total = (a0 + a2) + (a1 + a3);
-        for (a, x) in a[from..].iter().zip(rest) {
-            total += a * x;
+    let mut sums = [[0.0; 4]; 4];
+    let [p, q, r, s] = a.map(|a| a.as_chunks::<4>().0);
+    for ((((a, b), c), d), x) in p.iter().zip(q).zip(r).zip(s).zip(fours) {
+        for (sums, a) in sums.iter_mut().zip([a, b, c, d]) {
+            for i in 0..4 {
+                sums[i] += a[i] * x[i];
+            }
         }
-        total
-    };
-    [total(p, a[0]), total(q, a[1]), total(r, a[2]), total(s, a[3])]
+    }
+    // Not `from_fn`, which is left a call and then has no wide registers.
+    let mut totals = [0.0; 4];
+    for ((total, [s0, s1, s2, s3]), a) in totals.iter_mut().zip(sums).zip(a) {
+        *total = a[from..].iter().zip(rest).fold((s0 + s2) + (s1 + s3), |total, (a, x)| total + a * x);
+    }
+    totals
 }
 
 /// Where row i of a lower triangle lies that is stored row after row, i + 1 entries in row i.

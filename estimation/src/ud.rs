@@ -165,11 +165,15 @@ fn project(columns: &[f64], row: &[f64], f: &mut [f64]) {
         let (block, w) = (&columns[block(start / BLOCK)], width(start));
         let above = [&block[..start], &block[w..w + start], &block[2 * w..2 * w + start], &block[3 * w..3 * w + start]];
         let mut sums = dot_four(above, &row[..start]);
-        for k in 0..BLOCK {
-            for i in start..start + k {
-                sums[k] += block[k * w + i] * row[i];
+        let corner =
+            [&block[start..w], &block[w + start..2 * w], &block[2 * w + start..3 * w], &block[3 * w + start..]];
+        if let Some(own) = row[start..].first_chunk::<BLOCK>() {
+            for (k, (sum, column)) in sums.iter_mut().zip(corner).enumerate() {
+                for (u, x) in column[..k].iter().zip(own) {
+                    *sum += u * x;
+                }
+                *sum += own[k];
             }
-            sums[k] += row[start + k];
         }
         f[start..start + BLOCK].copy_from_slice(&sums);
     }
@@ -208,31 +212,51 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
         *u = old + *k * lambda;
         *k += old * v;
     };
-    for start in (0..n).step_by(BLOCK) {
-        let end = n.min(start + BLOCK);
+    let whole = n - n % BLOCK;
+    for start in (0..whole).step_by(BLOCK) {
         let (above, own) = gain.split_at_mut(start);
         let (block, w) = (&mut columns[block(start / BLOCK)], width(start));
-        if let (&[va, vb, vc, vd, ..], &[la, lb, lc, ld, ..]) = (&own[..], &lambda[start..]) {
-            let (a, rest) = block.split_at_mut(w);
-            let (b, rest) = rest.split_at_mut(w);
-            let (c, d) = rest.split_at_mut(w);
-            for ((((k, a), b), c), d) in above.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                step(a, k, la, va);
-                step(b, k, lb, vb);
-                step(c, k, lc, vc);
-                step(d, k, ld, vd);
+        let (Some(own), Some(lambdas)) = (own.first_chunk_mut::<BLOCK>(), lambda[start..].first_chunk::<BLOCK>())
+        else {
+            continue;
+        };
+        let (v, [a, b, c, d]) = (*own, four(block, w));
+        // Whole fours of entries: `start` is a multiple of them.
+        let fours = above.as_chunks_mut::<BLOCK>().0.iter_mut();
+        let fours = fours.zip(a.as_chunks_mut().0).zip(b.as_chunks_mut().0);
+        for ((((k, a), b), c), d) in fours.zip(c.as_chunks_mut().0).zip(d.as_chunks_mut().0) {
+            let mut gain = *k;
+            for (column, (l, v)) in [a, b, c, d].into_iter().zip(lambdas.iter().zip(&v)) {
+                let mut u: [f64; BLOCK] = *column;
+                for i in 0..BLOCK {
+                    step(&mut u[i], &mut gain[i], *l, *v);
+                }
+                *column = u;
             }
-        } else {
-            for (column, (&v, &l)) in block.chunks_exact_mut(w).zip(own.iter().zip(&lambda[start..])) {
-                above.iter_mut().zip(column).for_each(|(k, u)| step(u, k, l, v));
-            }
+            *k = gain;
         }
         // Within the block.
-        for (column, j) in block.chunks_exact_mut(w).zip(start..end) {
-            let (k, v) = gain.split_at_mut(j);
-            k[start..].iter_mut().zip(&mut column[start..j]).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
+        let mut gain = *own;
+        for (k, column) in [a, b, c, d].into_iter().enumerate() {
+            for (gain, u) in gain[..k].iter_mut().zip(&mut column[start..]) {
+                step(u, gain, lambdas[k], v[k]);
+            }
         }
+        *own = gain;
     }
+    for j in whole..n {
+        let (above, v) = gain.split_at_mut(j);
+        above.iter_mut().zip(&mut columns[column(j)]).for_each(|(k, u)| step(u, k, lambda[j], v[0]));
+    }
+}
+
+/// The columns of a whole block.
+#[inline(always)]
+fn four(block: &mut [f64], w: usize) -> [&mut [f64]; BLOCK] {
+    let (a, rest) = block.split_at_mut(w);
+    let (b, rest) = rest.split_at_mut(w);
+    let (c, d) = rest.split_at_mut(w);
+    [a, b, c, d]
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! counts as in the fit of all.
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use super::fit::{Fit, Method, Solution};
 use super::sums::{Equations, JointSums, Normal, Stretch};
@@ -42,13 +43,17 @@ pub fn parts(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit, 
         let solution = Solution::new(&joints, &weights, &x0, (prior, equations.most()), method).ok()?;
         Some(solution.x.as_slice().to_vec())
     };
+    let within = |part: usize| move |b: usize| (edge(part)..edge(part + 1)).contains(&b);
+    // Of all parts but one, then of those before each cut and of those after it.
+    let others = (0..PARTS).into_par_iter().map(|part| solve(&|b| !within(part)(b)));
+    let sides = (0..2 * (PARTS - 1)).into_par_iter().map(|k| solve(&|b| (b < edge(k / 2 + 1)) == (k % 2 == 0)));
+    let (others, sides): (Vec<_>, Vec<_>) = rayon::join(|| others.collect(), || sides.collect());
     let left = |j: usize, uses: &dyn Fn(usize) -> bool, x: &[f64]| squares(&sums[j], uses, x);
     let n = sums.len();
     let mut left_out = vec![0.0; n];
-    for part in 0..PARTS {
-        let within = |b: usize| (edge(part)..edge(part + 1)).contains(&b);
-        match solve(&|b| !within(b)) {
-            Some(x) => (0..n).for_each(|j| left_out[j] += left(j, &within, &x)),
+    for (part, x) in others.iter().enumerate() {
+        match x {
+            Some(x) => (0..n).for_each(|j| left_out[j] += left(j, &within(part), x)),
             None => left_out.fill(f64::NAN),
         }
     }
@@ -56,18 +61,18 @@ pub fn parts(equations: &Equations<'_>, nominal: &[f64], prior: f64, fit: &Fit, 
     let percent = |j: usize| if torque(j) > 0.0 { 100.0 * (left_out[j] / torque(j)).sqrt() } else { f64::NAN };
     let whole: Vec<f64> = (0..n).map(|j| left(j, &|_| true, &fit.values)).collect();
     let mut best = None::<(f64, Cut)>;
-    for part in 1..PARTS {
+    for (part, sides) in (1..PARTS).zip(sides.chunks_exact(2)) {
         let (before, after) = (|b: usize| b < edge(part), |b: usize| b >= edge(part));
         let rows = |j: usize, uses: &dyn Fn(usize) -> bool| some(&sums[j], uses).count();
-        let (Some(first), Some(second)) = (solve(&before), solve(&after)) else { continue };
+        let [Some(first), Some(second)] = sides else { continue };
         let share = |j: usize, [before_by, after_by]: [&[f64]; 2]| {
             let moves = rows(j, &before) > 0.0 && rows(j, &after) > 0.0 && whole[j] > 0.0;
             if moves { (left(j, &before, before_by) + left(j, &after, after_by)) / whole[j] } else { f64::NAN }
         };
         let cut = Cut {
             at: edge(part) as f64 / count as f64,
-            left: (0..n).map(|j| share(j, [&first, &second])).collect(),
-            across: (0..n).map(|j| share(j, [&second, &first])).collect(),
+            left: (0..n).map(|j| share(j, [first, second])).collect(),
+            across: (0..n).map(|j| share(j, [second, first])).collect(),
         };
         let least = cut.left.iter().copied().fold(f64::INFINITY, f64::min);
         if best.as_ref().is_none_or(|(before, _)| least < *before) {

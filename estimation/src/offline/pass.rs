@@ -20,6 +20,8 @@ use crate::signals::structural_entries;
 const BLOCK: usize = 4;
 /// Samples of a span, likewise: a record of a minute has four of them at 20 Hz.
 const SPAN: usize = 20;
+/// From so many spans on there is a multiple of them: few processors then are done at the same time.
+const EVEN: usize = 4;
 
 /// Filtered rows of one joint: regressor and instruments, row-major, of the base columns that are named.
 #[derive(Clone, Debug)]
@@ -31,8 +33,9 @@ pub(super) struct Pair {
 
 impl Pair {
     fn new(columns: Vec<usize>, rows: usize) -> Pair {
-        let empty = vec![0.0; rows * columns.len()];
-        Pair { columns, d: empty.clone(), z: empty }
+        // Each fresh: zeros that the system has anyway, and no copy of them.
+        let empty = || vec![0.0; rows * columns.len()];
+        Pair { d: empty(), z: empty(), columns }
     }
 }
 
@@ -112,6 +115,7 @@ pub(super) fn filtered_rows(
 /// The continued record of `total` samples, cut into spans that are filtered each on its own.
 fn spans(total: usize, filter: &ZeroPhase) -> Vec<Range<usize>> {
     let count = (total / (SPAN * filter.settling())).max(1);
+    let count = if count > EVEN { count - count % EVEN } else { count };
     (0..count).map(|i| i * total / count..(i + 1) * total / count).collect()
 }
 
@@ -129,6 +133,8 @@ struct Source<'a> {
     /// Friction along both motions, whose samples are evaluated once each and in order.
     slips: [Slip; 2],
     pair: Vec<[f64; 2]>,
+    /// With one motion and friction without memory the second lane has the sample after the one that was asked for: which it is.
+    ahead: Option<usize>,
     states: [[Vec<f64>; 3]; 2],
     /// Entries of the first and of the last samples, one more than the padding is long.
     head: Vec<f64>,
@@ -155,6 +161,7 @@ impl<'a> Source<'a> {
             ws: Workspace::new(&model.arm),
             slips: [Slip::new(model), Slip::new(model)],
             pair: vec![[0.0; 2]; n * model.len()],
+            ahead: None,
             states: [state(), state()],
             head: Vec::new(),
             tail: Vec::new(),
@@ -279,20 +286,31 @@ impl<'a> Source<'a> {
 
     /// The entries at sample `k` of the record.
     fn evaluate(&mut self, k: usize, out: &mut [f64]) {
-        for ([q, qd, qdd], motion) in self.states.iter_mut().zip([self.measured, self.second]) {
-            motion.state(k, q, qd, qdd);
+        if self.lanes == 1 && self.ahead == Some(k) {
+            return self.take_lane(1, out);
+        }
+        let alone = self.lanes == 1 && self.model.structure.presliding_travel <= 0.0;
+        let next = (k + 1).min(self.measured.len() - 1);
+        let places = if alone { [k, next] } else { [k, k] };
+        for (([q, qd, qdd], motion), at) in self.states.iter_mut().zip([self.measured, self.second]).zip(places) {
+            motion.state(at, q, qd, qdd);
         }
         let [a, b] = &self.states;
         let states = [a, b].map(|[q, qd, qdd]| State { q, qd, qdd });
         self.model.regressor_pair_sliding(&mut self.ws, &mut self.slips, states, &mut self.pair);
+        self.ahead = alone.then_some(next);
         if self.lanes == 2 {
             for (out, entry) in out.as_chunks_mut::<2>().0.iter_mut().zip(&self.entries) {
                 *out = self.pair[entry.standard];
             }
         } else {
-            for (out, entry) in out.iter_mut().zip(&self.entries) {
-                *out = self.pair[entry.standard][0];
-            }
+            self.take_lane(0, out);
+        }
+    }
+
+    fn take_lane(&self, lane: usize, out: &mut [f64]) {
+        for (out, entry) in out.iter_mut().zip(&self.entries) {
+            *out = self.pair[entry.standard][lane];
         }
     }
 }

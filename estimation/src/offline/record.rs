@@ -94,9 +94,15 @@ impl Trajectory {
 /// `f` of every sample with those before and after it; at the ends, of their neighbours.
 fn differences(signals: &[Vec<f64>], f: impl Fn(f64, f64, f64) -> f64 + Sync) -> Vec<Vec<f64>> {
     let of = |q: &Vec<f64>| {
-        let inner: Vec<f64> = q.windows(3).map(|w| f(w[0], w[1], w[2])).collect();
-        let (Some(first), Some(last)) = (inner.first(), inner.last()) else { return vec![0.0; q.len()] };
-        [&[*first], &inner[..], &[*last]].concat()
+        if q.len() < 3 {
+            return vec![0.0; q.len()];
+        }
+        let mut all = Vec::with_capacity(q.len());
+        all.push(0.0);
+        all.extend(q.windows(3).map(|w| f(w[0], w[1], w[2])));
+        all[0] = all[1];
+        all.push(all[all.len() - 1]);
+        all
     };
     signals.par_iter().map(of).collect()
 }

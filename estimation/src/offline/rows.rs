@@ -189,9 +189,10 @@ impl Rows {
         let filter = ZeroPhase::new(settings.filter_hz, settings.filter_order, record.period_s);
         let torque = || filter.of_all(&without_effects(model, record));
         let speed = || filter.of_all(&record.measured.qd);
+        let stops = || beside_stop(model, settings, record, &filter);
         // What stands still has no tracking lag either, so that is said first.
-        let (torque, (speed, instruments)) =
-            rayon::join(torque, || rayon::join(speed, || Instruments::of(settings, record, n)));
+        let ((torque, stops), (speed, instruments)) =
+            rayon::join(|| rayon::join(torque, stops), || rayon::join(speed, || Instruments::of(settings, record, n)));
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
         let Instruments { motion: instrument, delay, lags } = instruments?;
@@ -215,7 +216,6 @@ impl Rows {
             (0..n).map(|j| (0..kept.len()).filter(|at| slides(j, kept[*at])).collect()).collect();
         let used: Vec<Vec<usize>> = places.iter().map(|place| place.iter().map(|at| kept[*at]).collect()).collect();
         let motions = (&record.measured, instrument.as_ref());
-        let stops = beside_stop(model, settings, record, &filter);
         let pairs = filtered_rows(model, base, &filter, motions, delay, &used);
         for (j, (Pair { columns, d, z }, used)) in pairs.into_iter().zip(&used).enumerate() {
             let place = std::mem::take(&mut places[j]);

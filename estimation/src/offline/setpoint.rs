@@ -1,5 +1,7 @@
 //! Whether a desired motion is one that the arm followed: a channel that was not recorded is no instrument.
 
+use rayon::prelude::*;
+
 use super::lag::lag;
 use super::record::Trajectory;
 use crate::plan::is_broken;
@@ -24,7 +26,7 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
         let error = deviation(q.iter().zip(plan).map(|(q, plan)| q - plan));
         error > FOLLOWS * deviation(q.iter().copied())
     };
-    (0..joints).filter(strays).collect()
+    (0..joints).into_par_iter().filter(strays).collect()
 }
 
 /// The joints (from 0) whose desired velocities or accelerations are not those of their desired positions: a planner left them 0, say.
@@ -32,7 +34,7 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
 #[must_use]
 pub fn underived([q, qd, qdd]: [&[Vec<f64>]; 3], period_s: f64) -> Vec<usize> {
     let joints = q.len().min(qd.len()).min(qdd.len());
-    (0..joints).filter(|j| is_broken([&q[*j], &qd[*j], &qdd[*j]], period_s)).collect()
+    (0..joints).into_par_iter().filter(|j| is_broken([&q[*j], &qd[*j], &qdd[*j]], period_s)).collect()
 }
 
 fn deviation(x: impl Iterator<Item = f64> + Clone) -> f64 {
