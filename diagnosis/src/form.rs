@@ -31,8 +31,7 @@ pub(crate) enum Form {
     Warming { joint: usize, warmth: Warmth },
     /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
     Presliding { joint: usize, length: f64 },
-    /// `z`, the same state beside friction that turns over as it does: what is dragged along or gives way far, a hose or a cable. No
-    /// effect of the list; over bristles' lengths it is what they are
+    /// `z`, the same state beside friction that sticks and slips as before: what is dragged along, a hose or a cable. No effect of the list
     Hysteresis { joint: usize, length: f64 },
     /// `s·cos(kq)`, `s·sin(kq)`, `s`: a part of a turn has a mean
     PositionFriction { joint: usize, order: f64 },
@@ -317,7 +316,7 @@ impl Form {
             // Less than stops are smeared by is no delay where friction sticks; true ones were 3.2 ms and more.
             Form::Delay { seconds } => (0.5..2.0).contains(&c[0]) && c[0] * seconds > SMEARED_S,
             Form::Presliding { length, .. } => c[0] > 0.2 && (LEAST_TRAVEL..MOST_TRAVEL).contains(length),
-            Form::Hysteresis { length, .. } => c[0] > 0.0 && *length >= MOST_TRAVEL,
+            Form::Hysteresis { length, .. } => c[0] > 0.0 && *length >= LEAST_TRAVEL,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
             Form::LinkScale { .. } => c[0] > -0.9,
             _ => c.iter().all(|c| c.is_finite()),
@@ -478,8 +477,10 @@ const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
-/// ... and within less than this \[rad\]: three degrees of a joint are most of a turn of its motor.
-const MOST_TRAVEL: f64 = 0.06;
+/// ... and within less than this \[rad\]: six degrees of a joint are more than a turn of its motor. (What is beside friction may be shorter.)
+const MOST_TRAVEL: f64 = 0.1;
+/// What is dragged along is looked for by itself from this length on \[rad\]; shorter, it is [bristles' form](crate::dragged) first.
+pub(crate) const LEAST_DRAG: f64 = 0.06;
 /// A torque constant that is off by less is not named.
 const LEAST_GAIN_OFF: f64 = 0.02;
 

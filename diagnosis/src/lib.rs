@@ -30,6 +30,7 @@ mod computed;
 mod contact;
 mod design;
 mod details;
+mod dragged;
 mod effect;
 mod entry;
 mod evidence;

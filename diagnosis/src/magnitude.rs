@@ -3,8 +3,8 @@
 use crate::form::Form;
 
 impl Form {
-    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector, that which was
-    /// fitted where the form says so.
+    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector: that which was fitted, or that
+    /// by which its columns were made, where the form says so.
     pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
         let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
         let wave = |c: &[f64]| c[0].hypot(c[1]);
@@ -40,7 +40,7 @@ impl Form {
                 size
             }
             Form::Presliding { joint, length } => {
-                let level = nominal[12 * joints + joint].abs();
+                let level = c[0] * nominal[12 * joints + joint].abs();
                 named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])
             }
             Form::Hysteresis { length, .. } => named(&[("hysteresis_Nm", c[0]), ("length_rad", *length)]),

@@ -338,6 +338,10 @@ impl Opened<'_> {
         if step.adopted.iter().any(small) {
             confidence *= MAY_BE_BODIES;
         }
+        // Without a name in the list, but as much of a class.
+        if step.effect == Effect::FrictionAsymmetry {
+            confidence *= FIRST_OF_CLASS;
+        }
         if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
             confidence *= BESIDE_LOAD;
         }

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use crate::another_law;
 use crate::bursts;
+use crate::dragged;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
@@ -44,6 +45,9 @@ const CONTEST_ROUNDS: usize = 4;
 const CLEARLY_MORE: f64 = 0.1;
 /// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
 const OFF_GRID: f64 = 0.4;
+/// A delay is wanted at this share of its size at least: true ones were at 0.70 to 0.98, those that another effect left (play, friction that
+/// bends with the speed) at 0.51 to 0.66.
+const LATE_IN_FULL: f64 = 2.0 / 3.0;
 /// An encoder whose centre is off by this much of its radius is none \[rad\].
 const LARGEST_ECCENTRICITY: f64 = 0.02;
 /// Orders that differ by less than this share are the same.
@@ -184,6 +188,9 @@ pub(crate) fn best(
     let taken: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
     let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
     let mut listed: Vec<(Candidate, Standing)> = Vec::new();
+    let mut doubtful: Vec<Form> = Vec::new();
+    let noisy_beside =
+        |form: &Form| (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j));
     for standing in &standings {
         if standing.gain < 0.3 * least || listed.len() == SHORT_LIST {
             break;
@@ -192,7 +199,7 @@ pub(crate) fn best(
         // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
         // this one does too, and that may look so.
         let bends = form.is_nameless() || matches!(form, Form::OneSided { .. });
-        if bends && (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j)) {
+        if bends && noisy_beside(form) {
             continue;
         }
         // What repeats with the order of an effect that is there already, or shifts torque in time beside one that does, is
@@ -221,11 +228,17 @@ pub(crate) fn best(
         if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
             continue;
         }
-        listed.push(if refined {
-            search.refine(form, physics)?
-        } else {
-            (candidates[standing.at].clone(), standing.clone())
-        });
+        let (candidate, standing) =
+            if refined { search.refine(form, physics)? } else { (candidates[standing.at].clone(), standing.clone()) };
+        match dragged::instead(search, physics, &candidate, &standing) {
+            Some(beside) if !noisy_beside(&beside.0.form) => listed.push(beside),
+            // As on measured arms: it may be all of the friction beside what else is missing there, or not.
+            Some(_) => {
+                doubtful.push(candidate.form.clone());
+                listed.push((candidate, standing));
+            }
+            None => listed.push((candidate, standing)),
+        }
     }
     listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let p_values = flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
@@ -294,7 +307,8 @@ pub(crate) fn best(
     let mut rivals = Vec::new();
     // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
     let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
-    let another_law = matches!(accepted[simplest].candidate.form, Form::Eccentricity { .. }) && near.iter().any(scale);
+    let form = &accepted[simplest].candidate.form;
+    let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale) || doubtful.contains(form);
     if near.len() > 1 {
         let solved = search.solved(search.scale)?;
         let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);
@@ -380,9 +394,14 @@ fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
     }
 }
 
-/// Whether a simulated gear is wanted at a part of its size only: then it imitates what another one leaves.
+/// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
 fn is_part(form: &Form, standing: &Standing) -> bool {
-    matches!(form, Form::TwoMass { .. }) && standing.added.c[0] < 1.0 - OFF_GRID
+    let least = match form {
+        Form::TwoMass { .. } => 1.0 - OFF_GRID,
+        Form::Delay { .. } => LATE_IN_FULL,
+        _ => return false,
+    };
+    standing.added.c[0] < least
 }
 
 /// Gain of each of the forms that explain about as much at the noise that the best of them leaves; none of those that do not
@@ -458,4 +477,24 @@ fn is_material(search: &Search<'_>, form: &Form, shares: &[f64], adopted: &[Adop
         let above = search.noise[j] > AT_FLOOR * search.floor[j] || little;
         shares[j] >= MATERIAL && above && enough
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Added;
+
+    fn standing(c: f64) -> Standing {
+        let none = || DVector::zeros(0);
+        let added = Added { c: DVector::repeat(1, c), x: none(), stretches: Vec::new(), log_evidence: 0.0 };
+        Standing { at: 0, gain: 50.0, added }
+    }
+
+    /// Play that a gear's form leaves is a delay of half its size; bristles have a level that may be anything.
+    #[test]
+    fn a_delay_is_wanted_in_full() {
+        let delay = Form::Delay { seconds: 0.006 };
+        assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
+        assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
+    }
 }

@@ -180,7 +180,12 @@ impl Procedure<'_> {
             if let Some(at) = possible::place(&adopted.form, model.arm.dof()) {
                 c[0] += x[at];
             }
-            let values = if adopted.form.is_of_fitted() { search.values(x) } else { self.nominal.x.clone() };
+            let values = match adopted.form {
+                _ if adopted.form.is_of_fitted() => search.values(x),
+                // Its level is that of its column.
+                Form::Presliding { .. } => adopted.values.clone(),
+                _ => self.nominal.x.clone(),
+            };
             for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());

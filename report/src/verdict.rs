@@ -271,6 +271,13 @@ impl Document {
         format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.{contact}", each.join("; "))
     }
 
+    /// Joints that keep a gap in motion with all that is named, in times of their noise, where most others do not.
+    fn left_joints(&self) -> Vec<(String, f64)> {
+        let after = self.gap.per_joint.iter().filter_map(|j| Some((j.joint.clone(), (*j.in_motion.get(1)?)?)));
+        let (left, fitted): (Vec<_>, Vec<_>) = after.partition(|(_, times)| *times > NEXT_TO_NOISE);
+        if left.len() <= fitted.len() { left } else { Vec::new() }
+    }
+
     fn open_line(&self) -> String {
         let mut open = self.findings();
         if !self.data.unused.is_empty() {
@@ -281,6 +288,12 @@ impl Document {
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
+        }
+        let left = self.left_joints();
+        if !left.is_empty() && !nothing_missing {
+            let times: Vec<String> =
+                left.iter().map(|(joint, times)| format!("{joint} {}", figure(*times, 2))).collect();
+            open.push(format!("in motion, with what is named, {} times the noise", list(&times)));
         }
         let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known).collect();
         if !unknown.is_empty() {
@@ -361,9 +374,10 @@ impl Document {
         let (hint, torque, length) = self.hints.iter().find_map(of)?;
         Some(format!(
             "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {} N m more against the \
-             motion, which build up over {length:.2} rad after each reversal, beside friction as it is.",
+             motion, which build up over {} rad after each reversal, beside friction as it is.",
             list(&hint.joints),
-            figure(torque, 3)
+            figure(torque, 3),
+            figure(length, 2)
         ))
     }
 
@@ -430,7 +444,15 @@ impl Document {
                     .to_owned()
             }
             "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
-            _ => "Add the effect to the simulator and diagnose a new run.".to_owned(),
+            _ => {
+                let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
+                let then = if left.is_empty() {
+                    String::new()
+                } else {
+                    format!("; on {} something else is missing that nothing here names", list(&left))
+                };
+                format!("Add the effect to the simulator and diagnose a new run{then}.")
+            }
         }
     }
 }
@@ -597,5 +619,23 @@ mod tests {
             assert!(page.contains(text), "{text}");
         }
         assert!(!crate::page(&document(&[]), &[]).contains("closed-loop"));
+    }
+
+    /// A cause on one joint says nothing of another that keeps hundreds of times its noise.
+    #[test]
+    fn a_joint_that_is_left_is_told_beside_a_cause() {
+        let joint = |name: &str, after: f64| json!({"joint": name, "before": 0.3, "after": 0.1, "noise_floor": 0.01, "in_motion": [690.0, after]});
+        let told = |others: f64| {
+            let joints = json!([joint("a", 1.2), joint("b", others), joint("c", 689.0)]);
+            let gap = json!({"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint": joints});
+            let all = document(&[("gap", gap), ("causes", json!([cause("load_dependent_friction", &json!({}))]))]);
+            (line(&all, "Not covered"), line(&all, "Next"))
+        };
+        let (open, next) = told(1.1);
+        assert!(open.contains("c 690 times the noise") || open.contains("c 689 times the noise"), "{open}");
+        assert!(next.contains("on c something else is missing"), "{next}");
+        // Where most joints keep more, as on measured arms, it is no news.
+        let (open, next) = told(30.0);
+        assert!(!open.contains("times the noise") && !next.contains("something else"), "{open} {next}");
     }
 }
