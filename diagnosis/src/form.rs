@@ -31,7 +31,8 @@ pub(crate) enum Form {
     Warming { joint: usize, warmth: Warmth },
     /// `F_c (z − s)`, z the state of a Dahl spring of the given length \[rad\]
     Presliding { joint: usize, length: f64 },
-    /// `z`, the same state beside friction that sticks and slips as before: what is dragged along, a hose or a cable. No effect of the list
+    /// `z`, `s`: the same state beside friction that sticks and slips as before, whose level may be another: what is dragged along, a hose
+    /// or a cable. No effect of the list
     Hysteresis { joint: usize, length: f64 },
     /// `s·cos(kq)`, `s·sin(kq)`, `s`: a part of a turn has a mean
     PositionFriction { joint: usize, order: f64 },
@@ -82,6 +83,9 @@ pub(crate) enum Form {
     /// Angle off by `q`, 1: a gear ratio or the counts of an encoder. No effect of the list; over a part of a turn an eccentricity looks
     /// like it
     PositionScale { joint: usize },
+    /// 1: a torque signal whose zero is off, at rest as in motion. No effect of the list; friction of one direction and laws of the angle
+    /// have to be better than this
+    Constant { joint: usize },
     /// A force at the flange in stretches of time, by run: base axes times hats over time
     Force { windows: Vec<Vec<(f64, f64)>> },
     /// Gravity along the base's x and y
@@ -105,7 +109,8 @@ impl Form {
     /// The effect it belongs to.
     pub(crate) fn effect(&self) -> Effect {
         match self {
-            Form::Asymmetry { .. } | Form::OneSided { .. } => Effect::FrictionAsymmetry,
+            // What a constant would be taken for.
+            Form::Asymmetry { .. } | Form::OneSided { .. } | Form::Constant { .. } => Effect::FrictionAsymmetry,
             Form::Stribeck { .. } => Effect::StribeckFriction,
             Form::ViscousNonlinearity { .. } => Effect::ViscousNonlinearity,
             Form::Load { .. } => Effect::LoadDependentFriction,
@@ -181,6 +186,7 @@ impl Form {
             | Form::EncoderOffset { joint }
             | Form::Eccentricity { joint }
             | Form::PositionScale { joint }
+            | Form::Constant { joint }
             | Form::RotorInertia { joint }
             | Form::Coulomb { joint }
             | Form::Viscous { joint } => vec![joint],
@@ -227,6 +233,7 @@ impl Form {
             | Form::Counterweight { .. }
             | Form::Pull { .. }
             | Form::Softening { .. }
+            | Form::Hysteresis { .. }
             | Form::Gravity => 2,
             _ => 1,
         }
@@ -277,6 +284,7 @@ impl Form {
                 | Form::SpringBetween { .. }
                 | Form::TorqueLaw { .. }
                 | Form::PositionScale { .. }
+                | Form::Constant { .. }
                 | Form::Hysteresis { .. }
         )
     }
@@ -285,7 +293,11 @@ impl Form {
     pub(crate) fn kind(&self) -> usize {
         match self {
             Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
-            Form::Pull { .. } | Form::TorqueLaw { .. } | Form::PositionScale { .. } | Form::Hysteresis { .. } => 2,
+            Form::Pull { .. }
+            | Form::TorqueLaw { .. }
+            | Form::PositionScale { .. }
+            | Form::Constant { .. }
+            | Form::Hysteresis { .. } => 2,
             Form::AngleLaw { .. } => 3,
             Form::Softening { .. } => 4,
             Form::Warming { warmth, .. } => usize::from(warmth.at_work),
@@ -365,7 +377,7 @@ impl Form {
             }
             Form::Hysteresis { joint: j, length } => {
                 let z = dahl(&p.motion.q[j], length);
-                vec![on(j, &|k| z[k])]
+                vec![on(j, &|k| z[k]), on(j, &|k| s(j, k))]
             }
             Form::PositionFriction { joint: j, order } => {
                 vec![
@@ -382,6 +394,7 @@ impl Form {
             Form::TransmissionError { joint: j, order } => wave(p, j, order, false),
             Form::Eccentricity { joint: j } => wave(p, j, 1.0, true),
             Form::PositionScale { joint: j } => scale(p, j),
+            Form::Constant { joint: j } => vec![on(j, &|_| 1.0)],
             Form::TwoMass { joint, gear } => vec![two_mass::column(p, joint, gear)],
             Form::Base { mode } => vec![mode.column(p)],
             Form::Spring { joint: j } => vec![on(j, &|k| q(j, k)), on(j, &|_| 1.0)],
@@ -477,10 +490,8 @@ const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;
-/// ... and within less than this \[rad\]: six degrees of a joint are more than a turn of its motor. (What is beside friction may be shorter.)
-const MOST_TRAVEL: f64 = 0.1;
-/// What is dragged along is looked for by itself from this length on \[rad\]; shorter, it is [bristles' form](crate::dragged) first.
-pub(crate) const LEAST_DRAG: f64 = 0.06;
+/// ... and within less than this \[rad\], six degrees of the joint. (What is beside friction may be shorter.)
+pub(crate) const MOST_TRAVEL: f64 = 0.1;
 /// A torque constant that is off by less is not named.
 const LEAST_GAIN_OFF: f64 = 0.02;
 

@@ -107,6 +107,7 @@ impl Form {
             Form::AngleLaw { .. } | Form::Softening { .. } => {
                 Carried::Nothing("a law of the angle of its own is no effect of the list")
             }
+            Form::Constant { .. } => Carried::Nothing("a constant torque is no effect of the list"),
             Form::PositionScale { .. } => Carried::Nothing("a scale of the position is no effect of the list"),
             Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is no effect of the list"),
             Form::Coupling { driving, driven, whole } => {

@@ -1,7 +1,7 @@
 //! Every effect on every joint it can act on, with a grid of inner values. Those that hang on more than one run have places of their
 //! own: warming joints, a base that gives way.
 
-use crate::form::{Form, LEAST_DRAG};
+use crate::form::Form;
 use crate::log_check;
 use crate::mounting;
 use crate::physics::Physics;
@@ -11,8 +11,8 @@ use crate::two_mass::Gear;
 const STRIBECK: [f64; 6] = [0.01, 0.02, 0.04, 0.08, 0.16, 0.32];
 /// Lengths of presliding springs \[rad\].
 const PRESLIDING: [f64; 6] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.08];
-/// Lengths of a hysteresis that is none of bristles \[rad\].
-const HYSTERESIS: [f64; 4] = [LEAST_DRAG, 0.15, 0.4, 1.0];
+/// Lengths of a hysteresis beside friction \[rad\].
+const HYSTERESIS: [f64; 4] = [0.06, 0.15, 0.4, 1.0];
 /// Orders of friction over the joint's turn.
 const FRICTION_ORDERS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Delays \[s\].
@@ -63,6 +63,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             Form::TorqueLaw { joint },
             Form::EncoderOffset { joint },
             Form::PositionScale { joint },
+            Form::Constant { joint },
             Form::Eccentricity { joint },
             Form::LinkScale { link: joint },
             Form::RotorInertia { joint },

@@ -84,6 +84,7 @@ impl Form {
                 named(&[("time_constant_s", c[0]), ("bandwidth_hz", 1.0 / (std::f64::consts::TAU * c[0]))])
             }
             Form::Saturation { limit, .. } => named(&[("limit_Nm", *limit)]),
+            Form::Constant { .. } => named(&[("constant_Nm", c[0])]),
             Form::PositionScale { .. } => named(&[("position_gain", 1.0 + c[0])]),
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
             Form::Force { .. } => {
@@ -123,6 +124,7 @@ impl Form {
                     | Form::Spring { .. }
                     | Form::Counterbalance { .. }
                     | Form::Counterweight { .. }
+                    | Form::Constant { .. }
                     | Form::AngleLaw { .. }
                     | Form::Softening { .. }
                     | Form::SpringBetween { .. }

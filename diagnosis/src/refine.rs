@@ -1,7 +1,7 @@
 //! Inner values of a form: from the grid to where the evidence is largest.
 
 use crate::evidence::Solved;
-use crate::form::{Form, LEAST_DRAG};
+use crate::form::Form;
 use crate::physics::Physics;
 use crate::search::{Candidate, Search, Standing};
 use crate::two_mass::Gear;
@@ -15,7 +15,7 @@ fn scaled(form: &Form, factors: [f64; 3]) -> Form {
     match form.clone() {
         Form::Stribeck { joint, velocity } => Form::Stribeck { joint, velocity: velocity * a },
         Form::Presliding { joint, length } => Form::Presliding { joint, length: length * a },
-        Form::Hysteresis { joint, length } => Form::Hysteresis { joint, length: (length * a).max(LEAST_DRAG) },
+        Form::Hysteresis { joint, length } => Form::Hysteresis { joint, length: length * a },
         Form::Delay { seconds } => Form::Delay { seconds: seconds * a },
         Form::Ripple { joint, order } => Form::Ripple { joint, order: order * a },
         Form::TransmissionError { joint, order } => Form::TransmissionError { joint, order: order * a },

@@ -30,7 +30,7 @@ const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
 /// A joint whose residual is below this multiple of its noise floor has little left to explain.
 const AT_FLOOR: f64 = 1.2;
 /// Candidates of the best that are refined and held against held-out blocks.
-const SHORT_LIST: usize = 6;
+const SHORT_LIST: usize = 7;
 /// Chance at which one of all candidates may show where nothing is.
 const FALSE_ALARMS: f64 = 0.05;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
@@ -168,6 +168,13 @@ struct Accepted {
     p_value: Option<f64>,
 }
 
+impl Accepted {
+    /// The joint of a constant torque; none for another form.
+    fn constant_on(&self) -> Option<Vec<usize>> {
+        matches!(self.candidate.form, Form::Constant { .. }).then(|| self.candidate.form.joints())
+    }
+}
+
 /// A candidate to adopt, if any.
 pub(crate) type Found = Option<(Candidate, Adopted)>;
 
@@ -230,14 +237,16 @@ pub(crate) fn best(
         }
         let (candidate, standing) =
             if refined { search.refine(form, physics)? } else { (candidates[standing.at].clone(), standing.clone()) };
-        match dragged::instead(search, physics, &candidate, &standing) {
-            Some(beside) if !noisy_beside(&beside.0.form) => listed.push(beside),
+        match dragged::kind(search, physics, (&candidate, &standing), say)? {
+            dragged::Kind::Beside(beside) if !noisy_beside(&beside.0.form) => listed.push(*beside),
+            dragged::Kind::Of(bristles) => listed.push(*bristles),
             // As on measured arms: it may be all of the friction beside what else is missing there, or not.
-            Some(_) => {
+            dragged::Kind::Beside(_) => {
                 doubtful.push(candidate.form.clone());
                 listed.push((candidate, standing));
             }
-            None => listed.push((candidate, standing)),
+            dragged::Kind::Bristles => {}
+            dragged::Kind::AsNamed => listed.push((candidate, standing)),
         }
     }
     listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
@@ -290,6 +299,13 @@ pub(crate) fn best(
     let holds = contest(search, &contestants, say)?;
     let (near, gains): (Vec<usize>, Vec<f64>) =
         near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
+    // A law of the angle that is no better than a constant is one.
+    let constants: Vec<Vec<usize>> = near.iter().filter_map(|i| accepted[*i].constant_on()).collect();
+    let law = |i: &usize| {
+        let form = &accepted[*i].candidate.form;
+        form.of_angle_alone() && constants.contains(&form.joints())
+    };
+    let (near, gains): (Vec<usize>, Vec<f64>) = near.into_iter().zip(gains).filter(|(i, _)| !law(i)).unzip();
     let most = near.iter().map(|i| accepted[*i].share).fold(f64::NEG_INFINITY, f64::max);
     let simplest = near
         .iter()

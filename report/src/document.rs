@@ -516,6 +516,7 @@ impl Cause {
     /// Sizes by which forms stand that have no name but that of what they would be taken for.
     pub(crate) const POSITION_GAIN: &str = "position_gain";
     pub(crate) const HYSTERESIS: &str = "hysteresis_Nm";
+    pub(crate) const CONSTANT: &str = "constant_Nm";
 
     /// What it is, in words: its name, but for a hint whose form has none of its own.
     pub fn word(&self) -> String {
@@ -523,6 +524,8 @@ impl Cause {
             "a scale of the position".to_owned()
         } else if self.magnitude.contains_key(Self::HYSTERESIS) {
             "hysteresis beside friction".to_owned()
+        } else if self.magnitude.contains_key(Self::CONSTANT) {
+            "a constant torque".to_owned()
         } else {
             crate::words::effect(&self.effect)
         }

@@ -9,6 +9,7 @@ mod consistent;
 mod delay;
 mod diagnose;
 mod diagnose_export;
+mod dragged;
 mod drift;
 mod export;
 mod friction_ladder;
