@@ -30,38 +30,41 @@ pub(crate) enum Kind {
     Bristles,
 }
 
-/// Looks at a form that was refined; none where the equations have no solution.
+/// Looks at a form that was refined; none where there is no motion.
 pub(crate) fn kind(
     search: &Search<'_>,
     physics: &[Physics<'_>],
     (candidate, standing): (&Candidate, &Standing),
     say: &mut dyn FnMut(&str),
 ) -> Option<Kind> {
-    let (joint, free) = match candidate.form {
-        Form::Presliding { joint, length } => (joint, search.refine(&Form::Hysteresis { joint, length }, physics)),
-        Form::Hysteresis { joint, .. } => (joint, Some((candidate.clone(), standing.clone()))),
-        _ => return Some(Kind::AsNamed),
-    };
-    // Bristles' form holds, that with both levels does not: they are bristles.
-    let Some((candidate_free, standing_free)) = free else { return Some(Kind::AsNamed) };
-    let at = physics.first()?.coulomb(joint);
-    let c = &standing_free.added.c;
-    let beside = (search.nominal.x[at] + standing_free.added.x[at] + c[1]).max(0.0);
-    let share = c[0] / (c[0] + beside);
-    say(&format!("  {:?}: {share:.3} of the friction of joint {}", candidate_free.form, joint + 1));
-    Some(match candidate.form {
-        Form::Presliding { .. } if share < WHOLE => {
-            Kind::Beside(Box::new((candidate_free, Standing { at: standing.at, ..standing_free })))
-        }
-        Form::Presliding { .. } => {
-            let Form::Hysteresis { length, .. } = candidate_free.form else { return Some(Kind::AsNamed) };
-            let Some(own) = search.candidate(Form::Presliding { joint, length }, physics) else {
+    match candidate.form {
+        Form::Presliding { joint, length } => {
+            // Where that with both levels does not hold, bristles' form is what there is.
+            let Some((free, its)) = search.refine(&Form::Hysteresis { joint, length }, physics) else {
                 return Some(Kind::AsNamed);
             };
-            let own_standing = search.standing(standing.at, &own, &search.scales());
-            own_standing.map_or(Kind::AsNamed, |its| Kind::Of(Box::new((own, its))))
+            let share = share(search, physics, joint, &its)?;
+            say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
+            if share < WHOLE {
+                return Some(Kind::Beside(Box::new((free, its))));
+            }
+            let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
+            let own = search.candidate(Form::Presliding { joint, length }, physics);
+            let made = own.and_then(|own| Some((search.standing(standing.at, &own, &search.scales())?, own)));
+            Some(made.map_or(Kind::AsNamed, |(its, own)| Kind::Of(Box::new((own, its)))))
         }
-        Form::Hysteresis { length, .. } if share >= WHOLE && length < MOST_TRAVEL => Kind::Bristles,
-        _ => Kind::AsNamed,
-    })
+        Form::Hysteresis { joint, length } => {
+            let whole = share(search, physics, joint, standing)? >= WHOLE && length < MOST_TRAVEL;
+            Some(if whole { Kind::Bristles } else { Kind::AsNamed })
+        }
+        _ => Some(Kind::AsNamed),
+    }
+}
+
+/// H/(F + H), as [`Form::Hysteresis`] stands.
+fn share(search: &Search<'_>, physics: &[Physics<'_>], joint: usize, standing: &Standing) -> Option<f64> {
+    let at = physics.first()?.coulomb(joint);
+    let c = &standing.added.c;
+    let beside = (search.nominal.x[at] + standing.added.x[at] + c[1]).max(0.0);
+    Some(c[0] / (c[0] + beside))
 }

@@ -237,7 +237,12 @@ pub(crate) fn best(
         }
         let (candidate, standing) =
             if refined { search.refine(form, physics)? } else { (candidates[standing.at].clone(), standing.clone()) };
-        match dragged::kind(search, physics, (&candidate, &standing), say)? {
+        let kind = if refined {
+            dragged::kind(search, physics, (&candidate, &standing), say)?
+        } else {
+            dragged::Kind::AsNamed
+        };
+        match kind {
             dragged::Kind::Beside(beside) if !noisy_beside(&beside.0.form) => listed.push(*beside),
             dragged::Kind::Of(bristles) => listed.push(*bristles),
             // As on measured arms: it may be all of the friction beside what else is missing there, or not.

@@ -647,7 +647,7 @@ mod tests {
             (line(&all, "Not covered"), line(&all, "Next"))
         };
         let (open, next) = told(1.1);
-        assert!(open.contains("c 690 times the noise"), "{open}");
+        assert!(open.contains("c 689 times the noise"), "{open}");
         assert!(next.contains("on c something else is missing"), "{next}");
         // Where most joints keep more, as on measured arms, it is no news.
         let (open, next) = told(30.0);
