@@ -27,17 +27,8 @@ mod tests {
         let adopted = |joint: usize, cosine: f64| {
             let rivals = [(Form::Pull { joint, from: 0.0, above: true }, cosine), (Form::Asymmetry { joint }, 0.02)];
             Adopted {
-                form: Form::RotorInertia { joint },
-                gain: 50.0,
-                shares: Vec::new(),
-                share: 0.0,
-                p_value: None,
                 rivals: rivals.iter().filter_map(|(form, cosine)| Rival::of(form, *cosine)).collect(),
-                place: 0,
-                values: Vec::new(),
-                acts_on: Vec::new(),
-                mean: Vec::new(),
-                another_law: false,
+                ..Adopted::alone(Form::RotorInertia { joint })
             }
         };
         let class = of(&[adopted(0, 0.96), adopted(1, 0.98)]);

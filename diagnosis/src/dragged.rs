@@ -30,7 +30,7 @@ pub(crate) enum Kind {
     Bristles,
 }
 
-/// Looks at a form that was refined; none where there is no motion.
+/// Looks at a form that was refined; none where there is no run.
 pub(crate) fn kind(
     search: &Search<'_>,
     physics: &[Physics<'_>],
@@ -40,7 +40,8 @@ pub(crate) fn kind(
     match candidate.form {
         Form::Presliding { joint, length } => {
             // Where that with both levels does not hold, bristles' form is what there is.
-            let Some((free, its)) = search.refine(&Form::Hysteresis { joint, length }, physics) else {
+            let solved = search.scales();
+            let Some((free, its)) = search.refine_over(&Form::Hysteresis { joint, length }, physics, &solved) else {
                 return Some(Kind::AsNamed);
             };
             let share = share(search, physics, joint, &its)?;
@@ -50,7 +51,7 @@ pub(crate) fn kind(
             }
             let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
             let own = search.candidate(Form::Presliding { joint, length }, physics);
-            let made = own.and_then(|own| Some((search.standing(standing.at, &own, &search.scales())?, own)));
+            let made = own.and_then(|own| Some((search.standing(standing.at, &own, &solved)?, own)));
             Some(made.map_or(Kind::AsNamed, |(its, own)| Kind::Of(Box::new((own, its)))))
         }
         Form::Hysteresis { joint, length } => {

@@ -1,16 +1,18 @@
 //! Forms of effects: columns of torque from the motion of one run.
 
-use std::f64::consts::TAU;
+mod bodies;
 
-use rivet_dynamics::{Workspace, inverse_dynamics};
+use std::f64::consts::TAU;
 
 use crate::design::SMEARED_S;
 use crate::effect::Effect;
 use crate::mounting::Mode;
-use crate::physics::{Physics, bodies, displaced};
+use crate::physics::Physics;
 use crate::run::derivative;
 use crate::two_mass::{self, Gear};
 use crate::warming::Warmth;
+pub(crate) use bodies::AXES;
+use bodies::{body, gravity, scale, wave};
 
 /// An effect on a joint with its inner values; its coefficients are found by the fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -264,11 +266,6 @@ impl Form {
         matches!(self, Form::Spring { .. } | Form::Counterbalance { .. } | Form::Counterweight { .. })
     }
 
-    /// Whether its size is told against fitted values, not against those given.
-    pub(crate) fn is_of_fitted(&self) -> bool {
-        matches!(self, Form::Warming { .. })
-    }
-
     /// Whether it is the same torque, later.
     pub(crate) fn shifts_time(&self) -> bool {
         matches!(self, Form::Lag { .. } | Form::Delay { .. })
@@ -518,87 +515,4 @@ fn dahl(q: &[f64], length: f64) -> Vec<f64> {
             z
         })
         .collect()
-}
-
-/// The joint's angle is off by cos(cq) and sin(cq): rigid torques change by M δ̈ + ∂τ/∂q δ. Where the encoder itself is
-/// off (`whole`) so do the drive's inertia and viscous friction.
-fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Vec<Full> {
-    let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
-    let n = p.joints();
-    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
-    let made = |cosine: bool| {
-        let mut delta = Vec::with_capacity(q.len());
-        let mut accel = Vec::with_capacity(q.len());
-        let mut drive = Vec::with_capacity(q.len());
-        for k in 0..q.len() {
-            let (sin, cos) = (order * q[k]).sin_cos();
-            let (d, slope) = if cosine { (cos, -sin) } else { (sin, cos) };
-            let a = order * slope * qdd[k] - order * order * d * qd[k] * qd[k];
-            delta.push(d);
-            accel.push(a);
-            drive.push(rotor * a + viscous * order * slope * qd[k]);
-        }
-        let mut full = displaced(p, joint, &delta, &accel);
-        if whole && let Some(own) = &mut full[joint] {
-            own.iter_mut().zip(&drive).for_each(|(t, d)| *t += d);
-        }
-        full
-    };
-    vec![made(true), made(false)]
-}
-
-/// The same where the joint's angle is another multiple of what is measured; and with its zero elsewhere.
-fn scale(p: &Physics<'_>, joint: usize) -> Vec<Full> {
-    let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
-    let n = p.joints();
-    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
-    let mut scale = displaced(p, joint, q, qdd);
-    if let Some(own) = &mut scale[joint] {
-        own.iter_mut().zip(qdd).zip(qd).for_each(|((t, a), v)| *t += rotor * a + viscous * v);
-    }
-    vec![scale, displaced(p, joint, &vec![1.0; q.len()], &vec![0.0; q.len()])]
-}
-
-/// Rigid torque of one body alone, links before it massless.
-fn body(p: &Physics<'_>, link: usize, parameters: &[f64; 10]) -> Full {
-    let n = p.joints();
-    let mut links = vec![[0.0; 10]; n];
-    links[link] = *parameters;
-    rigid(p, &links, p.nominal.model.arm.gravity, None)
-}
-
-/// Torque of bodies along the motion, or at its positions with the rates of one that stands `still`.
-fn rigid(p: &Physics<'_>, links: &[[f64; 10]], gravity: [f64; 3], still: Option<&[f64]>) -> Full {
-    let n = p.joints();
-    let mut arm = p.nominal.model.arm.clone();
-    arm.gravity = gravity;
-    let mut ws = Workspace::new(&arm);
-    let (mut q, mut qd, mut qdd, mut tau) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut full: Full = vec![Some(Vec::with_capacity(p.samples())); n];
-    for k in 0..p.samples() {
-        p.motion.state(k, &mut q, &mut qd, &mut qdd);
-        let (qd, qdd) = still.map_or((&qd[..], &qdd[..]), |s| (s, s));
-        inverse_dynamics(&arm, links, &mut ws, &q, qd, qdd, &mut tau);
-        full.iter_mut().zip(&tau).for_each(|(signal, tau)| {
-            if let Some(signal) = signal {
-                signal.push(*tau);
-            }
-        });
-    }
-    full
-}
-
-/// Torque per m/s² of gravity along the base's x and y.
-fn gravity(p: &Physics<'_>) -> Vec<Full> {
-    weight(p, &AXES[..2])
-}
-
-/// The base's axes.
-pub(crate) const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// Torque per m/s² of gravity along each of `axes`: that of the arm at rest, since gravity enters linearly.
-pub(crate) fn weight(p: &Physics<'_>, axes: &[[f64; 3]]) -> Vec<Full> {
-    let links = bodies(&p.x, p.joints());
-    let still = vec![0.0; p.joints()];
-    axes.iter().map(|g| rigid(p, &links, *g, Some(&still))).collect()
 }

@@ -3,8 +3,8 @@
 use crate::form::Form;
 
 impl Form {
-    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector: that which was fitted, or that
-    /// by which its columns were made, where the form says so.
+    /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector: that which was fitted for what
+    /// warms up, that by which its column was made for bristles.
     pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
         let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
         let wave = |c: &[f64]| c[0].hypot(c[1]);

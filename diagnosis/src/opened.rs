@@ -134,9 +134,11 @@ impl Judge<'_> {
         step.adopted.iter().any(|a| a.form.of_angle_alone() && a.form.joints().iter().any(|j| laws(*j) > 1))
     }
 
-    /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it.
+    /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it. Of a constant, which a
+    /// signal has and not the arm, nothing is.
     fn is_beside_nameless(steps: &[Step], step: &Step) -> bool {
-        let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| a.form.is_nameless());
+        let part = |form: &Form| form.is_nameless() && !matches!(form, Form::Constant { .. });
+        let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| part(&a.form));
         let joints: Vec<usize> = nameless.flat_map(|a| a.form.joints()).collect();
         step.effect.kind() == Kind::Structure && step.joints.iter().any(|j| joints.contains(j))
     }
@@ -338,7 +340,7 @@ impl Opened<'_> {
         if step.adopted.iter().any(small) {
             confidence *= MAY_BE_BODIES;
         }
-        // Without a name in the list, but as much of a class.
+        // A zero of the torque signal that is off looks the same in motion: it has no name in the list, but they are one class.
         if step.effect == Effect::FrictionAsymmetry {
             confidence *= FIRST_OF_CLASS;
         }
@@ -471,4 +473,24 @@ fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
 pub(crate) fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
     let (first, left) = (before.all.powi(2) - floor * floor, after.all.powi(2) - floor * floor);
     if first <= 0.0 { 0.0 } else { (left / first).clamp(0.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(form: Form) -> Step {
+        let (effect, joints) = (form.effect(), form.joints());
+        Step { effect, joints, columns: Vec::new(), adopted: vec![Adopted::alone(form)], doubtful: false }
+    }
+
+    /// What is beside a hose may be a part of it; what is beside a signal whose zero is off is not.
+    #[test]
+    fn a_constant_hides_no_effect_of_its_joint() {
+        let ripple = |joint: usize| step(Form::Ripple { joint, order: 25.0 });
+        let beside = |form: Form, joint: usize| Judge::is_beside_nameless(&[step(form), ripple(joint)], &ripple(joint));
+        assert!(beside(Form::Hysteresis { joint: 2, length: 0.02 }, 2));
+        assert!(!beside(Form::Hysteresis { joint: 2, length: 0.02 }, 1));
+        assert!(!beside(Form::Constant { joint: 2 }, 2));
+    }
 }

@@ -97,41 +97,25 @@ impl<'a> Residue<'a> {
 mod tests {
     use super::*;
 
-    fn adopted(form: Form) -> Adopted {
-        Adopted {
-            form,
-            gain: 100.0,
-            shares: Vec::new(),
-            share: 0.9,
-            p_value: None,
-            rivals: Vec::new(),
-            place: 0,
-            values: Vec::new(),
-            acts_on: Vec::new(),
-            mean: Vec::new(),
-            another_law: false,
-        }
-    }
-
     /// Four joints; the third keeps ten times its noise of a hundred: 99 % of its excess is explained.
     #[test]
     fn what_leaves_more_than_noise_is_named_only_where_it_may_be_inexact() {
         let (first, floor) = ([1.0, 1.0, 100.0, 1.0], [1.0; 4]);
         let residue = Residue { first: &first, left: &[1.0, 1.0, 10.0, 1.0], floor: &floor };
         assert!((0..4).map(|j| residue.is_nameless(j)).eq([false, false, true, false]));
-        assert!(residue.upholds(&adopted(Form::Load { joint: 2 })));
-        assert!(residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
-        assert!(!residue.upholds(&adopted(Form::Pull { joint: 1, from: 0.2, above: true })));
-        assert!(!residue.upholds(&adopted(Form::Counterbalance { joint: 2, arm: 0.5, phase: 0.0 })));
-        assert!(residue.upholds(&adopted(Form::Counterbalance { joint: 1, arm: 0.5, phase: 0.0 })));
+        assert!(residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
+        assert!(residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
+        assert!(!residue.upholds(&Adopted::alone(Form::Pull { joint: 1, from: 0.2, above: true })));
+        assert!(!residue.upholds(&Adopted::alone(Form::Counterbalance { joint: 2, arm: 0.5, phase: 0.0 })));
+        assert!(residue.upholds(&Adopted::alone(Form::Counterbalance { joint: 1, arm: 0.5, phase: 0.0 })));
         // Three quarters are not enough here, and neither is a wrong value that took that much.
         let residue = Residue { left: &[1.0, 1.0, 50.0, 1.0], ..residue };
-        assert!(!residue.upholds(&adopted(Form::Load { joint: 2 })));
-        assert!(!residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+        assert!(!residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
+        assert!(!residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
         // On an arm that reaches its floor nowhere they are.
         let residue = Residue { first: &[9.0, 9.0, 100.0, 9.0], left: &[9.0, 9.0, 50.0, 9.0], ..residue };
         assert!(residue.any_noisy() && !(0..4).any(|j| residue.is_nameless(j)));
-        assert!(residue.upholds(&adopted(Form::Load { joint: 2 })));
-        assert!(residue.upholds(&adopted(Form::Coulomb { joint: 2 })));
+        assert!(residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
+        assert!(residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
     }
 }

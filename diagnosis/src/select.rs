@@ -369,6 +369,24 @@ impl Adopted {
         class
     }
 
+    /// A form by itself.
+    #[cfg(test)]
+    pub(crate) fn alone(form: Form) -> Adopted {
+        Adopted {
+            form,
+            gain: 100.0,
+            shares: Vec::new(),
+            share: 0.9,
+            p_value: None,
+            rivals: Vec::new(),
+            place: 0,
+            values: Vec::new(),
+            acts_on: Vec::new(),
+            mean: Vec::new(),
+            another_law: false,
+        }
+    }
+
     /// A candidate without rivals, before it is added to the model.
     pub(crate) fn new(
         search: &Search<'_>,

@@ -181,7 +181,7 @@ impl Procedure<'_> {
                 c[0] += x[at];
             }
             let values = match adopted.form {
-                _ if adopted.form.is_of_fitted() => search.values(x),
+                Form::Warming { .. } => search.values(x),
                 // Its level is that of its column.
                 Form::Presliding { .. } => adopted.values.clone(),
                 _ => self.nominal.x.clone(),

@@ -249,18 +249,17 @@ fn add_wide<const WIDTH: usize, const ROWS: usize>(
 ) -> usize {
     let groups = m[from..].as_chunks_mut::<WIDTH>().0;
     let end = from + groups.len() * WIDTH;
-    let mut groups_of: [&[[f64; WIDTH]]; ROWS] = [&[]; ROWS];
+    let mut own: [&[[f64; WIDTH]]; ROWS] = [&[]; ROWS];
     for r in 0..ROWS {
-        groups_of[r] = &rows[r][from..end].as_chunks::<WIDTH>().0[..groups.len()];
+        own[r] = &rows[r][from..end].as_chunks::<WIDTH>().0[..groups.len()];
     }
-    let rows = groups_of;
     for (g, m) in groups.iter_mut().enumerate() {
         let mut sum = [0.0; WIDTH];
         for i in 0..WIDTH {
             sum[i] = lambda * m[i];
         }
         for r in 0..ROWS {
-            let (z, d) = (zs[r], &rows[r][g]);
+            let (z, d) = (zs[r], &own[r][g]);
             for i in 0..WIDTH {
                 sum[i] += z * d[i];
             }

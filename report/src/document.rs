@@ -518,6 +518,11 @@ impl Cause {
     pub(crate) const HYSTERESIS: &str = "hysteresis_Nm";
     pub(crate) const CONSTANT: &str = "constant_Nm";
 
+    /// Whether it stands by such a size: no effect of the list.
+    pub(crate) fn is_nameless(&self) -> bool {
+        [Self::POSITION_GAIN, Self::HYSTERESIS, Self::CONSTANT].iter().any(|name| self.magnitude.contains_key(*name))
+    }
+
     /// What it is, in words: its name, but for a hint whose form has none of its own.
     pub fn word(&self) -> String {
         if self.magnitude.contains_key(Self::POSITION_GAIN) {

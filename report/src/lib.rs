@@ -5,6 +5,7 @@
 mod changes;
 mod document;
 mod export;
+mod next;
 mod page;
 mod rollout;
 mod scores;

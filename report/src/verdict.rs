@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::document::{Cause, Document};
+use crate::next::MEASURE;
 use crate::words::{effect, figure, joints_in_short, list, percent, quantity, rival};
 
 /// One of the six lines.
@@ -25,13 +26,6 @@ const SIZES: usize = 2;
 const WORTH_NAMING: f64 = 0.05;
 /// Times the noise that are next to it.
 const NEXT_TO_NOISE: f64 = 4.0;
-/// What to do about torque that was computed.
-const MEASURE: &str = "Log the torque that was measured, or motor currents (drive_gain, and torque_from = \"current\" where torque \
-                       columns are there too).";
-
-const WHOLE_TORQUE: &str = "Log the whole torque, gravity included (what the drive measures, not an effort or a command to which \
-                            compensation is added), and diagnose anew.";
-
 impl Document {
     /// The verdict in six lines.
     pub fn lines(&self) -> Vec<Line> {
@@ -58,41 +52,12 @@ impl Document {
     }
 
     /// Gravity as it is, where it points far elsewhere than the robot file says: then nothing else was asked.
-    fn mounting(&self) -> Option<[f64; 3]> {
+    pub(crate) fn mounting(&self) -> Option<[f64; 3]> {
         let cause = self.causes.iter().find(|c| c.effect == "gravity_direction")?;
         // Thousandths are more than a mounting is known to; adding zero takes the sign off a negative zero.
         let thousandths = |value: f64| (value * 1e3).round() / 1e3 + 0.0;
         let along = |axis: &str| (*cause.magnitude.get(&format!("gravity_{axis}_m_s2"))?).map(thousandths);
         Some([along("x")?, along("y")?, along("z")?])
-    }
-
-    /// What to do where the whole arm is otherwise than the file says.
-    fn next_of_the_whole(&self) -> Option<String> {
-        let again = "and diagnose the same logs again: nothing else was asked of them";
-        if let Some([x, y, z]) = self.mounting() {
-            let or =
-                self.or("encoder_offset", "a joint's zero that is another (joint_zero) looks the same in these logs");
-            return Some(format!(
-                "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, {again}{or}."
-            ));
-        }
-        // A smaller offset is a value among others and is told without how far it is turned.
-        let moved = |c: &&crate::Cause| c.effect == "encoder_offset" && c.magnitude.contains_key("turned_rad");
-        let cause = self.causes.iter().find(moved)?;
-        let offset = (*cause.magnitude.get("offset_rad")?)?;
-        let or =
-            self.or("gravity_direction", "an arm that is mounted otherwise (gravity) looks the same in these logs");
-        Some(format!(
-            "Add {offset:.4} rad ({:.1} degrees) to joint_zero of {} in [log] of the robot file, if its log counts so, {again}{or}.",
-            offset.to_degrees(),
-            list(&cause.joints)
-        ))
-    }
-
-    /// What else it may be, where the first cause is not told from it.
-    fn or(&self, effect: &str, what: &str) -> String {
-        let alike = self.causes.iter().any(|c| c.indistinguishable_from.iter().any(|other| other == effect));
-        if alike { format!("; {what}") } else { String::new() }
     }
 
     fn gap_line(&self) -> String {
@@ -141,6 +106,7 @@ impl Document {
 
     fn answer(&self) -> String {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
+        let nameless: Vec<String> = self.hints.iter().filter(|h| h.is_nameless()).map(|h| self.said(h)).collect();
         match self.verdict.as_str() {
             "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
             "unexplained" if !self.other_arm.is_empty() => format!(
@@ -176,6 +142,11 @@ impl Document {
                      are what was refuted.{given}"
                 )
             }
+            "unexplained" if !nameless.is_empty() => {
+                let beside =
+                    if named.is_empty() { String::new() } else { format!(", and wrong values: {}", list(&named)) };
+                format!("Unknown to the list of effects: {}{beside}.", list(&nameless))
+            }
             "unexplained" if named.is_empty() && self.is_fitted() => {
                 "Unknown: with its values refitted the model fits, but these logs do not tell which of them are wrong."
                     .to_owned()
@@ -207,7 +178,7 @@ impl Document {
             if sizes.is_empty() || sizes.len() > SIZES { String::new() } else { format!(" ({})", sizes.join(", ")) };
         let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|e| rival(e)).collect();
         let or = if rivals.is_empty() { String::new() } else { format!(" or {}", rivals.join(" or ")) };
-        format!("{}{or} on {}{sizes}", effect(&cause.effect), joints_in_short(&cause.joints, all))
+        format!("{}{or} on {}{sizes}", cause.word(), joints_in_short(&cause.joints, all))
     }
 
     /// The main sizes of a cause with their units, as many as fit into `columns`; none where it has no size.
@@ -271,8 +242,8 @@ impl Document {
         format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.{contact}", each.join("; "))
     }
 
-    /// Joints that keep a gap in motion with all that is named, in times of their noise, where most others do not.
-    fn left_joints(&self) -> Vec<(String, f64)> {
+    /// Joints that keep a gap in motion with all that is named, in times of their noise, where at least as many others do not.
+    pub(crate) fn left_joints(&self) -> Vec<(String, f64)> {
         let after = self.gap.per_joint.iter().filter_map(|j| Some((j.joint.clone(), (*j.in_motion.get(1)?)?)));
         let (left, fitted): (Vec<_>, Vec<_>) = after.partition(|(_, times)| *times > NEXT_TO_NOISE);
         if left.len() <= fitted.len() { left } else { Vec::new() }
@@ -323,157 +294,10 @@ impl Document {
         kinds.into_iter().map(of).collect()
     }
 
-    fn has_computed(&self) -> bool {
+    pub(crate) fn has_computed(&self) -> bool {
         self.log.iter().any(|f| f.fault == "torque_computed")
     }
-
-    /// What to do about signals of the wrong sign or scale where nothing was evaluated for them.
-    fn next_of_signs(&self) -> Option<String> {
-        let of = |names: &[&str]| {
-            let mut joints: Vec<String> =
-                self.log.iter().filter(|f| names.contains(&f.fault.as_str())).map(|f| f.joint.clone()).collect();
-            joints.sort();
-            joints.dedup();
-            (!joints.is_empty()).then(|| list(&joints))
-        };
-        if let Some(joints) = of(&["position_sign"]) {
-            return Some(format!(
-                "Turn the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
-            ));
-        }
-        if of(&["torque_without_gravity"]).is_some() {
-            return Some(WHOLE_TORQUE.to_owned());
-        }
-        if let Some(joints) = of(&["joints_exchanged"]) {
-            return Some(format!(
-                "Put the columns of {joints}, positions and torques, where they belong, and diagnose the same logs again."
-            ));
-        }
-        let joints = of(&["torque_sign", "torque_scale"])?;
-        Some(format!(
-            "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before believing anything."
-        ))
-    }
-
-    /// What to look at where a position is best taken as another multiple of itself.
-    fn scaled_position(&self) -> Option<String> {
-        let gain = |hint: &Cause| hint.magnitude.get(Cause::POSITION_GAIN).copied().flatten();
-        let off = |(_, gain): &(&Cause, f64)| (gain - 1.0).abs() > SCALED;
-        let (hint, gain) = self.hints.iter().filter_map(|hint| Some((hint, gain(hint)?))).find(off)?;
-        Some(format!(
-            "Compare the position of {} with an angle that is known: torques fit best where it is {gain:.3} times what is logged (a gear \
-             ratio, counts of an encoder). Then diagnose again.",
-            list(&hint.joints)
-        ))
-    }
-
-    /// What to look for where torque follows each reversal over an angle that is none of bristles.
-    fn hysteresis(&self) -> Option<String> {
-        let size = |hint: &Cause, name: &str| hint.magnitude.get(name).copied().flatten();
-        let of = |hint| Some((hint, size(hint, Cause::HYSTERESIS)?, size(hint, "length_rad")?));
-        let (hint, torque, length) = self.hints.iter().find_map(of)?;
-        Some(format!(
-            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {} N m more against the \
-             motion, which build up over {} rad after each reversal, beside friction as it is.",
-            list(&hint.joints),
-            figure(torque, 3),
-            figure(length, 2)
-        ))
-    }
-
-    /// What to look at where torque is best taken with a constant more.
-    fn constant(&self) -> Option<String> {
-        let of = |hint: &Cause| hint.magnitude.get(Cause::CONSTANT).copied().flatten();
-        let (hint, torque) = self.hints.iter().find_map(|hint| Some((hint, of(hint)?)))?;
-        Some(format!(
-            "Record the torque signal of {} with the drive off: torques fit best with {} N m more, at rest as in motion (a zero that is \
-             off, or [friction] offset in the robot file). Then diagnose again.",
-            list(&hint.joints),
-            figure(torque, 3)
-        ))
-    }
-
-    fn next_line(&self) -> String {
-        if self.has_computed() {
-            return MEASURE.to_owned();
-        }
-        if self.log.iter().any(|f| f.fault == "torque_filtered") {
-            return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
-        }
-        if self.log.iter().any(|f| f.fault == "torque_swapped") {
-            return "Put the torque columns that are in each other's place where they belong, and diagnose again."
-                .to_owned();
-        }
-        let mut faults: Vec<String> =
-            self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
-        if !faults.is_empty() {
-            faults.sort();
-            faults.dedup();
-            return format!(
-                "Check sign, unit and scale of the torque of {} before believing anything else.",
-                list(&faults)
-            );
-        }
-        if !self.other_arm.is_empty() {
-            return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
-        }
-        if let Some(next) = self.next_of_the_whole() {
-            return next;
-        }
-        if let Some(next) = self.scaled_position().filter(|_| self.verdict != "no_gap") {
-            return next;
-        }
-        if let Some(next) = self.hysteresis().filter(|_| self.verdict == "unexplained") {
-            return next;
-        }
-        if let Some(next) = self.constant().filter(|_| self.verdict == "unexplained") {
-            return next;
-        }
-        if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
-            return format!("To tell causes apart, record {motion}.");
-        }
-        if self.verdict == "unexplained" && self.between_runs.is_some() {
-            if self.data.cut {
-                return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \
-                        its part after their own diagnoses."
-                    .to_owned();
-            }
-            return "Find what changed between the runs (a load, a tool, a setting), or give each state of the arm its own \
-                    diagnosis: swap the logs, or one log alone."
-                .to_owned();
-        }
-        if self.causes.iter().any(is_contact) {
-            // Nobody simulates a touch that no motion tells.
-            let others: Vec<String> =
-                self.causes.iter().filter(|c| !is_contact(c)).map(|c| effect(&c.effect)).collect();
-            let rest = if others.is_empty() { String::new() } else { format!("; see to {}", list(&others)) };
-            return format!(
-                "Find what touched the arm and keep it away, then record and diagnose a new run: a contact is no part of a \
-                 simulator{rest}."
-            );
-        }
-        match self.verdict.as_str() {
-            "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
-            "unexplained" => {
-                "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
-                    .to_owned()
-            }
-            "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
-            _ => {
-                let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
-                let then = if left.is_empty() {
-                    String::new()
-                } else {
-                    format!("; on {} something else is missing that nothing here names", list(&left))
-                };
-                format!("Add the effect to the simulator and diagnose a new run{then}.")
-            }
-        }
-    }
 }
-
-/// A position that is off by less than this share of itself is not worth a word.
-const SCALED: f64 = 0.003;
 
 /// Whether a cause is a touch from outside.
 pub(crate) fn is_contact(cause: &Cause) -> bool {

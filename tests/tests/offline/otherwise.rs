@@ -107,8 +107,21 @@ fn a_zero_of_the_torque_is_told_or_is_not_told_from_an_asymmetry() {
     let constant = hints.find_map(|hint| hint["magnitude"]["constant_Nm"].as_f64()).expect("a constant");
     assert!((constant - 3.0).abs() < 0.1, "{constant}");
     assert!(text.contains("Record the torque signal of elbow_joint with the drive off"), "{text}");
+    assert!(text.contains("Unknown to the list of effects: a constant torque on elbow_joint"), "{text}");
     let (_, text, found) = of(4, 1.0);
     assert!(causes(&found).iter().all(|(_, confidence)| *confidence < 0.8), "{text}");
+    assert!(text.contains("with the drive off"), "{text}");
+}
+
+/// A zero that is off is the signal's: what the arm has on the same joint keeps its name, and both are told.
+#[test]
+fn a_zero_of_the_torque_hides_no_effect_of_its_joint() {
+    let Some(sound) = shared("data/practice/case-24") else { return };
+    let (code, text, found) = told(&sound, |log: &mut Log, tau: &mut [Vec<f64>]| {
+        tau[2].iter_mut().zip(&log.q[2]).for_each(|(tau, q)| *tau += 3.0 + 4.0 * (25.0 * q).sin());
+    });
+    let named = causes(&found).into_iter().find(|(effect, _)| *effect == "torque_ripple");
+    assert!(code == Some(1) && named.is_some_and(|(_, confidence)| confidence > 0.9), "{text}");
     assert!(text.contains("with the drive off"), "{text}");
 }
 

@@ -1,0 +1,191 @@
+//! What to do next, in a sentence.
+
+use crate::document::{Cause, Document};
+use crate::verdict::is_contact;
+use crate::words::{effect, figure, list};
+
+/// What to do about torque that was computed.
+pub(crate) const MEASURE: &str = "Log the torque that was measured, or motor currents (drive_gain, and torque_from = \"current\" where torque \
+                       columns are there too).";
+
+const WHOLE_TORQUE: &str = "Log the whole torque, gravity included (what the drive measures, not an effort or a command to which \
+                            compensation is added), and diagnose anew.";
+
+/// A position that is off by less than this share of itself is not worth a word.
+const SCALED: f64 = 0.003;
+
+impl Document {
+    /// What to do where the whole arm is otherwise than the file says.
+    fn next_of_the_whole(&self) -> Option<String> {
+        let again = "and diagnose the same logs again: nothing else was asked of them";
+        if let Some([x, y, z]) = self.mounting() {
+            let or =
+                self.or("encoder_offset", "a joint's zero that is another (joint_zero) looks the same in these logs");
+            return Some(format!(
+                "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, {again}{or}."
+            ));
+        }
+        // A smaller offset is a value among others and is told without how far it is turned.
+        let moved = |c: &&crate::Cause| c.effect == "encoder_offset" && c.magnitude.contains_key("turned_rad");
+        let cause = self.causes.iter().find(moved)?;
+        let offset = (*cause.magnitude.get("offset_rad")?)?;
+        let or =
+            self.or("gravity_direction", "an arm that is mounted otherwise (gravity) looks the same in these logs");
+        Some(format!(
+            "Add {offset:.4} rad ({:.1} degrees) to joint_zero of {} in [log] of the robot file, if its log counts so, {again}{or}.",
+            offset.to_degrees(),
+            list(&cause.joints)
+        ))
+    }
+
+    /// What else it may be, where the first cause is not told from it.
+    fn or(&self, effect: &str, what: &str) -> String {
+        let alike = self.causes.iter().any(|c| c.indistinguishable_from.iter().any(|other| other == effect));
+        if alike { format!("; {what}") } else { String::new() }
+    }
+
+    /// What to do about signals of the wrong sign or scale where nothing was evaluated for them.
+    pub(crate) fn next_of_signs(&self) -> Option<String> {
+        let of = |names: &[&str]| {
+            let mut joints: Vec<String> =
+                self.log.iter().filter(|f| names.contains(&f.fault.as_str())).map(|f| f.joint.clone()).collect();
+            joints.sort();
+            joints.dedup();
+            (!joints.is_empty()).then(|| list(&joints))
+        };
+        if let Some(joints) = of(&["position_sign"]) {
+            return Some(format!(
+                "Turn the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
+            ));
+        }
+        if of(&["torque_without_gravity"]).is_some() {
+            return Some(WHOLE_TORQUE.to_owned());
+        }
+        if let Some(joints) = of(&["joints_exchanged"]) {
+            return Some(format!(
+                "Put the columns of {joints}, positions and torques, where they belong, and diagnose the same logs again."
+            ));
+        }
+        let joints = of(&["torque_sign", "torque_scale"])?;
+        Some(format!(
+            "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before believing anything."
+        ))
+    }
+
+    /// What to look at where a position is best taken as another multiple of itself.
+    fn scaled_position(&self) -> Option<String> {
+        let gain = |hint: &Cause| hint.magnitude.get(Cause::POSITION_GAIN).copied().flatten();
+        let off = |(_, gain): &(&Cause, f64)| (gain - 1.0).abs() > SCALED;
+        let (hint, gain) = self.hints.iter().filter_map(|hint| Some((hint, gain(hint)?))).find(off)?;
+        Some(format!(
+            "Compare the position of {} with an angle that is known: torques fit best where it is {gain:.3} times what is logged (a gear \
+             ratio, counts of an encoder). Then diagnose again.",
+            list(&hint.joints)
+        ))
+    }
+
+    /// What to look for where torque follows each reversal over an angle that is none of bristles.
+    fn hysteresis(&self) -> Option<String> {
+        let size = |hint: &Cause, name: &str| hint.magnitude.get(name).copied().flatten();
+        let of = |hint| Some((hint, size(hint, Cause::HYSTERESIS)?, size(hint, "length_rad")?));
+        let (hint, torque, length) = self.hints.iter().find_map(of)?;
+        Some(format!(
+            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {} N m more against the \
+             motion, which build up over {} rad after each reversal, beside friction as it is.",
+            list(&hint.joints),
+            figure(torque, 3),
+            figure(length, 2)
+        ))
+    }
+
+    /// What to look at where torque is best taken with a constant more.
+    fn constant(&self) -> Option<String> {
+        let of = |hint: &Cause| hint.magnitude.get(Cause::CONSTANT).copied().flatten();
+        let (hint, torque) = self.hints.iter().find_map(|hint| Some((hint, of(hint)?)))?;
+        Some(format!(
+            "Record the torque signal of {} with the drive off: torques fit best with {} N m more, at rest as in motion (a zero that is \
+             off, or [friction] offset in the robot file). Then diagnose again.",
+            list(&hint.joints),
+            figure(torque, 3)
+        ))
+    }
+
+    pub(crate) fn next_line(&self) -> String {
+        if self.has_computed() {
+            return MEASURE.to_owned();
+        }
+        if self.log.iter().any(|f| f.fault == "torque_filtered") {
+            return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
+        }
+        if self.log.iter().any(|f| f.fault == "torque_swapped") {
+            return "Put the torque columns that are in each other's place where they belong, and diagnose again."
+                .to_owned();
+        }
+        let mut faults: Vec<String> =
+            self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
+        if !faults.is_empty() {
+            faults.sort();
+            faults.dedup();
+            return format!(
+                "Check sign, unit and scale of the torque of {} before believing anything else.",
+                list(&faults)
+            );
+        }
+        if !self.other_arm.is_empty() {
+            return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
+        }
+        if let Some(next) = self.next_of_the_whole() {
+            return next;
+        }
+        if let Some(next) = self.scaled_position().filter(|_| self.verdict != "no_gap") {
+            return next;
+        }
+        if let Some(next) = self.hysteresis().filter(|_| self.verdict == "unexplained") {
+            return next;
+        }
+        // Also beside a cause: it is the signal's, so it comes first.
+        if let Some(next) = self.constant().filter(|_| self.verdict != "no_gap") {
+            return next;
+        }
+        if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
+            return format!("To tell causes apart, record {motion}.");
+        }
+        if self.verdict == "unexplained" && self.between_runs.is_some() {
+            if self.data.cut {
+                return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \
+                        its part after their own diagnoses."
+                    .to_owned();
+            }
+            return "Find what changed between the runs (a load, a tool, a setting), or give each state of the arm its own \
+                    diagnosis: swap the logs, or one log alone."
+                .to_owned();
+        }
+        if self.causes.iter().any(is_contact) {
+            // Nobody simulates a touch that no motion tells.
+            let others: Vec<String> =
+                self.causes.iter().filter(|c| !is_contact(c)).map(|c| effect(&c.effect)).collect();
+            let rest = if others.is_empty() { String::new() } else { format!("; see to {}", list(&others)) };
+            return format!(
+                "Find what touched the arm and keep it away, then record and diagnose a new run: a contact is no part of a \
+                 simulator{rest}."
+            );
+        }
+        match self.verdict.as_str() {
+            "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
+            "unexplained" => {
+                "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
+                    .to_owned()
+            }
+            "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
+            _ => {
+                let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
+                let then = if left.is_empty() {
+                    String::new()
+                } else {
+                    format!("; on {} something else is missing that nothing here names", list(&left))
+                };
+                format!("Add the effect to the simulator and diagnose a new run{then}.")
+            }
+        }
+    }
+}
