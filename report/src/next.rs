@@ -171,7 +171,13 @@ impl Document {
             );
         }
         match self.verdict.as_str() {
-            "no_gap" => "Use the model; record other motion to trust it further.".to_owned(),
+            "no_gap" => match self.late_ms() {
+                Some(ms) => format!(
+                    "Log torque and position of one instant, or move the torque columns by {ms} ms, before these logs identify \
+                     anything: `rivet identify` and `rivet predict` take them as they are. The model itself may be used."
+                ),
+                None => "Use the model; record other motion to trust it further.".to_owned(),
+            },
             "unexplained" => {
                 "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
                     .to_owned()

@@ -108,7 +108,12 @@ impl Document {
         let named: Vec<String> = self.causes.iter().map(|c| self.said(c)).collect();
         let nameless: Vec<String> = self.hints.iter().filter(|h| h.is_nameless()).map(|h| self.said(h)).collect();
         match self.verdict.as_str() {
-            "no_gap" => "Nothing is wrong that these logs could show.".to_owned(),
+            "no_gap" => {
+                let at_fault = self.late_ms().map_or_else(String::new, |ms| {
+                    format!(", but for the logs themselves: torque is logged {ms} ms late, which was taken out")
+                });
+                format!("Nothing is wrong that these logs could show{at_fault}.")
+            }
             "unexplained" if !self.other_arm.is_empty() => format!(
                 "Unknown: bodies and rotors of {} are off by more than a data sheet ever is: is this the robot's file? What would \
                  have to be changed is among the hints.",
@@ -289,9 +294,20 @@ impl Document {
         let of = |(fault, run): (&str, &str)| {
             let same = self.log.iter().filter(|f| f.fault == fault && f.run == run);
             let joints: Vec<String> = same.map(|f| f.joint.clone()).collect();
-            format!("{} of {run}: {}", fault.replace('_', " "), list(&joints))
+            let on = if joints.len() > 1 && joints.len() == self.gap.per_joint.len() {
+                "all joints".to_owned()
+            } else {
+                list(&joints)
+            };
+            format!("{} of {run}: {on}", fault.replace('_', " "))
         };
         kinds.into_iter().map(of).collect()
+    }
+
+    /// By how much torque is logged after the motion that it makes \[ms\], the most of all joints; none where it is not.
+    pub(crate) fn late_ms(&self) -> Option<String> {
+        let late = self.log.iter().filter(|f| f.fault == "torque_late").filter_map(|f| f.value);
+        late.reduce(f64::max).map(|seconds| figure(1e3 * seconds, 2))
     }
 
     pub(crate) fn has_computed(&self) -> bool {
@@ -388,6 +404,17 @@ mod tests {
         };
         assert!(open("unexplained").contains("98 % of the squared gap above the noise stays unexplained"));
         assert!(!open("no_gap").contains("unexplained"), "{}", open("no_gap"));
+    }
+
+    #[test]
+    fn a_log_at_fault_is_said_beside_a_sound_arm() {
+        let of = |log: &Value| document(&[("verdict", json!("no_gap")), ("log", log.clone())]);
+        let sound = of(&json!([]));
+        assert_eq!(line(&sound, "Cause"), "Nothing is wrong that these logs could show.");
+        assert!(line(&sound, "Next").starts_with("Use the model"));
+        let late = of(&json!([{"run": "a.csv", "joint": "j", "fault": "torque_late", "value": 0.0097, "text": ""}]));
+        let (cause, next) = (line(&late, "Cause"), line(&late, "Next"));
+        assert!(cause.contains("torque is logged 9.7 ms late") && next.contains("9.7 ms"), "{cause} {next}");
     }
 
     #[test]
