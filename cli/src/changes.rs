@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
-use crate::runs::write_whole;
 use crate::table::{Table, paragraph, show};
+use rivet_files::write_whole;
 
 /// Arguments of `rivet compare`.
 #[derive(Debug, clap::Args)]

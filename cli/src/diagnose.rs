@@ -128,11 +128,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&document)? + "\n";
-        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &args.html {
         let text = page(&document, &blind::scores()?);
-        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&as_text(&document))?;
     exported?;

@@ -346,6 +346,8 @@ pub(crate) const HELD_NAME: &str = "positions_held";
 pub(crate) const ONE_WAY_NAME: &str = "turns_one_way";
 /// A desired motion that is held over rows.
 pub(crate) const PLAN_HELD_NAME: &str = "desired_motion_held";
+/// Positions that stood for a few rows while their joint moved.
+pub(crate) const STOOD_NAME: &str = "positions_stood";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 const UNDERIVED_NAME: &str = "setpoint_not_derived";
 const UNSEEN_NAME: &str = "second_encoder_sees_another_motion";
@@ -371,6 +373,7 @@ pub(crate) fn distrust_text(found: &[Distrust]) -> String {
             NOISY_NAME,
             HELD_NAME,
             PLAN_HELD_NAME,
+            STOOD_NAME,
             UNEXPLAINED_NAME,
             STILL_NAME,
             ONE_WAY_NAME,

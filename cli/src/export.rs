@@ -37,19 +37,19 @@ pub(crate) fn export(
             let links: Vec<LinkParameters> = bodies(robot.dof(), &found.standard);
             let written = write_urdf(&text, &links, &drives.viscous, &drives.coulomb)
                 .with_context(|| named(&robot.config.urdf))?;
-            runs::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
+            rivet_files::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
             let report = not_expressible(robot, found, &written, reference);
-            runs::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            rivet_files::write_whole(&notes, &report).with_context(|| named(&notes))?;
             write_consistent(&moved, &drives, &fit.values, &fit.std, &model).with_context(|| named(&model))
         }
         Err(why) => {
-            runs::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
+            rivet_files::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
             let report = format!(
                 "# {}: what robot.urdf does not carry\n\nAll identified values: no physically consistent set was found \
                  ({why}), so robot.urdf has its nominal bodies. The identified base parameters are in model.toml.\n",
                 robot.config.name
             );
-            runs::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            rivet_files::write_whole(&notes, &report).with_context(|| named(&notes))?;
             write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
         }
     }
@@ -64,7 +64,7 @@ pub(crate) fn place_load(moved: &mut Robot, robot: &Robot, folder: &Path) -> Res
     let from = robot.config.friction.load_urdf.as_ref().unwrap_or(&robot.config.urdf);
     let load = folder.join("load.urdf");
     let bodies = std::fs::read_to_string(from).with_context(|| named(from))?;
-    runs::write_whole(&load, &bodies).with_context(|| named(&load))?;
+    rivet_files::write_whole(&load, &bodies).with_context(|| named(&load))?;
     moved.config.friction.load_urdf = Some(load);
     Ok(())
 }

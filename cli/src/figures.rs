@@ -8,7 +8,6 @@ use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page};
 
 use crate::exit::Fault;
 use crate::progress::Progress;
-use crate::runs;
 use crate::table::{paragraph, show};
 
 /// Arguments of `rivet figures`.
@@ -34,7 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         let there = FIGURES.map(|n| n.to_string()).join(", ");
         return Err(Fault::Usage(format!("figure {unknown} is not computed; there are {there}")).into());
     }
-    runs::writable(&args.out).with_context(|| args.out.display().to_string())?;
+    rivet_files::writable(&args.out).with_context(|| args.out.display().to_string())?;
     let mut figures: Vec<Figure> = Vec::new();
     let mut progress = Progress::new("computing the figures,", numbers.len());
     for (done, number) in numbers.iter().enumerate() {
@@ -44,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&text(&figure))?;
         figures.push(figure);
     }
-    runs::write_whole(&args.out, &page(&figures)).with_context(|| args.out.display().to_string())?;
+    rivet_files::write_whole(&args.out, &page(&figures)).with_context(|| args.out.display().to_string())?;
     show(&format!("page written to {}\n", args.out.display()))?;
     let holds = figures.iter().flat_map(|f| &f.checks).all(|c| c.pass);
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })

@@ -187,7 +187,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", said::to_json(&robot, &result, refined.as_ref()));
-        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }
     if let Some(folder) = &args.export {
@@ -401,7 +401,7 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     show(&compare::text(robot, &alone)?)?;
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", compare::to_json(robot, &alone));
-        runs::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -1,6 +1,6 @@
 //! `rivet identify --online`: the daemon's core over a log, without processes: bit for bit what `rivet replay` gives.
 
-use crate::stream::{Recording, write_atomically, write_stream};
+use crate::stream::{Recording, write_stream};
 use crate::summary::{Summary, nothing};
 use crate::table::show;
 use anyhow::{Context, Result};
@@ -36,7 +36,8 @@ pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: O
     let summary = Summary::new(robot, &recording, last, &health);
     show(&format!("{summary}\n"))?;
     if let Some(path) = json {
-        write_atomically(path, summary.json().to_string().as_bytes())?;
+        rivet_files::write_whole(path, summary.json().to_string())
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

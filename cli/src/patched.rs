@@ -35,7 +35,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         let made = write_urdf(&text, &links, &written.viscous, &written.coulomb);
         made.with_context(|| named(&robot.config.urdf))?.text
     };
-    runs::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
+    rivet_files::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
     let changes =
         Changes { drives: written, gravity: patch.model.arm.gravity, effects: patch.model.effects().list().to_vec() };
     let mut made = write_changed(&moved, &changes, &model).with_context(|| named(&model))?;
@@ -44,11 +44,11 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         write_identified(&made, &values, &patch.std, &model).with_context(|| named(&model))?;
         made = rivet_config::load(&model)?;
     }
-    runs::write_whole(&mjcf, &of_robot(&made).text()).with_context(|| named(&mjcf))?;
+    rivet_files::write_whole(&mjcf, &of_robot(&made).text()).with_context(|| named(&mjcf))?;
     for (k, motion) in patch.motions.iter().enumerate() {
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
-        runs::write_whole(&path, &text).with_context(|| named(&path))?;
+        rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
         eprintln!(
             "rivet: {} tells {} from {}: {}",
             path.display(),
@@ -57,7 +57,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
             motion.text
         );
     }
-    runs::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    rivet_files::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
         eprint!("{}", paragraph("rivet: ", &format!("{line} (see {})", notes.display())));
     }
@@ -183,6 +183,17 @@ fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
         lines.push("all files hold the model as given: with what was found it is further from the logs".to_owned());
         return lines;
     }
+    if stays.beside {
+        lines.push(
+            "values beside what is named stay as given: refitted with it, no arm that can be built was nearer to the logs".to_owned(),
+        );
+    }
+    if !stays.worse.is_empty() {
+        lines.push(format!(
+            "with what the files hold {} is further from the logs than as given, by up to a quarter, and the other joints are much nearer",
+            names(&stays.worse)
+        ));
+    }
     match (&patch.consistent, stays.bodies) {
         (Err(why), _) => lines.push(format!(
             "bodies and drives of all files are those given: no arm that can be built is near the values found ({why})"
@@ -205,7 +216,7 @@ fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
 fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let mut out = format!(
         "# {}: what the files of this folder do not carry\n\n\
-         model.toml has everything that was found: values in robot.urdf, `[drive]` and `[friction]`, base parameters as the\n\
+         model.toml has what was found, but for what the end of this file names: values in robot.urdf, `[drive]` and `[friction]`, base parameters as the\n\
          data gave them in `[identified]`, missing effects in `[effects.<name>]`. `rivet predict` uses all of it but what it\n\
          names. robot.urdf and robot.xml have the nearest bodies that can be built.\n\n\
          Figures: torque that is missed, root mean square over the logs of the diagnosis after its filter [N m; N for a\n\
@@ -265,7 +276,7 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
         );
     }
     if !stay.is_empty() {
-        out += "\nWhat is not written, though it was found:\n\n";
+        out += "\nWhat is not written though it was found, or is written and does not help everywhere:\n\n";
         for line in stay {
             let _ = writeln!(out, "* {line}");
         }

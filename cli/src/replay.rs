@@ -1,7 +1,7 @@
 //! `rivet replay`: a log through shared memory into rivetd, as if live.
 
 use crate::children::Children;
-use crate::stream::{Recording, write_atomically, write_stream};
+use crate::stream::{Recording, write_stream};
 use crate::summary::{Summary, nothing};
 use crate::table::show;
 use anyhow::{Context, Result, bail};
@@ -228,7 +228,8 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
     let summary = Summary::new(robot, recording, last, &health);
     show(&format!("{summary}\n"))?;
     if let Some(path) = &args.json {
-        write_atomically(path, summary.json().to_string().as_bytes())?;
+        rivet_files::write_whole(path, summary.json().to_string())
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     let skipped = received.stream.windows(2).any(|pair| pair[1].epoch != pair[0].epoch + 1);
     let taken = health.samples + health.samples_held + health.refused_invalid + health.rejected_faults;

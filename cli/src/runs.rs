@@ -1,7 +1,7 @@
 //! Logs of a robot as uniform records for off-line work.
 
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use rivet_config::{Instruments, Robot};
@@ -293,29 +293,6 @@ pub(crate) fn short_name(path: &Path) -> String {
 /// The joints' names in the URDF.
 pub(crate) fn joint_names(robot: &Robot) -> Vec<String> {
     robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect()
-}
-
-/// That [`write_whole`] can write there: asked before what takes long.
-pub(crate) fn writable(path: &Path) -> std::io::Result<()> {
-    if path.is_dir() {
-        return Err(std::io::ErrorKind::IsADirectory.into());
-    }
-    let mut probe = path.as_os_str().to_owned();
-    probe.push(format!(".{}.part", std::process::id()));
-    std::fs::write(&probe, "").and_then(|()| std::fs::remove_file(&probe))
-}
-
-/// `text` written beside `path` and renamed: the file is whole or absent.
-pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(format!(".{}.part", std::process::id()));
-    let temporary = PathBuf::from(temporary);
-    let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
-    if written.is_err() {
-        // The first error is the one to report.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    written
 }
 
 #[cfg(test)]

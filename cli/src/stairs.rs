@@ -3,16 +3,18 @@
 use std::borrow::Cow;
 
 use rivet_config::Robot;
-use rivet_logs::Stairs;
+use rivet_logs::{Holds, Stairs};
 
-use crate::evidence::{Distrust, HELD_NAME, PLAN_HELD_NAME};
+use crate::evidence::{Distrust, HELD_NAME, PLAN_HELD_NAME, STOOD_NAME};
 use crate::glitches::Sound;
 use crate::runs;
+use crate::table::number;
 
 /// Draws held positions and a held desired motion of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
     let least_s = robot.config.sample_period_s;
     take_out_of_positions(robot, sound, least_s);
+    take_out_holds(robot, sound);
     let Some((log, stairs)) = sound.log.without_plan_stairs(&sound.left_out, least_s) else { return };
     let name = runs::short_name(&log.path);
     for (joint, rows) in robot.model.arm.joints.iter().zip(&stairs) {
@@ -42,6 +44,31 @@ fn take_out_of_positions(robot: &Robot, sound: &mut Sound<'_>, least_s: f64) {
     }
     sound.repeated = Some(stairs.iter().map(|stairs| stairs.map_or(0.0, |stairs| stairs.share)).collect());
     sound.log = Cow::Owned(log);
+}
+
+fn take_out_holds(robot: &Robot, sound: &mut Sound<'_>) {
+    let Some((log, holds)) = sound.log.without_holds(&mut sound.left_out) else { return };
+    let name = runs::short_name(&log.path);
+    for (joint, holds) in robot.model.arm.joints.iter().zip(&holds) {
+        let Some(holds) = holds else { continue };
+        let (joint, text) = (Some(joint.name.clone()), text_of_holds(holds, log.t[holds.first]));
+        sound.found.push(Distrust { log: Some(name.clone()), joint, name: STOOD_NAME, text });
+    }
+    sound.log = Cow::Owned(log);
+}
+
+fn text_of_holds(holds: &Holds, first_s: f64) -> String {
+    let Holds { rows, times, longest, left_out, .. } = holds;
+    let what = match left_out {
+        0 => "drawn anew through the rows beside".to_owned(),
+        all if all == rows => "left out".to_owned(),
+        some => format!("drawn anew through the rows beside, or left out ({some}, of stretches too long to draw)"),
+    };
+    format!(
+        "position stands while the joint moves, {times} times for up to {longest} rows (first at {} s): samples that were lost and repeated; \
+         {rows} rows are {what}. On line the daemon refuses such samples as frozen from the fifth",
+        number(first_s, 5)
+    )
 }
 
 /// Rounded, so that joints of one source share a paragraph.

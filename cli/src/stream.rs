@@ -172,18 +172,5 @@ pub(crate) fn write_stream(path: &Path, robot: &Robot, stream: &[Parameters]) ->
         }
         writeln!(text)?;
     }
-    write_atomically(path, &text)
-}
-
-/// Replaces `path` by `bytes`, or leaves it as it was.
-pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = path.file_name().context("a file name is missing")?.to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let result = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
-    if result.is_err() {
-        // The first error is the one to report; what is left of the temporary file goes.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    result.with_context(|| format!("cannot write {}", path.display()))
+    rivet_files::write_whole(path, &text).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,8 +1,7 @@
 //! Writing a robot file with identified base parameters.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use rivet_dynamics::{Joints, KnownEffect};
@@ -70,7 +69,7 @@ pub fn write_changed(robot: &Robot, changes: &Changes, path: &Path) -> io::Resul
     resolved.extend(crate::effects::resolved(&changes.effects, robot.dof()));
     let note = "# Values and effects of a diagnosis; the URDF, [drive] and [friction] hold bodies that can be built.\n";
     let places = Places::of(robot, path)?;
-    write_text(&model_text(&changed, note, &places), path)?;
+    rivet_files::write_whole(path, model_text(&changed, note, &places))?;
     crate::load(path).map_err(|why| io::Error::new(io::ErrorKind::InvalidData, why.to_string()))
 }
 
@@ -112,22 +111,7 @@ fn write_with(robot: &Robot, note: &str, values: &[f64], std: &[f64], path: &Pat
     }
     let mut text = model_text(robot, note, &Places::of(robot, path)?);
     identified_text(&mut text, robot, values, std);
-    write_text(&text, path)
-}
-
-/// Writes beside the place and renames.
-fn write_text(text: &str, path: &Path) -> io::Result<()> {
-    let temporary = path.with_extension(format!("tmp{}", std::process::id()));
-    let written = File::create(&temporary).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)
-    });
-    if written.is_err() {
-        // The first error is the one to report; a file that was never made cannot be removed either.
-        let _ = fs::remove_file(&temporary);
-    }
-    written
+    rivet_files::write_whole(path, &text)
 }
 
 /// Where a robot's other files are, as seen from a new place.

@@ -16,6 +16,10 @@ use crate::warming;
 
 /// A gap that is larger by less is the same.
 const WORSE: f64 = 1.05;
+/// Bodies that leave no more than this of the squared gap, on average over joints, are written even where a joint is further ...
+const WORTH: f64 = 0.5;
+/// ... from the runs by no more than this factor: without them all other joints would be.
+const SPOILT: f64 = 1.25;
 /// Groups of drive values of a joint in the standard vector: rotor inertia, viscous, Coulomb, offset.
 const DRIVE: std::ops::Range<usize> = 10..14;
 
@@ -56,6 +60,7 @@ pub(crate) struct Draft<'a> {
 }
 
 /// What is written.
+#[derive(Clone)]
 pub(crate) struct Written {
     pub(crate) values: Vec<f64>,
     pub(crate) effects: Vec<KnownEffect>,
@@ -109,6 +114,7 @@ impl Draft<'_> {
     /// Puts drives back joint by joint where the file would be worse than the one given, then bodies, then everything.
     fn mend(&self, written: &mut Written, before: &[Option<f64>]) {
         let (given, n) = (&self.nominal.x, self.model.arm.dof());
+        let found = written.clone();
         for _ in 0..=n {
             let worse = worse(&self.gaps(&written.values, &written.effects), before);
             let new: Vec<usize> = worse.iter().copied().filter(|j| !written.stayed.contains(j)).collect();
@@ -123,6 +129,10 @@ impl Draft<'_> {
             }
             written.stayed.extend(new);
             written.effects = self.effects_with(&written.values);
+        }
+        if is_worth(&self.gaps(&found.values, &found.effects), before) {
+            *written = found;
+            return;
         }
         let consistent = written.consistent.clone();
         *written = self.bodies_as_given(consistent);
@@ -195,8 +205,29 @@ pub(crate) fn worse(gaps: &[Option<f64>], before: &[Option<f64>]) -> Vec<usize> 
     (0..gaps.len()).filter(is).collect()
 }
 
+/// Whether gaps are so much smaller than `before` that a joint may have a larger one.
+fn is_worth(gaps: &[Option<f64>], before: &[Option<f64>]) -> bool {
+    let heard = gaps.iter().zip(before).filter(|(gap, before)| gap.is_some() && before.is_some()).count();
+    let spoilt = |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > SPOILT * before);
+    relative(gaps, before) <= WORTH * heard as f64 && !(0..gaps.len()).any(spoilt)
+}
+
 /// Sum of the squares of gaps in parts of those before.
 pub(crate) fn relative(gaps: &[Option<f64>], before: &[Option<f64>]) -> f64 {
     let each = gaps.iter().zip(before).filter_map(|(gap, before)| Some((*gap)? / (*before)?.max(f64::MIN_POSITIVE)));
     each.map(|share| share * share).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_joint_that_is_a_little_worse_does_not_keep_a_load_from_a_file() {
+        let of = |gaps: &[f64]| is_worth(&gaps.iter().map(|g| Some(*g)).collect::<Vec<_>>(), &[Some(1.0); 4]);
+        assert!(of(&[1.2, 0.3, 0.3, 0.3]));
+        assert!(!of(&[1.3, 0.1, 0.1, 0.1]), "one is spoilt");
+        assert!(!of(&[1.2, 0.8, 0.7, 0.6]), "little is gained");
+        assert!(!is_worth(&[Some(1.2), None], &[Some(1.0), None]));
+    }
 }

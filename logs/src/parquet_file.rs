@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -204,13 +204,7 @@ pub fn write_columns<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Res
         let column = name.as_ref().to_owned();
         return Err(LogFault::Length { column, rows: values.len(), expected: rows }.at(path));
     }
-    let temporary = beside(path);
-    let written = write_to(&temporary, columns).and_then(|()| std::fs::rename(&temporary, path).map_err(LogFault::Io));
-    written.map_err(|why| {
-        // The half-written file is of no use to anyone; that it may be gone already is fine.
-        let _ = std::fs::remove_file(&temporary);
-        why.at(path)
-    })
+    rivet_files::fill_whole(path, |part| write_to(part, columns)).map_err(|why| why.at(path))
 }
 
 fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogFault> {
@@ -240,12 +234,6 @@ fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), L
     file.flush()?;
     file.sync_all()?;
     Ok(())
-}
-
-/// A name in the same folder, so that the rename stays on one file system.
-fn beside(path: &Path) -> PathBuf {
-    let name = path.file_name().map_or_else(|| "log".into(), |n| n.to_string_lossy().into_owned());
-    path.with_file_name(format!(".{name}.{}.part", std::process::id()))
 }
 
 fn fault(error: &ParquetError) -> LogFault {

@@ -127,7 +127,7 @@ impl Log {
 }
 
 /// Runs of equal readings, of two rows or more and of no more than `longest`.
-fn runs(q: &[f64], longest: usize) -> Vec<Range<usize>> {
+pub(crate) fn runs(q: &[f64], longest: usize) -> Vec<Range<usize>> {
     let (mut found, mut from) = (Vec::new(), 0);
     for k in 1..=q.len() {
         if k == q.len() || q[k].to_bits() != q[from].to_bits() {
@@ -158,9 +158,7 @@ fn stairs(q: &[f64]) -> Option<(Stairs, usize)> {
     if share <= LEAST_SHARE {
         return None;
     }
-    let size = q.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
-    let steps = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > ROUNDING * size);
-    let quantum = steps.fold(f64::INFINITY, f64::min);
+    let quantum = quantum(q);
     let fast = |run: &Range<usize>| {
         run.end < q.len() && (q[run.end] - q[run.start]).abs() > STEPS_A_ROW * quantum * run.len() as f64
     };
@@ -170,8 +168,15 @@ fn stairs(q: &[f64]) -> Option<(Stairs, usize)> {
     Some((Stairs { share, rows: rows[rows.len() / 2], with_torque: false }, longest))
 }
 
+/// Smallest step of the readings that is one; infinite where none is.
+pub(crate) fn quantum(q: &[f64]) -> f64 {
+    let size = q.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
+    let steps = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > ROUNDING * size);
+    steps.fold(f64::INFINITY, f64::min)
+}
+
 /// Whether a signal repeats where positions do.
-fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
+pub(crate) fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
     let (mut all, mut same) = (0_usize, 0_usize);
     for run in held {
         all += run.len() - 1;
@@ -181,7 +186,7 @@ fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
 }
 
 /// The signal with the rows after the first of every run drawn through the others.
-fn drawn(t: &[f64], signal: &[f64], held: &[Range<usize>], left_out: &[usize]) -> Vec<f64> {
+pub(crate) fn drawn(t: &[f64], signal: &[f64], held: &[Range<usize>], left_out: &[usize]) -> Vec<f64> {
     let mut fresh = vec![true; signal.len()];
     for run in held {
         fresh[run.start + 1..run.end].fill(false);

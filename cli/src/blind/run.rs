@@ -11,8 +11,8 @@ use anyhow::{Context, Result, bail};
 use rivet_report::Document;
 use serde_json::{Value, json};
 
-use crate::runs::write_whole;
 use crate::table::show;
+use rivet_files::write_whole;
 
 /// Arguments of `rivet blind run`.
 #[derive(Debug, clap::Args)]

@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
 
-use crate::runs::write_whole;
 use crate::table::{Table, paragraph, show};
+use rivet_files::write_whole;
 
 /// Effects with less torque than this, in units of the torque noise, nobody can see.
 const VISIBLE: f64 = 0.5;

@@ -10,8 +10,9 @@ use serde_json::{Value, json};
 
 use crate::exit::Fault;
 use crate::progress::Progress;
-use crate::runs::{pieces, read_log, runs, write_whole};
+use crate::runs::{pieces, read_log, runs};
 use crate::table::{Table, show};
+use rivet_files::write_whole;
 
 /// Standard errors by which a law must differ from Coulomb and viscous friction to be called better or worse.
 const SURE: f64 = 2.0;

@@ -25,6 +25,8 @@ const FASTER: f64 = 4.0;
 const HELD: f64 = 2.0;
 /// Up to this many times as long the joint may also have gone on behind it.
 const WENT_ON: f64 = 10.0;
+/// A joint that went on while its position was held is not more than so many times as far as at the speed before.
+const WENT_ON_AT: f64 = 2.0;
 /// Steps to either side that say what a step was to be.
 const AROUND: usize = 3;
 /// A log of which a larger share is wrong is not made sound by leaving that out; what the rest has is usual.
@@ -215,7 +217,19 @@ fn departed(t: &[f64], q: &[f64], jumps: &[(usize, f64)], speed: f64) -> Vec<usi
     let ends = jumps.iter().map(|(row, _)| *row).chain([q.len()]);
     let stretches: Vec<_> = [0].into_iter().chain(jumps.iter().map(|(row, _)| *row)).zip(ends).collect();
     let longest = (0..stretches.len()).max_by_key(|k| stretches[*k].1 - stretches[*k].0).unwrap_or(0);
-    let reached = |a: usize, b: usize, limit: f64| (q[a] - q[b]).abs() <= speed * (t[a] - t[b]).abs() + limit;
+    // A reading that was held while the joint went on came when it began to be: all of that time was there for the way.
+    let came = |k: usize| (0..k).rev().take_while(|i| q[*i] == q[k]).last().unwrap_or(k);
+    let held_before = |k: usize, limit: f64| -> Option<usize> {
+        let from = came(k - 1);
+        let before = (q[from] - q[from.checked_sub(AROUND)?]) / (t[from] - t[from - AROUND]);
+        let way = q[k] - q[from];
+        let passed = way * before > 0.0 && way.abs() <= WENT_ON_AT * before.abs() * (t[k] - t[from]) + limit;
+        (from + 1 < k && passed).then_some(from)
+    };
+    let reached = |k: usize, other: usize, limit: f64| {
+        (q[k] - q[other]).abs() <= speed * (t[k] - t[other]).abs() + limit
+            || k.abs_diff(other) == 1 && held_before(k.max(other), limit).is_some()
+    };
     let mut sound = vec![false; stretches.len()];
     sound[longest] = true;
     let mut last = stretches[longest].1;
@@ -233,8 +247,9 @@ fn departed(t: &[f64], q: &[f64], jumps: &[(usize, f64)], speed: f64) -> Vec<usi
         if !sound[k] {
             rows.extend(from..until);
         } else if k > 0 && sound[k - 1] {
-            // A jump between places that are both in reach: nothing may be differentiated across it.
-            rows.push(from);
+            // A jump between places that are both in reach: nothing may be differentiated across it, and where the first was
+            // held, the joint had left it.
+            rows.extend(held_before(from, jumps[k - 1].1).map_or(from, |came| came + 1)..=from);
         }
     }
     rows
@@ -340,6 +355,12 @@ mod tests {
         // Dropped to zero for a while in which the joint goes on.
         let (jumps, _) = found(|k, q| if (900..1020).contains(&k) { 0.0 } else { q });
         assert_eq!(jumps.rows, (900..1020).collect::<Vec<_>>());
+        // Held for a tenth of a second while the joint goes on: nothing behind it is wrong.
+        let (_, q) = swing();
+        assert_eq!(
+            found(|k, at| if (100..200).contains(&k) { q[100] } else { at }).0.rows,
+            (101..=200).collect::<Vec<_>>()
+        );
         // Referenced anew: the longer side is believed.
         assert_eq!(found(|k, q| if k < 300 { q + 0.3 } else { q }).0.rows, (0..300).collect::<Vec<_>>());
         assert_eq!(found(|k, q| if k < 300 { q } else { q + 0.3 }).0.rows, (0..300).collect::<Vec<_>>());

@@ -54,11 +54,17 @@ pub(super) fn lag(actual: &[f64], commanded: &[f64], period_s: f64) -> Lag {
         return Lag { seconds: 0.0, std_s: f64::INFINITY, told: false }; // nothing in common, or nothing that fits within the reach
     }
     let [before, at, after] = [best - 1, best, best + 1].map(|k| whole_of.alike(k));
-    let bend = before - 2.0 * at + after;
-    let samples = whole - if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+    let samples = whole - vertex(before, at, after);
     let block = ((BLOCK_S / period_s) as usize).max(1);
     let std_s = period_s * deviation(inner, &commanded[best.saturating_sub(1)..], block);
     Lag { seconds: samples * period_s, std_s, told: std_s <= TOLD_S }
+}
+
+/// Where the parabola through three samples is largest, from the one in the middle \[samples\]. Next to a straight line that is anywhere,
+/// while the best of the three is no further from it than one.
+fn vertex(before: f64, at: f64, after: f64) -> f64 {
+    let bend = before - 2.0 * at + after;
+    if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// Standard deviation of the shift in samples of `inner` against the stretch of a signal that begins at the second of `around`, by least
@@ -121,6 +127,13 @@ impl<'a> Stretches<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_parabola_that_hardly_bends_says_no_more_than_a_sample() {
+        assert_eq!(vertex(1.0, 1.5, 1.999), 1.0);
+        assert_eq!(vertex(0.0, 2.0, 2.0), 0.5);
+        assert_eq!(vertex(1.0, 1.0, 1.0), 0.0);
+    }
 
     #[test]
     fn tracking_lag_is_found_to_a_fraction_of_a_sample() {

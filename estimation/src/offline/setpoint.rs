@@ -22,7 +22,8 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
             return false;
         }
         let late = (lag(&measured.qd[*j], &desired.qd[*j], period_s).seconds / period_s).round() as isize;
-        let (q, plan) = (&q[late.max(0).cast_unsigned()..], &plan[(-late).max(0).cast_unsigned()..]);
+        let beyond = |samples: isize| samples.max(0).cast_unsigned().min(q.len());
+        let (q, plan) = (&q[beyond(late)..], &plan[beyond(-late)..]);
         let error = deviation(q.iter().zip(plan).map(|(q, plan)| q - plan));
         error > FOLLOWS * deviation(q.iter().copied())
     };

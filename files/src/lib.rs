@@ -1,0 +1,112 @@
+//! Files that are whole or as they were.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Where bytes meant for `path` go: the file that it links to, if it is a link.
+fn target(path: &Path) -> PathBuf {
+    let mut at = path.to_owned();
+    // As many links as Linux follows.
+    for _ in 0..40 {
+        let Ok(next) = fs::read_link(&at) else { break };
+        at = at.parent().map_or_else(|| next.clone(), |folder| folder.join(&next));
+    }
+    at
+}
+
+/// Whether something stands at `path` that is no file: a pipe, a terminal, `/dev/null`. It is written to, never replaced.
+fn is_special(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir())
+}
+
+/// Beside `path`, of this process.
+fn beside(path: &Path) -> PathBuf {
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(format!(".{}.part", std::process::id()));
+    PathBuf::from(temporary)
+}
+
+/// Writes `bytes` beside `path` and renames, so that the file there is whole or as it was. What a link points to is replaced, not the
+/// link; a pipe or a device is written to.
+pub fn write_whole(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
+    fill_whole(path, |part| {
+        let mut file = OpenOptions::new().write(true).create(true).truncate(true).open(part)?;
+        file.write_all(bytes.as_ref())?;
+        // A device or a pipe has nothing to be brought to a disk.
+        if file.metadata()?.is_file() { file.sync_all() } else { Ok(()) }
+    })
+}
+
+/// The same for what `fill` writes to the path that it is given.
+pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
+    let path = target(path);
+    if is_special(&path) {
+        return fill(&path);
+    }
+    let temporary = beside(&path);
+    let written = fill(&temporary).and_then(|()| fs::rename(&temporary, &path).map_err(E::from));
+    if written.is_err() {
+        // The first error is the one to report; a file that was never made cannot be removed either.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+/// That [`write_whole`] can write there: asked before what takes long.
+pub fn writable(path: &Path) -> io::Result<()> {
+    let path = target(path);
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    if is_special(&path) {
+        return Ok(());
+    }
+    let probe = beside(&path);
+    File::create(&probe).and_then(|_| fs::remove_file(&probe))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_stays_one_and_what_it_points_to_is_replaced() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        std::os::unix::fs::symlink("file", &link).expect("a link");
+        for text in ["first", "second"] {
+            writable(&link).and_then(|()| write_whole(&link, text)).expect("written");
+            assert_eq!(fs::read_to_string(&file).expect("there"), text);
+        }
+        assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+        assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 2);
+    }
+
+    #[test]
+    fn a_pipe_is_written_to() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        if !made.is_ok_and(|status| status.success()) {
+            return;
+        }
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read_to_string(pipe).expect("read")
+        });
+        writable(&pipe).and_then(|()| write_whole(&pipe, "through")).expect("written");
+        assert_eq!(reader.join().expect("ended"), "through");
+        assert!(is_special(&pipe));
+    }
+
+    #[test]
+    fn what_fails_leaves_what_was_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("file");
+        write_whole(&file, "old").expect("written");
+        let failed = fill_whole(&file, |part| fs::write(part, "new").and(Err(io::Error::other("full"))));
+        assert!(failed.is_err() && fs::read_to_string(&file).expect("there") == "old");
+        assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 1);
+    }
+}
