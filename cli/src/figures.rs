@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&text(&figure))?;
         figures.push(figure);
     }
-    rivet_files::write_whole(&args.out, &page(&figures)).with_context(|| args.out.display().to_string())?;
+    rivet_files::write_whole(&args.out, page(&figures)).with_context(|| args.out.display().to_string())?;
     show(&format!("page written to {}\n", args.out.display()))?;
     let holds = figures.iter().flat_map(|f| &f.checks).all(|c| c.pass);
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })

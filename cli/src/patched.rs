@@ -44,7 +44,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         write_identified(&made, &values, &patch.std, &model).with_context(|| named(&model))?;
         made = rivet_config::load(&model)?;
     }
-    rivet_files::write_whole(&mjcf, &of_robot(&made).text()).with_context(|| named(&mjcf))?;
+    rivet_files::write_whole(&mjcf, of_robot(&made).text()).with_context(|| named(&mjcf))?;
     for (k, motion) in patch.motions.iter().enumerate() {
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
@@ -57,7 +57,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
             motion.text
         );
     }
-    rivet_files::write_whole(&notes, &not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    rivet_files::write_whole(&notes, not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
         eprint!("{}", paragraph("rivet: ", &format!("{line} (see {})", notes.display())));
     }

@@ -17,6 +17,8 @@ const OPEN_BESIDE: f64 = 0.6;
 const SLIGHT: f64 = 0.05;
 /// An effect that makes the gap of a joint of its own no more times smaller than this, and leaves it open, is no name.
 const HARDLY: f64 = 1.5;
+/// Times their noise that joints of a measured arm keep in motion with right values: up to 13 on a UR10e.
+const FAR: f64 = 20.0;
 
 impl Diagnosis {
     /// Joints that are left open, and how many times smaller their gap became.
@@ -48,6 +50,17 @@ impl Diagnosis {
             };
         }
         out
+    }
+
+    /// Wrong values are no answer where a joint keeps a gap in motion while most come down to their noise, nor where one keeps far more than
+    /// any value leaves on a measured arm.
+    pub(crate) fn values_are_no_answer_beside_open_joints(&mut self) {
+        let times: Vec<f64> = self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).collect();
+        let open = times.iter().filter(|times| **times > IN_MOTION).count();
+        let few = open > 0 && 2 * open <= times.len();
+        if self.verdict == Verdict::Parameter && (few || times.iter().any(|times| *times > FAR)) {
+            self.verdict = Verdict::Unexplained;
+        }
     }
 
     /// Lowers the confidence in what is named on joints that are left open, and beside them. Contact comes again as it likes, and what a
@@ -127,6 +140,21 @@ mod tests {
         let mut found = diagnosis(in_motion, effects);
         found.doubt_what_is_left_open();
         found.causes.iter().map(|cause| cause.confidence).collect()
+    }
+
+    #[test]
+    fn wrong_values_are_no_answer_beside_a_joint_that_is_left() {
+        let verdict = |after: [f64; 3]| {
+            let mut found = diagnosis(after.map(|after| [90.0, after]), &[Effect::CoulombFriction]);
+            found.verdict = Verdict::Parameter;
+            found.values_are_no_answer_beside_open_joints();
+            found.verdict
+        };
+        assert_eq!(verdict([1.0, 1.1, 3.9]), Verdict::Parameter);
+        assert_eq!(verdict([1.0, 1.1, 4.1]), Verdict::Unexplained);
+        // As on measured arms.
+        assert_eq!(verdict([7.5, 12.9, 9.3]), Verdict::Parameter);
+        assert_eq!(verdict([8.9, 40.7, 9.0]), Verdict::Unexplained);
     }
 
     #[test]

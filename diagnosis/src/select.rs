@@ -329,7 +329,9 @@ pub(crate) fn best(
     // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
     let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
     let form = &accepted[simplest].candidate.form;
-    let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale) || doubtful.contains(form);
+    let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale)
+        || doubtful.contains(form)
+        || another_law::cancels(&accepted[simplest].candidate, accepted[simplest].standing.added.c.as_slice());
     if near.len() > 1 {
         let solved = search.solved(search.scale)?;
         let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let ladder = ladder?;
     show(&text(&robot, &ladder))?;
     if let Some(path) = &args.json {
-        write_whole(path, &format!("{:#}\n", to_json(&robot, &args.folds, &ladder)))
+        write_whole(path, format!("{:#}\n", to_json(&robot, &args.folds, &ladder)))
             .with_context(|| path.display().to_string())?;
     }
     Ok(ExitCode::SUCCESS)

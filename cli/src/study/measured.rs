@@ -79,7 +79,7 @@ impl Args {
             write_whole(path, table).with_context(|| path.display().to_string())?;
         }
         if let Some(path) = &self.json {
-            write_whole(path, &format!("{:#}\n", findings.json)).with_context(|| path.display().to_string())?;
+            write_whole(path, format!("{:#}\n", findings.json)).with_context(|| path.display().to_string())?;
         }
         if !findings.failed.is_empty() {
             bail!("{}", findings.failed.join("\n"));
