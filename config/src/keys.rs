@@ -174,8 +174,8 @@ pub const KEYS: &[Key] = &[
 
     key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
         "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`: the direction of motion is then \
-         that of what was filtered, which bends friction where joints reverse; of simulated arms with a Fourier motion 79 to 90 % of the values \
-         lie within two standard deviations, 97 to 98 with `savitzky-golay`). \
+         that of what was filtered, which bends friction where joints reverse; of simulated arms with a Fourier motion 56 to 92 % of the values \
+         lie within two standard deviations, 91 to 98 with `savitzky-golay`). \
          On line only: off line (`rivet identify`) it is central differences through the zero-phase model filter, whatever stands here."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
         "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1) and off line. \
