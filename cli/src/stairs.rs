@@ -14,7 +14,7 @@ use crate::table::number;
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
     let least_s = robot.config.sample_period_s;
     take_out_of_positions(robot, sound, least_s);
-    take_out_holds(robot, sound);
+    take_out_holds(robot, sound, least_s);
     let Some((log, stairs)) = sound.log.without_plan_stairs(&sound.left_out, least_s) else { return };
     let name = runs::short_name(&log.path);
     for (joint, rows) in robot.model.arm.joints.iter().zip(&stairs) {
@@ -46,8 +46,8 @@ fn take_out_of_positions(robot: &Robot, sound: &mut Sound<'_>, least_s: f64) {
     sound.log = Cow::Owned(log);
 }
 
-fn take_out_holds(robot: &Robot, sound: &mut Sound<'_>) {
-    let Some((log, holds)) = sound.log.without_holds(&mut sound.left_out) else { return };
+fn take_out_holds(robot: &Robot, sound: &mut Sound<'_>, least_s: f64) {
+    let Some((log, holds)) = sound.log.without_holds(&mut sound.left_out, least_s) else { return };
     let name = runs::short_name(&log.path);
     for (joint, holds) in robot.model.arm.joints.iter().zip(&holds) {
         let Some(holds) = holds else { continue };
