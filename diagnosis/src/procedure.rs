@@ -174,7 +174,6 @@ impl Procedure<'_> {
             }
         }
         report.doubt_what_is_left_open();
-        report.values_are_no_answer_beside_open_joints();
         let told = told.as_ref().unwrap_or(&measured);
         report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, told], parameters));
         report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));

@@ -49,7 +49,11 @@ impl Procedure<'_> {
         report.unexplained_share = share_left(&before, &after, report.noise_floor);
         let values = !report.causes.is_empty() && report.causes.iter().all(|c| c.effect.kind() == Kind::Value);
         let most = if sealed.is_mostly_open() { MOST } else { NEARLY_ALL };
-        if report.verdict == Verdict::Unexplained && values && report.unexplained_share <= most {
+        if report.verdict == Verdict::Unexplained
+            && values
+            && report.unexplained_share <= most
+            && !report.keeps_open_joints()
+        {
             report.verdict = Verdict::Parameter;
             report.between_runs = None;
         }
