@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use rivet_files::write_whole;
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
 use crate::table::{Table, paragraph, show};
-use rivet_files::write_whole;
 
 /// Arguments of `rivet compare`.
 #[derive(Debug, clap::Args)]

@@ -183,11 +183,6 @@ fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
         lines.push("all files hold the model as given: with what was found it is further from the logs".to_owned());
         return lines;
     }
-    if stays.beside {
-        lines.push(
-            "values beside what is named stay as given: refitted with it, no arm that can be built was nearer to the logs".to_owned(),
-        );
-    }
     if !stays.worse.is_empty() {
         lines.push(format!(
             "with what the files hold {} is further from the logs than as given, by up to a quarter, and the other joints are much nearer",

@@ -26,6 +26,15 @@ pub(crate) enum Carried {
 }
 
 impl Form {
+    /// Standard vector that the columns of the form are made with.
+    pub(crate) fn made_with<'a>(&self, physics: &'a Physics<'_>) -> &'a [f64] {
+        match self {
+            // The link's body as the file has it, whatever was refitted since.
+            Form::LinkScale { .. } => &physics.nominal.x,
+            _ => &physics.x,
+        }
+    }
+
     /// The form with coefficients `c` as part of a robot file. `x` is the standard vector that its columns were made with;
     /// `reference_c` the motors' temperature at the start \[°C\]. Values beside the effect come second.
     pub(crate) fn carried(
@@ -370,5 +379,30 @@ mod tests {
         let missing: Vec<_> =
             EffectKind::ALL.iter().filter(|k| !seen.contains(k) && **k != EffectKind::TorqueSaturation).collect();
         assert!(missing.is_empty(), "{missing:?} were not compared");
+        // Values, also where others were refitted meanwhile.
+        let refitted: Vec<f64> = x.iter().map(|v| 1.3 * v).collect();
+        let physics = Physics::new(&run, &motion, &nominal, &refitted);
+        let (mut ws, mut y) = (Workspace::new(&model.arm), vec![0.0; n * model.len()]);
+        for form in [Form::LinkScale { link: 2 }, Form::Payload, Form::Viscous { joint: 1 }] {
+            let columns = form.columns(&physics);
+            let c: Vec<f64> = (0..columns.len()).map(|i| 0.3 + 0.1 * i as f64).collect();
+            let (Carried::Values(changes), _) = form.carried(&c, form.made_with(&physics), n, None) else {
+                panic!("{form:?} has no values")
+            };
+            for k in (100..2400).step_by(460) {
+                let [q, qd, qdd] =
+                    [&motion.q, &motion.qd, &motion.qdd].map(|s| s.iter().map(|s| s[k]).collect::<Vec<_>>());
+                model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
+                for (j, row) in y.chunks_exact(model.len()).enumerate() {
+                    let handed_on: f64 = changes.iter().map(|(at, change)| row[*at] * change).sum();
+                    let adopted: f64 =
+                        columns.iter().zip(&c).map(|(f, c)| c * f[j].as_ref().map_or(0.0, |f| f[k])).sum();
+                    assert!(
+                        (handed_on - adopted).abs() < 1e-9 * (1.0 + adopted.abs()),
+                        "{form:?}: {handed_on} {adopted}"
+                    );
+                }
+            }
+        }
     }
 }

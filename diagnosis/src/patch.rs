@@ -75,8 +75,6 @@ pub struct Stays {
     pub free: bool,
     /// Joints on which the file is further from the runs than the model as given, since it is much nearer on the others.
     pub worse: Vec<usize>,
-    /// Values beside what is named: refitted with them, no arm that can be built was nearer to the runs; causes alone are.
-    pub beside: bool,
 }
 
 /// What goes into the patch.
@@ -96,33 +94,14 @@ pub(crate) struct Found<'a> {
     pub(crate) kept: Kept,
 }
 
-/// Makes the patch: everything is solved as it was for the sizes of causes, with what stays as given held. Where no arm that can be
-/// built is nearer to the runs with all of that, causes alone are tried: a load that is found is worth writing beside links that are not.
+/// Makes the patch: everything is solved as it was for the sizes of causes, with what stays as given held.
 pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) -> Option<Patch> {
-    let keeps = |at: &usize| wrong.groups[*at].columns.iter().all(|c| found.kept.columns().any(|k| k == *c));
-    let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
-    let solved = wrong.held(search, &held, found.sized.frozen)?;
-    let (all, left) = of_values(search, found, &solved)?;
-    if !all.stays.as_given && !all.stays.bodies {
-        return Some(all);
-    }
-    let unnamed = |at: &usize| !wrong.groups[*at].columns.iter().all(|c| found.sized.named.contains(c));
-    let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| held.contains(at) || unnamed(at)).collect();
-    let alone = wrong.held(search, &held, true).and_then(|solved| of_values(search, found, &solved));
-    Some(match alone {
-        Some((mut alone, its)) if !alone.stays.as_given && !alone.stays.bodies && its < left => {
-            alone.stays.beside = true;
-            alone
-        }
-        _ => all,
-    })
-}
-
-/// The patch with values that were solved for, and what it leaves in parts of the gaps as given.
-fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<(Patch, f64)> {
     let Found { nominal, runs, kept, .. } = found;
     let upheld = &found.sized.effects;
     let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
+    let keeps = |at: &usize| wrong.groups[*at].columns.iter().all(|c| kept.columns().any(|k| k == *c));
+    let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
+    let solved = wrong.held(search, &held, found.sized.frozen)?;
     let mut standard = search.values(&solved.x);
     for c in kept.columns() {
         standard[c] = nominal.x[c];
@@ -181,7 +160,7 @@ fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<
         .with_effects(KnownEffects::new(effects.clone(), &drives));
     let base_set = BaseSet::new(&model).ok()?;
     let mut base = base_set.from_standard(&standard);
-    let covariance = base_covariance(&base_set, &covariance_of_values(solved, upheld, n, width)?);
+    let covariance = base_covariance(&base_set, &covariance_of_values(&solved, upheld, n, width)?);
     // Rows of all runs, under the gravity that holds.
     let fresh: Vec<Option<Vec<Column>>> =
         runs.iter().map(|run| tilted.then(|| standard_columns(&model, &run.motion, &run.chain))).collect();
@@ -208,7 +187,6 @@ fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<
     let [loose, bound] = [&standard, &written].map(|values| draft.gaps(values, &effects));
     let spoils = !worse(&loose, &before).is_empty() || relative(&loose, &before) > LOOSE * relative(&bound, &before);
     let free = as_given || bodies_stay || spoils;
-    let left = relative(&bound, &before);
     let further = if as_given { Vec::new() } else { worse(&bound, &before) };
     if free {
         standard.clone_from(&written);
@@ -264,7 +242,7 @@ fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<
         &Carrying { parts: &before, values: &nominal.x },
         &measured,
     );
-    let patch = Patch {
+    Some(Patch {
         model,
         standard,
         consistent,
@@ -277,7 +255,6 @@ fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<
             unpinned: kept.unpinned.iter().map(|c| nominal.model.parameters[*c].name(&nominal.model.arm)).collect(),
             free,
             worse: further,
-            beside: false,
         },
         base,
         std,
@@ -287,8 +264,7 @@ fn of_values(search: &Search<'_>, found: &Found<'_>, solved: &Solved) -> Option<
         timing_s: timing,
         timing_rms,
         torque_rms,
-    };
-    Some((patch, left))
+    })
 }
 
 /// Covariance of the standard vector: values that were adopted as forms of their own, a body at the flange say, are known no better

@@ -405,11 +405,7 @@ impl Adopted {
             p_value: None,
             rivals: Vec::new(),
             place: search.design.background.len(),
-            values: match candidate.form {
-                // Its column is the link's body as the file has it, whatever was refitted since.
-                Form::LinkScale { .. } => physics.first()?.nominal.x.clone(),
-                _ => physics.first()?.x.clone(),
-            },
+            values: candidate.form.made_with(physics.first()?).to_vec(),
             acts_on: (0..joints)
                 .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
                 .collect(),

@@ -10,7 +10,7 @@ use crate::sealed::Sealed;
 use crate::sizes::Sized;
 use crate::stages::{RunColumns, Stages};
 
-/// Where no more than this share of the gap is left beside wrong values, they are the answer whatever else was tried, ...
+/// Where no more than this share of the gap is left beside wrong values, they are the answer whatever else was tried, unless a joint keeps it, ...
 const NEARLY_ALL: f64 = 0.05;
 /// ... or no more than this on an arm whose joints mostly stay above their noise, as on measured ones: there something is always left.
 const MOST: f64 = 0.25;

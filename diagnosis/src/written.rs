@@ -1,4 +1,5 @@
-//! The values that files get: of an arm that can be built, and nearer to the runs than those given on every joint that can be heard.
+//! The values that files get: of an arm that can be built, and nearer to the runs than those given on every joint that can be heard, or
+//! on one a little further where they are much nearer on the others.
 //!
 //! Base parameters that fit are free, so bodies and drives behind them are sought; where the model lacks something they may be
 //! nowhere near. A file that is worse than the one it was made from helps nobody: then drives, and at last all of it, stay as given.
@@ -16,7 +17,7 @@ use crate::warming;
 
 /// A gap that is larger by less is the same.
 const WORSE: f64 = 1.05;
-/// Bodies that leave no more than this of the squared gap, on average over joints, are written even where a joint is further ...
+/// What leaves no more than this of the squared gap, on average over joints, is written even where a joint is further ...
 const WORTH: f64 = 0.5;
 /// ... from the runs by no more than this factor: without them all other joints would be.
 const SPOILT: f64 = 1.25;
@@ -111,7 +112,8 @@ impl Draft<'_> {
         written
     }
 
-    /// Puts drives back joint by joint where the file would be worse than the one given, then bodies, then everything.
+    /// Puts drives back joint by joint where the file would be worse than the one given, then bodies, then everything; unless the file is worth
+    /// a joint that is a little worse.
     fn mend(&self, written: &mut Written, before: &[Option<f64>]) {
         let (given, n) = (&self.nominal.x, self.model.arm.dof());
         let found = written.clone();

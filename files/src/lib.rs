@@ -15,7 +15,8 @@ fn target(path: &Path) -> PathBuf {
     at
 }
 
-/// Whether something stands at `path` that is no file: a pipe, a terminal, `/dev/null`. It is written to, never replaced.
+/// Whether something stands at `path` that is no file: a pipe, a terminal, `/dev/null`, and what `/dev/stdout` leads to. It is written to,
+/// never replaced.
 fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir())
 }
@@ -40,10 +41,11 @@ pub fn write_whole(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
 
 /// The same for what `fill` writes to the path that it is given.
 pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
-    let path = target(path);
-    if is_special(&path) {
-        return fill(&path);
+    // Links of a process to its pipes lead to no path, so they are not followed here.
+    if is_special(path) {
+        return fill(path);
     }
+    let path = target(path);
     let temporary = beside(&path);
     let written = fill(&temporary).and_then(|()| fs::rename(&temporary, &path).map_err(E::from));
     if written.is_err() {
@@ -55,12 +57,12 @@ pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&Path) -> R
 
 /// That [`write_whole`] can write there: asked before what takes long.
 pub fn writable(path: &Path) -> io::Result<()> {
+    if is_special(path) {
+        return Ok(());
+    }
     let path = target(path);
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
-    }
-    if is_special(&path) {
-        return Ok(());
     }
     let probe = beside(&path);
     File::create(&probe).and_then(|_| fs::remove_file(&probe))

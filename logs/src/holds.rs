@@ -8,7 +8,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::log::Log;
-use crate::stairs::{drawn, is_held, quantum, runs};
+use crate::stairs::{quantum, runs};
 
 /// Rows to either side that say how fast the joint moves.
 const AROUND: usize = 3;
@@ -66,16 +66,7 @@ impl Log {
                 left_out: gone.len(),
             }));
             left_out.extend(gone);
-            let draw = |signal: &mut Vec<f64>| *signal = drawn(&self.t, signal, &short, &given);
-            let together = |signal: Option<&mut Vec<f64>>| {
-                signal.filter(|signal| is_held(signal, &short)).into_iter().for_each(draw);
-            };
-            together(log.tau.as_mut().map(|(_, tau)| &mut tau[j]));
-            for signals in [&mut log.qd, &mut log.q_des, &mut log.qd_des, &mut log.qdd_des] {
-                together(signals.as_mut().map(|signals| &mut signals[j]));
-            }
-            together(log.q_link[j].as_mut());
-            together(Some(&mut log.q[j]));
+            log.draw(j, &short, &given);
         }
         left_out.sort_unstable();
         left_out.dedup();

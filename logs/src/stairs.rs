@@ -73,15 +73,7 @@ impl Log {
                 continue;
             };
             left_out.extend(self.without_neighbour(&held, &given, hole_s));
-            let draw = |signal: &mut Vec<f64>| *signal = drawn(&self.t, signal, &held, &given);
-            let together =
-                |signal: Option<&mut Vec<f64>>| signal.filter(|signal| is_held(signal, &held)).map(draw).is_some();
-            stairs.with_torque = together(log.tau.as_mut().map(|(_, tau)| &mut tau[j]));
-            for signals in [&mut log.qd, &mut log.q_des, &mut log.qd_des, &mut log.qdd_des] {
-                together(signals.as_mut().map(|signals| &mut signals[j]));
-            }
-            together(log.q_link[j].as_mut());
-            together(Some(&mut log.q[j]));
+            stairs.with_torque = log.draw(j, &held, &given);
             said.push(Some(stairs));
         }
         left_out.sort_unstable();
@@ -112,6 +104,22 @@ impl Log {
             }
         }
         Some((log, found.into_iter().map(|found| found.map(|(rows, _)| rows)).collect()))
+    }
+
+    /// Draws the positions of joint `j` through the rows beside those that were held, and every signal of the joint that was held with
+    /// them; whether torque was. `left_out`: as for [`Self::without_stairs`].
+    pub(crate) fn draw(&mut self, j: usize, held: &[Range<usize>], left_out: &[usize]) -> bool {
+        let t = &self.t;
+        let draw = |signal: &mut Vec<f64>| *signal = drawn(t, signal, held, left_out);
+        let together =
+            |signal: Option<&mut Vec<f64>>| signal.filter(|signal| is_held(signal, held)).map(draw).is_some();
+        let with_torque = together(self.tau.as_mut().map(|(_, tau)| &mut tau[j]));
+        for signals in [&mut self.qd, &mut self.q_des, &mut self.qd_des, &mut self.qdd_des] {
+            together(signals.as_mut().map(|signals| &mut signals[j]));
+        }
+        together(self.q_link[j].as_mut());
+        together(Some(&mut self.q[j]));
+        with_torque
     }
 
     /// Rows of stairs at which a piece of the log begins or ends: when their samples came is not known, or what came next.
@@ -176,7 +184,7 @@ pub(crate) fn quantum(q: &[f64]) -> f64 {
 }
 
 /// Whether a signal repeats where positions do.
-pub(crate) fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
+fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
     let (mut all, mut same) = (0_usize, 0_usize);
     for run in held {
         all += run.len() - 1;
@@ -186,7 +194,7 @@ pub(crate) fn is_held(signal: &[f64], held: &[Range<usize>]) -> bool {
 }
 
 /// The signal with the rows after the first of every run drawn through the others.
-pub(crate) fn drawn(t: &[f64], signal: &[f64], held: &[Range<usize>], left_out: &[usize]) -> Vec<f64> {
+fn drawn(t: &[f64], signal: &[f64], held: &[Range<usize>], left_out: &[usize]) -> Vec<f64> {
     let mut fresh = vec![true; signal.len()];
     for run in held {
         fresh[run.start + 1..run.end].fill(false);

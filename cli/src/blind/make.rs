@@ -9,6 +9,7 @@ use std::thread;
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
+use rivet_files::write_whole;
 use rivet_logs::write_columns;
 use rivet_simulation::two_mass::Recording;
 use rivet_studies::blind::{Case, PERIOD_S, case};
@@ -16,7 +17,6 @@ use serde_json::{Value, json};
 
 use crate::passport::sha256;
 use crate::table::show;
-use rivet_files::write_whole;
 
 /// Arms of which cases are made when no robot file is named.
 const ARMS: [&str; 3] = ["ur10e", "staubli-tx40", "manutec-r3"];

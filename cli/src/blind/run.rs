@@ -8,11 +8,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result, bail};
+use rivet_files::write_whole;
 use rivet_report::Document;
 use serde_json::{Value, json};
 
 use crate::table::show;
-use rivet_files::write_whole;
 
 /// Arguments of `rivet blind run`.
 #[derive(Debug, clap::Args)]

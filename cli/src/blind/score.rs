@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use rivet_files::write_whole;
 use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
 
 use crate::table::{Table, paragraph, show};
-use rivet_files::write_whole;
 
 /// Effects with less torque than this, in units of the torque noise, nobody can see.
 const VISIBLE: f64 = 0.5;

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Ladder, Run, Rung, friction_ladder};
+use rivet_files::write_whole;
 use serde_json::{Value, json};
 
 use crate::exit::Fault;
 use crate::progress::Progress;
 use crate::runs::{pieces, read_log, runs};
 use crate::table::{Table, show};
-use rivet_files::write_whole;
 
 /// Standard errors by which a law must differ from Coulomb and viscous friction to be called better or worse.
 const SURE: f64 = 2.0;

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use rivet_files::{writable, write_whole};
 use serde_json::Value;
 
 use crate::exit::Fault;
 use crate::table::show;
-use rivet_files::{writable, write_whole};
 
 /// Arguments of `rivet study real` and `rivet study withheld`.
 #[derive(Debug, clap::Args)]

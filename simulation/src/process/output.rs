@@ -1,6 +1,6 @@
 //! Files that `rivet-sim` leaves: the truth, the log, the summary. Each appears complete or not at all.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
@@ -12,13 +12,6 @@ use super::SimError;
 use crate::stand_in::{Counts, Sample, TrackingBlock};
 use crate::truth::{Disturbances, Truth};
 use rivet_config::Robot;
-
-/// Where a file grows before it gets its name.
-fn growing(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    path.with_file_name(name)
-}
 
 pub(super) fn fails(path: &Path) -> impl FnOnce(io::Error) -> SimError {
     let path = path.to_owned();
@@ -110,12 +103,12 @@ impl LogWriter {
     /// model's.
     pub(super) fn create(path: &Path, joint_zero: &[f64]) -> Result<Self, SimError> {
         let (dof, joint_zero) = (joint_zero.len(), joint_zero.to_vec());
-        let part = growing(path);
-        let mut file = BufWriter::new(File::create(&part).map_err(fails(path))?);
+        rivet_files::writable(path).map_err(fails(path))?;
         let (rows, queue) = channel::<Sample>();
         let target = path.to_owned();
         let thread = std::thread::spawn(move || {
-            let write = |file: &mut BufWriter<File>| -> io::Result<()> {
+            rivet_files::fill_whole(&target, |part| {
+                let mut file = BufWriter::new(File::create(part)?);
                 write!(file, "t")?;
                 for what in ["q", "tau", "q_des", "qd_des", "qdd_des"] {
                     for j in 1..=dof {
@@ -136,12 +129,7 @@ impl LogWriter {
                     writeln!(file)?;
                 }
                 file.flush()
-            };
-            let written = write(&mut file).and_then(|()| fs::rename(&part, &target));
-            if written.is_err() {
-                let _ = fs::remove_file(&part);
-            }
-            written
+            })
         });
         Ok(Self { rows, thread, path: path.to_owned() })
     }

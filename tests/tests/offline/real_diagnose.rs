@@ -130,7 +130,26 @@ fn a_payload_is_named_and_weighed() {
     let mut identify = rivet();
     identify.arg("identify").arg(&file).arg(logs.join("20_02_19_14harm50sec.parquet")).arg("--export").arg(&unloaded);
     succeed(&mut identify);
-    let found = diagnose(&unloaded.join("model.toml"), &[logs.join("20_02_19_14harm50secLoad.parquet")]);
+    let (loaded, exported) = (logs.join("20_02_19_14harm50secLoad.parquet"), folder.path().join("loaded"));
+    let json = folder.path().join("found.json");
+    let mut command = rivet();
+    command.arg("diagnose").arg(unloaded.join("model.toml")).arg(&loaded).arg("--json").arg(&json);
+    let said = command.arg("--export").arg(&exported).output().expect("it starts");
+    let found: Value = serde_json::from_slice(&std::fs::read(&json).expect("a verdict")).expect("JSON");
+    // Joint 1 is a sixth worse with it, which is no reason to leave 2.4 kg out of the files: wrists left 58 and 63 %, now 14 and 17.
+    let told = String::from_utf8_lossy(&said.stderr).replace('\n', " ");
+    assert!(told.contains("shoulder_pan_joint is further from the logs than as given"), "{told}");
+    let left = |model: &Path| {
+        let mut predict = rivet();
+        predict.arg("predict").arg(model).arg(&loaded).arg("--out").arg(folder.path().join("predicted.parquet"));
+        let text = String::from_utf8_lossy(&predict.output().expect("it starts").stdout).into_owned();
+        let of = |line: &str| {
+            line.trim_start().starts_with("wrist_2").then(|| line.split_whitespace().nth(1)?.parse::<f64>().ok())?
+        };
+        text.lines().find_map(of).unwrap_or(f64::NAN)
+    };
+    let (before, after) = (left(&unloaded.join("model.toml")), left(&exported.join("model.toml")));
+    assert!(after < 0.4 * before, "{before} {after}");
     let payload = cause(&found, "payload");
     assert!(payload["shrink"]["measured"].as_f64() > Some(0.5), "{payload}");
     // Measured: 2.41 kg, 14.0 % light; least squares over both runs at once give 2.43 to 2.49 kg with these gains.
