@@ -3,6 +3,10 @@
 //! A drive's torque comes before the motion that it makes; what lies between is an effect like another. Torque that comes *after*
 //! the motion is none that an arm makes: it went through a filter, or has a clock of its own. Each joint's torque is fitted by all
 //! values of the model, whatever the file says of them, and moved in time until that leaves least; the joints must agree.
+//!
+//! Torque that comes *before* the motion by more than a drive's hold is a delay of the drive or a lag of it, which differ in that a lag
+//! smears. Rows in which the joints turn tell the two apart, and how large it is, far better than the rows about a reversal, where most of
+//! the gap is: there friction's own beginning looks like either.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -36,6 +40,8 @@ const ALIKE_S: f64 = 1e-3;
 /// the model filter a faster one is a move.
 const FILTER_SHARE: f64 = 0.8;
 const LEAST_FILTER_S: f64 = 0.005;
+/// Time constants of a lag that are tried, a step apart.
+const LAGS: usize = 25;
 /// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
 const MOVING: f64 = 0.05;
 const MOVING_SHARE: f64 = 0.5;
@@ -61,6 +67,8 @@ struct JointTiming {
     /// Sum of squares for every move, and for every time constant of a filter that is undone \[N²·m²\].
     moved: Vec<f64>,
     unfiltered: Vec<f64>,
+    /// The same for every time constant of a lag that the torque has yet to go through.
+    lagged: Vec<f64>,
     /// One over the variance at the best move, as far as rows are independent.
     weight: f64,
     /// Root mean square at the best move \[N·m\].
@@ -108,6 +116,38 @@ pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn
         }
     }
     found
+}
+
+/// By how much the arm follows its torque late, as rows tell in which it turns.
+pub(crate) struct Behind {
+    /// The delay that leaves least \[s\], and the time constant of the lag that does.
+    pub(crate) delay: f64,
+    pub(crate) lag: f64,
+    /// Log likelihood by which the delay is ahead of the lag.
+    pub(crate) ahead: f64,
+}
+
+impl Behind {
+    /// None where a run is not sure that all of the arm is, or none of either kind is inside of what is tried.
+    pub(crate) fn of(runs: &[&Prepared]) -> Option<Behind> {
+        let timings: Vec<Timing> = runs.iter().map(|run| Timing::of(run)).collect::<Option<_>>()?;
+        let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
+        if !runs.iter().zip(&timings).all(|(run, timing)| timing.late < 0.0 && timing.is_off(least(run))) {
+            return None;
+        }
+        let joints = || timings.iter().flat_map(|timing| &timing.joints);
+        let all = |count: usize, of: &dyn Fn(&JointTiming, usize) -> f64| -> Vec<f64> {
+            (0..count).map(|k| joints().map(|t| t.weight * of(t, k)).sum()).collect()
+        };
+        let (now, times) = (nearest(0.0), (0..LAGS).map(|k| k as f64 * STEP_S).collect::<Vec<_>>());
+        let (moved, lagged) = (all(now + 1, &|t, k| t.moved[now - k]), all(LAGS, &|t, k| t.lagged[k]));
+        let places: Vec<f64> = (0..=now).map(|k| k as f64 * STEP_S).collect();
+        // A delay of 15 ms is best imitated by a lag beyond what is tried.
+        let delay = lowest(&places, &moved)?.0;
+        let lag = lowest(&times, &lagged).map_or(LAGS as f64 * STEP_S, |(lag, _)| lag);
+        let least = |curve: &[f64]| curve.iter().copied().fold(f64::INFINITY, f64::min);
+        Some(Behind { delay, lag, ahead: 0.5 * (least(&lagged) - least(&moved)) })
+    }
 }
 
 fn remedies(runs: &[&mut Prepared], timings: &[Option<Timing>], joints: usize) -> Vec<Remedy> {
@@ -168,11 +208,17 @@ impl Timing {
 
     /// Whether the arm as a whole is later than `least` \[s\].
     fn is_sure(&self, least: f64) -> bool {
+        self.late > 0.0 && self.is_off(least)
+    }
+
+    /// Whether the arm as a whole is later or earlier by more than `least` \[s\].
+    fn is_off(&self, least: f64) -> bool {
         let tells = || self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS);
-        let agrees = |t: &&JointTiming| t.gain(self.late) > 0.0 && (t.late - self.late).abs() < AGREES * self.late;
+        let agrees =
+            |t: &&JointTiming| t.gain(self.late) > 0.0 && (t.late - self.late).abs() < AGREES * self.late.abs();
         let agree = tells().filter(agrees).count();
         let left = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
-        self.late - SURE * self.sigma > least
+        self.late.abs() - SURE * self.sigma > least
             && agree >= LEAST_JOINTS
             && 2 * agree > tells().count()
             && left(self.late) < (1.0 - LEAST_SHARE) * left(0.0)
@@ -209,12 +255,13 @@ impl JointTiming {
             torque(now, rows[r]) + moves[now + c] * rate(rows[r])
         });
         let (moved, unfiltered) = (equations.left(&y)?, equations.left(&z)?);
+        let lagged = equations.left(&(&y * smears(now, moves.len())))?;
         let (late, bend) = lowest(moves, &moved)?;
         let after = equations.residual(y.column(nearest(late)).into_owned());
         let variance = after.norm_squared() / rows.len() as f64;
         let weight = 1.0 / (variance * correlation(&[&after])).max(f64::MIN_POSITIVE);
         let sigma = (2.0 / (weight * bend)).sqrt();
-        Some(JointTiming { joint: j, moved, unfiltered, weight, rms: variance.sqrt(), late, sigma })
+        Some(JointTiming { joint: j, moved, unfiltered, lagged, weight, rms: variance.sqrt(), late, sigma })
     }
 
     /// By how much less is left with torque moved by `late` \[s\] than as it is, in units of the noise squared.
@@ -266,6 +313,19 @@ impl Equations {
         let x = self.factor.solve(&self.d.tr_mul(&y));
         y - &self.d * x
     }
+}
+
+/// Weights of the moves that a lag of each time constant is, one column each: an exponential over the moves of torque from before, as far
+/// as those go.
+fn smears(now: usize, moves: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(moves, LAGS, |at, k| match (now.checked_sub(at), k) {
+        (None, _) => 0.0,
+        (Some(before), 0) => f64::from(u8::from(before == 0)),
+        (Some(before), _) => {
+            let own = |before: usize| (-(before as f64) / k as f64).exp();
+            own(before) / (0..=now).map(own).sum::<f64>()
+        }
+    })
 }
 
 /// Moves that are tried \[s\]: torque is taken so much later.

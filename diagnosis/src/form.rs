@@ -483,7 +483,7 @@ impl Physics<'_> {
 /// A spring is over two joints where the square of what crosses is more than this share of the product of their own.
 const BETWEEN: f64 = 0.1;
 /// Samples by which a command that stands for one is late on average.
-const HELD: f64 = 0.5;
+pub(crate) const HELD: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;

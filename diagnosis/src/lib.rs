@@ -45,6 +45,7 @@ mod held_load;
 mod instead;
 mod known;
 mod ladder;
+mod late;
 mod left_open;
 mod leftover;
 mod library;

@@ -1,7 +1,10 @@
 //! Forward selection of effects on the runs that may be looked at.
 
+use std::cell::OnceCell;
+
 use nalgebra::DVector;
 
+use crate::alignment::Behind;
 use crate::another_law;
 use crate::bursts;
 use crate::dragged;
@@ -135,13 +138,16 @@ impl<'a> Selected<'a> {
         &mut self,
         search: &mut Search<'a>,
         candidate: &Candidate,
-        adoption: Adopted,
+        mut adoption: Adopted,
         say: &mut dyn FnMut(&str),
     ) -> Option<()> {
-        let Some(physics) = search.extend(candidate, &adoption.mean) else {
+        let Some(mut physics) = search.extend(candidate, &adoption.mean) else {
             say(&format!("no solution with {:?}", adoption.form));
             return None;
         };
+        if adoption.form.shifts_time() {
+            physics = search.made_again(candidate, &mut adoption, physics)?;
+        }
         say(&format!(
             "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
             adoption.form, adoption.gain, adoption.share
@@ -196,6 +202,7 @@ pub(crate) fn best(
     let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
     let mut listed: Vec<(Candidate, Standing)> = Vec::new();
     let mut doubtful: Vec<Form> = Vec::new();
+    let behind: OnceCell<Option<Behind>> = OnceCell::new();
     let noisy_beside =
         |form: &Form| (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j));
     for standing in &standings {
@@ -235,8 +242,15 @@ pub(crate) fn best(
         if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
             continue;
         }
-        let (candidate, standing) =
-            if refined { search.refine(form, physics)? } else { (candidates[standing.at].clone(), standing.clone()) };
+        let (candidate, standing) = if !refined {
+            (candidates[standing.at].clone(), standing.clone())
+        } else if form.shifts_time() {
+            let behind = behind.get_or_init(|| Behind::of(&search.runs));
+            let Some(sized) = search.behind(form, behind.as_ref(), physics)? else { continue };
+            sized
+        } else {
+            search.refine(form, physics)?
+        };
         let kind = if refined {
             dragged::kind(search, physics, (&candidate, &standing), say)?
         } else {
@@ -343,6 +357,10 @@ pub(crate) fn best(
         }
     }
     let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
+    if candidate.form.shifts_time() && rivals.iter().all(|rival: &Rival| !rival.form.shifts_time()) {
+        let behind = behind.get().and_then(Option::as_ref);
+        rivals.extend(search.other_kind_of_late((&candidate, &standing), behind, physics)?);
+    }
     let adoption = Adopted {
         shares,
         share,

@@ -93,6 +93,41 @@ fn one_late_channel_is_said_of_its_joint() {
     assert_eq!(found["verdict"], "no_gap", "{found:#}");
 }
 
+/// Told with a third too much or too little, or by the other's name, where the rows at reversals were asked: 12.7 and 23.8 ms for 10 and 15.
+#[test]
+fn a_delay_and_a_lag_are_told_apart_with_their_size() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let size = |found: &Value, effect: &str, key: &str| {
+        assert_eq!(causes(found), [effect], "{found:#}");
+        let others = found["causes"][0]["indistinguishable_from"].as_array().expect("a list");
+        assert!(others.is_empty(), "{others:?}");
+        1e3 * found["causes"][0]["magnitude"][key].as_f64().expect("a time")
+    };
+    for ms in [4, 10, 15] {
+        let found = judged(&case, |tau| tau.iter_mut().for_each(|tau| later(tau, -ms)));
+        let told = size(&found, "transport_delay", "seconds");
+        assert!((told / ms as f64 - 1.0).abs() < 0.15, "{told} ms for {ms}");
+    }
+    for ms in [5.0, 10.0, 15.0] {
+        let found = judged(&case, |tau| tau.iter_mut().for_each(|tau| before_lag(tau, ms)));
+        let told = size(&found, "current_loop_lag", "time_constant_s");
+        assert!((told / ms - 1.0).abs() < 0.15, "{told} ms for {ms}");
+    }
+}
+
+/// Torque that was commanded where a drive with a lag of so many samples of 1 ms brought what is given, smoothed over five of them.
+fn before_lag(tau: &mut [f64], ms: f64) {
+    let smooth: Vec<f64> = (0..tau.len())
+        .map(|k| {
+            let near = &tau[k.saturating_sub(2)..(k + 3).min(tau.len())];
+            near.iter().sum::<f64>() / near.len() as f64
+        })
+        .collect();
+    for k in 1..smooth.len() - 1 {
+        tau[k] = smooth[k] + 0.5 * ms * (smooth[k + 1] - smooth[k - 1]);
+    }
+}
+
 /// A sensor's slow low-pass is no clock: what is left then would be sold as rotors or a delay.
 #[test]
 fn torque_through_a_slow_filter_is_not_judged() {
