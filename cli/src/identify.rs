@@ -162,6 +162,9 @@ fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     if args.online {
+    for path in args.json.iter().chain(&args.stream) {
+        rivet_files::writable(path).with_context(|| path.display().to_string())?;
+    }
         let [log] = args.logs.as_slice() else {
             return Err(Fault::Usage(format!("--online takes one log; {} are given", args.logs.len())).into());
         };

@@ -420,3 +420,18 @@ fn what_cannot_end_well_is_refused_at_the_start() {
     assert!(code == Some(0) && text.matches("Figure 12").count() == 1, "{code:?} {text}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1, "the page alone");
 }
+    let Some(log) = shared("data/real/kuka_kr300/traj_A_10s.parquet") else { return };
+    for option in ["--json", "--stream"] {
+        let mut command = rivet();
+        command.arg("identify").arg(robot("kuka-kr300-r2500")).arg(&log).args([option, "/nonexistent/x"]);
+        let (code, text) = said(if option == "--stream" { command.arg("--online") } else { &mut command });
+        assert!(code == Some(74) && text.contains("/nonexistent/x: ") && !text.contains("joints"), "{code:?} {text}");
+    }
+    // A disk that is full is one that cannot be written to, whatever is meant to be in the file.
+    let mut command = rivet();
+    let (code, text) =
+        said(command.arg("predict").arg(robot("kuka-kr300-r2500")).arg(&log).args(["--out", "/dev/full"]));
+    assert!(
+        code == Some(74) && text.contains("/dev/full: No space left") && !text.contains("Parquet"),
+        "{code:?} {text}"
+    );
