@@ -20,6 +20,7 @@ mod exit;
 mod export;
 mod figures;
 mod glitches;
+mod frozen;
 mod identify;
 mod jitter;
 mod live;

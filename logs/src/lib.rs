@@ -34,6 +34,7 @@ mod clock;
 mod columns;
 mod csv_file;
 mod error;
+mod frozen;
 mod holds;
 mod log;
 mod overlap;
@@ -45,6 +46,7 @@ mod stamps;
 
 pub use clock::OtherClock;
 pub use error::{LogError, LogFault};
+pub use frozen::Frozen;
 pub use holds::Holds;
 pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
 pub use parquet_file::write_columns;
