@@ -44,7 +44,7 @@ mod signal;
 mod stairs;
 mod stamps;
 
-pub use clock::OtherClock;
+pub use clock::{ClockRate, OtherClock};
 pub use error::{LogError, LogFault};
 pub use frozen::Frozen;
 pub use holds::Holds;
