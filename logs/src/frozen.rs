@@ -1,7 +1,7 @@
 //! Torque that stands bit for bit while its joint moves: a channel that died, or whose last value was repeated.
 //!
-//! Torque in coarse steps stands as well, and so does dry friction at an even speed. So the joint has to change its speed, and the log has to
-//! show that its torque hardly ever stands while it moves.
+//! Torque in coarse steps stands as well, and so does dry friction at an even speed. So the joint has to change its speed, torque has to begin
+//! or to end standing with a jump, and the log has to show that it hardly ever stands while the joint moves.
 
 use std::ops::Range;
 
@@ -22,6 +22,10 @@ const STRETCHES: usize = 8;
 /// A joint moves that runs through so much \[rad\] and so many steps of its readings.
 const MOVES: f64 = 5e-3;
 const STEPS: f64 = 20.0;
+/// Torque in steps stands where it turns, and where it lingers. What is dead or frozen begins or ends with a jump of more than so many
+/// steps, or at an even speed of the joint with one of so many times its usual change from row to row; at the end of a log it stands for longer than this \[s\].
+const JUMPS: f64 = 4.0;
+const CUT_OFF_S: f64 = 1.0;
 /// Its speed changes by this share of the largest, over so many parts of a stand.
 const CHANGES: f64 = 0.25;
 const PARTS: usize = 8;
@@ -54,19 +58,34 @@ fn frozen(t: &[f64], q: &[f64], tau: &[f64]) -> Option<Frozen> {
     let way = MOVES.max(STEPS * quantum(q));
     let ends = tau.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let at_limit = |x: f64| x != 0.0 && (x <= ends.0 || x >= ends.1);
-    let stands = |run: &&Range<usize>| {
-        long(run) && !at_limit(tau[run.start]) && span(&q[(*run).clone()]) > way && changes_speed(t, q, run)
+    let mut changes: Vec<f64> = tau.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|by| *by > 0.0).collect();
+    if changes.is_empty() {
+        return None;
+    }
+    let middle = changes.len() / 2;
+    let usual = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let step = quantum(tau);
+    // What comes behind the end of the log is not known.
+    let cut_off = |run: &Range<usize>| run.end == tau.len() && seconds(run) > CUT_OFF_S;
+    let jump = |run: &Range<usize>| {
+        let from = |k: usize| tau.get(k).map_or(0.0, |beside| (beside - tau[run.start]).abs());
+        if cut_off(run) { f64::INFINITY } else { from(run.start.wrapping_sub(1)).max(from(run.end)) }
     };
-    let rows: Vec<Range<usize>> = held.iter().filter(stands).cloned().collect();
+    let mut stands: Vec<Range<usize>> = held.iter().filter(|run| long(run)).cloned().collect();
+    let usual_s = usual_s(t, q, way, &held, &stands)?;
+    stands.retain(|run| seconds(run) > LONGER * usual_s && !at_limit(tau[run.start]) && span(&q[run.clone()]) > way);
+    let (surely, perhaps): (Vec<_>, Vec<_>) =
+        stands.into_iter().partition(|run| changes_speed(t, q, run) && jump(run) > JUMPS * step);
+    let mut rows = surely;
     if rows.is_empty() {
         return None;
     }
-    let usual_s = usual_s(t, q, way, &held, &rows)?;
-    let rows: Vec<Range<usize>> = rows.into_iter().filter(|run| seconds(run) > LONGER * usual_s).collect();
-    (!rows.is_empty()).then_some(Frozen { rows, usual_s })
+    rows.extend(perhaps.into_iter().filter(|run| jump(run) > JUMPS * usual));
+    rows.sort_unstable_by_key(|run| run.start);
+    Some(Frozen { rows, usual_s })
 }
 
-/// For how long a torque stands in motion, beside the stands `but`: the longest in each stretch, and the longest of those but a few. None
+/// For how long a torque stands in motion, beside the long stands `but`: the longest in each stretch, and the longest of those but a few. None
 /// where it hardly moves beside them.
 fn usual_s(t: &[f64], q: &[f64], way: f64, held: &[Range<usize>], but: &[Range<usize>]) -> Option<f64> {
     let (mut longest, mut from) = (Vec::new(), 0);
@@ -140,6 +159,17 @@ mod tests {
         }
     }
 
+    #[test]
+    fn many_short_stands_are_told_those_at_an_even_speed_included() {
+        let mut tau = torque(1e-3);
+        for from in (700..19_000).step_by(1500) {
+            let value = tau[from];
+            tau[from..from + 400].fill(value);
+        }
+        let found = frozen(&times(), &positions(), &tau).expect("frozen");
+        assert!(found.rows.len() >= 11, "{found:?}");
+    }
+
     /// Coarse steps, dry friction at an even speed, standstill, a torque at its limit, and one that was never there.
     #[test]
     fn torque_that_may_stand_is_not() {
@@ -147,6 +177,21 @@ mod tests {
         for step in [1e-4, 1e-3, 1e-2, 0.1, 1.0, 5.0, 20.0] {
             assert_eq!(frozen(&t, &q, &torque(step)), None, "{step}");
         }
+        // Turning points of a slow torque, at several heights.
+        for step in [0.02, 0.1, 0.3, 1.0, 3.0] {
+            let slow = t.iter().map(|t| 30.0 * (0.9 * t).sin() + 17.0 * (2.3 * t).cos() + 8.0 * (0.31 * t).sin());
+            let coarse: Vec<f64> = slow.map(|tau| (tau / step).round() * step + 0.0).collect();
+            assert_eq!(frozen(&t, &q, &coarse), None, "{step}");
+        }
+        // Torque that lingers in passing.
+        for step in [0.01, 0.03, 0.1, 0.3] {
+            let coarse: Vec<f64> =
+                t.iter().map(|t| (50.0 * (0.9 * t).sin().powi(5) / step).round() * step + 0.0).collect();
+            assert_eq!(frozen(&t, &q, &coarse), None, "{step}");
+        }
+        let lively = |t: &f64| 3.0 * (20.0 * t).sin() * ((t - 10.0) / 0.3).powi(6).min(1.0);
+        let coarse: Vec<f64> = t.iter().map(|t| 0.1 * (lively(t) / 0.1).round() + 0.0).collect();
+        assert_eq!(frozen(&t, &q, &coarse), None);
         // There and back at an even speed: friction alone.
         let even: Vec<f64> = t.iter().map(|t| 0.3 * ((t % 8.0) - 4.0).abs()).collect();
         let friction: Vec<f64> = t.iter().map(|t| if t % 8.0 < 4.0 { -3.0 } else { 3.0 }).collect();
