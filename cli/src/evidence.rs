@@ -348,6 +348,8 @@ pub(crate) const ONE_WAY_NAME: &str = "turns_one_way";
 pub(crate) const PLAN_HELD_NAME: &str = "desired_motion_held";
 /// Positions that stood for a few rows while their joint moved.
 pub(crate) const STOOD_NAME: &str = "positions_stood";
+/// Torque that stood while its joint moved.
+pub(crate) const TORQUE_STOOD_NAME: &str = "torque_stood";
 const UNFOLLOWED_NAME: &str = "desired_motion_not_followed";
 const UNDERIVED_NAME: &str = "setpoint_not_derived";
 const UNSEEN_NAME: &str = "second_encoder_sees_another_motion";

@@ -12,6 +12,7 @@ use rivet_logs::Log;
 
 use crate::evidence::Distrust;
 use crate::exit::Fault;
+use crate::frozen;
 use crate::runs;
 use crate::stairs;
 use crate::table::number;
@@ -149,6 +150,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         ))
         .into());
     }
+    frozen::take_out(robot, &mut sound);
     stairs::take_out(robot, &mut sound);
     Ok(sound)
 }

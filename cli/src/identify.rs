@@ -20,6 +20,7 @@ use rivet_studies::real::Found;
 
 use crate::bounds::Bounded;
 use crate::channels;
+use crate::clock;
 use crate::coarse::{coarse, slow};
 use crate::compare::{self, Alone};
 use crate::delays;
@@ -161,6 +162,9 @@ fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &
 /// Identifies, prints, exports.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    for path in args.json.iter().chain(&args.stream) {
+        rivet_files::writable(path).with_context(|| path.display().to_string())?;
+    }
     if args.online {
         let [log] = args.logs.as_slice() else {
             return Err(Fault::Usage(format!("--online takes one log; {} are given", args.logs.len())).into());
@@ -459,6 +463,8 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     if let Some(order) = jitter::out_of_order(log, jumps) {
         sound.found.insert(0, order);
     }
+    // A plan that is held comes late by its stairs; drawn anew it tells the clock.
+    sound.found.extend(clock::off(robot, &sound.log));
     sound.found.extend(channels::clipped(robot, log)?);
     sound.found.extend(slow(robot, log));
     let coarse = coarse(robot, &sound.log);
@@ -569,6 +575,7 @@ fn held_out(
         let consistent = near.as_ref().map(errors).transpose()?;
         let held = HeldOut { file, content, nominal: errors(&nominal)?, identified: errors(&trained)?, consistent };
         distrusts.extend(sound.found);
+        distrusts.extend(clock::off(robot, &sound.log));
         distrusts.extend(slow(robot, &sound.log));
         distrusts.extend(coarse(robot, &sound.log).iter().flat_map(|coarse| coarse.said(robot)));
         Ok(held)

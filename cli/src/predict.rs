@@ -110,6 +110,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 /// Predicts and writes; prints errors when the log has torque.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
+    rivet_files::writable(&args.out).with_context(|| args.out.display().to_string())?;
     let log = runs::read_log(&robot, &args.log)?;
     let pieces = smoothed(&robot, &log, whole_pieces(&log)?);
     let n = robot.dof();

@@ -34,6 +34,7 @@ mod clock;
 mod columns;
 mod csv_file;
 mod error;
+mod frozen;
 mod holds;
 mod log;
 mod overlap;
@@ -43,8 +44,9 @@ mod signal;
 mod stairs;
 mod stamps;
 
-pub use clock::OtherClock;
+pub use clock::{ClockRate, OtherClock};
 pub use error::{LogError, LogFault};
+pub use frozen::Frozen;
 pub use holds::Holds;
 pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
 pub use parquet_file::write_columns;

@@ -1,7 +1,5 @@
 //! Parquet, column by column and without Arrow: flat numeric columns, any encoding, zstd or snappy or plain.
 
-use std::fs::File;
-use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
@@ -204,10 +202,12 @@ pub fn write_columns<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Res
         let column = name.as_ref().to_owned();
         return Err(LogFault::Length { column, rows: values.len(), expected: rows }.at(path));
     }
-    rivet_files::fill_whole(path, |part| write_to(part, columns)).map_err(|why| why.at(path))
+    let bytes = encoded(columns).map_err(|why| why.at(path))?;
+    // The library would make a full disk a fault of the format.
+    rivet_files::write_whole(path, bytes).map_err(|why| LogFault::Io(why).at(path))
 }
 
-fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogFault> {
+fn encoded<S: AsRef<str>>(columns: &[(S, &[f64])]) -> Result<Vec<u8>, LogFault> {
     let fields = columns.iter().map(|(name, _)| {
         Type::primitive_type_builder(name.as_ref(), PhysicalType::DOUBLE)
             .with_repetition(Repetition::REQUIRED)
@@ -217,9 +217,9 @@ fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), L
     let fields = fields.collect::<Result<Vec<_>, _>>().map_err(|e| fault(&e))?;
     let schema = Type::group_type_builder("schema").with_fields(fields).build().map_err(|e| fault(&e))?;
     let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
-    let mut file = File::create(path)?;
-    let write = |file: &mut File| -> Result<(), ParquetError> {
-        let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?;
+    let mut bytes = Vec::new();
+    let write = |bytes: &mut Vec<u8>| -> Result<(), ParquetError> {
+        let mut writer = SerializedFileWriter::new(bytes, Arc::new(schema), Arc::new(properties))?;
         let mut group = writer.next_row_group()?;
         for (_, values) in columns {
             let Some(mut column) = group.next_column()? else { break };
@@ -230,10 +230,8 @@ fn write_to<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), L
         writer.close()?;
         Ok(())
     };
-    write(&mut file).map_err(|e| fault(&e))?;
-    file.flush()?;
-    file.sync_all()?;
-    Ok(())
+    write(&mut bytes).map_err(|e| fault(&e))?;
+    Ok(bytes)
 }
 
 fn fault(error: &ParquetError) -> LogFault {

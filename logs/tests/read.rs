@@ -254,6 +254,11 @@ fn unequal_lines_and_foreign_files_are_refused() {
     let short = write_columns(&none, &[("t", &[0.0, 1.0][..]), ("q1", &[0.0][..])]);
     assert!(short.expect_err("unequal").to_string().contains("column q1 has 1 rows"));
     assert!(!none.exists());
+    let full = std::path::Path::new("/dev/full");
+    if full.exists() {
+        let why = write_columns(full, &[("t", &[0.0, 1.0][..])]).expect_err("full");
+        assert!(matches!(why.fault, rivet_logs::LogFault::Io(_)), "{why}");
+    }
 }
 
 #[test]

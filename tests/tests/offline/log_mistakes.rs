@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rivet_logs::{Log, ReadOptions, read, write_columns};
-use rivet_tests::altered::{changed, said, sound, with_torque_times, written};
+use rivet_tests::altered::{changed, result, said, sound, with_torque_times, written};
 use rivet_tests::{rivet, robot, shared};
 
 #[test]
@@ -237,6 +237,63 @@ fn a_clock_that_is_not_that_of_the_speeds_is_refused() {
     }
 }
 
+/// One per cent is told with what it does, by the plan and by measured speeds; without either the robot file's period may tell it.
+#[test]
+fn a_clock_that_runs_a_little_fast_is_told() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let warned = |change: &dyn Fn(&mut Log)| {
+        let [log, _] = case_with(&case, folder.path(), |_, log| change(log));
+        let (_, found) = result(rivet().arg("identify").arg(case.join("robot.toml")).arg(log), folder.path());
+        let clocks = ["clock_off", "period_off"];
+        let mut said = found["warnings"].as_array().expect("a list").clone();
+        said.retain(|w| clocks.iter().any(|clock| w["fault"] == *clock));
+        said.iter().map(|w| format!("{} {}", w["fault"], w["text"])).collect::<Vec<_>>().join(" ")
+    };
+    let faster = |log: &mut Log| log.t.iter_mut().for_each(|t| *t *= 1.01);
+    let text = warned(&faster);
+    for says in ["clock_off", "0.99010", "all 6 joints that move: t runs 1", "% fast", "inertias come out 1.0201"] {
+        assert!(text.contains(says), "{says}: {text}");
+    }
+    let text = warned(&|log| {
+        faster(log);
+        (log.q_des, log.qd_des, log.qdd_des) = (None, None, None);
+    });
+    assert!(text.contains("period_off") && text.contains("every 1.0100 ms"), "{text}");
+    assert_eq!(warned(&|_| ()), "");
+}
+
+/// A channel that dies or repeats its last value for three seconds ruins no value.
+#[test]
+fn torque_that_freezes_in_motion_is_named_and_left_out() {
+    let Some(path) = shared("data/real/ur10e_innopolis/20_02_19_14harm50sec.parquet") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = sound("ur10e", &path);
+    let found = |value: Option<f64>| {
+        let mut tau = log.torque().expect("torque").clone();
+        if let Some(value) = value {
+            tau[1][1800..2100].fill(value);
+        }
+        let path = written(&log, &tau, folder.path());
+        result(rivet().arg("identify").arg(robot("ur10e")).arg(path), folder.path()).1
+    };
+    let sound = found(None);
+    for value in [0.0, log.torque().expect("torque")[1][1800]] {
+        let frozen = found(Some(value));
+        let warnings = frozen["warnings"].as_array().expect("a list");
+        let said: Vec<_> = warnings.iter().filter(|w| w["fault"] == "torque_stood").collect();
+        assert!(said.len() == 1 && said[0]["joint"] == "shoulder_lift_joint", "{warnings:?}");
+        assert!(said[0]["text"].as_str().expect("words").contains("300 of 5375 rows left out"), "{warnings:?}");
+        let number = |p: &serde_json::Value, key: &str| p[key].as_f64().expect("a number");
+        let parameters = |of: &serde_json::Value| of["parameters"].as_array().expect("a list").clone();
+        for (a, b) in parameters(&sound).iter().zip(&parameters(&frozen)) {
+            // With those rows j2.offset is off by 5 and by 9.
+            assert!((number(a, "value") - number(b, "value")).abs() < 1.5 * number(a, "std"), "{a} {b}");
+        }
+    }
+    assert!(!sound["warnings"].to_string().contains("torque_stood"), "{}", sound["warnings"]);
+}
+
 /// Nothing is wrong with the arm: a position of the wrong sign is told as one, and nothing is named. A torque of the wrong sign is
 /// still a torque.
 #[test]
@@ -416,6 +473,21 @@ fn what_cannot_end_well_is_refused_at_the_start() {
         assert!(code == Some(64) && text.contains("--root DIR") && !text.contains(" % "), "{code:?} {text}");
     }
     let page = folder.path().join("figures.html");
+    let Some(log) = shared("data/real/kuka_kr300/traj_A_10s.parquet") else { return };
+    for option in ["--json", "--stream"] {
+        let mut command = rivet();
+        command.arg("identify").arg(robot("kuka-kr300-r2500")).arg(&log).args([option, "/nonexistent/x"]);
+        let (code, text) = said(if option == "--stream" { command.arg("--online") } else { &mut command });
+        assert!(code == Some(74) && text.contains("/nonexistent/x: ") && !text.contains("joints"), "{code:?} {text}");
+    }
+    // A disk that is full is one that cannot be written to, whatever is meant to be in the file.
+    let mut command = rivet();
+    let (code, text) =
+        said(command.arg("predict").arg(robot("kuka-kr300-r2500")).arg(&log).args(["--out", "/dev/full"]));
+    assert!(
+        code == Some(74) && text.contains("/dev/full: No space left") && !text.contains("Parquet"),
+        "{code:?} {text}"
+    );
     let (code, text) = said(rivet().args(["figures", "12", "12", "--out"]).arg(&page));
     assert!(code == Some(0) && text.matches("Figure 12").count() == 1, "{code:?} {text}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1, "the page alone");

@@ -1,0 +1,50 @@
+//! Torque that stands while its joint moves: left out, and said.
+
+use rivet_config::Robot;
+use rivet_logs::{Frozen, Log};
+
+use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
+use crate::glitches::Sound;
+use crate::runs;
+use crate::table::number;
+
+/// So many spans are told one by one.
+const TOLD: usize = 4;
+
+/// Leaves out the rows in which the torque of a joint is dead or frozen. Of all joints: each row of a log is one of the arm.
+pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
+    let log = &sound.log;
+    for (j, (joint, frozen)) in robot.model.arm.joints.iter().zip(log.frozen_torque()).enumerate() {
+        let Some(frozen) = frozen else { continue };
+        sound.found.push(Distrust {
+            log: Some(runs::short_name(&log.path)),
+            joint: Some(joint.name.clone()),
+            name: TORQUE_STOOD_NAME,
+            text: text(log, j, &frozen),
+        });
+        sound.left_out.extend(frozen.rows.iter().cloned().flatten());
+    }
+    sound.left_out.sort_unstable();
+    sound.left_out.dedup();
+}
+
+fn text(log: &Log, j: usize, frozen: &Frozen) -> String {
+    let Frozen { rows, usual_s } = frozen;
+    let at = |k: usize| number(log.t[k], 5);
+    let span = |run: &std::ops::Range<usize>| {
+        let value = log.tau.as_ref().map_or(0.0, |(_, tau)| tau[j][run.start]);
+        format!("{} to {} s at {} N m", at(run.start), at(run.end - 1), number(value, 3))
+    };
+    let mut spans: Vec<String> = rows.iter().take(TOLD).map(span).collect();
+    if rows.len() > TOLD {
+        spans.push(format!("and {} more", rows.len() - TOLD));
+    }
+    let count: usize = rows.iter().map(ExactSizeIterator::len).sum();
+    format!(
+        "torque stands bit for bit while the joint moves and changes its speed: {}. Elsewhere in motion it stands for {} ms at most, so the \
+         channel was dead or frozen: {count} of {} rows left out, for all joints, and the log is cut there",
+        spans.join(", "),
+        number(1e3 * usual_s, 2),
+        log.len()
+    )
+}
