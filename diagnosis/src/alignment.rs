@@ -45,6 +45,9 @@ const LAGS: usize = 25;
 /// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
 const MOVING: f64 = 0.05;
 const MOVING_SHARE: f64 = 0.5;
+/// Rows as close as this to slower ones \[s\] feel through the filters how friction turns over: that of bristles of 0.2 mrad does so 28 ms late,
+/// and all rows then say that torque is 3.5 ms late.
+const REVERSAL_S: f64 = 0.1;
 /// Rows that a joint has to have for each of its columns, and that are enough of any.
 const ROWS_PER_COLUMN: usize = 4;
 const MOST_ROWS: usize = 12_000;
@@ -197,10 +200,18 @@ fn alone<'a>(
 }
 
 impl Timing {
+    /// Of all rows in which joints turn, unless those far from any reversal are against it: what they say is less, and true.
     fn of(run: &Prepared) -> Option<Timing> {
+        let all = Self::within(run, 0.0);
+        let Some(clear) = Self::within(run, REVERSAL_S) else { return all };
+        let agrees = |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S;
+        Some(all.filter(agrees).unwrap_or(clear))
+    }
+
+    fn within(run: &Prepared, clear_s: f64) -> Option<Timing> {
         let moves = moves();
         let heard = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
-        let joints: Vec<JointTiming> = heard.filter_map(|j| JointTiming::of(run, j, &moves)).collect();
+        let joints: Vec<JointTiming> = heard.filter_map(|j| JointTiming::of(run, j, &moves, clear_s)).collect();
         let all: Vec<f64> = (0..moves.len()).map(|k| joints.iter().map(|t| t.weight * t.moved[k]).sum()).collect();
         let (late, bend) = lowest(&moves, &all)?;
         Some(Timing { late, sigma: (2.0 / bend).sqrt(), joints })
@@ -242,8 +253,8 @@ impl Timing {
 }
 
 impl JointTiming {
-    fn of(run: &Prepared, j: usize, moves: &[f64]) -> Option<JointTiming> {
-        let equations = Equations::of(run, j)?;
+    fn of(run: &Prepared, j: usize, moves: &[f64], clear_s: f64) -> Option<JointTiming> {
+        let equations = Equations::of(run, j, clear_s)?;
         let tau = run.chain.apply_later(&run.run.tau[j], moves);
         let now = nearest(0.0);
         let torque = |c: usize, k: usize| tau[c][k] - run.known_rows.get(j).map_or(0.0, |known| known[k]);
@@ -284,11 +295,15 @@ struct Equations {
 }
 
 impl Equations {
-    fn of(run: &Prepared, j: usize) -> Option<Equations> {
+    /// In rows that are so far from any in which it does not \[s\].
+    fn of(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
         let speed = run.chain.sample(&run.motion.qd[j]);
         let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
         let least = MOVING.min(MOVING_SHARE * usual).max(run.blur[j]);
-        let rows: Vec<usize> = (0..run.rows()).filter(|k| speed[*k].abs() > least).take(MOST_ROWS).collect();
+        let moving: Vec<bool> = speed.iter().map(|v| v.abs() > least).collect();
+        let reach = (clear_s / run.chain.row_period_s).round() as usize;
+        let clear = |k: &usize| moving[k.saturating_sub(reach)..(k + reach + 1).min(moving.len())].iter().all(|m| *m);
+        let rows: Vec<usize> = (0..run.rows()).filter(clear).take(MOST_ROWS).collect();
         let size = |column: &Vec<f64>| rows.iter().map(|k| column[*k].powi(2)).sum::<f64>().sqrt();
         let own = run.standard.iter().filter_map(|column| column[j].as_ref());
         let own: Vec<(&Vec<f64>, f64)> = own.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();

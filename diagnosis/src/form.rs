@@ -88,8 +88,9 @@ pub(crate) enum Form {
     /// 1: a torque signal whose zero is off, at rest as in motion. No effect of the list; friction of one direction and laws of the angle
     /// have to be better than this
     Constant { joint: usize },
-    /// A force at the flange in stretches of time, by run: base axes times hats over time
-    Force { windows: Vec<Vec<(f64, f64)>> },
+    /// A force at the flange in stretches of time, by run, and a moment about it where something may touch the last link elsewhere: base
+    /// axes times hats over time
+    Force { windows: Vec<Vec<(f64, f64)>>, moment: bool },
     /// Gravity along the base's x and y
     Gravity,
     /// Ten parameters of a body at the flange
@@ -289,7 +290,10 @@ impl Form {
     /// Forms of one effect on the same joints that are refined apart from each other.
     pub(crate) fn kind(&self) -> usize {
         match self {
-            Form::Counterweight { .. } | Form::Coupling { whole: true, .. } | Form::Lag { stands: true } => 1,
+            Form::Counterweight { .. }
+            | Form::Coupling { whole: true, .. }
+            | Form::Lag { stands: true }
+            | Form::Force { moment: true, .. } => 1,
             Form::Pull { .. }
             | Form::TorqueLaw { .. }
             | Form::PositionScale { .. }

@@ -74,8 +74,9 @@ impl Diagnosis {
                 cause.joints.contains(&gap.joint)
                     && gap.in_motion.is_some_and(|[_, after]| (SOUND..=IN_MOTION).contains(&after))
             };
-            // Friction of either direction is exact: with it nothing else is left.
-            if cause.effect == Effect::FrictionAsymmetry && self.per_joint.iter().any(kept) {
+            // Friction of either direction is exact, and so is a gain: with it nothing else is left.
+            let exact = matches!(cause.effect, Effect::FrictionAsymmetry | Effect::TorqueConstant);
+            if exact && self.per_joint.iter().any(kept) {
                 cause.confidence *= LEFT_OPEN;
             }
             if rings && cause.effect == Effect::ExternalForce && cause.share.is_some_and(|share| share < SLIGHT) {

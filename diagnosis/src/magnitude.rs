@@ -1,5 +1,6 @@
 //! How large an effect is, in terms a person can check.
 
+use crate::contact::numbers;
 use crate::form::Form;
 
 impl Form {
@@ -8,6 +9,7 @@ impl Form {
     pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
         let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
         let wave = |c: &[f64]| c[0].hypot(c[1]);
+        let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
         match self {
             Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
             Form::OneSided { forwards: true, .. } => named(&[("forwards_Nm", c[0])]),
@@ -87,9 +89,15 @@ impl Form {
             Form::Constant { .. } => named(&[("constant_Nm", c[0])]),
             Form::PositionScale { .. } => named(&[("position_gain", 1.0 + c[0])]),
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
-            Form::Force { .. } => {
-                let largest = c.chunks(3).map(|f| f.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max);
-                named(&[("largest_N", largest)])
+            // With fewer joints than numbers, one of the six stands for another.
+            Form::Force { moment: true, .. } if joints < numbers(true) => Vec::new(),
+            Form::Force { moment, .. } => {
+                let hats = || c.chunks(numbers(*moment));
+                let mut size = named(&[("largest_N", hats().map(|c| length(&c[..3])).fold(0.0, f64::max))]);
+                if *moment {
+                    size.push(("largest_Nm".to_owned(), hats().map(|c| length(&c[3..])).fold(0.0, f64::max)));
+                }
+                size
             }
             Form::Gravity => named(&[("tilt_rad", wave(c) / 9.81), ("gx_m_s2", c[0]), ("gy_m_s2", c[1])]),
             Form::Payload => named(&[

@@ -139,6 +139,11 @@ impl Judge<'_> {
     fn is_beside_nameless(steps: &[Step], step: &Step) -> bool {
         let part = |form: &Form| form.is_nameless() && !matches!(form, Form::Constant { .. });
         let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| part(&a.form));
+        // What the larger of two misses for a while looks like a touch.
+        let touch = step.adopted.iter().find(|a| matches!(a.form, Form::Force { .. }));
+        if let Some(touch) = touch {
+            return nameless.into_iter().any(|a| a.gain > touch.gain);
+        }
         let joints: Vec<usize> = nameless.flat_map(|a| a.form.joints()).collect();
         step.effect.kind() == Kind::Structure && step.joints.iter().any(|j| joints.contains(j))
     }
@@ -303,7 +308,8 @@ impl Opened<'_> {
 
     /// Of contact that a load explains as well, which was picked up or put down during a run: why it is none.
     fn load_instead(&self, k: usize, step: &Step) -> Option<String> {
-        let Form::Force { windows } = step.adopted.iter().map(|a| &a.form).find(|f| matches!(f, Form::Force { .. }))?
+        let Form::Force { windows, .. } =
+            step.adopted.iter().map(|a| &a.form).find(|f| matches!(f, Form::Force { .. }))?
         else {
             return None;
         };
@@ -492,5 +498,20 @@ mod tests {
         assert!(beside(Form::Hysteresis { joint: 2, length: 0.02 }, 2));
         assert!(!beside(Form::Hysteresis { joint: 2, length: 0.02 }, 1));
         assert!(!beside(Form::Constant { joint: 2 }, 2));
+    }
+
+    /// A drive that loses torque when it brings much (gain 306) was contact for half a second (43).
+    #[test]
+    fn what_a_larger_thing_without_a_name_misses_is_no_contact() {
+        let with = |form: Form, gain: f64| {
+            let mut step = step(form);
+            step.adopted.iter_mut().for_each(|a| a.gain = gain);
+            step
+        };
+        let touch = |gain: f64| with(Form::Force { windows: vec![vec![(6.9, 7.4)]], moment: false }, gain);
+        let law = || with(Form::TorqueLaw { joint: 1 }, 306.0);
+        assert!(Judge::is_beside_nameless(&[law(), touch(43.0)], &touch(43.0)));
+        assert!(!Judge::is_beside_nameless(&[law(), touch(400.0)], &touch(400.0)));
+        assert!(!Judge::is_beside_nameless(&[touch(43.0)], &touch(43.0)));
     }
 }

@@ -220,8 +220,8 @@ impl<'a> Search<'a> {
 
     /// Makes a candidate of a form.
     pub(crate) fn candidate(&self, form: Form, physics: &[Physics<'_>]) -> Option<Candidate> {
-        if let Form::Force { windows } = &form {
-            return self.contact(windows, physics);
+        if let Form::Force { windows, moment } = &form {
+            return self.contact(windows, *moment, physics);
         }
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();
         let count = columns.first()?.len();
@@ -407,7 +407,8 @@ impl<'a> Search<'a> {
         flips: Option<&Flips>,
     ) -> Vec<Candidate> {
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
-        let force = new.then(|| Form::Force { windows: bursts.clone() });
+        let force = |moment| Form::Force { windows: bursts.clone(), moment };
+        let force = [false, true].into_iter().filter(|_| new).map(force);
         let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
         let forms: Vec<Form> = library::forms(physics, orders).into_iter().chain(beside).collect();
         let made = |form: &Form| {

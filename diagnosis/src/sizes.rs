@@ -191,6 +191,11 @@ impl Procedure<'_> {
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
                 sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
             }
+            if matches!(adopted.form, Form::Force { .. }) {
+                let torque = search.design.local_torque(&solved.stretches);
+                let largest = torque.iter().flatten().flatten().fold(0.0, |most: f64, t| most.max(t.abs()));
+                sizes.push(("largest_joint_Nm".to_owned(), largest));
+            }
         }
         sizes
     }
