@@ -53,11 +53,11 @@ impl Diagnosis {
     }
 
     /// Whether a joint keeps a gap in motion while most come down to their noise, or one keeps far more than right values leave on a measured
-    /// arm: then wrong values are no answer, however little of the gap as given that is.
+    /// arm: then wrong values are no answer, however little of the gap as given that is. (On a measured arm none comes down all the way.)
     pub(crate) fn keeps_open_joints(&self) -> bool {
         let times: Vec<f64> = self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).collect();
-        let open = times.iter().filter(|times| **times > IN_MOTION).count();
-        let few = open > 0 && 2 * open <= times.len();
+        let open = times.iter().any(|times| *times > IN_MOTION);
+        let few = open && 2 * times.iter().filter(|times| **times <= SOUND).count() >= times.len();
         few || times.iter().any(|times| *times > FAR)
     }
 
@@ -147,8 +147,8 @@ mod tests {
             diagnosis(after.map(|after| [90.0, after]), &[Effect::CoulombFriction]).keeps_open_joints()
         };
         assert!(!open([1.0, 1.1, 3.9]) && open([1.0, 1.1, 4.1]));
-        // As on measured arms.
-        assert!(!open([7.5, 12.9, 9.3]) && open([8.9, 40.7, 9.0]));
+        // As on measured arms: a UR10e without its friction was `unexplained` where these values take 96 % of the squared gap.
+        assert!(!open([7.5, 12.9, 9.3]) && !open([11.0, 3.8, 3.4]) && open([8.9, 40.7, 9.0]));
     }
 
     #[test]

@@ -64,6 +64,7 @@ fn friction_that_the_file_lacks_is_named_on_all_joints_of_a_ur10e() {
     let (_folder, file) = changed("ur10e", |text| with(&with(text, "coulomb", none), "viscous", none));
     let runs = ["20_02_10-30sec_12harm.parquet", "20_02_06-20sec_10harm.parquet"].map(|run| logs.join(run));
     let found = diagnose(&file, &runs);
+    assert_eq!(found["verdict"], "parameter", "{found:#}");
     for effect in ["coulomb_friction", "viscous_friction"] {
         assert_eq!(joints(cause(&found, effect)).len(), 6, "{effect}: {found:#}");
     }
@@ -136,9 +137,9 @@ fn a_payload_is_named_and_weighed() {
     command.arg("diagnose").arg(unloaded.join("model.toml")).arg(&loaded).arg("--json").arg(&json);
     let said = command.arg("--export").arg(&exported).output().expect("it starts");
     let found: Value = serde_json::from_slice(&std::fs::read(&json).expect("a verdict")).expect("JSON");
-    // Joint 1 is a sixth worse with it, which is no reason to leave 2.4 kg out of the files: wrists left 58 and 63 %, now 14 and 17.
+    // With a delay made of friction that was fitted beside it no joint is worse than as given (joint 1 was, by a sixth).
     let told = String::from_utf8_lossy(&said.stderr).replace('\n', " ");
-    assert!(told.contains("shoulder_pan_joint is further from the logs than as given"), "{told}");
+    assert!(!told.contains("further from the logs"), "{told}");
     let left = |model: &Path| {
         let mut predict = rivet();
         predict.arg("predict").arg(model).arg(&loaded).arg("--out").arg(folder.path().join("predicted.parquet"));
@@ -152,7 +153,7 @@ fn a_payload_is_named_and_weighed() {
     assert!(after < 0.4 * before, "{before} {after}");
     let payload = cause(&found, "payload");
     assert!(payload["shrink"]["measured"].as_f64() > Some(0.5), "{payload}");
-    // Measured: 2.41 kg, 14.0 % light; least squares over both runs at once give 2.43 to 2.49 kg with these gains.
+    // Measured: 2.40 kg, 14.4 % light; least squares over both runs at once give 2.43 to 2.49 kg with these gains.
     let mass = magnitude(payload, "mass_kg");
     assert!((mass / 2.805 - 1.0).abs() < 0.15, "{mass} kg");
 }
