@@ -172,6 +172,9 @@ fn as_text(found: &Document) -> String {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }
     for input in found.passport.iter().flat_map(|passport| &passport.inputs) {
+        if let Some(off) = input.clock.as_ref().and_then(|clock| clock.off.as_ref()) {
+            out += &paragraph("  clock        ", &format!("{}: {off}", input.name));
+        }
         if let Some(jitter_s) = input.clock.as_ref().and_then(|clock| clock.stamps_jitter_s) {
             let ms = figure(1e3 * jitter_s, 2);
             let text = format!("time stamps of {} jitter by {ms} ms; positions are even: taken as even", input.name);

@@ -24,7 +24,7 @@ pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>],
     let program = std::env::current_exe().context("the path of this program")?;
     let mut inputs = vec![input("robot", robot_file, None)?, input("urdf", &robot.config.urdf, None)?];
     for source in sources {
-        inputs.push(input("log", source.path, Some(clock(source)))?);
+        inputs.push(input("log", source.path, Some(clock(robot, source)))?);
     }
     let from_current = sources.iter().any(|s| matches!(s.log.tau, Some((TorqueSource::Current, _))));
     let torque = if from_current { "motor current times the drive gain of the robot file" } else { "tau of the log" };
@@ -67,7 +67,7 @@ pub(crate) fn sha256(path: &Path) -> Result<String> {
     }))
 }
 
-fn clock(source: &Source<'_>) -> Clock {
+fn clock(robot: &Robot, source: &Source<'_>) -> Clock {
     let log = &source.log;
     let step_s = log.median_step_s();
     let steps: Vec<f64> = log.logged_t().windows(2).map(|w| w[1] - w[0]).collect();
@@ -81,6 +81,7 @@ fn clock(source: &Source<'_>) -> Clock {
         step_s,
         jitter_s: (square / regular.len().max(1) as f64).sqrt(),
         stamps_jitter_s: source.pieces.iter().filter_map(|p| p.report.stamps_jitter_s).reduce(f64::max),
+        off: crate::clock::off(robot, log).map(|distrust| distrust.text),
         gaps: gaps.len(),
         longest_gap_s: gaps.iter().fold(0.0, |m, s| f64::max(m, *s)),
         pieces: source.pieces.len(),

@@ -389,6 +389,9 @@ pub struct Clock {
     /// Root mean square of what the stamps are off the even clock that was taken for them \[s\]; absent where the stamps were taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamps_jitter_s: Option<f64>,
+    /// That time runs fast or slow against the arm's, and what it makes of what is told; absent where nothing says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub off: Option<String>,
     /// Steps that lack samples, and time without any \[s\].
     pub gaps: usize,
     /// Longest of them \[s\].

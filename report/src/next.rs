@@ -131,6 +131,13 @@ impl Document {
                 list(&faults)
             );
         }
+        let clocks =
+            self.passport.iter().flat_map(|passport| &passport.inputs).filter_map(|input| input.clock.as_ref());
+        if clocks.into_iter().any(|clock| clock.off.is_some()) {
+            return "Put the clock of the logs right first (see there), and diagnose again: a time that runs fast or slow is \
+                    rotor inertia and friction."
+                .to_owned();
+        }
         if !self.other_arm.is_empty() {
             return "Check that the robot file and its URDF are those of the arm in the logs.".to_owned();
         }

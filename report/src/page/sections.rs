@@ -312,6 +312,11 @@ pub(super) fn passport(document: &Document) -> String {
             ]);
         }
         out += &table.html();
+        for input in &passport.inputs {
+            if let Some(off) = input.clock.as_ref().and_then(|clock| clock.off.as_ref()) {
+                let _ = writeln!(out, "<p>{}: {}.</p>", escape(&input.name), escape(off));
+            }
+        }
     }
     out = facts(&pairs) + &out;
     if document.log.is_empty() {

@@ -261,6 +261,15 @@ fn a_clock_that_runs_a_little_fast_is_told() {
     });
     assert!(text.contains("period_off") && text.contains("every 1.0100 ms"), "{text}");
     assert_eq!(warned(&|_| ()), "");
+    // What it makes of a sound arm is rotor inertia on five joints.
+    for (change, told) in [(&faster as &dyn Fn(&mut Log), true), (&|_: &mut Log| (), false)] {
+        let logs = case_with(&case, folder.path(), |_, log| change(log));
+        let output = rivet().arg("diagnose").arg(case.join("robot.toml")).args(logs).output().expect("it starts");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let (clock, next) =
+            (text.contains("the clock is off: by column t"), text.contains("Put the clock of the logs right"));
+        assert_eq!((clock, next), (told, told), "{text}");
+    }
 }
 
 /// A channel that dies or repeats its last value for three seconds ruins no value.
