@@ -18,6 +18,11 @@ const SIZED: f64 = 0.02;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
+/// A candidate of a size; none where rows in motion rule it out.
+pub(crate) type Sized = Option<(Candidate, Standing)>;
+/// What else it may be; none where it is told from that.
+pub(crate) type Other = Option<Rival>;
+
 impl Behind {
     /// Whether what is there is the other of the two for sure.
     fn rules_out(&self, form: &Form) -> bool {
@@ -55,7 +60,7 @@ impl<'a> Search<'a> {
         form: &Form,
         behind: Option<&Behind>,
         physics: &[Physics<'_>],
-    ) -> Option<Option<(Candidate, Standing)>> {
+    ) -> Option<Sized> {
         match behind {
             None => self.refine(form, physics).map(Some),
             Some(behind) if behind.rules_out(form) => Some(None),
@@ -86,7 +91,7 @@ impl<'a> Search<'a> {
         (one, its): (&Candidate, &Standing),
         behind: Option<&Behind>,
         physics: &[Physics<'_>],
-    ) -> Option<Option<Rival>> {
+    ) -> Option<Other> {
         let other = match one.form {
             Form::Delay { .. } => Form::Lag { stands: true },
             _ => Form::Delay { seconds: its.added.c[0] },
