@@ -55,12 +55,7 @@ impl<'a> Search<'a> {
 
     /// A delay or lag of the size that rows in motion have, where they tell, else refined as any form; nothing where they rule it out, or
     /// where the size makes no sense.
-    pub(crate) fn behind(
-        &self,
-        form: &Form,
-        behind: Option<&Behind>,
-        physics: &[Physics<'_>],
-    ) -> Option<Sized> {
+    pub(crate) fn behind(&self, form: &Form, behind: Option<&Behind>, physics: &[Physics<'_>]) -> Option<Sized> {
         match behind {
             None => self.refine(form, physics).map(Some),
             Some(behind) if behind.rules_out(form) => Some(None),

@@ -1,8 +1,11 @@
 //! Torque that comes after the motion it makes, or with a gain of two: said, put right where that can be done, sold as no effect.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
+use rivet_dynamics::{Workspace, friction_sign};
 use rivet_logs::{ReadOptions, read, write_columns};
+use rivet_tests::altered::Random;
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
@@ -126,6 +129,60 @@ fn before_lag(tau: &mut [f64], ms: f64) {
     for k in 1..smooth.len() - 1 {
         tau[k] = smooth[k] + 0.5 * ms * (smooth[k + 1] - smooth[k - 1]);
     }
+}
+
+/// Friction that builds up over a fifth of a milliradian comes some 28 ms after the joint has turned over, wherever it does so slowly: that was
+/// torque behind a slow filter, of all joints, and the runs were not judged.
+#[test]
+fn friction_of_stiff_bristles_is_no_late_torque() {
+    const BRISTLE: f64 = 2e-4;
+    let file = robot("manutec-r3");
+    let arm = rivet_config::load(&file).expect("a sound robot file");
+    let (model, n) = (&arm.model, arm.dof());
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut diagnose = rivet();
+    diagnose.arg("diagnose").arg(&file);
+    let mut random = Random(7);
+    for run in 0..2 {
+        let t: Vec<f64> = (0..15_000).map(|k| 1e-3 * f64::from(k)).collect();
+        let mut columns = vec![vec![0.0; t.len()]; 2 * n];
+        let (mut y, mut ws) = (vec![0.0; n * model.len()], Workspace::new(&model.arm));
+        let mut bristle: Vec<f64> = vec![0.0; n];
+        for (k, t) in t.iter().enumerate() {
+            let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+            for j in 0..n {
+                for harmonic in 1..4 {
+                    let rate = TAU * 0.13 * f64::from(harmonic);
+                    let phase = rate * t + (2 + j + 3 * run) as f64 * f64::from(harmonic) * 1.7;
+                    let size = 0.4 / f64::from(harmonic);
+                    state[0][j] += size * phase.sin();
+                    state[1][j] += size * rate * phase.cos();
+                    state[2][j] -= size * rate * rate * phase.sin();
+                }
+            }
+            let [q, qd, qdd] = &state;
+            model.regressor(&mut ws, q, qd, qdd, &mut y);
+            for j in 0..n {
+                let rigid: f64 = y[j * model.len()..][..model.len()].iter().zip(&arm.nominal).map(|(y, x)| y * x).sum();
+                let level = arm.nominal[12 * n + j];
+                bristle[j] = (bristle[j] + qd[j] * 1e-3 / BRISTLE).clamp(-1.0, 1.0);
+                let sliding = friction_sign(qd[j], model.structure.sign_velocity);
+                columns[j][k] = q[j];
+                columns[n + j][k] = rigid + level * (bristle[j] - sliding) + 0.01 * level * random.normal();
+            }
+        }
+        let names = (1..=n).map(|j| format!("q{j}")).chain((1..=n).map(|j| format!("tau{j}")));
+        let signals = names.zip(columns.iter().map(Vec::as_slice));
+        let columns: Vec<(String, &[f64])> = [("t".to_owned(), t.as_slice())].into_iter().chain(signals).collect();
+        let path = folder.path().join(format!("run-{run}.parquet"));
+        write_columns(&path, &columns).expect("written");
+        diagnose.arg(path);
+    }
+    let json = folder.path().join("verdict.json");
+    diagnose.arg("--json").arg(&json).output().expect("the program starts");
+    let found: Value = serde_json::from_str(&std::fs::read_to_string(json).expect("a verdict")).expect("JSON");
+    assert!(findings(&found, "torque_late").is_empty() && findings(&found, "torque_filtered").is_empty(), "{found:#}");
+    assert_ne!(found["verdict"], "not_evaluated");
 }
 
 /// A sensor's slow low-pass is no clock: what is left then would be sold as rotors or a delay.
