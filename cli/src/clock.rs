@@ -9,6 +9,8 @@ use crate::evidence::Distrust;
 use crate::runs;
 use crate::table::number;
 
+/// What the log's own speeds say.
+pub(crate) const OFF_NAME: &str = "clock_off";
 /// Rows that come nearly, but not quite, as often as the robot file's samples.
 const NEARLY: RangeInclusive<f64> = 2e-3..=0.1;
 /// Rows of a counted clock are as far apart as the usual ones, within this share; what was read from a clock jitters.
@@ -19,7 +21,7 @@ const ODD: f64 = 0.02;
 /// That the time of a log runs fast or slow.
 pub(crate) fn off(robot: &Robot, log: &Log) -> Option<Distrust> {
     let (name, text) = match log.clock_rate() {
-        Some(rate) if rate.is_off() => ("clock_off", by_speeds(&rate)),
+        Some(rate) if rate.is_off() => (OFF_NAME, by_speeds(&rate)),
         Some(rate) if rate.is_right() => return None,
         _ => ("period_off", by_period(log, robot.config.sample_period_s)?),
     };

@@ -65,6 +65,12 @@ pub(crate) struct Args {
 /// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    for path in args.json.iter().chain(&args.html) {
+        rivet_files::writable(path).with_context(|| path.display().to_string())?;
+    }
+    for folder in &args.export {
+        rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
+    }
     let folder = tempfile::tempdir().context("a folder for the window")?;
     let mut logs = args.logs.clone();
     if let Some(seconds) = args.live {
@@ -173,7 +179,7 @@ fn as_text(found: &Document) -> String {
     }
     for input in found.passport.iter().flat_map(|passport| &passport.inputs) {
         if let Some(off) = input.clock.as_ref().and_then(|clock| clock.off.as_ref()) {
-            out += &paragraph("  clock        ", &format!("{}: {off}", input.name));
+            out += &paragraph("  clock        ", &format!("{}: {}", input.name, off.text));
         }
         if let Some(jitter_s) = input.clock.as_ref().and_then(|clock| clock.stamps_jitter_s) {
             let ms = figure(1e3 * jitter_s, 2);

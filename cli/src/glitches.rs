@@ -17,6 +17,8 @@ use crate::runs;
 use crate::stairs;
 use crate::table::number;
 
+/// Rows of a log that may be left out where a torque stood, as a share.
+const MOST_STOOD: f64 = 0.5;
 /// Positions that jump.
 pub(crate) const JUMP_NAME: &str = "position_jump";
 
@@ -151,6 +153,14 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         .into());
     }
     frozen::take_out(robot, &mut sound);
+    if sound.left_out.len() as f64 > MOST_STOOD * log.len() as f64 {
+        let (file, rows) = (log.path.display(), share(sound.left_out.len(), log.len()));
+        return Err(Fault::Data(format!(
+            "{file}: {rows} would be left out, more than half: {}; mend the log or give the part that is sound",
+            sound.reason().unwrap_or_default()
+        ))
+        .into());
+    }
     stairs::take_out(robot, &mut sound);
     Ok(sound)
 }

@@ -165,6 +165,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     for path in args.json.iter().chain(&args.stream) {
         rivet_files::writable(path).with_context(|| path.display().to_string())?;
     }
+    for folder in &args.export {
+        rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
+    }
     if args.online {
         let [log] = args.logs.as_slice() else {
             return Err(Fault::Usage(format!("--online takes one log; {} are given", args.logs.len())).into());
@@ -465,7 +468,11 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     }
     // A plan that is held comes late by its stairs; drawn anew it tells the clock.
     sound.found.extend(clock::off(robot, &sound.log));
-    sound.found.extend(channels::clipped(robot, log)?);
+    // Where it stood it is not at its limit.
+    let stood: Vec<Option<String>> =
+        sound.found.iter().filter(|d| d.name == evidence::TORQUE_STOOD_NAME).map(|d| d.joint.clone()).collect();
+    let clipped = channels::clipped(robot, log)?.into_iter().filter(|d| !stood.contains(&d.joint));
+    sound.found.extend(clipped);
     sound.found.extend(slow(robot, log));
     let coarse = coarse(robot, &sound.log);
     sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));

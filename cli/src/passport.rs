@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_logs::{Log, TorqueSource};
-use rivet_report::{Clock, Input, Passport, Tool};
+use rivet_report::{Clock, ClockOff, Input, Passport, Tool};
 use sha2::{Digest, Sha256};
 
 use crate::runs::{Piece, short_name};
@@ -81,7 +81,8 @@ fn clock(robot: &Robot, source: &Source<'_>) -> Clock {
         step_s,
         jitter_s: (square / regular.len().max(1) as f64).sqrt(),
         stamps_jitter_s: source.pieces.iter().filter_map(|p| p.report.stamps_jitter_s).reduce(f64::max),
-        off: crate::clock::off(robot, log).map(|distrust| distrust.text),
+        off: crate::clock::off(robot, log)
+            .map(|distrust| ClockOff { sure: distrust.name == crate::clock::OFF_NAME, text: distrust.text }),
         gaps: gaps.len(),
         longest_gap_s: gaps.iter().fold(0.0, |m, s| f64::max(m, *s)),
         pieces: source.pieces.len(),

@@ -68,9 +68,32 @@ pub fn writable(path: &Path) -> io::Result<()> {
     File::create(&probe).and_then(|_| fs::remove_file(&probe))
 }
 
+/// That files can be written into a folder, which need not be there yet: asked before what takes long. Makes nothing.
+pub fn writable_folder(folder: &Path) -> io::Result<()> {
+    let there =
+        folder.ancestors().map(|a| if a.as_os_str().is_empty() { Path::new(".") } else { a }).find(|a| a.exists());
+    match there {
+        Some(there) if there.is_dir() => writable(&there.join("probe")),
+        _ => Err(io::ErrorKind::NotADirectory.into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_is_asked_before_it_is_made() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, deep) = (folder.path().join("file"), folder.path().join("a/b/c"));
+        fs::write(&file, "text").expect("written");
+        assert!(writable_folder(folder.path()).is_ok() && writable_folder(&deep).is_ok());
+        for no in [file.clone(), file.join("a"), PathBuf::from("/proc/x/y")] {
+            assert!(writable_folder(&no).is_err(), "{}", no.display());
+        }
+        let names: Vec<_> = fs::read_dir(folder.path()).expect("there").flatten().map(|e| e.file_name()).collect();
+        assert_eq!(names, ["file"], "nothing was made");
+    }
 
     #[test]
     fn a_link_stays_one_and_what_it_points_to_is_replaced() {

@@ -19,6 +19,8 @@ const USUAL_S: f64 = 0.1;
 const FEW: f64 = 0.05;
 /// Otherwise: in so many stretches of `LEAST_S` in which the joint moves, at the least.
 const STRETCHES: usize = 8;
+/// Where it moves in fewer, a stand of this length is one that needs no other to be held against \[s\].
+const LONG_S: f64 = 2.0;
 /// A joint moves that runs through so much \[rad\] and so many steps of its readings.
 const MOVES: f64 = 5e-3;
 const STEPS: f64 = 20.0;
@@ -35,8 +37,8 @@ const PARTS: usize = 8;
 pub struct Frozen {
     /// Rows of each.
     pub rows: Vec<Range<usize>>,
-    /// For how long torque stands otherwise at most, but for a few stretches \[s\].
-    pub usual_s: f64,
+    /// For how long torque stands otherwise at most, but for a few stretches \[s\]; none where the joint hardly moves beside them.
+    pub usual_s: Option<f64>,
 }
 
 impl Log {
@@ -72,8 +74,13 @@ fn frozen(t: &[f64], q: &[f64], tau: &[f64]) -> Option<Frozen> {
         if cut_off(run) { f64::INFINITY } else { from(run.start.wrapping_sub(1)).max(from(run.end)) }
     };
     let mut stands: Vec<Range<usize>> = held.iter().filter(|run| long(run)).cloned().collect();
-    let usual_s = usual_s(t, q, way, &held, &stands)?;
-    stands.retain(|run| seconds(run) > LONGER * usual_s && !at_limit(tau[run.start]) && span(&q[run.clone()]) > way);
+    let usual_s = usual_s(t, q, way, &held, &stands);
+    let least_s = match usual_s {
+        Usual::Known(usual_s) => LONGER * usual_s,
+        Usual::HardlyMoves => LONG_S,
+        Usual::Coarse => return None,
+    };
+    stands.retain(|run| seconds(run) > least_s && !at_limit(tau[run.start]) && span(&q[run.clone()]) > way);
     let (surely, perhaps): (Vec<_>, Vec<_>) =
         stands.into_iter().partition(|run| changes_speed(t, q, run) && jump(run) > JUMPS * step);
     let mut rows = surely;
@@ -82,12 +89,22 @@ fn frozen(t: &[f64], q: &[f64], tau: &[f64]) -> Option<Frozen> {
     }
     rows.extend(perhaps.into_iter().filter(|run| jump(run) > JUMPS * usual));
     rows.sort_unstable_by_key(|run| run.start);
+    let usual_s = if let Usual::Known(usual_s) = usual_s { Some(usual_s) } else { None };
     Some(Frozen { rows, usual_s })
 }
 
-/// For how long a torque stands in motion, beside the long stands `but`: the longest in each stretch, and the longest of those but a few. None
-/// where it hardly moves beside them.
-fn usual_s(t: &[f64], q: &[f64], way: f64, held: &[Range<usize>], but: &[Range<usize>]) -> Option<f64> {
+/// How a torque stands in motion where it is neither dead nor frozen.
+enum Usual {
+    /// For so long at most, but for a few stretches \[s\].
+    Known(f64),
+    /// The joint moves in too few stretches beside.
+    HardlyMoves,
+    /// So long that a stand says nothing.
+    Coarse,
+}
+
+/// How long a torque stands in motion, beside the long stands `but`: the longest in each stretch, and the longest of those but a few.
+fn usual_s(t: &[f64], q: &[f64], way: f64, held: &[Range<usize>], but: &[Range<usize>]) -> Usual {
     let (mut longest, mut from) = (Vec::new(), 0);
     let (mut held, mut but) = (held.iter().peekable(), but.iter().peekable());
     while from < t.len() {
@@ -103,8 +120,11 @@ fn usual_s(t: &[f64], q: &[f64], way: f64, held: &[Range<usize>], but: &[Range<u
     }
     longest.sort_unstable_by(f64::total_cmp);
     let few = (FEW * longest.len() as f64) as usize;
-    let usual_s = *longest.get(longest.len().checked_sub(1 + few)?)?;
-    (longest.len() >= STRETCHES && usual_s <= USUAL_S).then_some(usual_s)
+    match longest.len().checked_sub(1 + few).map(|at| longest[at]) {
+        Some(usual_s) if usual_s > USUAL_S => Usual::Coarse,
+        Some(usual_s) if longest.len() >= STRETCHES => Usual::Known(usual_s),
+        _ => Usual::HardlyMoves,
+    }
 }
 
 fn span(q: &[f64]) -> f64 {
@@ -156,6 +176,17 @@ mod tests {
                 let rows = &found.rows[0];
                 assert!(rows.start.abs_diff(from) <= 3 && rows.end.abs_diff(to) <= 3, "{found:?}");
             }
+        }
+    }
+
+    /// As soon as the log begins, so that next to nothing is left to hold it against.
+    #[test]
+    fn torque_that_dies_early_is_told() {
+        for from in [300, 800, 1500] {
+            let mut tau = torque(1e-3);
+            tau[from..].fill(0.0);
+            let found = frozen(&times(), &positions(), &tau).expect("frozen");
+            assert!(found.rows.len() == 1 && found.rows[0].start.abs_diff(from) <= 3, "{found:?}");
         }
     }
 

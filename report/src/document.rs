@@ -375,6 +375,15 @@ pub struct Input {
     pub clock: Option<Clock>,
 }
 
+/// A clock that is off.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ClockOff {
+    /// Whether the log's own speeds say so; else its rows come nearly as often as the robot file says.
+    pub sure: bool,
+    /// By how much, and what it makes of what is told.
+    pub text: String,
+}
+
 /// Time stamps of a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Clock {
@@ -391,7 +400,7 @@ pub struct Clock {
     pub stamps_jitter_s: Option<f64>,
     /// That time runs fast or slow against the arm's, and what it makes of what is told; absent where nothing says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub off: Option<String>,
+    pub off: Option<ClockOff>,
     /// Steps that lack samples, and time without any \[s\].
     pub gaps: usize,
     /// Longest of them \[s\].

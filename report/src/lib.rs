@@ -15,8 +15,9 @@ pub mod words;
 
 pub use changes::{Changes, JointChange, Kept, Pair, ValueChange};
 pub use document::{
-    Cause, Cell, Clock, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap, Left,
-    LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, Power, SCHEMA, SelfCheck, Shrink, Stage, Tool,
+    Cause, Cell, Clock, ClockOff, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap,
+    Left, LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, Power, SCHEMA, SelfCheck, Shrink, Stage,
+    Tool,
 };
 pub use export::formats;
 pub use page::page;

@@ -133,7 +133,7 @@ impl Document {
         }
         let clocks =
             self.passport.iter().flat_map(|passport| &passport.inputs).filter_map(|input| input.clock.as_ref());
-        if clocks.into_iter().any(|clock| clock.off.is_some()) {
+        if clocks.into_iter().any(|clock| clock.off.as_ref().is_some_and(|off| off.sure)) {
             return "Put the clock of the logs right first (see there), and diagnose again: a time that runs fast or slow is \
                     rotor inertia and friction."
                 .to_owned();

@@ -314,7 +314,7 @@ pub(super) fn passport(document: &Document) -> String {
         out += &table.html();
         for input in &passport.inputs {
             if let Some(off) = input.clock.as_ref().and_then(|clock| clock.off.as_ref()) {
-                let _ = writeln!(out, "<p>{}: {}.</p>", escape(&input.name), escape(off));
+                let _ = writeln!(out, "<p>{}: {}.</p>", escape(&input.name), escape(&off.text));
             }
         }
     }

@@ -3,8 +3,8 @@
 use super::bench::{Bench, PERIOD_S, Source, Swing, Trace, largest, repeat, run};
 use super::{Check, Figure, Series, Unit, dashes, line, panel};
 use rivet_estimation::{
-    ColumnsSettings, EigenSettings, EstimatorKind, Filtering, ParameterState, Prior, ReferenceWorkload, Scales,
-    Settings, Supervision, TrackedSettings, Window,
+    ColumnsSettings, EigenSettings, EstimatorKind, Filtering, Prior, ReferenceWorkload, Scales, Settings, Supervision,
+    TrackedSettings, Window,
 };
 
 /// Encoder step \[rad\].
@@ -106,13 +106,15 @@ const CHANGE_S: f64 = 12.0;
 const LAST_S: f64 = 24.0;
 /// By how much dry friction rises then.
 const RISE: f64 = 1.15;
+/// A parameter that moved by less than this share of itself was dropped.
+const STAYED: f64 = 1e-3;
 /// How much viscous friction is too high at the start.
 const WRONG: f64 = 1.4;
 
 /// What a scheme did with the pair in one repetition.
 struct Pair {
     trace: Trace,
-    /// Parameters of the pair that were not active at the end.
+    /// Parameters of the pair that stayed where they began.
     dropped: usize,
     /// The pair's values before the change.
     before: [f64; 2],
@@ -182,7 +184,8 @@ impl Twins {
                 }
             }
             let estimate = identifier.estimate();
-            let dropped = self.place.iter().filter(|i| estimate.state[**i] != ParameterState::Active).count();
+            let stayed = |i: &&usize| (estimate.values[**i] / self.start[**i] - 1.0).abs() < STAYED;
+            let dropped = self.place.iter().filter(stayed).count();
             Pair { dropped, before, after: estimate.values.to_vec(), trace }
         })
     }
