@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     for path in args.json.iter().chain(&args.html) {
         rivet_files::writable(path).with_context(|| path.display().to_string())?;
     }
-    for folder in &args.export {
+    if let Some(folder) = &args.export {
         rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
     }
     let folder = tempfile::tempdir().context("a folder for the window")?;

@@ -165,7 +165,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     for path in args.json.iter().chain(&args.stream) {
         rivet_files::writable(path).with_context(|| path.display().to_string())?;
     }
-    for folder in &args.export {
+    if let Some(folder) = &args.export {
         rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
     }
     if args.online {

@@ -4,9 +4,7 @@
 //! the motion is none that an arm makes: it went through a filter, or has a clock of its own. Each joint's torque is fitted by all
 //! values of the model, whatever the file says of them, and moved in time until that leaves least; the joints must agree.
 //!
-//! Torque that comes *before* the motion by more than a drive's hold is a delay of the drive or a lag of it, which differ in that a lag
-//! smears. Rows in which the joints turn tell the two apart, and how large it is, far better than the rows about a reversal, where most of
-//! the gap is: there friction's own beginning looks like either.
+//! Torque that comes *before* the motion by more than a drive's hold is a delay of the drive or a lag of it (`behind.rs`).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -40,14 +38,14 @@ const ALIKE_S: f64 = 1e-3;
 /// the model filter a faster one is a move.
 const FILTER_SHARE: f64 = 0.8;
 const LEAST_FILTER_S: f64 = 0.005;
-/// Time constants of a lag that are tried, a step apart.
-const LAGS: usize = 25;
 /// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
 const MOVING: f64 = 0.05;
 const MOVING_SHARE: f64 = 0.5;
 /// Rows as close as this to slower ones \[s\] feel through the filters how friction turns over: that of bristles of 0.2 mrad does so 28 ms late,
 /// and all rows then say that torque is 3.5 ms late.
 const REVERSAL_S: f64 = 0.1;
+/// The same where filters are slower.
+const CLEAR_S: f64 = 0.2;
 /// Rows that a joint has to have for each of its columns, and that are enough of any.
 const ROWS_PER_COLUMN: usize = 4;
 const MOST_ROWS: usize = 12_000;
@@ -70,8 +68,8 @@ struct JointTiming {
     /// Sum of squares for every move, and for every time constant of a filter that is undone \[N²·m²\].
     moved: Vec<f64>,
     unfiltered: Vec<f64>,
-    /// The same for every time constant of a lag that the torque has yet to go through.
-    lagged: Vec<f64>,
+    /// In these rows.
+    rows: Vec<usize>,
     /// One over the variance at the best move, as far as rows are independent.
     weight: f64,
     /// Root mean square at the best move \[N·m\].
@@ -121,35 +119,52 @@ pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn
     found
 }
 
-/// By how much the arm follows its torque late, as rows tell in which it turns.
-pub(crate) struct Behind {
-    /// The delay that leaves least \[s\], and the time constant of the lag that does.
-    pub(crate) delay: f64,
-    pub(crate) lag: f64,
-    /// Log likelihood by which the delay is ahead of the lag.
-    pub(crate) ahead: f64,
+/// What rows in which joints turn say of how much the arm follows its torque late.
+pub(crate) struct Early {
+    /// By how much at most \[s\], as sure as may be; none where a run says nothing.
+    pub(crate) most: Option<f64>,
+    /// By how much \[s\], where all runs are sure that all of the arm is.
+    pub(crate) sure: Option<f64>,
+    /// What these rows are.
+    pub(crate) parts: Vec<Part>,
 }
 
-impl Behind {
-    /// None where a run is not sure that all of the arm is, or none of either kind is inside of what is tried.
-    pub(crate) fn of(runs: &[&Prepared]) -> Option<Behind> {
-        let timings: Vec<Timing> = runs.iter().map(|run| Timing::of(run)).collect::<Option<_>>()?;
-        let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-        if !runs.iter().zip(&timings).all(|(run, timing)| timing.late < 0.0 && timing.is_off(least(run))) {
-            return None;
-        }
-        let joints = || timings.iter().flat_map(|timing| &timing.joints);
-        let all = |count: usize, of: &dyn Fn(&JointTiming, usize) -> f64| -> Vec<f64> {
-            (0..count).map(|k| joints().map(|t| t.weight * of(t, k)).sum()).collect()
+/// Rows that are far from any reversal.
+pub(crate) fn clear(runs: &[&Prepared]) -> Vec<Part> {
+    parts(runs.iter().enumerate().filter_map(|(at, run)| Some((at, Timing::within(run, CLEAR_S)?))))
+}
+
+fn parts(timings: impl Iterator<Item = (usize, Timing)>) -> Vec<Part> {
+    let of = |(run, timing): (usize, Timing)| {
+        timing.joints.into_iter().map(move |t| Part { run, joint: t.joint, rows: t.rows, weight: t.weight })
+    };
+    timings.flat_map(of).collect()
+}
+
+/// Rows of one joint in one run.
+pub(crate) struct Part {
+    pub(crate) run: usize,
+    pub(crate) joint: usize,
+    pub(crate) rows: Vec<usize>,
+    /// One over the variance, as far as rows are independent.
+    pub(crate) weight: f64,
+}
+
+impl Early {
+    pub(crate) fn of(runs: &[&Prepared]) -> Early {
+        let timings: Option<Vec<Timing>> = runs.iter().map(|run| Timing::of(run)).collect();
+        let Some(timings) = timings else {
+            return Early { most: None, sure: None, parts: Vec::new() };
         };
-        let (now, times) = (nearest(0.0), (0..LAGS).map(|k| k as f64 * STEP_S).collect::<Vec<_>>());
-        let (moved, lagged) = (all(now + 1, &|t, k| t.moved[now - k]), all(LAGS, &|t, k| t.lagged[k]));
+        let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
+        let sure = runs.iter().zip(&timings).all(|(run, timing)| timing.late < 0.0 && timing.is_off(least(run)));
+        let joints = || timings.iter().flat_map(|timing| &timing.joints);
+        let now = nearest(0.0);
+        let moved: Vec<f64> = (0..=now).map(|k| joints().map(|t| t.weight * t.moved[now - k]).sum()).collect();
         let places: Vec<f64> = (0..=now).map(|k| k as f64 * STEP_S).collect();
-        // A delay of 15 ms is best imitated by a lag beyond what is tried.
-        let delay = lowest(&places, &moved)?.0;
-        let lag = lowest(&times, &lagged).map_or(LAGS as f64 * STEP_S, |(lag, _)| lag);
-        let least = |curve: &[f64]| curve.iter().copied().fold(f64::INFINITY, f64::min);
-        Some(Behind { delay, lag, ahead: 0.5 * (least(&lagged) - least(&moved)) })
+        let most = timings.iter().map(|timing| SURE * timing.sigma - timing.late).fold(f64::NEG_INFINITY, f64::max);
+        let sure = lowest(&places, &moved).map(|(early, _)| early).filter(|_| sure);
+        Early { most: Some(most), sure, parts: parts(timings.into_iter().enumerate()) }
     }
 }
 
@@ -266,13 +281,21 @@ impl JointTiming {
             torque(now, rows[r]) + moves[now + c] * rate(rows[r])
         });
         let (moved, unfiltered) = (equations.left(&y)?, equations.left(&z)?);
-        let lagged = equations.left(&(&y * smears(now, moves.len())))?;
         let (late, bend) = lowest(moves, &moved)?;
         let after = equations.residual(y.column(nearest(late)).into_owned());
         let variance = after.norm_squared() / rows.len() as f64;
         let weight = 1.0 / (variance * correlation(&[&after])).max(f64::MIN_POSITIVE);
         let sigma = (2.0 / (weight * bend)).sqrt();
-        Some(JointTiming { joint: j, moved, unfiltered, lagged, weight, rms: variance.sqrt(), late, sigma })
+        Some(JointTiming {
+            joint: j,
+            moved,
+            unfiltered,
+            rows: equations.rows,
+            weight,
+            rms: variance.sqrt(),
+            late,
+            sigma,
+        })
     }
 
     /// By how much less is left with torque moved by `late` \[s\] than as it is, in units of the noise squared.
@@ -328,19 +351,6 @@ impl Equations {
         let x = self.factor.solve(&self.d.tr_mul(&y));
         y - &self.d * x
     }
-}
-
-/// Weights of the moves that a lag of each time constant is, one column each: an exponential over the moves of torque from before, as far
-/// as those go.
-fn smears(now: usize, moves: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(moves, LAGS, |at, k| match (now.checked_sub(at), k) {
-        (None, _) => 0.0,
-        (Some(before), 0) => f64::from(u8::from(before == 0)),
-        (Some(before), _) => {
-            let own = |before: usize| (-(before as f64) / k as f64).exp();
-            own(before) / (0..=now).map(own).sum::<f64>()
-        }
-    })
 }
 
 /// Moves that are tried \[s\]: torque is taken so much later.

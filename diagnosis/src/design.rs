@@ -68,6 +68,12 @@ impl Prepared {
         Prepared::by(chain, run, nominal)
     }
 
+    /// The same run by a slower model filter \[Hz\].
+    pub(crate) fn up_to(&self, hz: f64, nominal: &Nominal) -> Prepared {
+        let run = Prepared::by(Chain::up_to(hz, self.run.period_s), self.run.clone(), nominal);
+        Prepared { silent: self.silent.clone(), ..run }
+    }
+
     /// With rows made by `chain`.
     pub(crate) fn by(chain: Chain, run: Run, nominal: &Nominal) -> Prepared {
         let motion = Motion::of(&run);

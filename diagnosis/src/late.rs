@@ -1,12 +1,14 @@
 //! Delay or lag: how large, and which of the two.
 //!
 //! Most of what either leaves is at reversals, where friction's own beginning looks like more or less of it: sizes told from there were off by
-//! a third, and a lag of 4 ms was called a delay. Where [the rows in which joints turn](Behind) tell, they decide; where they do not, the
-//! two are one class.
+//! a third. Where [rows in which joints turn](Behind) tell, they decide; where they do not, the two are one class.
+
+use std::cell::OnceCell;
 
 use nalgebra::DVector;
 
-use crate::alignment::Behind;
+use crate::alignment::Early;
+use crate::behind::Behind;
 use crate::evidence::Belief;
 use crate::form::{Form, HELD};
 use crate::physics::Physics;
@@ -15,6 +17,8 @@ use crate::select::{Adopted, RIVAL_GAP, Rival};
 
 /// How surely it is as large as rows in motion have it, as a share of that.
 const SIZED: f64 = 0.02;
+/// What rows in motion surely are below this share of is no size.
+const AGAINST: f64 = 0.5;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
@@ -22,6 +26,22 @@ const MADE_AGAIN: usize = 3;
 pub(crate) type Sized = Option<(Candidate, Standing)>;
 /// What else it may be; none where it is told from that.
 pub(crate) type Other = Option<Rival>;
+
+/// What rows in motion say; looked up once it is needed.
+#[derive(Default)]
+pub(crate) struct Clock {
+    told: OnceCell<(Option<f64>, Option<Behind>)>,
+}
+
+impl Clock {
+    fn told(&self, search: &Search<'_>) -> &(Option<f64>, Option<Behind>) {
+        self.told.get_or_init(|| {
+            let early = Early::of(&search.runs);
+            let behind = Behind::of(&search.runs, search.nominal, &early);
+            (early.most, behind)
+        })
+    }
+}
 
 impl Behind {
     /// Whether what is there is the other of the two for sure.
@@ -33,6 +53,11 @@ impl Behind {
     }
 }
 
+/// The other of the two, of a size that is still to be found.
+fn other(form: &Form) -> Form {
+    if let Form::Delay { .. } = form { Form::Lag { stands: true } } else { Form::Delay { seconds: 0.0 } }
+}
+
 impl<'a> Search<'a> {
     /// What was adopted last, made of the torque that the model has now: it is the model's own torque, moved, and values that were fitted
     /// without it have friction too low and bodies wrong. Signals of the runs with it; none where the equations have no solution.
@@ -42,24 +67,39 @@ impl<'a> Search<'a> {
         adoption: &mut Adopted,
         mut physics: Vec<Physics<'a>>,
     ) -> Option<Vec<Physics<'a>>> {
+        let mut last = candidate.clone();
         for _ in 0..MADE_AGAIN {
             let Some(mut next) = self.candidate(candidate.form.clone(), &physics) else { break };
             next.belief = candidate.belief.clone();
             let values = candidate.form.made_with(physics.first()?).to_vec();
             self.design.give_up(&adoption.mean);
-            physics = self.extend(&next, &adoption.mean)?;
+            let Some(made) = self.extend(&next, &adoption.mean) else {
+                // As it was: there it had a solution.
+                let before = self.extend(&last, &adoption.mean);
+                return before.map(|_| physics);
+            };
+            (physics, last) = (made, next);
             adoption.values = values;
         }
         Some(physics)
     }
 
-    /// A delay or lag of the size that rows in motion have, where they tell, else refined as any form; nothing where they rule it out, or
-    /// where the size makes no sense.
-    pub(crate) fn behind(&self, form: &Form, behind: Option<&Behind>, physics: &[Physics<'_>]) -> Option<Sized> {
+    /// A delay or lag of the size that rows in motion have, where they tell, and the other where they rule it out; else refined as any form.
+    /// Nothing where the size makes no sense.
+    pub(crate) fn late(&self, form: &Form, clock: &Clock, physics: &[Physics<'_>]) -> Option<Sized> {
+        let (most, behind) = clock.told(self);
         match behind {
-            None => self.refine(form, physics).map(Some),
-            Some(behind) if behind.rules_out(form) => Some(None),
+            Some(behind) if behind.rules_out(form) => Some(self.of_size(&other(form), behind, physics)),
             Some(behind) => Some(self.of_size(form, behind, physics)),
+            None => {
+                let (candidate, standing) = self.refine(form, physics)?;
+                let seconds = match candidate.form {
+                    Form::Delay { seconds } => seconds * standing.added.c[0],
+                    _ => standing.added.c[0],
+                };
+                let against = most.is_some_and(|most| most < AGAINST * seconds);
+                Some((!against).then_some((candidate, standing)))
+            }
         }
     }
 
@@ -84,20 +124,19 @@ impl<'a> Search<'a> {
     pub(crate) fn other_kind_of_late(
         &self,
         (one, its): (&Candidate, &Standing),
-        behind: Option<&Behind>,
+        clock: &Clock,
         physics: &[Physics<'_>],
-    ) -> Option<Other> {
-        let other = match one.form {
-            Form::Delay { .. } => Form::Lag { stands: true },
-            _ => Form::Delay { seconds: its.added.c[0] },
+    ) -> Other {
+        let other = match other(&one.form) {
+            Form::Delay { .. } => Form::Delay { seconds: its.added.c[0] },
+            lag => lag,
         };
-        let made = match behind {
-            Some(behind) if behind.rules_out(&other) => return Some(None),
-            Some(behind) => self.of_size(&other, behind, physics),
-            None => Some(self.refine(&other, physics)?),
+        let (other, standing) = match &clock.told(self).1 {
+            Some(behind) if behind.rules_out(&other) => return None,
+            Some(behind) => self.of_size(&other, behind, physics)?,
+            None => self.refine(&other, physics)?,
         };
-        let Some((other, standing)) = made else { return Some(None) };
         let cosine = self.cosine(&self.solved(self.scale)?, (one, &its.added.c), (&other, &standing.added.c))?;
-        Some(Rival::of(&other.form, cosine))
+        Some(Rival { form: other.form, cosine })
     }
 }

@@ -23,6 +23,7 @@
 mod alignment;
 mod another_law;
 mod background;
+mod behind;
 mod body;
 mod bursts;
 mod class;

@@ -1,10 +1,7 @@
 //! Forward selection of effects on the runs that may be looked at.
 
-use std::cell::OnceCell;
-
 use nalgebra::DVector;
 
-use crate::alignment::Behind;
 use crate::another_law;
 use crate::bursts;
 use crate::dragged;
@@ -13,6 +10,7 @@ use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
 use crate::form::Form;
 use crate::instead::ALONG;
+use crate::late::Clock;
 use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
@@ -202,7 +200,7 @@ pub(crate) fn best(
     let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
     let mut listed: Vec<(Candidate, Standing)> = Vec::new();
     let mut doubtful: Vec<Form> = Vec::new();
-    let behind: OnceCell<Option<Behind>> = OnceCell::new();
+    let clock = Clock::default();
     let noisy_beside =
         |form: &Form| (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j));
     for standing in &standings {
@@ -245,8 +243,10 @@ pub(crate) fn best(
         let (candidate, standing) = if !refined {
             (candidates[standing.at].clone(), standing.clone())
         } else if form.shifts_time() {
-            let behind = behind.get_or_init(|| Behind::of(&search.runs));
-            let Some(sized) = search.behind(form, behind.as_ref(), physics)? else { continue };
+            let Some(sized) = search.late(form, &clock, physics)? else { continue };
+            if listed.iter().any(|(other, _)| other.form == sized.0.form) {
+                continue;
+            }
             sized
         } else {
             search.refine(form, physics)?
@@ -358,8 +358,7 @@ pub(crate) fn best(
     }
     let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
     if candidate.form.shifts_time() && rivals.iter().all(|rival: &Rival| !rival.form.shifts_time()) {
-        let behind = behind.get().and_then(Option::as_ref);
-        rivals.extend(search.other_kind_of_late((&candidate, &standing), behind, physics)?);
+        rivals.extend(search.other_kind_of_late((&candidate, &standing), &clock, physics));
     }
     let adoption = Adopted {
         shares,

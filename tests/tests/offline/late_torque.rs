@@ -96,25 +96,37 @@ fn one_late_channel_is_said_of_its_joint() {
     assert_eq!(found["verdict"], "no_gap", "{found:#}");
 }
 
-/// Told with a third too much or too little, or by the other's name, where the rows at reversals were asked: 12.7 and 23.8 ms for 10 and 15.
+/// Told with a third too much or too little where the rows at reversals were asked: 12.7 and 23.8 ms for 10 and 15. Which of the two it is these
+/// logs tell of long ones only; of the others both are said, whatever noise the torque has. Of a file that is off, delays were lags (0.97).
 #[test]
-fn a_delay_and_a_lag_are_told_apart_with_their_size() {
-    let Some(case) = shared("data/practice/case-24") else { return };
-    let size = |found: &Value, effect: &str, key: &str| {
-        assert_eq!(causes(found), [effect], "{found:#}");
-        let others = found["causes"][0]["indistinguishable_from"].as_array().expect("a list");
-        assert!(others.is_empty(), "{others:?}");
-        1e3 * found["causes"][0]["magnitude"][key].as_f64().expect("a time")
+fn a_delay_and_a_lag_are_sized_and_told_apart_or_both_said() {
+    let size = |found: &Value, effect: &str, sure: bool| {
+        let causes = found["causes"].as_array().expect("causes");
+        let late = |c: &&Value| c["effect"] == "transport_delay" || c["effect"] == "current_loop_lag";
+        let cause = causes.iter().find(late).unwrap_or_else(|| panic!("none: {:#}", found["hints"]));
+        let others = cause["indistinguishable_from"].as_array().expect("a list");
+        assert!(cause["effect"] == effect || others.iter().any(|other| other == effect), "{effect}: {cause:#}");
+        assert!(!sure || cause["effect"] == effect && others.is_empty(), "{others:?}");
+        let told = |key: &str| cause["magnitude"][key].as_f64();
+        1e3 * told("seconds").or_else(|| told("time_constant_s")).expect("a time")
     };
-    for ms in [4, 10, 15] {
+    for (case, ms, sure) in [
+        ("practice/case-24", 4, false),
+        ("practice/case-24", 10, false),
+        ("practice/case-24", 15, true),
+        ("practice-wrong-nominal/case-15", 4, false),
+        ("practice-wrong-nominal/case-15", 8, false),
+    ] {
+        let Some(case) = shared("data").map(|folder| folder.join(case)) else { return };
         let found = judged(&case, |tau| tau.iter_mut().for_each(|tau| later(tau, -ms)));
-        let told = size(&found, "transport_delay", "seconds");
-        assert!((told / ms as f64 - 1.0).abs() < 0.15, "{told} ms for {ms}");
+        let told = size(&found, "transport_delay", sure);
+        assert!((told / ms as f64 - 1.0).abs() < 0.2, "{told} ms for {ms}");
     }
-    for ms in [5.0, 10.0, 15.0] {
+    for (ms, sure) in [(5.0, false), (10.0, false), (15.0, false)] {
+        let Some(case) = shared("data/practice/case-24") else { return };
         let found = judged(&case, |tau| tau.iter_mut().for_each(|tau| before_lag(tau, ms)));
-        let told = size(&found, "current_loop_lag", "time_constant_s");
-        assert!((told / ms - 1.0).abs() < 0.15, "{told} ms for {ms}");
+        let told = size(&found, "current_loop_lag", sure);
+        assert!((told / ms - 1.0).abs() < 0.2, "{told} ms for {ms}");
     }
 }
 
