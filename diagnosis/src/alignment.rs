@@ -219,7 +219,11 @@ impl Timing {
     fn of(run: &Prepared) -> Option<Timing> {
         let all = Self::within(run, 0.0);
         let Some(clear) = Self::within(run, REVERSAL_S) else { return all };
-        let agrees = |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S;
+        let near = |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S;
+        // Behind a slow filter they are late as well, by another time.
+        let filtered =
+            |all: &Timing| clear.late > 0.5 * all.late && all.late > SURE * all.sigma && all.filter().is_some();
+        let agrees = |all: &Timing| near(all) || filtered(all);
         Some(all.filter(agrees).unwrap_or(clear))
     }
 

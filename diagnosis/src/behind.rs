@@ -85,7 +85,9 @@ impl<'a> Rows<'a> {
     fn with(&self, signal: &[Vec<f64>]) -> DVector<f64> {
         let mut products = DVector::zeros(self.gram.nrows());
         for (part, signal) in self.parts.iter().zip(signal) {
-            own(self.runs[part.run], part).iter().for_each(|(c, x)| products[*c] += part.product(x, signal));
+            for (c, x) in own(self.runs[part.run], part) {
+                products[c] += part.product(x, signal);
+            }
         }
         products
     }

@@ -18,7 +18,7 @@ use crate::select::{Adopted, RIVAL_GAP, Rival};
 /// How surely it is as large as rows in motion have it, as a share of that.
 const SIZED: f64 = 0.02;
 /// What rows in motion surely are below this share of is no size.
-const AGAINST: f64 = 0.5;
+const AGAINST: f64 = 0.2;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
