@@ -2,7 +2,6 @@
 
 use rivet_dynamics::Model;
 
-use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::computed;
 use crate::design::Prepared;
@@ -17,6 +16,7 @@ use crate::run::{Run, split};
 use crate::signals;
 use crate::signs;
 use crate::silence;
+use crate::timing;
 use crate::upright;
 use crate::whole;
 
@@ -158,7 +158,7 @@ fn run_all(
     }
     silence::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
     say("torque and position in time");
-    log.extend(alignment::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
+    log.extend(timing::align::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         let stands = |run: &Prepared| (0..joints).all(|j| log_check::is_still(&run.motion, j));

@@ -20,10 +20,8 @@
 //!
 //! The forms of effects are written here from the motion of the log; the plant of `rivet-simulation` does not share them.
 
-mod alignment;
 mod another_law;
 mod background;
-mod behind;
 mod body;
 mod bursts;
 mod class;
@@ -46,7 +44,6 @@ mod held_load;
 mod instead;
 mod known;
 mod ladder;
-mod late;
 mod left_open;
 mod leftover;
 mod library;
@@ -89,6 +86,7 @@ mod sizes;
 mod stages;
 mod stranger;
 mod swapped;
+mod timing;
 mod told;
 mod two_mass;
 mod upright;

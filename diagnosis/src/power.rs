@@ -6,7 +6,6 @@
 
 use rivet_dynamics::Model;
 
-use crate::alignment;
 use crate::background::{Nominal, Typical};
 use crate::bursts;
 use crate::design::Prepared;
@@ -19,6 +18,7 @@ use crate::residue::Residue;
 use crate::run::Run;
 use crate::search::{Candidate, Search};
 use crate::select::{Adopted, Selected, best};
+use crate::timing;
 
 /// An effect that was named, with what cannot be told from it and its joints (none: the whole arm).
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +60,7 @@ pub fn probe<T>(
     }
     let mut nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
     let mut runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
-    alignment::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
+    timing::align::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
     let looked_at = runs.len();
     let known = first_fit::know(&mut nominal, looked_at, &mut runs.iter_mut().collect::<Vec<_>>());
     known.ok_or(DiagnosisError::Singular)?;

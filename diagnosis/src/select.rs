@@ -10,12 +10,12 @@ use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
 use crate::form::Form;
 use crate::instead::ALONG;
-use crate::late::Clock;
 use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
+use crate::timing::late::Clock;
 
 /// Least gain of log evidence that names an effect, and that names a further one.
 pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];

@@ -1,8 +1,16 @@
 //! What a diagnosis says, as it stands in JSON (`docs/diagnosis-json.md`, `docs/diagnosis.schema.json`).
 
+mod export;
+mod figures;
 mod of_diagnosis;
+mod passport;
+mod self_check;
 
+pub use export::{Format, FormatItem};
+pub use figures::{Curve, Excerpt, Figures, Left, Order, Parameter, Point, Stage};
 pub(crate) use of_diagnosis::number;
+pub use passport::{Clock, ClockOff, Input, Passport, Tool};
+pub use self_check::{Power, SelfCheck};
 
 use std::collections::BTreeMap;
 
@@ -77,72 +85,6 @@ pub struct Document {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_false(flag: &bool) -> bool {
     !flag
-}
-
-/// Effects of graded strength added to the runs, and what was found of them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct SelfCheck {
-    /// How much of the runs was used \[s\].
-    pub seconds: f64,
-    /// Times that nothing was added and the residual changed sign block by block instead.
-    pub resamplings: usize,
-    /// How many of these were given a name.
-    pub false_alarms: usize,
-    /// Effect by effect.
-    pub powers: Vec<Power>,
-}
-
-/// The weakest effect that was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Power {
-    /// Its name.
-    pub effect: String,
-    /// The joint's name; null for the whole arm.
-    pub joint: Option<String>,
-    /// Unit of sizes.
-    pub unit: String,
-    /// Size of the weakest that was found; null when none was.
-    pub smallest: Number,
-    /// Torque that it adds where it adds most, root mean square \[N·m\].
-    pub torque_nm: Number,
-    /// The same over what the model leaves there.
-    pub over_noise: Number,
-    /// Size of the strongest that was tried.
-    pub strongest: f64,
-    /// What was named instead at the strongest, where that was something else.
-    pub instead: Option<String>,
-    /// Whether it is named in these runs without being added, so that nothing could be asked.
-    pub named_already: bool,
-}
-
-/// A file that the model found can be written to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Format {
-    /// Its name.
-    pub file: String,
-    /// Everything the model has.
-    pub items: Vec<FormatItem>,
-    /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
-    pub missed_nm: Vec<f64>,
-    /// Measured torque without what a reader of this file has: root mean square of each joint \[N·m\].
-    #[serde(default)]
-    pub gap_nm: Vec<f64>,
-    /// The same with the model as given, written in this format.
-    #[serde(default)]
-    pub gap_before_nm: Vec<f64>,
-}
-
-/// One thing of the model in one format.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FormatItem {
-    /// What.
-    pub what: String,
-    /// `exact`, `approximated` or `missing`.
-    pub fidelity: String,
-    /// Where it stands, or why it does not.
-    pub place: String,
-    /// Its torque: root mean square of each joint \[N·m\]; what is missed without it.
-    pub torque_rms_nm: Vec<f64>,
 }
 
 /// Gaps of the sealed run.
@@ -269,40 +211,6 @@ pub struct Shrink {
     pub measured: Number,
 }
 
-/// One joint of the sealed run with and without a cause, against the quantity in which it shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Curve {
-    /// The joint's name.
-    pub joint: String,
-    /// The quantity.
-    pub variable: String,
-    /// Its unit.
-    pub unit: String,
-    /// Whether residuals count along the motion: positive where they brake.
-    pub along_motion: bool,
-    /// Root mean square of the cause's torque on this joint \[N·m\].
-    pub rms_nm: Number,
-    /// Rows whose quantity is about the same.
-    pub points: Vec<Point>,
-}
-
-/// Means over rows \[N·m\].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Point {
-    /// Of the quantity.
-    pub at: f64,
-    /// Of the residual with all causes but this one.
-    pub without: f64,
-    /// Quartiles of the same.
-    pub spread: [f64; 2],
-    /// Of the residual with all causes.
-    pub with: f64,
-    /// Of the cause's own torque.
-    pub cause: f64,
-    /// How many rows.
-    pub rows: usize,
-}
-
 /// A fault of one joint's signals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LogFinding {
@@ -333,195 +241,6 @@ pub struct DataUse {
     /// Names of runs that were left out, since their torque says nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unused: Vec<String>,
-}
-
-/// Files and build.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Passport {
-    /// The program.
-    pub tool: Tool,
-    /// Robot file, URDF and logs, in the order of the command.
-    pub inputs: Vec<Input>,
-    /// Hash of the model that the robot file describes.
-    pub model: String,
-    /// What stays sealed, in words.
-    pub sealed: String,
-    /// Where torque comes from.
-    pub torque: String,
-    /// Turns of the motor per turn of the joint, where the robot file has them.
-    pub gear_ratio: Vec<f64>,
-}
-
-/// The program that made a document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Tool {
-    /// Its version.
-    pub version: String,
-    /// SHA-256 of its executable.
-    pub sha256: String,
-}
-
-/// A file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Input {
-    /// `robot`, `urdf` or `log`.
-    pub role: String,
-    /// Its name without folders.
-    pub name: String,
-    /// SHA-256 of its content.
-    pub sha256: String,
-    /// Of a log: rows, clock, holes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub clock: Option<Clock>,
-}
-
-/// A clock that is off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ClockOff {
-    /// Whether the log's own speeds say so; else its rows come nearly as often as the robot file says.
-    pub sure: bool,
-    /// By how much, and what it makes of what is told.
-    pub text: String,
-}
-
-/// Time stamps of a log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Clock {
-    /// Rows in the file.
-    pub rows: usize,
-    /// Its length \[s\].
-    pub seconds: f64,
-    /// Usual step \[s\].
-    pub step_s: f64,
-    /// Root mean square of steps about it \[s\].
-    pub jitter_s: f64,
-    /// Root mean square of what the stamps are off the even clock that was taken for them \[s\]; absent where the stamps were taken.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stamps_jitter_s: Option<f64>,
-    /// That time runs fast or slow against the arm's, and what it makes of what is told; absent where nothing says so.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub off: Option<ClockOff>,
-    /// Steps that lack samples, and time without any \[s\].
-    pub gaps: usize,
-    /// Longest of them \[s\].
-    pub longest_gap_s: f64,
-    /// Stretches that were diagnosed as runs of their own.
-    pub pieces: usize,
-    /// Largest share of rows, over the joints, that repeat the position before.
-    pub repeated: f64,
-}
-
-/// What stands behind a verdict.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Figures {
-    /// The model as given, then with one thing after another.
-    pub stages: Vec<Stage>,
-    /// What is left of each joint's torque.
-    pub left: Vec<Left>,
-    /// Stretches of torque.
-    pub excerpts: Vec<Excerpt>,
-    /// The gap divided otherwise than by regime.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub views: Option<crate::Views>,
-    /// Values of the model.
-    pub parameters: Vec<Parameter>,
-    /// How wrong the robot file's values are, in units of what CAD models and data sheets usually are.
-    pub nominal_error: Number,
-}
-
-/// The gap on the sealed run after something was added.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Stage {
-    /// What was added; null in the first stage, and for offsets, timing and small changes of values in the last.
-    pub effect: Option<String>,
-    /// The joints' names.
-    pub joints: Vec<String>,
-    /// Whether it is named as a cause.
-    pub upheld: bool,
-    /// Gap, before the sealed torque was looked at.
-    pub predicted: Number,
-    /// Lower end of its 90 % interval.
-    pub low: Number,
-    /// Upper end.
-    pub high: Number,
-    /// On the sealed torque.
-    pub measured: Number,
-}
-
-/// What is left of one joint's torque.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Left {
-    /// The joint's name.
-    pub joint: String,
-    /// Share of its square that is above the noise of the torque signal.
-    pub above_noise: Number,
-    /// Time between lags \[s\].
-    pub lag_s: f64,
-    /// Autocorrelation from lag 0 on.
-    pub autocorrelation: Vec<f64>,
-    /// Size below which 95 % of the values of white noise lie.
-    pub white: f64,
-    /// \[Hz\]
-    pub frequencies_hz: Vec<f64>,
-    /// Amplitude density with all causes \[N·m/√Hz\].
-    pub density_after: Vec<f64>,
-    /// With the model as given.
-    pub density_before: Vec<f64>,
-    /// By cycles per turn of the joint.
-    pub orders: Vec<Order>,
-    /// Correlation with what is left on every joint.
-    pub correlation: Vec<f64>,
-}
-
-/// Amplitude \[N·m\] at an order of the joint's angle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Order {
-    /// Cycles per turn of the joint.
-    pub order: f64,
-    /// With all causes.
-    pub after: f64,
-    /// With the model as given.
-    pub before: f64,
-}
-
-/// A stretch of one joint's torque \[N·m\].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Excerpt {
-    /// The joint's name.
-    pub joint: String,
-    /// Time of the first point \[s\].
-    pub from_s: f64,
-    /// Time between points \[s\].
-    pub step_s: f64,
-    /// Measured.
-    pub measured: Vec<f64>,
-    /// Of the model as given.
-    pub given: Vec<f64>,
-    /// Of the model with all causes.
-    pub with_causes: Vec<f64>,
-}
-
-/// One value of the model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Parameter {
-    /// Its name.
-    pub name: String,
-    /// Its unit.
-    pub unit: String,
-    /// The joint or link that it belongs to, from 1.
-    pub joint: Option<usize>,
-    /// In the robot file.
-    pub given: Number,
-    /// As found.
-    pub found: Number,
-    /// Lower end of its 90 % interval over resampled blocks.
-    pub low: Number,
-    /// Upper end.
-    pub high: Number,
-    /// `pinned`, `not_pinned` or `at_bound`.
-    pub state: String,
-    /// Whether the evidence wants it changed.
-    pub wrong: bool,
 }
 
 impl Cause {

@@ -12,7 +12,6 @@ use rivet_tests::{rivet, shared};
 use serde_json::Value;
 
 struct Exported {
-    _folder: tempfile::TempDir,
     model: Robot,
     mjcf: Mjcf,
     place: PathBuf,
@@ -28,12 +27,17 @@ fn exported(set: &str, case: &str) -> Option<(PathBuf, &'static Exported)> {
     ];
     let case_folder = shared(&format!("data/{set}"))?.join(case);
     let (_, _, cell) = DONE.iter().find(|(s, c, _)| (*s, *c) == (set, case)).expect("one of the cases");
-    Some((case_folder.clone(), cell.get_or_init(|| export(&case_folder))))
+    Some((case_folder.clone(), cell.get_or_init(|| export(set, case, &case_folder))))
 }
 
-fn export(case: &Path) -> Exported {
-    let folder = tempfile::tempdir().expect("a folder");
-    let (json, place) = (folder.path().join("diagnosis.json"), folder.path().join("out"));
+fn export(set: &str, name: &str, case: &Path) -> Exported {
+    // Beside what cargo makes: tests share it until the program ends, when nothing is dropped any more.
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("exported-{set}-{name}"));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let (json, place) = (folder.join("diagnosis.json"), folder.join("out"));
+    if place.exists() {
+        std::fs::remove_dir_all(&place).expect("what an earlier run wrote goes");
+    }
     let mut command = rivet();
     command.arg("diagnose").arg(case.join("robot.toml"));
     command.arg(case.join("log-a.parquet")).arg(case.join("log-b.parquet"));
@@ -43,13 +47,7 @@ fn export(case: &Path) -> Exported {
     let facts = serde_json::from_str(&std::fs::read_to_string(&json).expect("facts")).expect("JSON");
     let text = std::fs::read_to_string(place.join("robot.xml")).expect("MJCF");
     let mjcf = Mjcf::read(&text).expect("our own MJCF reads back");
-    Exported {
-        model: load(place.join("model.toml")).unwrap_or_else(|e| panic!("{e}")),
-        mjcf,
-        place,
-        facts,
-        _folder: folder,
-    }
+    Exported { model: load(place.join("model.toml")).unwrap_or_else(|e| panic!("{e}")), mjcf, place, facts }
 }
 
 /// Torque that a file misses by what was declared, joint by joint \[N m\].

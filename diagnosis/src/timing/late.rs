@@ -7,8 +7,8 @@ use std::cell::OnceCell;
 
 use nalgebra::DVector;
 
-use crate::alignment::Early;
-use crate::behind::Behind;
+use super::Early;
+use super::behind::Behind;
 use crate::evidence::Belief;
 use crate::form::{Form, HELD};
 use crate::physics::Physics;

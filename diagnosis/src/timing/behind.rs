@@ -13,7 +13,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::alignment::{self, Early, Part};
+use super::{Early, Part};
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::Form;
@@ -51,7 +51,7 @@ impl Behind {
         let slow: Vec<Prepared> = runs.iter().map(|run| run.up_to(SLOW_HZ, nominal)).collect();
         let slow: Vec<&Prepared> = slow.iter().collect();
         let ahead =
-            of(&slow, &alignment::clear(&slow)).map_or(0.0, |((_, by_delay), (_, by_lag))| 0.5 * (by_lag - by_delay));
+            of(&slow, &super::clear(&slow)).map_or(0.0, |((_, by_delay), (_, by_lag))| 0.5 * (by_lag - by_delay));
         Some(Behind { delay, lag, ahead })
     }
 }
