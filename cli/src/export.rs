@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Robot, write_consistent, write_identified};
-use rivet_dynamics::{Joints, LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, WrittenUrdf, write_urdf};
+use rivet_dynamics::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, WrittenUrdf, write_urdf};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 use rivet_estimation::offline::Fit;
 
@@ -33,7 +33,8 @@ pub(crate) fn export(
     place_load(&mut moved, robot, folder)?;
     match consistent {
         Ok(found) => {
-            let drives = drives(robot, &found.standard);
+            // What the model does not have, offsets mostly, stays as the file gives it.
+            let drives = robot.model.drives(&found.standard, robot.config.nominal_joints());
             let links: Vec<LinkParameters> = bodies(robot.dof(), &found.standard);
             let written = write_urdf(&text, &links, &drives.viscous, &drives.coulomb)
                 .with_context(|| named(&robot.config.urdf))?;
@@ -73,26 +74,6 @@ pub(crate) fn place_load(moved: &mut Robot, robot: &Robot, folder: &Path) -> Res
 pub(crate) fn bodies(joints: usize, standard: &[f64]) -> Vec<LinkParameters> {
     let entry = |link: usize| std::array::from_fn(|k| standard[link * LINK_PARAMETERS + k]);
     (0..joints).map(entry).collect()
-}
-
-/// The drive values of a standard vector; offsets that the model does not have stay as the file gives them.
-fn drives(robot: &Robot, standard: &[f64]) -> Joints {
-    let mut joints = robot.config.nominal_joints();
-    for (parameter, &value) in robot.model.parameters.iter().zip(standard) {
-        match *parameter {
-            Parameter::Link { .. } => {}
-            Parameter::RotorInertia(j) => joints.rotor_inertia[j] = value,
-            Parameter::Viscous(j) => joints.viscous[j] = value,
-            Parameter::Coulomb(j) => joints.coulomb[j] = value,
-            Parameter::Offset(j) => joints.offset[j] = value,
-            Parameter::LoadFriction(j) => joints.load_friction[j] = value,
-            Parameter::ViscousQuadratic(j) => joints.viscous_quadratic[j] = value,
-            Parameter::CouplingInertia => joints.coupling[0] = value,
-            Parameter::CouplingViscous => joints.coupling[1] = value,
-            Parameter::CouplingCoulomb => joints.coupling[2] = value,
-        }
-    }
-    joints
 }
 
 /// What robot.urdf cannot say and what it costs: torque that a reader of the URDF misses on the identified log.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
-use rivet_diagnosis::{Fidelity, FormatReport, Patch, SeparatingMotion, drives, mjcf_coupling_fits};
+use rivet_diagnosis::{Fidelity, FormatReport, Patch, SeparatingMotion, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
 use crate::export::{bodies, place_load};
@@ -27,7 +27,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     place_load(&mut moved, robot, folder)?;
     // Where bodies and drives stay those given the URDF does; what fits the data is in [identified].
     let stay = patch.stays.as_given || patch.stays.bodies;
-    let written = if stay { robot.config.nominal_joints() } else { drives(&patch.model, &patch.written) };
+    let written = if stay { robot.config.nominal_joints() } else { patch.drives(&patch.written) };
     let urdf_text = if stay {
         text
     } else {
@@ -149,7 +149,7 @@ fn worse(report: &FormatReport, names: &[String]) -> Option<String> {
 
 /// Drive values that the data gave and those written, where they differ.
 fn by_joint(robot: &Robot, patch: &Patch) -> String {
-    let (free, written) = (drives(&patch.model, &patch.standard), drives(&patch.model, &patch.written));
+    let (free, written) = (patch.drives(&patch.standard), patch.drives(&patch.written));
     let given = robot.config.nominal_joints();
     let mut out = String::new();
     for (what, free, written, given) in [

@@ -5,7 +5,7 @@
 //! strays, and how much torque the loop has to add, are what the simulator gets wrong, by horizon.
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Patch, Run, drives};
+use rivet_diagnosis::{Patch, Run};
 use rivet_dynamics::{Joints, Model};
 use rivet_estimation::offline::{Trajectory, ZeroPhase};
 use rivet_report::{Rollout, RolloutPoint};
@@ -49,7 +49,7 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     let corrected = Model::new(arm, patch.model.structure)
         .with_load(patch.model.load().to_vec())
         .with_effects(patch.model.effects().clone());
-    let corrected = Truth::new(&corrected, &drives(&patch.model, &patch.written), &Disturbances::default());
+    let corrected = Truth::new(&corrected, &patch.drives(&patch.written), &Disturbances::default());
     let given = Truth::new(&robot.model, &robot.config.nominal_joints(), &Disturbances::default());
     let gains = gains(&robot.model, &robot.config.nominal_joints());
     let limits = vec![f64::MAX; n];

@@ -2,42 +2,9 @@
 
 mod common;
 
+use allocation_counter::{AllocationInfo, measure};
 use common::{Moving, core, published, robot_of};
 use rivet_ipc_schema::{ControllerHealth, Parameters};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-struct Counting;
-
-thread_local! {
-    static ARMED: Cell<bool> = const { Cell::new(false) };
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-fn note() {
-    if ARMED.get() {
-        COUNT.set(COUNT.get() + 1);
-    }
-}
-
-#[allow(unsafe_code, reason = "a global allocator that counts can only be written so")]
-// SAFETY: every call is handed to the system's allocator unchanged; counting touches only thread-local cells.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
-        // SAFETY: the caller's promise is the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        note();
-        // SAFETY: the caller's promise is the system allocator's.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn ten_thousand_periods_with_everything_that_can_come_do_not_allocate() {
@@ -71,21 +38,21 @@ fn ten_thousand_periods_with_everything_that_can_come_do_not_allocate() {
             5 => set.values[3] *= 1.5,
             _ => {}
         }
-        ARMED.set(true);
-        core.offer_setpoint(&setpoint);
-        core.offer_parameters(&set, &sample);
-        answered += u64::from(core.tick(&sample).is_ok());
-        if k % 500 > 480 {
-            core.observe(&sample);
-            let _ = core.missing(k % 500 - 470);
-        }
-        if k.is_multiple_of(100) {
-            core.write_health(&mut health);
-        }
-        ARMED.set(false);
+        let seen = measure(|| {
+            core.offer_setpoint(&setpoint);
+            core.offer_parameters(&set, &sample);
+            answered += u64::from(core.tick(&sample).is_ok());
+            if k % 500 > 480 {
+                core.observe(&sample);
+                let _ = core.missing(k % 500 - 470);
+            }
+            if k.is_multiple_of(100) {
+                core.write_health(&mut health);
+            }
+        });
+        assert_eq!(seen, AllocationInfo::default(), "period {k}");
         accepted = core.counts().accepted;
     }
-    assert_eq!(COUNT.get(), 0, "calls of the allocator");
     assert!(answered > 9000 && accepted > 1000, "{answered} answered, {accepted} accepted");
     assert!(health.stops > 0 && health.largest_step.iter().all(|step| step.is_finite()));
 }

@@ -1,6 +1,6 @@
 //! Effects of known size: those that a robot file has, and those that a diagnosis hands to one.
 
-use rivet_dynamics::{EffectKind, KnownEffect, KnownEffects, Model, Workspace, friction_sign};
+use rivet_dynamics::{EffectKind, Joints, KnownEffect, KnownEffects, Model, Workspace, friction_sign};
 
 use crate::background::Nominal;
 use crate::form::Form;
@@ -236,11 +236,7 @@ pub(crate) fn torque(nominal: &Nominal, effects: &[KnownEffect], run: &Run, moti
     if effects.iter().all(|e| e.kind.not_instant().is_some()) {
         return sum;
     }
-    let drives = rivet_dynamics::Joints {
-        rotor_inertia: nominal.x[10 * n..11 * n].to_vec(),
-        viscous: nominal.x[11 * n..12 * n].to_vec(),
-        ..Default::default()
-    };
+    let drives = nominal.model.drives(&nominal.x, Joints::zero(n));
     let mut arm = nominal.model.arm.clone();
     arm.links = crate::physics::bodies(&nominal.x, n);
     let model = Model::new(arm, nominal.model.structure)

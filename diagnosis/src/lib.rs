@@ -109,7 +109,7 @@ pub use leftover::{Leftover, Order};
 pub use log_check::{LogFault, LogFinding};
 pub use motions::{MotionBounds, SeparatingMotion};
 pub use past::{Past, of_one_clock};
-pub use patch::{Patch, Stays, drives};
+pub use patch::{Patch, Stays};
 pub use power::{Named, Probe, probe};
 pub use regimes::Regime;
 pub use report::{BetweenRuns, Cause, Cell, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict};

@@ -1,7 +1,7 @@
 //! The simulator's model with what a diagnosis found: values, effects, and what each file format carries of them.
 
 use nalgebra::DMatrix;
-use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, LINK_PARAMETERS, Model, Parameter};
+use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, Model};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 
 use crate::background::{Nominal, standard_columns};
@@ -56,6 +56,13 @@ pub struct Patch {
     pub timing_rms: Vec<f64>,
     /// Root mean square of the measured torque of all runs, each joint \[N·m\].
     pub torque_rms: Vec<f64>,
+}
+
+impl Patch {
+    /// Drives of a standard vector of the corrected model.
+    pub fn drives(&self, standard: &[f64]) -> Joints {
+        self.model.drives(standard, Joints::zero(self.model.arm.dof()))
+    }
 }
 
 /// What stays as given, though something else was found.
@@ -150,11 +157,7 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let tilted = gravity != nominal.model.arm.gravity;
     let mut arm = nominal.model.arm.clone();
     arm.gravity = gravity;
-    let drives = Joints {
-        rotor_inertia: standard[10 * n..11 * n].to_vec(),
-        viscous: standard[11 * n..12 * n].to_vec(),
-        ..Joints::default()
-    };
+    let drives = nominal.model.drives(&standard, Joints::zero(n));
     let model = Model::new(arm, nominal.model.structure)
         .with_load(nominal.model.load().to_vec())
         .with_effects(KnownEffects::new(effects.clone(), &drives));
@@ -315,34 +318,4 @@ fn add_rows(reference: &mut Reference, base: &BaseSet, columns: &[Column], run: 
         }
         reference.add(j, &rows, &run.tau[j]);
     }
-}
-
-/// The drive values of a standard vector.
-pub fn drives(model: &Model, standard: &[f64]) -> Joints {
-    let n = model.arm.dof();
-    let zeros = || vec![0.0; n];
-    let mut joints = Joints {
-        rotor_inertia: zeros(),
-        viscous: zeros(),
-        coulomb: zeros(),
-        offset: zeros(),
-        load_friction: zeros(),
-        viscous_quadratic: zeros(),
-        coupling: [0.0; 3],
-    };
-    for (parameter, &value) in model.parameters.iter().zip(standard).skip(LINK_PARAMETERS * n) {
-        match *parameter {
-            Parameter::Link { .. } => {}
-            Parameter::RotorInertia(j) => joints.rotor_inertia[j] = value,
-            Parameter::Viscous(j) => joints.viscous[j] = value,
-            Parameter::Coulomb(j) => joints.coulomb[j] = value,
-            Parameter::Offset(j) => joints.offset[j] = value,
-            Parameter::LoadFriction(j) => joints.load_friction[j] = value,
-            Parameter::ViscousQuadratic(j) => joints.viscous_quadratic[j] = value,
-            Parameter::CouplingInertia => joints.coupling[0] = value,
-            Parameter::CouplingViscous => joints.coupling[1] = value,
-            Parameter::CouplingCoulomb => joints.coupling[2] = value,
-        }
-    }
-    joints
 }

@@ -55,6 +55,23 @@ pub struct Joints {
     pub coupling: [f64; 3],
 }
 
+impl Joints {
+    /// `n` joints whose drives have nothing.
+    #[must_use]
+    pub fn zero(n: usize) -> Joints {
+        let zeros = vec![0.0; n];
+        Joints {
+            rotor_inertia: zeros.clone(),
+            viscous: zeros.clone(),
+            coulomb: zeros.clone(),
+            offset: zeros.clone(),
+            load_friction: zeros.clone(),
+            viscous_quadratic: zeros,
+            coupling: [0.0; 3],
+        }
+    }
+}
+
 /// The direction of friction: `tanh(v/v0)`, or for `v0 = 0` the sign of `v`, which is 0 at standstill.
 #[inline]
 pub fn friction_sign(v: f64, v0: f64) -> f64 {
@@ -179,6 +196,27 @@ impl Model {
         x
     }
 
+    /// The drives of a standard vector: what [`nominal`](Model::nominal) took of them. What the model does not have is as in `others`.
+    #[must_use]
+    pub fn drives(&self, x: &[f64], others: Joints) -> Joints {
+        let mut joints = others;
+        for (parameter, &value) in self.parameters.iter().zip(x) {
+            match *parameter {
+                Parameter::Link { .. } => {}
+                Parameter::RotorInertia(j) => joints.rotor_inertia[j] = value,
+                Parameter::Viscous(j) => joints.viscous[j] = value,
+                Parameter::Coulomb(j) => joints.coulomb[j] = value,
+                Parameter::Offset(j) => joints.offset[j] = value,
+                Parameter::LoadFriction(j) => joints.load_friction[j] = value,
+                Parameter::ViscousQuadratic(j) => joints.viscous_quadratic[j] = value,
+                Parameter::CouplingInertia => joints.coupling[0] = value,
+                Parameter::CouplingViscous => joints.coupling[1] = value,
+                Parameter::CouplingCoulomb => joints.coupling[2] = value,
+            }
+        }
+        joints
+    }
+
     /// Regressor of the whole model, N x [`len`](Model::len) row-major, written to `y`. Real-time safe.
     ///
     /// Drive of joint j: `τⱼ = Iaⱼ·q̈ⱼ + Fvⱼ·q̇ⱼ + Fcⱼ·s(q̇ⱼ) + offsetⱼ + klⱼ·|τ_loadⱼ|·s(q̇ⱼ) + Fqⱼ·q̇ⱼ·|q̇ⱼ|`, where τ_load is
@@ -224,7 +262,7 @@ impl Model {
         for row in y.chunks_exact_mut(width) {
             row[LINK_PARAMETERS * self.arm.dof()..].fill(0.0);
         }
-        self.drives(states, directions, y.as_chunks_mut::<1>().0);
+        self.drive_columns(states, directions, y.as_chunks_mut::<1>().0);
     }
 
     /// [`regressor`](Model::regressor) of two states at once, `[first, second]` in each entry, for about the cost of one.
@@ -232,7 +270,7 @@ impl Model {
     /// Entries that are zero by structure are not written: hand in zeros the first time. Real-time safe.
     pub fn regressor_pair(&self, ws: &mut Workspace, states: [State<'_>; 2], y: &mut [[f64; 2]]) {
         regressor_pair_rows(&self.arm, ws, states, y, self.len());
-        self.drives(states, &self.directions(states), y);
+        self.drive_columns(states, &self.directions(states), y);
     }
 
     /// As [`regressor_pair`](Model::regressor_pair), for the states of two motions in their order: with
@@ -252,7 +290,7 @@ impl Model {
         }
         let [a, b] = [slips[0].directions(), slips[1].directions()];
         regressor_pair_rows(&self.arm, ws, states, y, self.len());
-        self.drives(states, &std::array::from_fn(|j| [a[j], b[j]]), y);
+        self.drive_columns(states, &std::array::from_fn(|j| [a[j], b[j]]), y);
     }
 
     /// Directions of friction, joint by joint and then of the coupled motor, of each state.
@@ -278,7 +316,7 @@ impl Model {
     }
 
     /// The drives' columns of one or two states, where they are not zero by structure.
-    fn drives<const STATES: usize>(
+    fn drive_columns<const STATES: usize>(
         &self,
         states: [State<'_>; STATES],
         directions: &[[f64; STATES]; MAX_JOINTS + 1],

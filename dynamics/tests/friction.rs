@@ -36,6 +36,9 @@ fn load_and_square_of_speed_have_their_columns() {
         ..Joints::default()
     };
     let x = model.nominal(&joints);
+    // And back; an offset, which this model has none of, stays the other's.
+    let with_offset = Joints { offset: vec![0.7], ..Joints::zero(1) };
+    assert_eq!(model.drives(&x, with_offset), Joints { offset: vec![0.7], ..joints });
     model.regressor(&mut ws, &[0.0], &[0.5], &[0.0], &mut y);
     let tau: f64 = y.iter().zip(&x).map(|(y, x)| y * x).sum();
     assert!((tau - (9.81 + 0.5 + 2.0 + 0.981 - 0.05)).abs() < 1e-12, "{tau}");

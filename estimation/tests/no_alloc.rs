@@ -1,39 +1,13 @@
 //! `Identifier::push` never allocates, whatever comes in; what is refused changes nothing that was learnt.
-#![allow(unsafe_code, reason = "a counting allocator")]
 
 mod common;
 
+use allocation_counter::{AllocationInfo, measure};
 use common::{Bench, Random, Wave};
 use rivet_estimation::{
     ColumnsSettings, EigenSettings, EstimatorKind, Filtering, Identifier, InputSignals, Motion, Refusal, Settings,
     Step, Supervision, TrackedSettings,
 };
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-struct Counting;
-
-// The harness has a thread of its own, which allocates when it says that a test takes long.
-thread_local! {
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to the system allocator unchanged; counting touches a thread-local cell only.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        CALLS.set(CALLS.get() + 1);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn pushing_never_allocates() {
@@ -67,56 +41,56 @@ fn pushing_never_allocates() {
         let mut counts = [0_u64; 5];
         let mut q = vec![0.0; n];
         let mut before = Vec::with_capacity(bench.len());
-        let start = CALLS.get();
-        for k in 0..110_000_usize {
-            let (sample, qd, qdd, torques) = &samples[k % samples.len()];
-            // From the middle on the arm carries something.
-            let tau = &torques[usize::from(k >= 40_000)];
-            q.copy_from_slice(sample);
-            let setpoint = Motion { q: sample, qd, qdd };
-            let what = random.unit();
-            let step = if what < 0.0005 {
-                // Only `work` in progress may move the estimate, so compare what no step touches: the counts.
-                before.clear();
-                before.extend_from_slice(identifier.estimate().rls_values);
-                let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e5, f64::MAX][k % 6];
-                q[k % n] = bad;
-                let step = identifier.push(&q, tau, Some(setpoint));
-                assert!(matches!(step, Step::Refused(_)), "{bad}: {step:?}");
-                assert!(before == identifier.estimate().rls_values);
-                step
-            } else if what < 0.001 {
-                identifier.push(&q, &[f64::NAN; 8][..n], None)
-            } else if what < 0.0012 {
-                identifier.push(&q[1..], tau, None)
-            } else if (50_000..70_000).contains(&k) {
-                // Rest, with torques and speeds that are denormal.
-                q.fill(f64::MIN_POSITIVE * random.unit());
-                identifier.push(&q, &still, Some(Motion { q: &q, qd: &still, qdd: &still }))
-            } else {
-                identifier.push(&q, tau, (k % 7000 > 1500).then_some(setpoint))
-            };
-            counts[match step {
-                Step::WarmingUp => 0,
-                Step::Between => 1,
-                Step::Updated { .. } => 2,
-                Step::Skipped(_) => 3,
-                Step::Refused(Refusal::NotFinite | Refusal::Implausible) => 4,
-            }] += 1;
-            if k % 10_000 == 9999 {
-                identifier.freeze();
-                identifier.resume();
-                if k > 100_000 {
-                    identifier.reset();
+        let seen = measure(|| {
+            for k in 0..110_000_usize {
+                let (sample, qd, qdd, torques) = &samples[k % samples.len()];
+                // From the middle on the arm carries something.
+                let tau = &torques[usize::from(k >= 40_000)];
+                q.copy_from_slice(sample);
+                let setpoint = Motion { q: sample, qd, qdd };
+                let what = random.unit();
+                let step = if what < 0.0005 {
+                    // Only `work` in progress may move the estimate, so compare what no step touches: the counts.
+                    before.clear();
+                    before.extend_from_slice(identifier.estimate().rls_values);
+                    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e5, f64::MAX][k % 6];
+                    q[k % n] = bad;
+                    let step = identifier.push(&q, tau, Some(setpoint));
+                    assert!(matches!(step, Step::Refused(_)), "{bad}: {step:?}");
+                    assert!(before == identifier.estimate().rls_values);
+                    step
+                } else if what < 0.001 {
+                    identifier.push(&q, &[f64::NAN; 8][..n], None)
+                } else if what < 0.0012 {
+                    identifier.push(&q[1..], tau, None)
+                } else if (50_000..70_000).contains(&k) {
+                    // Rest, with torques and speeds that are denormal.
+                    q.fill(f64::MIN_POSITIVE * random.unit());
+                    identifier.push(&q, &still, Some(Motion { q: &q, qd: &still, qdd: &still }))
+                } else {
+                    identifier.push(&q, tau, (k % 7000 > 1500).then_some(setpoint))
+                };
+                counts[match step {
+                    Step::WarmingUp => 0,
+                    Step::Between => 1,
+                    Step::Updated { .. } => 2,
+                    Step::Skipped(_) => 3,
+                    Step::Refused(Refusal::NotFinite | Refusal::Implausible) => 4,
+                }] += 1;
+                if k % 10_000 == 9999 {
+                    identifier.freeze();
+                    identifier.resume();
+                    if k > 100_000 {
+                        identifier.reset();
+                    }
                 }
             }
-        }
-        let calls = CALLS.get() - start;
+        });
         println!(
             "{estimator:?} {supervision:?}: warming, between, updated, skipped, refused = {counts:?}, {} changes",
             identifier.estimate().changes
         );
-        assert_eq!(calls, 0);
+        assert_eq!(seen, AllocationInfo::default());
         assert!(identifier.estimate().changes > 0, "the load is seen");
         assert!(counts.iter().all(|c| *c > 10), "{counts:?}");
         let estimate = identifier.estimate();

@@ -1,43 +1,18 @@
 //! What an estimator of a six-axis arm holds in memory: less is what a cold cache costs less for.
-#![allow(unsafe_code, reason = "a global allocator that counts is an unsafe trait")]
 
 mod common;
 
+use allocation_counter::measure;
 use common::Bench;
 use rivet_estimation::{EigenSettings, Identifier, Instruments, Settings, Supervision, TrackedSettings};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-struct Counting;
-
-static LIVE: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is the system allocator's; the counter beside touches no memory of it.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        LIVE.fetch_add(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        LIVE.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 /// What an identifier owns \[KiB\], filters and scratch included; the shared model is beside.
 fn held(bench: &Bench, settings: &Settings) -> f64 {
-    let before = LIVE.load(Ordering::Relaxed);
-    let identifier = Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, settings);
-    let identifier = identifier.expect("sound settings");
-    let held = (LIVE.load(Ordering::Relaxed) - before) as f64 / 1024.0;
-    drop(identifier);
-    held
+    let mut made = None;
+    let seen =
+        measure(|| made = Some(Identifier::new(bench.model.clone(), bench.base.clone(), &bench.nominal, settings)));
+    made.expect("it ran").expect("sound settings");
+    seen.bytes_current as f64 / 1024.0
 }
 
 /// With a setpoint as the only source of instruments, and with every source at the ready as the robot files have it (`auto`): the

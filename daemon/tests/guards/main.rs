@@ -3,6 +3,7 @@
 
 mod watch;
 
+use allocation_counter::AllocationInfo;
 use rivet_config::Trigger;
 use rivet_daemon::{Asking, Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, snapshots};
 use rivet_ipc_schema::{
@@ -145,7 +146,7 @@ impl Bench {
             });
             faults += ThreadUsage::now().faults - before;
             for seen in [waited, worked] {
-                if (seen.allocations > 0 || seen.call.is_some()) && bad.is_none() {
+                if (seen.heap != AllocationInfo::default() || seen.call.is_some()) && bad.is_none() {
                     bad = Some((k, seen));
                 }
             }
@@ -223,7 +224,7 @@ fn nor_does_a_reload() {
             }
         }
     });
-    assert_eq!((seen.allocations, seen.call), (0, None), "{seen:?}");
+    assert_eq!((seen.heap, seen.call), (AllocationInfo::default(), None), "{seen:?}");
     assert!(published > 100, "{published} publications");
     assert!(parameters.values.iter().all(|x| x.is_finite()));
 }
@@ -267,11 +268,8 @@ fn guarded(label: &str, period: Duration, trigger: Trigger) {
             std::hint::black_box(Box::new(k));
         }
     });
-    assert_eq!(
-        bad.map(|(k, seen)| (k, (seen.allocations, seen.call))),
-        Some((50, (2, None))),
-        "a box: one allocation, one release"
-    );
+    let (period, seen) = bad.expect("a box is seen");
+    assert_eq!((period, seen.heap.count_total, seen.heap.count_current, seen.call), (50, 1, 0, None), "{seen:?}");
     let (bad, _) = bench.run(100, |k| {
         if k == 51 {
             std::thread::sleep(Duration::from_nanos(1));

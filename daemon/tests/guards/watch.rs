@@ -1,40 +1,8 @@
 //! Sees what a stretch of code does behind its back: allocations, system calls, page faults.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-struct Counting;
-
-thread_local! {
-    static ARMED: Cell<bool> = const { Cell::new(false) };
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-fn note() {
-    if ARMED.get() {
-        COUNT.set(COUNT.get() + 1);
-    }
-}
-
-#[allow(unsafe_code, reason = "a global allocator that counts can only be written so")]
-// SAFETY: every call is handed to the system's allocator unchanged; counting touches only thread-local cells.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
-        // SAFETY: the caller's promise is the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        note();
-        // SAFETY: the caller's promise is the system allocator's.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use allocation_counter::{AllocationInfo, measure};
 
 /// Read by the kernel at every system call of the watched thread: 1 has it raise SIGSYS instead (Syscall User Dispatch), unless
 /// the call comes from between `rivet_watch_begin` and `rivet_watch_end`: what the handler itself calls. So the watch need not
@@ -140,7 +108,7 @@ pub(crate) fn watch_this_thread() -> bool {
 /// What a stretch of code did that it may not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Seen {
-    pub(crate) allocations: u64,
+    pub(crate) heap: AllocationInfo,
     /// A system call that is not allowed, by number, if there was one.
     pub(crate) call: Option<i32>,
     /// How many were made in all, allowed ones too.
@@ -149,15 +117,14 @@ pub(crate) struct Seen {
 
 /// Runs `work` under watch, in which the system calls with the numbers `allowed` may be made.
 pub(crate) fn watched(allowed: &[i64], work: impl FnOnce()) -> Seen {
-    COUNT.set(0);
     for calls in &CALLS {
         calls.store(0, Ordering::SeqCst);
     }
-    ARMED.set(true);
-    SELECTOR.store(BLOCK, Ordering::SeqCst);
-    work();
-    SELECTOR.store(ALLOW, Ordering::SeqCst);
-    ARMED.set(false);
+    let heap = measure(|| {
+        SELECTOR.store(BLOCK, Ordering::SeqCst);
+        work();
+        SELECTOR.store(ALLOW, Ordering::SeqCst);
+    });
     let made = (0_i64..).zip(CALLS.iter().map(|calls| calls.load(Ordering::SeqCst)));
     let (mut calls, mut call) = (0, None);
     for (number, count) in made.filter(|(_, count)| *count > 0) {
@@ -166,5 +133,5 @@ pub(crate) fn watched(allowed: &[i64], work: impl FnOnce()) -> Seen {
             call = Some(number as i32);
         }
     }
-    Seen { allocations: COUNT.get(), call, calls }
+    Seen { heap, call, calls }
 }
