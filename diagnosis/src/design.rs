@@ -252,6 +252,12 @@ pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
     std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
 }
 
+/// Where the columns of how softly friction turns over stand: behind the model's own and that of time.
+pub(crate) fn turn_columns(nominal: &Nominal) -> Range<usize> {
+    let own = nominal.x.len();
+    own + 1..own + unknown(nominal, 1.0).len()
+}
+
 /// Standard deviations of speed at the rate of the log and of rows of acceleration, for white noise of 1 on positions.
 fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
     let samples = (4.0 / period_s) as usize;

@@ -107,7 +107,7 @@ mod tests {
             let last: Vec<f64> = models[models.len() - 1][0].iter().zip(step).map(|(a, b)| a + b).collect();
             models.push(vec![last]);
         }
-        Stages { tau: vec![torque.to_vec()], models }
+        Stages { tau: vec![torque.to_vec()], models, turned: Vec::new() }
     }
 
     /// Of y = a·t1 + b·t2 + e, sizes 1, correlation r: v({1}) = (a + rb)²/‖y‖², v({2}) = (b + ra)²/‖y‖², v(both) = (a² + b² + 2abr)/‖y‖²,

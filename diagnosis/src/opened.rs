@@ -14,7 +14,7 @@ use crate::procedure::{Procedure, Step};
 use crate::report::{BetweenRuns, Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::sealed::{IN_MOTION, SOUND, Sealed};
-use crate::search::Search;
+use crate::search::{Bursts, Search};
 use crate::select::Adopted;
 use crate::separate;
 use crate::shrink;
@@ -74,6 +74,8 @@ struct Judge<'a> {
     sealed: Sealed<'a>,
     residue: Residue<'a>,
     gaps: Vec<Gap>,
+    /// Beside how softly friction turns over.
+    sliding: Vec<Gap>,
     names: Vec<String>,
     log: &'a [LogFinding],
     /// Whether the model as given misses nothing in motion, on the sealed run and on those looked at.
@@ -111,7 +113,7 @@ impl Judge<'_> {
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
         // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
         let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
-        let plain = self.sealed.is_plain(k, own()) && (!value || self.sealed.mostly_stands());
+        let plain = self.sealed.is_plain(k, own()) && (!value || is_drive(step.effect) || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
@@ -198,11 +200,13 @@ impl Opened<'_> {
         let names = procedure.names();
         let as_given = |(run, stages)| Sealed { run, stages, noise: &search.noise }.fits_as_given();
         let sealed = Sealed { run: procedure.sealed, stages: measured, noise: &search.noise };
+        let [gaps, sliding] = measured.gaps();
         let judge = Judge {
             sound: sealed.fits_as_given() && procedure.look.iter().zip(seen).all(as_given),
             sealed,
             residue: Residue::of(search),
-            gaps: measured.models.iter().map(|m| Gap::new(&measured.tau, m)).collect(),
+            gaps,
+            sliding,
             names: names.clone(),
             log: &self.log,
         };
@@ -212,7 +216,8 @@ impl Opened<'_> {
             let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
             let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
             let held = self.load_instead(k, step);
-            let stands = alone && held.is_none() && judge.upholds(k, step, shrink, self.solved);
+            let touch = !self.acts_throughout(step);
+            let stands = alone && touch && held.is_none() && judge.upholds(k, step, shrink, self.solved);
             upheld.push(stands);
             let cause = Cause { impossible: held, ..self.cause(k, step, shrink, &judge, &load) };
             if stands { &mut causes } else { &mut withdrawn }.push(cause);
@@ -233,7 +238,7 @@ impl Opened<'_> {
         let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
         // A channel that went wrong on the sealed run says nothing against what the others say.
         let faulty = self.log.iter().any(|f| f.run == procedure.sealed.run.name && f.fault.spoils());
-        let refuted = !faulty && (shrink::is_refuted(&judge.gaps, &promises) || judge.is_spoilt());
+        let refuted = !faulty && (shrink::is_refuted(&judge.sliding, &promises) || judge.is_spoilt());
         let effects = steps.iter().zip(&upheld).filter(|(_, upheld)| **upheld).flat_map(|(s, _)| &s.adopted);
         let open = judge.is_open(effects, faulty);
         if refuted || open {
@@ -304,6 +309,16 @@ impl Opened<'_> {
             log: self.log,
         };
         (diagnosis, upheld)
+    }
+
+    /// Whether what looks like contact leaves most joints with a gap where nothing touches: drag at the tool is strongest in bursts.
+    fn acts_throughout(&self, step: &Step) -> bool {
+        let noise = &self.search.noise;
+        let throughout = |windows: &Bursts| {
+            let runs = self.procedure.look.iter().zip(self.seen).zip(windows);
+            runs.into_iter().any(|((run, stages), own)| Sealed { run, stages, noise }.is_open_outside(own))
+        };
+        step.adopted.iter().any(|a| matches!(&a.form, Form::Force { windows, .. } if throughout(windows)))
     }
 
     /// Of contact that a load explains as well, which was picked up or put down during a run: why it is none.
@@ -443,10 +458,19 @@ fn is_predictable(step: &Step) -> bool {
     step.adopted.iter().all(|a| a.form.is_predictable())
 }
 
+/// Values of drives, of which few others take the place.
+fn is_drive(effect: Effect) -> bool {
+    matches!(effect, Effect::CoulombFriction | Effect::ViscousFriction | Effect::RotorInertia)
+}
+
 /// Whether step `step` takes enough to be a cause.
 fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> bool {
     let Shrink { predicted, low, high, measured } = shrink;
     if step.adopted.is_empty() {
+        // Two wrong values that make up for each other are each the worse for being right alone.
+        if plain && is_drive(step.effect) {
+            return true;
+        }
         // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
         return measured > 0.0 && (plain || low > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL));
     }
@@ -457,6 +481,8 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
         Effect::ExternalForce => true,
         // A command need not be cut again, but where it is the rest must fit.
         Effect::TorqueSaturation => measured > -MATERIAL,
+        // Lengths of the arm that are off look like a little of one, which promises nothing on motion that was not seen.
+        _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => low > 0.0 && measured > LEAST,
         // A tilt or a load is on every joint: what it gains on some it must not lose on others.
         _ if value && everywhere => measured > 0.0,
         _ if value || !everywhere && plain => predicted.max(measured) > 0.0,

@@ -5,7 +5,7 @@ use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::body;
-use crate::design::{Prepared, unknown};
+use crate::design::{Prepared, turn_columns, unknown};
 use crate::details::{self, Details, PINNED, ParameterLine, Stage};
 use crate::effect::{Effect, Kind};
 use crate::exhibit;
@@ -122,7 +122,7 @@ impl Procedure<'_> {
         let seen = self.look.iter().zip(&contact).map(|(run, contact)| self.columns(run, &adopted, Some(contact)));
         let seen: Vec<RunColumns<'_>> = seen.collect();
         let hidden = self.columns(self.sealed, &adopted, None);
-        let remainder = remainder(&search, &steps, self.nominal.x.len());
+        let remainder = remainder(&search, &steps);
         let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
         say("prediction of the sealed run");
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
@@ -131,8 +131,10 @@ impl Procedure<'_> {
         let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
         say("the sealed torque");
         log.extend(log_check::check(self.sealed, self.nominal));
-        let measured = hidden.stages(&self.nominal.x, &order, &x, &means);
-        let stages: Vec<Stages> = seen.iter().map(|run| run.stages(&self.nominal.x, &order, &x, &means)).collect();
+        let with_turns =
+            |run: &RunColumns<'_>| run.stages_turned(&self.nominal.x, &order, &x, &means, turn_columns(self.nominal));
+        let measured = with_turns(&hidden);
+        let stages: Vec<Stages> = seen.iter().map(with_turns).collect();
         let opened = Opened {
             procedure: self,
             search: &search,
@@ -149,7 +151,10 @@ impl Procedure<'_> {
         let unheard = self.unheard(&report.log);
         let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.
-        let stranger = stranger::joints(self.nominal, &x, &adopted, &heard).filter(|_| !report.refuted);
+        let as_given: Vec<f64> = report.per_joint.iter().map(|gap| gap.before).collect();
+        let stranger = stranger::joints(self.nominal, &x, &adopted, &heard)
+            .filter(|_| !report.refuted)
+            .or_else(|| stranger::far_too_strong(&as_given, &heard));
         if let Some(joints) = stranger {
             report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
             upheld.fill(false);
@@ -372,9 +377,9 @@ fn or_said<T>(found: Option<T>, what: &str, left_out: &mut Vec<String>) -> Optio
 }
 
 /// Columns that belong to no cause: offsets, timing, values that may stay as they are. How softly friction turns over is in
-/// no model that is handed on, so it is not in what causes are said to leave. `own`: columns of the model itself.
-fn remainder(search: &Search<'_>, steps: &[Step], own: usize) -> Vec<usize> {
-    let turns = own + 1..own + unknown(search.nominal, 1.0).len();
+/// no model that is handed on, so it is not in what causes are said to leave.
+fn remainder(search: &Search<'_>, steps: &[Step]) -> Vec<usize> {
+    let turns = turn_columns(search.nominal);
     let free = (0..search.design.background.len()).filter(|c| !turns.contains(c));
     free.filter(|c| !steps.iter().any(|s| s.columns.contains(c))).collect()
 }

@@ -53,8 +53,13 @@ impl Sealed<'_> {
 
     /// Mean square over the rows of joint `j`, weighed.
     fn mean_square(&self, j: usize, of: impl Fn(usize) -> f64) -> f64 {
+        self.mean_square_in(j, |_| true, of)
+    }
+
+    /// The same over those rows that are `within`.
+    fn mean_square_in(&self, j: usize, within: impl Fn(usize) -> bool, of: impl Fn(usize) -> f64) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
-        for (row, doubt) in self.run.doubt[j].iter().enumerate() {
+        for (row, doubt) in self.run.doubt[j].iter().enumerate().filter(|(row, _)| within(*row)) {
             let weight = 1.0 / (1.0 + (doubt / self.noise[j]).powi(2));
             sum += weight * of(row).powi(2);
             total += weight;
@@ -64,7 +69,9 @@ impl Sealed<'_> {
 
     fn left(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
         let (tau, model) = (&self.stages.tau[j], &self.stages.models[stage][j]);
-        |row| tau[row] - model[row]
+        // Of a joint that creeps, how softly friction turns over is most of the torque that is missed, and nobody's fault.
+        let turned = self.stages.turned.get(j);
+        move |row| tau[row] - model[row] - turned.map_or(0.0, |turned| turned[row])
     }
 
     /// Gap of joint `j` with the model as given and with all causes, over the noise of its torque signal; none where it stands.
@@ -99,6 +106,18 @@ impl Sealed<'_> {
     pub(crate) fn is_mostly_open(&self) -> bool {
         let times: Vec<[f64; 2]> = self.heard().filter_map(|j| self.in_motion(j)).collect();
         2 * times.iter().filter(|times| times[1] > IN_MOTION).count() > times.len()
+    }
+
+    /// Whether most joints keep more than noise in motion with all causes outside of these stretches \[s\].
+    pub(crate) fn is_open_outside(&self, windows: &[(f64, f64)]) -> bool {
+        let (period, samples) = (self.run.run.period_s, self.run.run.len());
+        let sample = |t: f64| ((t / period).max(0.0) as usize).min(samples);
+        let windows: Vec<_> =
+            windows.iter().map(|(from, to)| self.run.chain.around(sample(*from)..sample(*to), samples).1).collect();
+        let outside = |row: usize| !windows.iter().any(|rows| rows.contains(&row));
+        let floor = |j: usize| self.run.floor[j].max(f64::MIN_POSITIVE);
+        let times = |j: usize| self.mean_square_in(j, outside, self.left(self.whole(), j)).sqrt() / floor(j);
+        2 * self.heard().filter(|j| times(*j) > IN_MOTION).count() > self.heard().count()
     }
 
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.

@@ -1,8 +1,11 @@
 //! Models from the one given to the one with all causes, and how far each is from the torque.
 
+use std::ops::Range;
+
 use nalgebra::DVector;
 
 use crate::design::Prepared;
+use crate::gap::Gap;
 use crate::rows::Column;
 
 /// Rows of one run's torque under successive models: `models[stage][joint][row]`.
@@ -10,6 +13,22 @@ pub(crate) struct Stages {
     /// Measured torque.
     pub(crate) tau: Vec<Vec<f64>>,
     pub(crate) models: Vec<Vec<Vec<f64>>>,
+    /// `[joint][row]`: by how much friction turns over more softly than all of them say, as found; empty where nobody asked.
+    pub(crate) turned: Vec<Vec<f64>>,
+}
+
+impl Stages {
+    /// Gaps of the models, and the same beside how softly friction turns over: a joint that creeps misses most by that, whatever else is
+    /// right.
+    pub(crate) fn gaps(&self) -> [Vec<Gap>; 2] {
+        let gaps = |tau: &[Vec<f64>]| self.models.iter().map(|model| Gap::new(tau, model)).collect();
+        let less =
+            |(tau, turned): (&Vec<f64>, &Vec<f64>)| tau.iter().zip(turned).map(|(tau, turned)| tau - turned).collect();
+        let sliding: Vec<Vec<f64>> = self.tau.iter().zip(&self.turned).map(less).collect();
+        let own: Vec<Gap> = gaps(&self.tau);
+        let beside = if sliding.is_empty() { own.clone() } else { gaps(&sliding) };
+        [own, beside]
+    }
 }
 
 /// All columns of one run in the order of the design: the model's own, timing, adopted effects.
@@ -32,15 +51,8 @@ impl RunColumns<'_> {
     pub(crate) fn stages(&self, nominal: &[f64], steps: &Steps, x: &DVector<f64>, means: &[f64]) -> Stages {
         let (joints, rows) = (self.run.tau.len(), self.run.rows());
         let mut model = vec![vec![0.0; rows]; joints];
-        let add = |model: &mut Vec<Vec<f64>>, c: usize, factor: f64| {
-            for (to, values) in model.iter_mut().zip(self.column(c)) {
-                if let Some(values) = values {
-                    to.iter_mut().zip(values).for_each(|(to, v)| *to += factor * v);
-                }
-            }
-        };
         for (c, value) in nominal.iter().enumerate() {
-            add(&mut model, c, *value);
+            self.add(&mut model, c, *value);
         }
         for (to, known) in model.iter_mut().zip(&self.run.known_rows) {
             to.iter_mut().zip(known).for_each(|(to, k)| *to += k);
@@ -48,7 +60,7 @@ impl RunColumns<'_> {
         let mut models = vec![model.clone()];
         for step in steps {
             for c in step {
-                add(&mut model, *c, x[*c] + means[*c]);
+                self.add(&mut model, *c, x[*c] + means[*c]);
             }
             models.push(model.clone());
         }
@@ -60,7 +72,34 @@ impl RunColumns<'_> {
                 rows[j].fill(0.0);
             }
         }
-        Stages { tau, models }
+        Stages { tau, models, turned: Vec::new() }
+    }
+
+    /// The same, beside how softly friction turns over, whose columns are `turns`.
+    pub(crate) fn stages_turned(
+        &self,
+        nominal: &[f64],
+        steps: &Steps,
+        x: &DVector<f64>,
+        means: &[f64],
+        turns: Range<usize>,
+    ) -> Stages {
+        let mut turned = vec![vec![0.0; self.run.rows()]; self.run.tau.len()];
+        for c in turns {
+            self.add(&mut turned, c, x[c] + means[c]);
+        }
+        for (rows, _) in turned.iter_mut().zip(&self.run.silent).filter(|(_, silent)| silent.is_some()) {
+            rows.fill(0.0);
+        }
+        Stages { turned, ..self.stages(nominal, steps, x, means) }
+    }
+
+    fn add(&self, torque: &mut [Vec<f64>], c: usize, factor: f64) {
+        for (to, values) in torque.iter_mut().zip(self.column(c)) {
+            if let Some(values) = values {
+                to.iter_mut().zip(values).for_each(|(to, v)| *to += factor * v);
+            }
+        }
     }
 }
 

@@ -15,6 +15,9 @@ const FAR_OFF: f64 = 8.0;
 /// So many joints at least, and two thirds of those that can be heard.
 const JOINTS: usize = 3;
 
+/// A model that misses so many times a joint's torque is of a stronger arm.
+const SEVERAL: f64 = 2.0;
+
 /// Joints whose body or rotor is far off, where that is most of them. `heard`: joints whose torque is believed. Friction and torque
 /// constants are in no CAD model, and a body at the flange is none of the arm's.
 pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], heard: &[usize]) -> Option<Vec<usize>> {
@@ -31,6 +34,13 @@ pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], h
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
     (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
+}
+
+/// Joints of which the model as given misses several times the torque that they have, where that is most of them: friction and loads that no
+/// file has leave all of it at most, some more where they have the other sign (1.05 on measured arms whose friction was left out).
+pub(crate) fn far_too_strong(as_given: &[f64], heard: &[usize]) -> Option<Vec<usize>> {
+    let joints: Vec<usize> = heard.iter().copied().filter(|j| as_given[*j] > SEVERAL).collect();
+    (2 * joints.len() > heard.len()).then_some(joints)
 }
 
 #[cfg(test)]
@@ -68,5 +78,13 @@ mod tests {
         );
         assert_eq!(with(&(0..n).map(|j| (12 * n + j, 50.0)).collect::<Vec<_>>()), None, "friction is in no data sheet");
         assert_eq!(with(&[(10 * (n - 1), 50.0)]), None, "one body");
+    }
+
+    #[test]
+    fn a_model_of_a_much_stronger_arm_is_another_arms() {
+        let heard = [0, 2, 3];
+        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &heard), Some(vec![0, 2]));
+        assert_eq!(far_too_strong(&[1.0, 9.0, 1.05, 7.0], &heard), None, "one of three; the second says nothing");
+        assert_eq!(far_too_strong(&[0.9; 4], &[]), None);
     }
 }

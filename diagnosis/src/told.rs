@@ -1,6 +1,6 @@
 //! What is left with no more than what is named: an effect that was withdrawn carries nothing of what a report tells.
 
-use crate::design::unknown;
+use crate::design::turn_columns;
 use crate::effect::Kind;
 use crate::gap::Gap;
 use crate::opened::share_left;
@@ -29,15 +29,14 @@ impl Procedure<'_> {
         if !report.withdrawn.iter().any(|cause| cause.effect.kind() == Kind::Structure) {
             return None;
         }
-        let own = self.nominal.x.len();
         // How softly friction turns over is in no model that is handed on.
-        let first = own + unknown(self.nominal, 1.0).len();
+        let turns = turn_columns(self.nominal);
         let stands = |c: &usize| {
             let of = |place: usize, len: usize| (place..place + len).contains(c);
-            *c <= own || *c >= first && sized.effects.iter().any(|a| of(a.place, a.mean.len()))
+            *c < turns.start || *c >= turns.end && sized.effects.iter().any(|a| of(a.place, a.mean.len()))
         };
         let columns: Vec<usize> = (0..means.len()).filter(stands).collect();
-        let stages = hidden.stages(&self.nominal.x, &vec![columns], &sized.x, means);
+        let stages = hidden.stages_turned(&self.nominal.x, &vec![columns], &sized.x, means, turns);
         let sealed = Sealed { run: self.sealed, stages: &stages, noise };
         let [before, after] = [0, 1].map(|stage| Gap::new(&stages.tau, &stages.models[stage]));
         report.after = after.all;
