@@ -21,6 +21,8 @@ use crate::table::{Table, WIDTH, paragraph, show};
 
 /// Share of the work that is left after each thing said.
 const STEP_LEAVES: f64 = 0.9;
+/// Names of two joints are both told where they are no longer together.
+const JOINTS_WIDTH: usize = 24;
 
 /// Arguments of `rivet diagnose`.
 #[derive(Debug, clap::Args)]
@@ -191,14 +193,15 @@ fn as_text(found: &Document) -> String {
         out += &paragraph("  simulator    ", &rollout.text());
     }
     if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "shrink [%]", "90 %", "measured", "share [%]", "sure"]);
+        let mut table = Table::new(["cause", "joints", "shrink %", "90 %", "measured", "share %", "sure"]);
         for c in &found.causes {
             table.row([
                 c.effect.clone(),
                 match c.joints.as_slice() {
                     joints if joints.is_empty() || joints.len() == found.gap.per_joint.len() => "all".to_owned(),
-                    [first, _, _, ..] => format!("{first} and {} more", c.joints.len() - 1),
-                    few => few.join(" "),
+                    [one] => one.clone(),
+                    [first, second] if first.len() + second.len() < JOINTS_WIDTH => format!("{first} {second}"),
+                    joints => format!("{} +{}", joints[0], joints.len() - 1),
                 },
                 percent(c.shrink.predicted),
                 format!("{}..{}", percent(c.shrink.low), percent(c.shrink.high)),

@@ -270,7 +270,8 @@ impl Opened<'_> {
         let verdict = if undone {
             Verdict::Unexplained
         } else {
-            verdict(&judge, [&causes, &withdrawn], steps, &upheld, &per_joint, unexplained_share)
+            let open = share_left(&judge.sliding[0], &judge.sliding[judge.sliding.len() - 1], floor);
+            verdict(&judge, [&causes, &withdrawn], steps, &upheld, &per_joint, open)
         };
         // What was fitted may fail, or hold a joint that stands: where nothing is missing, nothing is unexplained.
         let verdict = match verdict {
@@ -298,6 +299,7 @@ impl Opened<'_> {
             causes,
             withdrawn,
             unexplained_share,
+            creeping_share: creeping_share(measured),
             data: procedure.data,
             remark,
             left_out: Vec::new(),
@@ -456,6 +458,12 @@ fn is_most(cause: &Cause) -> bool {
 /// Whether the motion tells of it.
 fn is_predictable(step: &Step) -> bool {
     step.adopted.iter().all(|a| a.form.is_predictable())
+}
+
+/// Share of the squared gap that is left with all causes which is how softly friction turns over.
+pub(crate) fn creeping_share(stages: &Stages) -> f64 {
+    let left = stages.gaps().map(|gaps| gaps.last().map_or(f64::NAN, |gap| gap.all));
+    1.0 - (left[1] / left[0]).powi(2)
 }
 
 /// Values of drives, of which few others take the place.

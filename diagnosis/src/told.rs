@@ -3,7 +3,7 @@
 use crate::design::turn_columns;
 use crate::effect::Kind;
 use crate::gap::Gap;
-use crate::opened::share_left;
+use crate::opened::{creeping_share, share_left};
 use crate::procedure::Procedure;
 use crate::report::{Diagnosis, Verdict};
 use crate::sealed::Sealed;
@@ -45,6 +45,7 @@ impl Procedure<'_> {
             gap.in_motion = sealed.in_motion(j);
         }
         report.place = self.place(&stages, &self.names());
+        report.creeping_share = creeping_share(&stages);
         report.unexplained_share = share_left(&before, &after, report.noise_floor);
         let values = !report.causes.is_empty() && report.causes.iter().all(|c| c.effect.kind() == Kind::Value);
         let most = if sealed.is_mostly_open() { MOST } else { NEARLY_ALL };

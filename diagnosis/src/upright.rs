@@ -290,6 +290,7 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
         per_joint,
         place: procedure.place(&stages, &names),
         causes: vec![cause],
+        creeping_share: f64::NAN,
         unexplained_share: share_left(&before, &after, floor),
         log: mute.clone(),
         remark: None,

@@ -4,8 +4,11 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+mod common;
+
+use common::Noise;
 use rivet_diagnosis::{Effect, Past, Run, diagnose};
-use rivet_dynamics::{Arm, Model, Structure, Workspace, inverse_dynamics};
+use rivet_dynamics::{Model, Structure, Workspace, inverse_dynamics};
 
 struct Counting;
 
@@ -33,20 +36,6 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// A waist, a shoulder and an elbow.
-const URDF: &str = r#"<robot name="three"><link name="base"/>
-    <link name="a"><inertial><origin xyz="0 0 0.2"/><mass value="8"/><inertia ixx="0.2" iyy="0.2" izz="0.1" ixy="0" ixz="0"
-    iyz="0"/></inertial></link>
-    <link name="b"><inertial><origin xyz="0.2 0 0"/><mass value="5"/><inertia ixx="0.02" iyy="0.1" izz="0.1" ixy="0" ixz="0"
-    iyz="0"/></inertial></link>
-    <link name="c"><inertial><origin xyz="0.15 0 0.02"/><mass value="3"/><inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0"
-    ixz="0" iyz="0"/></inertial></link>
-    <joint name="1" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
-    <joint name="2" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.1 0 0.4"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
-    <joint name="3" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" velocity="3" effort="100"/></joint></robot>"#;
 const PERIOD_S: f64 = 0.005;
 /// Time from one push to the next, and how long one lasts \[s\].
 const EVERY_S: f64 = 9.0;
@@ -57,17 +46,7 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
     let arm = &model.arm;
     let n = arm.dof();
     let mut ws = Workspace::new(arm);
-    let mut seed = 1u64;
-    let mut noise = || {
-        // xorshift64*; a sum of four even draws is near enough to a normal one.
-        let mut even = || {
-            seed ^= seed >> 12;
-            seed ^= seed << 25;
-            seed ^= seed >> 27;
-            (seed.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        };
-        (0..4).map(|_| even()).sum::<f64>() * 3.0_f64.sqrt()
-    };
+    let mut noise = Noise(1);
     let (mut q, mut tau) = (vec![Vec::new(); n], vec![Vec::new(); n]);
     let (mut at, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let (mut y, mut push) = (vec![0.0; n * model.len()], vec![0.0; n]);
@@ -95,7 +74,7 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
         for j in 0..n {
             let whole: f64 = y[j * model.len()..][..model.len()].iter().zip(x).map(|(y, x)| y * x).sum();
             q[j].push(at[j]);
-            tau[j].push(whole + push[j] + 0.3 * noise());
+            tau[j].push(whole + push[j] + 0.3 * noise.draw());
         }
     }
     // With a thermometer no time constants are looked for, which only long logs have.
@@ -106,7 +85,7 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
 /// Bytes held at once at most and bytes asked for in all, of a diagnosis that finds the pushes and nothing else: what hats
 /// leave of them looks like a command that is cut.
 fn cost(seconds: f64) -> [f64; 2] {
-    let arm = Arm::from_urdf(URDF, [0.0, 0.0, -9.81]).expect("a sound arm");
+    let arm = common::arm();
     let n = arm.dof();
     let model = Model::new(arm, Structure { offset: true, sign_velocity: 0.02, ..Structure::default() });
     let mut x = model.arm.links.concat();

@@ -48,6 +48,9 @@ pub struct Document {
     pub hints: Vec<Cause>,
     /// Share of the squared gap above the floor that is left.
     pub unexplained_share: Number,
+    /// Of the squared gap that is left with all causes: how softly friction turns over where joints creep, which no exported file holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub creeping_share: Number,
     /// What was used.
     pub data: DataUse,
     /// Why nothing was evaluated.

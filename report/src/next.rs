@@ -197,7 +197,13 @@ impl Document {
                 } else {
                     format!("; on {} something else is missing that nothing here names", list(&left))
                 };
-                format!("Add the effect to the simulator and diagnose a new run{then}.")
+                let late = |c: &Cause| ["current_loop_lag", "transport_delay"].contains(&c.effect.as_str());
+                let logged = if self.causes.iter().any(late) {
+                    "See that positions are logged as they are measured (a low-pass or a delay of theirs looks like one of the drive). "
+                } else {
+                    ""
+                };
+                format!("{logged}Add the effect to the simulator and diagnose a new run{then}.")
             }
         }
     }

@@ -24,6 +24,8 @@ const SHRINKS: usize = 3;
 const SIZES: usize = 2;
 /// Shares below this are not worth a word.
 const WORTH_NAMING: f64 = 0.05;
+/// Creeping is told where it is this share of what is left.
+const CREEPING: f64 = 0.2;
 /// Times the noise that are next to it.
 const NEXT_TO_NOISE: f64 = 4.0;
 /// Times the noise that no right values leave, even where most joints keep more than it, as on measured arms.
@@ -272,6 +274,13 @@ impl Document {
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
+        }
+        if let Some(share) = self.creeping_share.filter(|s| *s >= CREEPING) {
+            open.push(format!(
+                "{:.0} % of the squared gap that is left is friction that turns over softly where joints creep ([signal] \
+                 friction_velocity of the robot file says how softly)",
+                100.0 * share
+            ));
         }
         let left = self.left_joints();
         if !left.is_empty() && !nothing_missing {

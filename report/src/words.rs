@@ -67,6 +67,9 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
             return (stem.replace('_', " "), unit.to_owned());
         }
     }
+    if let ("forwards_Nm" | "backwards_Nm", Some(way)) = (name, name.strip_suffix("_Nm")) {
+        return (format!("{way} more than the other way by"), "N m".to_owned());
+    }
     if name == "seconds" {
         return ("time".to_owned(), "s".to_owned());
     }

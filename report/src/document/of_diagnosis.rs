@@ -57,6 +57,7 @@ impl Document {
             log: found.log.iter().map(LogFinding::new).collect(),
             hints: found.withdrawn.iter().map(Cause::new).collect(),
             unexplained_share: number(found.unexplained_share),
+            creeping_share: number(found.creeping_share),
             data: DataUse {
                 runs: found.data.runs,
                 cut: found.data.cut,
