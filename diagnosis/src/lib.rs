@@ -53,6 +53,7 @@ mod log_check;
 mod magnitude;
 mod motions;
 mod mounting;
+mod offsets;
 mod opened;
 mod orders;
 mod parallel;

@@ -16,12 +16,13 @@ use crate::instead;
 use crate::leftover;
 use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
+use crate::offsets;
 use crate::opened::Opened;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
 use crate::regimes::{self, Regime};
-use crate::report::{Cell, DataUse, Diagnosis};
+use crate::report::{Cause, Cell, DataUse, Diagnosis};
 use crate::residue::Residue;
 use crate::rows::Column;
 use crate::search::Search;
@@ -179,6 +180,10 @@ impl Procedure<'_> {
             }
         }
         report.doubt_what_is_left_open();
+        let named = |hint: &Cause| report.causes.iter().any(|c| c.effect == hint.effect && c.joints == hint.joints);
+        let offsets = offsets::told(self.nominal, &parameters, &report.per_joint);
+        let offsets: Vec<Cause> = offsets.into_iter().filter(|hint| !named(hint)).collect();
+        report.withdrawn.extend(offsets);
         let told = told.as_ref().unwrap_or(&measured);
         report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, told], parameters));
         report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));

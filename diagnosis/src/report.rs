@@ -77,7 +77,7 @@ pub struct Cause {
     pub separating_motion: Option<String>,
     /// The sealed run with and without it, on the joints that it changes most.
     pub curves: Vec<Curve>,
-    /// Of a hint whose size no arm has: what is impossible.
+    /// Of a hint whose size no arm has, or that motion does not tell from something else: why it is none.
     pub impossible: Option<String>,
 }
 

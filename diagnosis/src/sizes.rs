@@ -207,12 +207,20 @@ fn has(step: &Step, group: &Group) -> bool {
 
 /// What would have been a cause, had it been possible.
 pub(crate) fn hint(effect: Effect, joints: Vec<String>, what: &[Impossible]) -> Cause {
-    let nothing = Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN };
+    Cause {
+        magnitude: what.iter().map(|what| (what.name.clone(), what.value)).collect(),
+        impossible: Some(possible::said(what)),
+        ..unmeasured(effect, joints)
+    }
+}
+
+/// Something that no step of the sealed run stands for.
+pub(crate) fn unmeasured(effect: Effect, joints: Vec<String>) -> Cause {
     Cause {
         effect,
         joints,
-        magnitude: what.iter().map(|what| (what.name.clone(), what.value)).collect(),
-        shrink: nothing,
+        magnitude: Vec::new(),
+        shrink: Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN },
         share: None,
         p_value: None,
         confidence: f64::NAN,
@@ -220,6 +228,6 @@ pub(crate) fn hint(effect: Effect, joints: Vec<String>, what: &[Impossible]) -> 
         angles: Vec::new(),
         separating_motion: None,
         curves: Vec::new(),
-        impossible: Some(possible::said(what)),
+        impossible: None,
     }
 }

@@ -196,7 +196,7 @@ pub struct Cause {
     /// The sealed run with and without it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
-    /// Of a hint whose size no arm has: what is impossible. Its shrink is not known.
+    /// Of a hint whose size no arm has, or that motion does not tell from something else: why it is no cause. Its shrink is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub impossible: Option<String>,
 }
