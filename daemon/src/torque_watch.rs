@@ -44,8 +44,9 @@ struct Joint {
     usual: f64,
     /// Smallest change of the torque but none, 0 before the first: its step, where it has one \[N·m\].
     step: f64,
-    /// Share of samples in motion whose torque is that of the sample before.
+    /// Share of samples in motion whose torque is that of the sample before, of so many at the most.
     stands: f64,
+    looked_at: f64,
     /// The torque has stood for so long, in motion, that this is looked at.
     run: bool,
     /// What the motion needs by the last row, and the measured torque over it, filtered alike \[N·m\].
@@ -72,7 +73,8 @@ impl Joint {
         // Beyond that it may be stuck, of which nothing is learnt.
         if moves && run < SUSPECT_RUN {
             let stands = if run > 0 { 1.0 } else { 0.0 };
-            self.stands += (stands - self.stands) / STANDS_MEMORY;
+            self.looked_at = (self.looked_at + 1.0).min(STANDS_MEMORY);
+            self.stands += (stands - self.stands) / self.looked_at;
         }
     }
 
