@@ -4,9 +4,10 @@ use crate::channels::doubted;
 use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::runs::{hole_s, not_derived, read_log, short_name};
+use crate::table::number;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
-use rivet_estimation::offline::{Trajectory, unfollowed};
+use rivet_estimation::offline::{Trajectory, position_step, unfollowed};
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ResampleReport};
 use std::collections::BTreeSet;
@@ -32,6 +33,8 @@ pub(crate) struct Recording {
     period_s: f64,
     /// Torque channels that cannot be believed.
     pub(crate) distrusts: Vec<Distrust>,
+    /// What of the positions the daemon takes for jumps or frozen readings, whatever it says of them.
+    pub(crate) coarse: Vec<String>,
 }
 
 /// Rows without a hole: how many rows come before, and the first sequence number.
@@ -66,7 +69,8 @@ impl Recording {
         distrusts.extend(evidence::underived(robot, &short_name(path), &underived));
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
-        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts })
+        let coarse = coarse(robot, &log, &report);
+        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts, coarse })
     }
 
     /// The log's file.
@@ -152,6 +156,39 @@ impl Recording {
         let link = link.q[..self.joints].iter().all(|q| q.is_finite()).then_some(link);
         Period { state, setpoint, link }
     }
+}
+
+/// A position whose steps are so many times those of the robot file is of another encoder.
+const COARSER: f64 = 2.0;
+
+/// Why sound readings of a log look frozen to the daemon, or as if they jumped: each is held over rows, or comes in larger steps than the
+/// robot file says.
+fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Vec<String> {
+    let mut found = Vec::new();
+    let period_s = robot.config.sample_period_s;
+    if let Some(rows) = evidence::held_rows(report, period_s) {
+        found.push(format!(
+            "each position is held for {rows:.0} samples of {} ms, as by a source of {} Hz, and what stands for more than four is refused as \
+             frozen: give the daemon the source's own rate, with sample_period_s and {:.0} times fewer rows",
+            number(1e3 * period_s, 3),
+            number(1.0 / (rows * period_s), 3),
+            rows
+        ));
+        return found;
+    }
+    for (j, q) in log.q.iter().enumerate() {
+        let resolution = robot.config.drive.encoder_resolution[j];
+        if let Some(step) = position_step(q).filter(|step| *step > COARSER * resolution) {
+            found.push(format!(
+                "positions of {} come in steps of {} rad where [drive] encoder_resolution says {}: such a step looks like a jump, and what \
+                 stands between two like a frozen reading. Set encoder_resolution to the step",
+                robot.model.arm.joints[j].name,
+                number(step, 2),
+                number(resolution, 2)
+            ));
+        }
+    }
+    found
 }
 
 /// Writes a parameter stream as CSV: `epoch, seq`, then value and standard deviation of every base parameter.
