@@ -106,7 +106,7 @@ pub(crate) struct TorqueSteps {
 
 /// Noise of less than this share of a step leaves its errors what the motion makes of them. With a third they pass for white.
 const BLURS: f64 = 0.35;
-/// ... and they are most of what a fit leaves where that is less than this share of a step (rounding is off by 0.29 of one).
+/// ... and they are much of what a fit leaves where that is less than this share of a step (rounding is off by 0.29 of one).
 const OF_STEP: f64 = 0.5;
 
 /// Looks at the torques of a log, row by row as logged.
@@ -129,7 +129,7 @@ pub(crate) fn coarse_torque(robot: &Robot, steps: &[TorqueSteps], left: &[f64]) 
         name: TORQUE_STEPS_NAME,
         text: format!(
             "torque comes in steps of {} N m with {} N m of noise (one std) beside them: errors of rounding then follow the motion and come \
-             again with it, which standard deviations do not know: they are told too small",
+             again with it, which standard deviations do not know: they may be told too small",
             number(*step, 2),
             number(*noise, 1)
         ),

@@ -24,7 +24,7 @@ const FAR_LESS: f64 = 0.83;
 /// ... of two joints at the least less than this, as what follows a joint is elsewhere as well, and of no joint more than that ...
 const LESS: f64 = 0.85;
 const NO_MORE: f64 = 1.05;
-/// ... or where the values of the robot file leave so many times as much, and the fit no more. Of 125 measured and simulated logs, with
+/// ... or where the values of the robot file leave so many times as much, and the fit no more. Of 112 measured and practice logs, with
 /// loads, rough bodies and effects that the model lacks, the best other reading left 0.82 times as much; wrong readings are at 0.2 to 0.7.
 const FAR_LESS_OF_FILE: f64 = 0.72;
 /// Readings that leave about as much are all said, but for more than so many.
@@ -210,7 +210,7 @@ fn said(robot: &Robot, found: &[Better]) -> Option<Distrust> {
 /// The values of the robot file leave more than this of a joint's torque \[%\] ...
 const ANOTHER: f64 = 40.0;
 /// ... of every one of so many joints at the least. Of measured arms, with a load, rough bodies or no friction in the file, some joint
-/// always has less: at most 36.
+/// always has less: 39 where torque is in another unit (which is told as such), else 26.
 const ANOTHER_JOINTS: usize = 4;
 
 /// Whether the robot file may be that of another arm; `nominal`: what its values leave of each joint's torque \[%\].

@@ -7,6 +7,7 @@ use crate::runs::{hole_s, not_derived, read_log, short_name};
 use crate::table::number;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
+use rivet_dynamics::Joint;
 use rivet_estimation::offline::{Trajectory, position_step, unfollowed};
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ResampleReport};
@@ -34,7 +35,7 @@ pub(crate) struct Recording {
     /// Torque channels that cannot be believed.
     pub(crate) distrusts: Vec<Distrust>,
     /// What of the positions the daemon takes for jumps or frozen readings, whatever it says of them.
-    pub(crate) coarse: Vec<String>,
+    pub(crate) coarse: Option<String>,
 }
 
 /// Rows without a hole: how many rows come before, and the first sequence number.
@@ -160,35 +161,37 @@ impl Recording {
 
 /// A position whose steps are so many times those of the robot file is of another encoder.
 const COARSER: f64 = 2.0;
+/// A step is a jump to the daemon beyond this acceleration \[rad/s²\], and a reading that stands between two is frozen to it for four
+/// samples at this speed \[rad/s\].
+const JUMPS: f64 = 500.0;
+const STANDS: f64 = 4.0 * 0.2;
 
-/// Why sound readings of a log look frozen to the daemon, or as if they jumped: each is held over rows, or comes in larger steps than the
+/// Why sound readings of a log look frozen to the daemon, or as if they jumped: each is held over samples, or comes in larger steps than the
 /// robot file says.
-fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Vec<String> {
-    let mut found = Vec::new();
+fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Option<String> {
     let period_s = robot.config.sample_period_s;
-    if let Some(rows) = evidence::held_rows(report, period_s) {
-        found.push(format!(
-            "each position is held for {rows:.0} samples of {} ms, as by a source of {} Hz, and what stands for more than four is refused as \
-             frozen: give the daemon the source's own rate, with sample_period_s and {:.0} times fewer rows",
+    if let Some(samples) = evidence::held_rows(report, period_s) {
+        return Some(format!(
+            "each position is held for {samples:.0} samples of {} ms, as by a source of {} Hz, and what stands for more than four is refused as \
+             frozen: give the daemon the source's own rate",
             number(1e3 * period_s, 3),
-            number(1.0 / (rows * period_s), 3),
-            rows
+            number(1.0 / (samples * period_s), 3),
         ));
-        return found;
     }
-    for (j, q) in log.q.iter().enumerate() {
-        let resolution = robot.config.drive.encoder_resolution[j];
-        if let Some(step) = position_step(q).filter(|step| *step > COARSER * resolution) {
-            found.push(format!(
-                "positions of {} come in steps of {} rad where [drive] encoder_resolution says {}: such a step looks like a jump, and what \
-                 stands between two like a frozen reading. Set encoder_resolution to the step",
-                robot.model.arm.joints[j].name,
-                number(step, 2),
-                number(resolution, 2)
-            ));
-        }
-    }
-    found
+    let of = |(q, (joint, resolution)): (&Vec<f64>, (&Joint, &f64))| {
+        let least = (JUMPS * period_s * period_s).min(STANDS * period_s);
+        let step = position_step(q).filter(|step| *step > least.max(COARSER * resolution))?;
+        Some(format!("{} {} for {}", joint.name, number(step, 2), number(*resolution, 2)))
+    };
+    let joints = robot.model.arm.joints.iter().zip(&robot.config.drive.encoder_resolution);
+    let coarser: Vec<String> = log.q.iter().zip(joints).filter_map(of).collect();
+    (!coarser.is_empty()).then(|| {
+        format!(
+            "positions come in larger steps than [drive] encoder_resolution says ({} rad): a step looks like a jump, and what stands between \
+             two like a frozen reading. Set it to the steps",
+            coarser.join(", ")
+        )
+    })
 }
 
 /// Writes a parameter stream as CSV: `epoch, seq`, then value and standard deviation of every base parameter.

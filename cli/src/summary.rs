@@ -19,6 +19,9 @@ use std::fmt;
 /// Friction gives energy surely from so many standard deviations below zero.
 const SURELY: f64 = 3.0;
 
+/// One sample in so many that is refused leaves no stretch for signals to settle in, if it comes evenly.
+const OFTEN: u64 = 50;
+
 /// The last parameter set of a run over a log, with what it left of the torque.
 pub(crate) struct Summary<'a> {
     robot: &'a Robot,
@@ -30,13 +33,13 @@ pub(crate) struct Summary<'a> {
     /// Torque channels of the log that cannot be believed.
     distrusts: &'a [Distrust],
     /// Why its positions are refused, where that is known.
-    coarse: &'a [String],
+    coarse: Option<&'a str>,
 }
 
 /// Why no parameters were published for a log of so many samples.
 pub(crate) fn nothing(robot: &Robot, recording: &Recording, health: &Health) -> Fault {
     let (log, samples) = (recording.path().display(), recording.len());
-    Fault::Data(match unused(health, samples, &recording.coarse) {
+    Fault::Data(match unused(health, samples, recording.coarse.as_deref()) {
         Some(why) => format!("{log}: nothing was identified: {why}"),
         None => format!(
             "{log}: {samples} samples are less than the first publication needs ([publish] every = {}): nothing was published",
@@ -47,7 +50,7 @@ pub(crate) fn nothing(robot: &Robot, recording: &Recording, health: &Health) -> 
 
 /// What was wrong with samples of a log, and how many were not used; none where nothing was. That samples are missing in a log is
 /// counted elsewhere. `coarse` is what the log says of readings that the daemon refuses.
-fn unused(health: &Health, samples: usize, coarse: &[String]) -> Option<String> {
+fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<String> {
     let lost = InputFault::Lost as usize;
     let mut health = *health;
     health.input_faults[lost] = 0;
@@ -64,8 +67,8 @@ fn unused(health: &Health, samples: usize, coarse: &[String]) -> Option<String> 
         _ => format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"),
     };
     let of_positions = [InputFault::Frozen, InputFault::EncoderJump].map(|fault| health.input_faults[fault as usize]);
-    let why = coarse.iter().filter(|_| of_positions.iter().any(|times| *times > 0));
-    Some(why.fold(said, |said, why| format!("{said}. {why}")))
+    let why = coarse.filter(|_| of_positions.iter().any(|times| *times > 0));
+    Some(why.map_or_else(|| said.clone(), |why| format!("{said}. {why}")))
 }
 
 /// What delayed instruments leave out of standard deviations: docs/real-data.md has the figures.
@@ -81,7 +84,7 @@ impl<'a> Summary<'a> {
         health: &'a Health,
     ) -> Self {
         let (samples, unfollowed, distrusts) = (recording.len(), recording.unfollowed(), &recording.distrusts);
-        Summary { robot, parameters, health, samples, unfollowed, distrusts, coarse: &recording.coarse }
+        Summary { robot, parameters, health, samples, unfollowed, distrusts, coarse: recording.coarse.as_deref() }
     }
 
     /// Whether nothing is learnt for want of instruments.
@@ -104,8 +107,8 @@ impl<'a> Summary<'a> {
                 "instruments = \"second-encoder\" needs q_link of every joint, which moves as q does; \"auto\" takes what the log has"
             }
             Instruments::Auto { .. } | Instruments::Delayed { .. } | Instruments::PreviousCycle { .. } => {
-                if 2 * self.health.refused_invalid > self.samples as u64 {
-                    "most samples were refused (below), so that no motion is left to learn from"
+                if OFTEN * self.health.refused_invalid > self.samples as u64 {
+                    "samples were refused so often (below) that the signals never settled in between"
                 } else {
                     "no joint has moved for long enough yet; kind = \"rls\" learns without instruments"
                 }

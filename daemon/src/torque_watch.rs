@@ -23,6 +23,8 @@ const SUSPECT_RUN: u32 = 10;
 const STANDS: f64 = 0.5;
 /// Memory of how often it does \[samples in motion\].
 const STANDS_MEMORY: f64 = 4000.0;
+/// A change of less than this share of the smallest torque that matters is rounding of numbers.
+const ROUNDING: f64 = 1e-9;
 /// A torque that usually stands is in doubt where the model misses it by more than a step and so many sigmas.
 const SUSPECT_SIGMAS: f64 = 4.0;
 /// Identical torques that are a stuck sensor if the motion needs another torque.
@@ -146,7 +148,8 @@ impl TorqueWatch {
             }
             joint.tau = tau;
             let (run, moves) = guard.torque_run(j);
-            joint.stood(run, moves, if self.seen { step.abs() } else { 0.0 });
+            // What sums of numbers leave of an equal torque is no step.
+            joint.stood(run, moves, if self.seen && step.abs() > ROUNDING * least { step.abs() } else { 0.0 });
             joint.run = joint.trusted && moves && run >= SUSPECT_RUN;
             if run == 0 {
                 joint.predicted_before = joint.predicted;

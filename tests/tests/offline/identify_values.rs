@@ -270,9 +270,9 @@ fn torque_in_steps_that_noise_does_not_blur_is_said() {
         let coarse = warnings.filter(|w| w["fault"] == "torque_coarse");
         coarse.map(|w| format!("{} {}", w["joint"].as_str().expect("a joint"), w["text"])).collect()
     };
-    assert_eq!([told(1e-3), told(0.1)], [[] as [String; 0]; 2]);
+    assert_eq!([told(1e-3), told(0.1)], [Vec::<String>::new(), Vec::new()]);
     let said = told(4.0);
-    let joint = |(said, name): (&String, &str)| said.starts_with(name) && said.contains("steps of 4 N m");
+    let joint = |(said, name): (&String, &str)| said.starts_with(name) && said.contains("steps of 4.0 N m");
     let names = ["wrist_1_joint", "wrist_2_joint", "wrist_3_joint"];
     assert!(said.len() == 3 && said.iter().zip(names).all(joint), "{said:?}");
 }

@@ -276,12 +276,12 @@ fn held_and_coarse_positions_are_called_so_on_line() {
             (0..signal.len()).for_each(|k| signal[k] = signal[k - k % 6]);
         }
     });
-    assert!(held.contains("each position is held for 6 samples of 1 ms"), "{held}");
+    assert!(held.contains("each position is held for 6 samples of 1.00 ms"), "{held}");
     assert!(!held.contains("no joint has moved"), "{held}");
     let coarse = on_line(&|_, log| {
         log.q.iter_mut().flatten().for_each(|q| *q = (*q / 1e-3).round() * 1e-3);
     });
-    assert!(coarse.contains("come in steps of 0.001 rad where [drive] encoder_resolution says"), "{coarse}");
+    assert!(coarse.contains("positions come in larger steps than [drive] encoder_resolution says"), "{coarse}");
     let sound = on_line(&|_, _| ());
     assert!(!sound.contains("encoder_resolution") && !sound.contains("is held for"), "{sound}");
 }
