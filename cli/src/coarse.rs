@@ -5,7 +5,7 @@ use rivet_config::Robot;
 use rivet_estimation::offline::{Record, ZeroPhase, position_noise, position_step, told_up_to_hz};
 use rivet_logs::Log;
 
-use crate::evidence::{COARSE_NAME, Distrust, NOISY_NAME};
+use crate::evidence::{COARSE_NAME, Distrust, NOISY_NAME, TORQUE_STEPS_NAME};
 use crate::runs;
 use crate::table::number;
 
@@ -91,6 +91,50 @@ pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
             number(rate_hz / LEAST_RATE, 2)
         ),
     })
+}
+
+/// Torque of a joint of a log that comes in steps which noise does not blur.
+#[derive(Clone, Debug)]
+pub(crate) struct TorqueSteps {
+    log: String,
+    joint: usize,
+    /// \[N·m\]
+    step: f64,
+    /// White noise beside the steps, one standard deviation \[N·m\].
+    noise: f64,
+}
+
+/// Noise of less than this share of a step leaves its errors what the motion makes of them. With a third they pass for white.
+const BLURS: f64 = 0.35;
+/// ... and they are much of what a fit leaves where that is less than this share of a step (rounding is off by 0.29 of one).
+const OF_STEP: f64 = 0.5;
+
+/// Looks at the torques of a log, row by row as logged.
+pub(crate) fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
+    let Some((_, tau)) = &log.tau else { return Vec::new() };
+    let of = |(joint, tau): (usize, &Vec<f64>)| {
+        let step = position_step(tau)?;
+        // Of rounding itself, where that is white, nothing is left.
+        let noise = (position_noise(tau).powi(2) - step * step / 12.0).max(0.0).sqrt();
+        (noise < BLURS * step).then(|| TorqueSteps { log: runs::short_name(&log.path), joint, step, noise })
+    };
+    tau.par_iter().enumerate().filter_map(of).collect()
+}
+
+/// Those of which a fit that leaves so much of each joint's torque \[N·m\] is no surer than its rounding.
+pub(crate) fn coarse_torque(robot: &Robot, steps: &[TorqueSteps], left: &[f64]) -> Vec<Distrust> {
+    let of = |TorqueSteps { log, joint, step, noise }: &TorqueSteps| Distrust {
+        log: Some(log.clone()),
+        joint: Some(robot.model.arm.joints[*joint].name.clone()),
+        name: TORQUE_STEPS_NAME,
+        text: format!(
+            "torque comes in steps of {} N m with {} N m of noise (one std) beside them: errors of rounding then follow the motion and come \
+             again with it, which standard deviations do not know: they may be told too small",
+            number(*step, 2),
+            number(*noise, 1)
+        ),
+    };
+    steps.iter().filter(|s| left[s.joint] < OF_STEP * s.step).map(of).collect()
 }
 
 impl Coarse {

@@ -49,27 +49,67 @@ impl Largest {
 
 pub(crate) const OF_DELAYED: &str = "not known with delayed instruments, which differ from the regressor by motion";
 
+/// What the comparison of least squares and instruments comes to.
+#[derive(Clone, Copy, PartialEq)]
+enum Verdict {
+    /// Regressor and instruments are the same.
+    Nothing,
+    /// Chance sets them that far apart.
+    NoSign,
+    /// A bias as large would not show.
+    CannotTell,
+    /// More than chance does, but no parameter differs by what it is known to.
+    Agree,
+    /// More than chance does, and some parameter shows it.
+    Differ,
+}
+
+impl Verdict {
+    fn new(bias: &Bias, compared: &Compared) -> Verdict {
+        let small = compared.largest.as_ref().is_some_and(|largest| largest.deviations < 1.0);
+        match bias.p_value < SIGNIFICANT {
+            _ if bias.degrees == 0 => Verdict::Nothing,
+            true if small => Verdict::Agree,
+            true => Verdict::Differ,
+            false if bias.spread.is_infinite() || bias.blind() => Verdict::CannotTell,
+            false => Verdict::NoSign,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Verdict::Nothing => "nothing_to_compare",
+            Verdict::NoSign => "no_sign",
+            Verdict::CannotTell => "cannot_tell",
+            Verdict::Agree => "agree_for_use",
+            Verdict::Differ => "differ",
+        }
+    }
+}
+
 /// Three lines on bias, for people.
 pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     let p = if bias.p_value < 1e-12 { "p < 1e-12".to_owned() } else { format!("p = {}", number(bias.p_value, 2)) };
-    let meaning = if bias.degrees == 0 {
-        "regressor and instruments are the same: nothing to compare".to_owned()
-    } else if bias.p_value < SIGNIFICANT {
-        let distorts = compared.distorts.map_or_else(String::new, |how| format!(", or {how}"));
-        let small = compared.largest.as_ref().is_some_and(|largest| largest.deviations < 1.0);
-        let small = if small { "; significant, but below the standard deviations of all parameters" } else { "" };
-        format!(
-            "LS and IV differ by more than torque noise: position noise pulls LS, or the model lacks an effect{distorts}{small}"
-        )
-    } else if bias.spread.is_infinite() {
-        "cannot tell: the data decide nothing by least squares either".to_owned()
-    } else if bias.blind() {
-        format!(
+    let meaning = match Verdict::new(bias, compared) {
+        Verdict::Nothing => "regressor and instruments are the same: nothing to compare".to_owned(),
+        Verdict::Agree => "LS and IV agree for use: no parameter differs by its standard deviation. What sets them apart is more than \
+             chance (significant), but smaller than what they are sure of"
+            .to_owned(),
+        Verdict::Differ => {
+            let distorts = compared.distorts.map_or_else(String::new, |how| format!(", or {how}"));
+            format!(
+                "LS and IV differ by more than torque noise and than standard deviations: position noise pulls LS, or the model lacks an \
+                 effect{distorts}"
+            )
+        }
+        Verdict::CannotTell if bias.spread.is_infinite() => {
+            "cannot tell: the data decide nothing by least squares either".to_owned()
+        }
+        Verdict::CannotTell => format!(
             "cannot tell: IV is {} times as uncertain as LS (median of the directions compared), which hides a bias of LS as large",
             number(bias.spread, 2)
-        )
-    } else {
-        "LS and IV differ by no more than torque noise: no sign of bias in LS".to_owned()
+        ),
+        Verdict::NoSign => "LS and IV differ by no more than torque noise: no sign of bias in LS".to_owned(),
     };
     let statistic =
         format!("{meaning} (Durbin-Wu-Hausman H = {}, {} free, {p})", number(bias.hausman, 3), bias.degrees);
@@ -101,6 +141,7 @@ pub(crate) fn bias_json(bias: &Bias, compared: &Compared) -> Value {
         // Null while running, where it is not known, and where nothing was compared.
         "deviation_ratio": bias.spread,
         "cannot_tell": bias.p_value >= SIGNIFICANT && bias.blind(),
+        "verdict": Verdict::new(bias, compared).name(),
         "instrument_ratio": bias.ratio,
         "largest_difference": compared.largest.as_ref().map(Largest::json),
     })
@@ -163,6 +204,13 @@ const UNEVEN: f64 = 0.02;
 /// Readings that stand for this many samples while the joint moves are frozen to the daemon: one that came and four that equal it.
 const FROZEN_ROWS: f64 = 4.5;
 
+/// For how many periods of the daemon a position of the log is held on average, where that looks frozen to it.
+pub(crate) fn held_rows(report: &ResampleReport, period_s: f64) -> Option<f64> {
+    let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
+    let rows = report.median_step_s / (1.0 - share).max(0.01) / period_s;
+    (share > UNEVEN && rows >= FROZEN_ROWS).then_some(rows)
+}
+
 /// What uneven sampling of the logs asks of the differentiator, for people; empty where there is none.
 ///
 /// Off line nothing is to be chosen: held positions are drawn anew where they matter ([`HELD_NAME`]), the rest passes the model filter.
@@ -177,7 +225,7 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         let step = report.median_step_s;
         // A position that repeats with share s is held for 1/(1 - s) rows on average; a jittered row is off by as much.
         let held = step / (1.0 - share).max(0.01);
-        frozen |= share > UNEVEN && held >= FROZEN_ROWS * period;
+        frozen |= held_rows(report, period).is_some();
         if share > UNEVEN && !why.contains(&"stair-case positions") {
             why.push("stair-case positions");
         }
@@ -338,6 +386,8 @@ pub(crate) fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> V
 
 /// Positions in steps that matter.
 pub(crate) const COARSE_NAME: &str = "coarse_positions";
+/// Torque in steps that matter.
+pub(crate) const TORQUE_STEPS_NAME: &str = "torque_coarse";
 /// Positions with noise that matters.
 pub(crate) const NOISY_NAME: &str = "noisy_positions";
 /// Positions that are held over rows.
@@ -372,6 +422,7 @@ pub(crate) fn distrust_text(found: &[Distrust]) -> String {
             UNDERIVED_NAME,
             UNSEEN_NAME,
             COARSE_NAME,
+            TORQUE_STEPS_NAME,
             NOISY_NAME,
             HELD_NAME,
             PLAN_HELD_NAME,
@@ -489,9 +540,12 @@ mod tests {
             bias_text(&bias, &compared).split_whitespace().collect::<Vec<_>>().join(" ")
         };
         let small = of(0.4, 1e-20);
-        assert!(small.contains("significant, but below the standard deviations"), "{small}");
+        assert!(small.contains("LS and IV agree for use") && small.contains("significant"), "{small}");
+        assert!(!small.contains("lacks an effect"), "nothing to search for: {small}");
         assert!(small.contains("largest difference IV - LS: 0.4 standard deviations (j2.coulomb)"), "{small}");
-        assert!(!of(3.0, 1e-20).contains("but below") && !of(0.4, 0.5).contains("but below"));
+        let large = of(3.0, 1e-20);
+        assert!(large.contains("position noise pulls LS, or the model lacks an effect"), "{large}");
+        assert!(!of(0.4, 0.5).contains("for use"));
     }
 
     #[test]

@@ -21,7 +21,7 @@ use rivet_studies::real::Found;
 use crate::bounds::Bounded;
 use crate::channels;
 use crate::clock;
-use crate::coarse::{coarse, slow};
+use crate::coarse::{TorqueSteps, coarse, coarse_torque, slow, torque_steps};
 use crate::compare::{self, Alone};
 use crate::delays;
 use crate::doubts;
@@ -30,6 +30,7 @@ use crate::exit::Fault;
 use crate::export::export;
 use crate::glitches::{JUMP_NAME, screen};
 use crate::jitter;
+use crate::kinematics;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
@@ -84,6 +85,8 @@ pub(crate) struct Taken {
     contents: Vec<u64>,
     /// Readings that were not taken.
     distrusts: Vec<Distrust>,
+    /// Torques in steps.
+    torque_steps: Vec<TorqueSteps>,
 }
 
 /// One stretch of a log.
@@ -220,6 +223,7 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
         all.runs.extend(taken.runs);
         all.rows.extend(taken.rows);
         all.distrusts.extend(taken.distrusts);
+        all.torque_steps.extend(torque_steps(&log));
     }
     progress.done();
     Ok(all)
@@ -252,7 +256,7 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
 }
 
 fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
-    let Taken { runs, mut rows, contents, mut distrusts } = read_rows(robot, logs)?;
+    let Taken { runs, mut rows, contents, mut distrusts, torque_steps } = read_rows(robot, logs)?;
     enough(robot, &rows, logs)?;
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     // Before a column is taken out that the robot file has a value for.
@@ -325,10 +329,15 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         .filter(|d| news(d, &distrusts))
         .collect();
     distrusts.extend(constant);
+    distrusts.extend(coarse_torque(robot, &torque_steps, &chosen.noise));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
-    // A torque that is not believed has no arm either.
-    if !distrusts.iter().any(|d| ["torque_sign", "torque_scale", evidence::UNEXPLAINED_NAME].contains(&d.name)) {
-        distrusts.extend(doubts::far(consistent.as_ref().ok()));
+    // A torque that is not believed has no arm either; one that is not explained may be that of another joint.
+    if !distrusts.iter().any(|d| ["torque_sign", "torque_scale"].contains(&d.name)) {
+        if distrusts.iter().all(|d| d.name != evidence::UNEXPLAINED_NAME) {
+            distrusts.extend(doubts::far(consistent.as_ref().ok()));
+        }
+        let misread = kinematics::misread(robot, logs, &residuals[0], consistent.as_ref().ok())?;
+        distrusts.extend(misread.or_else(|| kinematics::another_arm(&residuals[0])));
     }
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
@@ -518,7 +527,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
         Some(still) => return Err(still).with_context(why),
         None => sound.found.extend(evidence::underived(robot, &short, &underived)),
     }
-    Ok(Taken { runs: found, rows: all_rows, contents: Vec::new(), distrusts: sound.found })
+    Ok(Taken { runs: found, rows: all_rows, distrusts: sound.found, ..Taken::default() })
 }
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.

@@ -24,6 +24,7 @@ mod frozen;
 mod glitches;
 mod identify;
 mod jitter;
+mod kinematics;
 mod live;
 mod monitor;
 mod number;

@@ -46,16 +46,33 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         ))
         .into());
     }
-    let why = strange_unit(&robot.model.arm.joints, &log.q, &config.log.joint_zero);
+    let why = strange_unit(&robot.model.arm.joints, &log.q, &config.log.joint_zero)
+        .or_else(|| strange_plan(&robot.model.arm.joints, &log));
     match why.or_else(|| log.other_clock().as_ref().map(wrong_clock)) {
         Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
         None => Ok(log),
     }
 }
 
+/// Two columns are of one motion from this correlation on ...
+const SAME_MOTION: f64 = 0.98;
+/// ... where it is more than so much, in the larger unit \[rad\], root mean square ...
+const LEAST_MOTION: f64 = 0.1;
+/// ... and one is in degrees by so large a share.
+const DEGREES: f64 = 0.05;
+
 /// Every speed, and every acceleration twice, would be wrong by the factor: rotors and friction that no arm has.
 fn wrong_clock(clock: &OtherClock) -> String {
     let pairs: Vec<String> = clock.columns.iter().map(|[q, qd]| format!("{q} beside {qd}")).collect();
+    if (clock.factor.to_radians() - 1.0).abs() < DEGREES {
+        return format!(
+            "positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}); both are in radians: are \
+             these positions in degrees?",
+            clock.factor,
+            clock.joints,
+            pairs.join(", ")
+        );
+    }
     format!(
         "by column t positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}): is t in seconds of \
          the clock that these were taken by? If the speeds are wrong, log without them",
@@ -113,6 +130,39 @@ fn strange_unit(joints: &[Joint], q: &[Vec<f64>], zero: &[f64]) -> Option<String
         })
     };
     joints.iter().zip(q).enumerate().find_map(off)
+}
+
+/// The column of positions that runs through 57.3 times as many numbers as another one of the same motion, if there is one.
+fn strange_plan(joints: &[Joint], log: &Log) -> Option<String> {
+    let plan = log.q_des.as_ref()?;
+    let of = |(j, joint): (usize, &Joint)| {
+        if joint.kind != JointKind::Revolute {
+            return None;
+        }
+        let [qq, qp, pp] = squares(&log.q[j], &plan[j]);
+        // Of a joint that hardly moves it is noise.
+        let told = qp > SAME_MOTION * (qq * pp).sqrt() && qq.max(pp) > log.len() as f64 * LEAST_MOTION.powi(2);
+        let degrees = |times: f64| (times.to_radians() - 1.0).abs() < DEGREES;
+        let times = (pp / qq).sqrt();
+        let (q, plan) = (format!("q{}", j + 1), format!("q_des{}", j + 1));
+        let (wrong, right) = if degrees(times) { (plan, q) } else { (q, plan) };
+        (told && (degrees(times) || degrees(1.0 / times))).then(|| {
+            format!(
+                "column {wrong}: changes 57.3 times as much as {right}, which is the same motion; positions are in radians: are these degrees?"
+            )
+        })
+    };
+    joints.iter().enumerate().find_map(of)
+}
+
+/// Sums of squares and products of two signals about their means.
+fn squares(a: &[f64], b: &[f64]) -> [f64; 3] {
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len().max(1) as f64;
+    let (of_a, of_b) = (mean(a), mean(b));
+    a.iter().zip(b).fold([0.0; 3], |[aa, ab, bb], (a, b)| {
+        let (a, b) = (a - of_a, b - of_b);
+        [aa + a * a, ab + a * b, bb + b * b]
+    })
 }
 
 /// A stretch of a log without holes, on a uniform grid.

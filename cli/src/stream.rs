@@ -4,9 +4,11 @@ use crate::channels::doubted;
 use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::runs::{hole_s, not_derived, read_log, short_name};
+use crate::table::number;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
-use rivet_estimation::offline::{Trajectory, unfollowed};
+use rivet_dynamics::Joint;
+use rivet_estimation::offline::{Trajectory, position_step, unfollowed};
 use rivet_ipc_schema::{JointState, LinkState, MAX_JOINTS, Parameters, Setpoint};
 use rivet_logs::{Log, ResampleReport};
 use std::collections::BTreeSet;
@@ -32,6 +34,8 @@ pub(crate) struct Recording {
     period_s: f64,
     /// Torque channels that cannot be believed.
     pub(crate) distrusts: Vec<Distrust>,
+    /// What of the positions the daemon takes for jumps or frozen readings, whatever it says of them.
+    pub(crate) coarse: Option<String>,
 }
 
 /// Rows without a hole: how many rows come before, and the first sequence number.
@@ -66,7 +70,8 @@ impl Recording {
         distrusts.extend(evidence::underived(robot, &short_name(path), &underived));
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
-        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts })
+        let coarse = coarse(robot, &log, &report);
+        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts, coarse })
     }
 
     /// The log's file.
@@ -152,6 +157,41 @@ impl Recording {
         let link = link.q[..self.joints].iter().all(|q| q.is_finite()).then_some(link);
         Period { state, setpoint, link }
     }
+}
+
+/// A position whose steps are so many times those of the robot file is of another encoder.
+const COARSER: f64 = 2.0;
+/// A step is a jump to the daemon beyond this acceleration \[rad/s²\], and a reading that stands between two is frozen to it for four
+/// samples at this speed \[rad/s\].
+const JUMPS: f64 = 500.0;
+const STANDS: f64 = 4.0 * 0.2;
+
+/// Why sound readings of a log look frozen to the daemon, or as if they jumped: each is held over samples, or comes in larger steps than the
+/// robot file says.
+fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Option<String> {
+    let period_s = robot.config.sample_period_s;
+    if let Some(samples) = evidence::held_rows(report, period_s) {
+        return Some(format!(
+            "each position is held for {samples:.0} samples of {} ms, as by a source of {} Hz, and what stands for more than four is refused as \
+             frozen: give the daemon the source's own rate",
+            number(1e3 * period_s, 3),
+            number(1.0 / (samples * period_s), 3),
+        ));
+    }
+    let of = |(q, (joint, resolution)): (&Vec<f64>, (&Joint, &f64))| {
+        let least = (JUMPS * period_s * period_s).min(STANDS * period_s);
+        let step = position_step(q).filter(|step| *step > least.max(COARSER * resolution))?;
+        Some(format!("{} {} for {}", joint.name, number(step, 2), number(*resolution, 2)))
+    };
+    let joints = robot.model.arm.joints.iter().zip(&robot.config.drive.encoder_resolution);
+    let coarser: Vec<String> = log.q.iter().zip(joints).filter_map(of).collect();
+    (!coarser.is_empty()).then(|| {
+        format!(
+            "positions come in larger steps than [drive] encoder_resolution says ({} rad): a step looks like a jump, and what stands between \
+             two like a frozen reading. Set it to the steps",
+            coarser.join(", ")
+        )
+    })
 }
 
 /// Writes a parameter stream as CSV: `epoch, seq`, then value and standard deviation of every base parameter.

@@ -3,6 +3,7 @@
 use crate::doubts::{missing_more, unexplained};
 use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
+use crate::kinematics::another_arm;
 use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
@@ -18,6 +19,9 @@ use std::fmt;
 /// Friction gives energy surely from so many standard deviations below zero.
 const SURELY: f64 = 3.0;
 
+/// One sample in so many that is refused leaves no stretch for signals to settle in, if it comes evenly.
+const OFTEN: u64 = 50;
+
 /// The last parameter set of a run over a log, with what it left of the torque.
 pub(crate) struct Summary<'a> {
     robot: &'a Robot,
@@ -28,12 +32,14 @@ pub(crate) struct Summary<'a> {
     unfollowed: BTreeSet<usize>,
     /// Torque channels of the log that cannot be believed.
     distrusts: &'a [Distrust],
+    /// Why its positions are refused, where that is known.
+    coarse: Option<&'a str>,
 }
 
 /// Why no parameters were published for a log of so many samples.
 pub(crate) fn nothing(robot: &Robot, recording: &Recording, health: &Health) -> Fault {
     let (log, samples) = (recording.path().display(), recording.len());
-    Fault::Data(match unused(health, samples) {
+    Fault::Data(match unused(health, samples, recording.coarse.as_deref()) {
         Some(why) => format!("{log}: nothing was identified: {why}"),
         None => format!(
             "{log}: {samples} samples are less than the first publication needs ([publish] every = {}): nothing was published",
@@ -43,8 +49,8 @@ pub(crate) fn nothing(robot: &Robot, recording: &Recording, health: &Health) -> 
 }
 
 /// What was wrong with samples of a log, and how many were not used; none where nothing was. That samples are missing in a log is
-/// counted elsewhere.
-fn unused(health: &Health, samples: usize) -> Option<String> {
+/// counted elsewhere. `coarse` is what the log says of readings that the daemon refuses.
+fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<String> {
     let lost = InputFault::Lost as usize;
     let mut health = *health;
     health.input_faults[lost] = 0;
@@ -53,15 +59,16 @@ fn unused(health: &Health, samples: usize) -> Option<String> {
     let met: Vec<String> = met.into_iter().map(|(what, times)| format!("{what} ({times})")).collect();
     let refused = health.refused_stale + health.refused_invalid + health.rejected_faults;
     let met = if met.is_empty() { String::new() } else { format!("met: {}", met.join(", ")) };
-    match (refused, met.is_empty()) {
-        (0, true) => None,
-        (0, false) => Some(format!("not all samples could be learnt from; {met}")),
-        _ if times <= refused => Some(format!("{refused} of {samples} samples were refused; {met}")),
+    let said = match (refused, met.is_empty()) {
+        (0, true) => return None,
+        (0, false) => format!("not all samples could be learnt from; {met}"),
+        _ if times <= refused => format!("{refused} of {samples} samples were refused; {met}"),
         // What is met may as well have been looked at and not learnt from.
-        _ => {
-            Some(format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"))
-        }
-    }
+        _ => format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"),
+    };
+    let of_positions = [InputFault::Frozen, InputFault::EncoderJump].map(|fault| health.input_faults[fault as usize]);
+    let why = coarse.filter(|_| of_positions.iter().any(|times| *times > 0));
+    Some(why.map_or_else(|| said.clone(), |why| format!("{said}. {why}")))
 }
 
 /// What delayed instruments leave out of standard deviations: docs/real-data.md has the figures.
@@ -77,7 +84,7 @@ impl<'a> Summary<'a> {
         health: &'a Health,
     ) -> Self {
         let (samples, unfollowed, distrusts) = (recording.len(), recording.unfollowed(), &recording.distrusts);
-        Summary { robot, parameters, health, samples, unfollowed, distrusts }
+        Summary { robot, parameters, health, samples, unfollowed, distrusts, coarse: recording.coarse.as_deref() }
     }
 
     /// Whether nothing is learnt for want of instruments.
@@ -100,7 +107,11 @@ impl<'a> Summary<'a> {
                 "instruments = \"second-encoder\" needs q_link of every joint, which moves as q does; \"auto\" takes what the log has"
             }
             Instruments::Auto { .. } | Instruments::Delayed { .. } | Instruments::PreviousCycle { .. } => {
-                "no joint has moved for long enough yet; kind = \"rls\" learns without instruments"
+                if OFTEN * self.health.refused_invalid > self.samples as u64 {
+                    "samples were refused so often (below) that the signals never settled in between"
+                } else {
+                    "no joint has moved for long enough yet; kind = \"rls\" learns without instruments"
+                }
             }
         }
     }
@@ -176,6 +187,8 @@ impl<'a> Summary<'a> {
         let more = (!more.is_empty()).then(|| {
             format!("values as found miss more of the last torque than those of the robot file ({})", more.join(", "))
         });
+        // A torque that is not believed anyway has no arm either.
+        let another = another_arm(&nominal).filter(|_| self.distrusts.is_empty()).map(|d| d.text);
         let delayed = InstrumentSource::try_from(p.instruments).is_ok_and(|source| source == InstrumentSource::Delayed);
         let delayed = delayed.then(|| OF_THE_MOTION.to_owned());
         strays
@@ -184,6 +197,7 @@ impl<'a> Summary<'a> {
             .chain(found)
             .chain(unexplained)
             .chain(more)
+            .chain(another)
             .chain(model.arm.joints.iter().enumerate().filter_map(joint))
             .collect()
     }
@@ -288,7 +302,7 @@ impl fmt::Display for Summary<'_> {
         if self.without() {
             write!(f, "{}", paragraph("warning: ", self.advice()))?;
         }
-        if let Some(why) = unused(self.health, self.samples) {
+        if let Some(why) = unused(self.health, self.samples, self.coarse) {
             write!(f, "{}", paragraph("warning: ", &why))?;
         }
         for doubt in self.doubts() {

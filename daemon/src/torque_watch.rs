@@ -16,11 +16,20 @@ const LIMIT_SHARE: f64 = 0.02;
 const ROWS: u32 = 3;
 /// Share of a joint's torque that the model may leave unexplained for its word to count.
 const EXPLAINED: f64 = 0.4;
-/// Identical torques, while the joint moves, from which on nothing is learnt until they change.
+/// Identical torques, while the joint moves, from which on nothing is learnt until they change: unless torque of the joint usually
+/// stands, and the motion needs no other one.
 const SUSPECT_RUN: u32 = 10;
+/// Torque in steps stands from one sample to the next more often than this: with less, ten in a row come once in a thousand samples.
+const STANDS: f64 = 0.5;
+/// Memory of how often it does \[samples in motion\].
+const STANDS_MEMORY: f64 = 4000.0;
+/// A change of less than this share of the smallest torque that matters is rounding of numbers.
+const ROUNDING: f64 = 1e-9;
+/// A torque that usually stands is in doubt where the model misses it by more than a step and so many sigmas.
+const SUSPECT_SIGMAS: f64 = 4.0;
 /// Identical torques that are a stuck sensor if the motion needs another torque.
 const STUCK_RUN: u32 = 20;
-/// How far the torque that the motion needs must have gone meanwhile, in sigmas.
+/// How far the torque that the motion needs must have gone meanwhile, and be away from the measured one, in sigmas.
 const STUCK_SIGMAS: f64 = 8.0;
 /// Time for which nothing is learnt after a torque has changed its sign from one sample to the next, or has jumped to the
 /// drive's limit, or stood still \[s\]: until rows tell, or the filters have forgotten it.
@@ -35,7 +44,16 @@ struct Joint {
     tau: f64,
     /// Mean square of steps of the torque.
     usual: f64,
+    /// Smallest change of the torque but none, 0 before the first: its step, where it has one \[N·m\].
+    step: f64,
+    /// Share of samples in motion whose torque is that of the sample before, of so many at the most.
+    stands: f64,
+    looked_at: f64,
+    /// The torque has stood for so long, in motion, that this is looked at.
+    run: bool,
+    /// What the motion needs by the last row, and the measured torque over it, filtered alike \[N·m\].
     predicted: f64,
+    missed: f64,
     /// What the motion needed when the torque last changed.
     predicted_before: f64,
     flipped_rows: u32,
@@ -46,6 +64,26 @@ struct Joint {
     sigma: f64,
     /// The model explains this joint's torque.
     trusted: bool,
+}
+
+impl Joint {
+    /// Learns how the torque changes where nothing is wrong with it: `run` identical ones so far, after a `change`.
+    fn stood(&mut self, run: u32, moves: bool, change: f64) {
+        if change > 0.0 && (self.step == 0.0 || change < self.step) {
+            self.step = change;
+        }
+        // Beyond that it may be stuck, of which nothing is learnt.
+        if moves && run < SUSPECT_RUN {
+            let stands = if run > 0 { 1.0 } else { 0.0 };
+            self.looked_at = (self.looked_at + 1.0).min(STANDS_MEMORY);
+            self.stands += (stands - self.stands) / self.looked_at;
+        }
+    }
+
+    /// Whether a torque that has stood for long may be stuck. One of fine steps changes with every sample: it need not be missed first.
+    fn suspicious(&self) -> bool {
+        self.stands < STANDS || self.missed.abs() > self.step + SUSPECT_SIGMAS * self.sigma
+    }
 }
 
 /// Judges torques before they are learnt from.
@@ -110,15 +148,18 @@ impl TorqueWatch {
             }
             joint.tau = tau;
             let (run, moves) = guard.torque_run(j);
+            // What sums of numbers leave of an equal torque is no step.
+            joint.stood(run, moves, if self.seen && step.abs() > ROUNDING * least { step.abs() } else { 0.0 });
+            joint.run = joint.trusted && moves && run >= SUSPECT_RUN;
             if run == 0 {
                 joint.predicted_before = joint.predicted;
                 ended |= joint.stuck;
                 joint.stuck = false;
-            } else if joint.trusted && moves {
+            } else if joint.run {
                 // Until the filters hold nothing of it any more.
-                self.suspect = if run >= SUSPECT_RUN { self.suspicion } else { self.suspect };
-                let needed = (joint.predicted - joint.predicted_before).abs();
-                joint.stuck |= run >= STUCK_RUN && needed > (STUCK_SIGMAS * joint.sigma).max(least);
+                self.suspect = if joint.suspicious() { self.suspicion } else { self.suspect };
+                let needed = (joint.predicted - joint.predicted_before).abs().min(joint.missed.abs());
+                joint.stuck |= run >= STUCK_RUN && needed > joint.step + (STUCK_SIGMAS * joint.sigma).max(least);
             }
             stuck |= u32::from(joint.stuck) << j;
             if joint.flipped && joint.right_rows >= ROWS {
@@ -134,9 +175,15 @@ impl TorqueWatch {
 
     /// Whether a row may be learnt from.
     pub(crate) fn admits(&mut self, row: &Row, limits: &InputGuard) -> bool {
-        let mut doubtful = self.suspect > 0;
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             joint.predicted = row.predicted[j];
+            joint.missed = row.tau[j] - row.predicted[j];
+            if joint.run && joint.suspicious() {
+                self.suspect = self.suspicion;
+            }
+        }
+        let mut doubtful = self.suspect > 0;
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             if row.moving[j] && joint.trusted {
                 let (difference, sum) = ((row.tau[j] - row.predicted[j]).abs(), (row.tau[j] + row.predicted[j]).abs());
                 let least = (SIGMAS * joint.sigma).max(LIMIT_SHARE * limits.torque_limit(j));

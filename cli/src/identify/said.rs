@@ -173,7 +173,9 @@ fn decided(by: Determined) -> &'static str {
 /// What the comparison of the methods rests on, off line: central differences, whatever the robot file asks for.
 fn compared(robot: &Robot, result: &Findings) -> Compared {
     let (iv, ls) = (&result.instrumental, &result.least_squares);
-    let largest = Largest::new(robot, [&iv.values, &ls.values, &iv.std], |_| true);
+    // Of what either is sure of, the less.
+    let std: Vec<f64> = iv.std.iter().zip(&ls.std).map(|(iv, ls)| iv.min(*ls)).collect();
+    let largest = Largest::new(robot, [&iv.values, &ls.values, &std], |_| true);
     Compared { distorts: None, without_ratio: evidence::OF_DELAYED, largest }
 }
 

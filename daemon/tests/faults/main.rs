@@ -160,6 +160,45 @@ fn torque_stuck() {
     }
 }
 
+/// Torque in steps that its noise does not blur stands for tens of samples and is learnt from; where it is stuck, that is seen, and does
+/// no more harm than a step is worth.
+#[test]
+fn torque_in_coarse_steps() {
+    let mut arm = Arm::new(7);
+    let [mut fine, mut whole, mut core] = [(); 3].map(|()| Core::new(&arm.robot).expect("sound settings"));
+    let mut spoiler = Spoiler::new(&arm.robot);
+    let (mut longest, mut run, mut before, mut worst) = (0, 0, 0.0, 0.0_f64);
+    let (step, lasting) = (0.2, 2_000);
+    for k in 1..BEGIN + lasting + AFTER {
+        let (mut state, setpoint) = arm.at(k);
+        fine.tick(&state, Some(&setpoint));
+        state.tau[1] = (state.tau[1] / step).round() * step;
+        run = if state.tau[1] == before { run + 1 } else { 0 };
+        before = state.tau[1];
+        longest = longest.max(run);
+        whole.tick(&state, Some(&setpoint));
+        let now = (BEGIN..BEGIN + lasting).contains(&k).then_some(Fault::TorqueStuck);
+        for (state, setpoint) in spoiler.pass(now, state, setpoint) {
+            core.tick(&state, Some(&setpoint));
+        }
+        if k == BEGIN - 1 {
+            let counts = core.counts();
+            let doubted = [counts.doubted, fine.counts().doubted];
+            println!("{longest} equal torques at most; rows doubted in steps and without: {doubted:?}");
+            assert!(longest > 30, "steps that matter: {longest}");
+            // A torque of friction alone changes its sign at once where the joint turns.
+            assert!(doubted[0] <= doubted[1], "{doubted:?}");
+            assert_eq!(core.fault_count(InputFault::TorqueStuck), 0);
+        } else if k > BEGIN + lasting && core.input_fault() == InputFault::None && k % 20 == 0 {
+            worst = worst.max(sigmas(&parameters(&core), &parameters(&whole)));
+        }
+    }
+    let stuck = core.fault_count(InputFault::TorqueStuck);
+    println!("stuck {stuck} of {lasting} samples, {worst:.2} deviations from the run that was not");
+    assert!(stuck > lasting / 2 && worst <= 1.5, "{stuck} {worst}");
+    assert_eq!(whole.fault_count(InputFault::TorqueStuck), 0);
+}
+
 #[test]
 fn publisher_restarted() {
     let outcome = suffer(Fault::PublisherRestarted, 500, InputFault::PublisherRestarted);

@@ -255,6 +255,40 @@ fn noise_is_seen_behind_the_digits_it_is_written_with() {
     assert!(held_out(&found).iter().all(|[nominal, identified]| nominal.max(*identified) < 12.0), "{found}");
 }
 
+/// Rounding to steps that noise does not blur is no noise; to finer steps it is.
+#[test]
+fn torque_in_steps_that_noise_does_not_blur_is_said() {
+    let Some((case, log)) = sound() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let told = |step: f64| -> Vec<String> {
+        let mut log = log.clone();
+        if let Some((_, tau)) = &mut log.tau {
+            tau[3..].iter_mut().flatten().for_each(|tau| *tau = step * (*tau / step).round());
+        }
+        let (_, found) = result(&mut identify(&case, &log, folder.path()), folder.path());
+        let warnings = found["warnings"].as_array().expect("a list").iter();
+        let coarse = warnings.filter(|w| w["fault"] == "torque_coarse");
+        coarse.map(|w| format!("{} {}", w["joint"].as_str().expect("a joint"), w["text"])).collect()
+    };
+    assert_eq!([told(1e-3), told(0.1)], [Vec::<String>::new(), Vec::new()]);
+    let said = told(4.0);
+    let joint = |(said, name): (&String, &str)| said.starts_with(name) && said.contains("steps of 4.0 N m");
+    let names = ["wrist_1_joint", "wrist_2_joint", "wrist_3_joint"];
+    assert!(said.len() == 3 && said.iter().zip(names).all(joint), "{said:?}");
+}
+
+/// Of a sound log what sets least squares and instruments apart may be surely more than chance and still not matter.
+#[test]
+fn methods_that_agree_for_use_are_said_to() {
+    let Some((case, log)) = sound() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let (text, found) = result(&mut identify(&case, &log, folder.path()), folder.path());
+    let bias = &found["bias"];
+    assert!(bias["p_value"].as_f64().is_some_and(|p| p < 0.01), "significant, or this shows nothing: {bias}");
+    assert!(bias["verdict"] == "agree_for_use" && text.contains("LS and IV agree for use"), "{bias} {text}");
+    assert!(!text.contains("the model lacks an effect"), "{text}");
+}
+
 /// Bodies take up the zero of a torque signal as far as poses let them, with deviations that say nothing of it.
 #[test]
 fn a_constant_torque_that_the_model_has_not_is_said() {

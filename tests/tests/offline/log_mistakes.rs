@@ -237,6 +237,55 @@ fn a_clock_that_is_not_that_of_the_speeds_is_refused() {
     }
 }
 
+/// A plan in degrees beside positions in radians is no clock, whether its speeds are in degrees as well or not.
+#[test]
+fn a_plan_in_degrees_is_named() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let degrees = |signals: &mut Option<Vec<Vec<f64>>>| {
+        signals.iter_mut().flatten().flatten().for_each(|x| *x = x.to_degrees());
+    };
+    for speeds in [false, true] {
+        let logs = case_with(&case, folder.path(), |_, log| {
+            degrees(&mut log.q_des);
+            if speeds {
+                degrees(&mut log.qd_des);
+                degrees(&mut log.qdd_des);
+            }
+        });
+        for command in [&["identify"][..], &["identify", "--online"]] {
+            let (code, text) = said(rivet().args(command).arg(case.join("robot.toml")).arg(&logs[0]));
+            assert!(code == Some(65) && text.contains("column q_des1: changes 57.3 times as much as q1"), "{text}");
+            assert!(text.contains("are these degrees?"), "{text}");
+        }
+    }
+}
+
+/// On line a reading that is held, or of a coarse encoder, is refused as frozen or as a jump: it is said what it is.
+#[test]
+fn held_and_coarse_positions_are_called_so_on_line() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let on_line = |change: &dyn Fn(usize, &mut Log)| {
+        let [log, _] = case_with(&case, folder.path(), change);
+        said(rivet().args(["identify", "--online"]).arg(case.join("robot.toml")).arg(log)).1
+    };
+    let held = on_line(&|_, log| {
+        let tau = log.tau.as_mut().map(|(_, tau)| tau);
+        for signal in [Some(&mut log.q), tau].into_iter().flatten().flatten() {
+            (0..signal.len()).for_each(|k| signal[k] = signal[k - k % 6]);
+        }
+    });
+    assert!(held.contains("each position is held for 6 samples of 1.00 ms"), "{held}");
+    assert!(!held.contains("no joint has moved"), "{held}");
+    let coarse = on_line(&|_, log| {
+        log.q.iter_mut().flatten().for_each(|q| *q = (*q / 1e-3).round() * 1e-3);
+    });
+    assert!(coarse.contains("positions come in larger steps than [drive] encoder_resolution says"), "{coarse}");
+    let sound = on_line(&|_, _| ());
+    assert!(!sound.contains("encoder_resolution") && !sound.contains("is held for"), "{sound}");
+}
+
 /// One per cent is told with what it does, by the plan and by measured speeds; without either the robot file's period may tell it.
 #[test]
 fn a_clock_that_runs_a_little_fast_is_told() {

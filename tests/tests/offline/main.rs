@@ -18,6 +18,7 @@ mod identify_words;
 mod incomplete;
 mod instruments;
 mod jitter;
+mod kinematics;
 mod late_torque;
 mod log_mistakes;
 mod mounted;
