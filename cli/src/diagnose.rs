@@ -6,10 +6,13 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
-use rivet_report::{Cause, Document, JointGap, Power, SelfCheck, formats, page};
+use rivet_report::{Cause, Document, JointGap, LogFinding, Power, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::control::bus_of;
+use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
+use crate::frozen::Stood;
+use crate::glitches::refuse_most;
 use crate::live;
 use crate::passport::{Source, passport};
 use crate::patched;
@@ -80,10 +83,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         live::record(&robot, &bus_of(&robot.config.bus, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
         logs.push(path);
     }
-    let mut sources = Vec::new();
+    let (mut sources, mut stood) = (Vec::new(), Vec::new());
     for path in &logs {
         let log = runs::read_log(&robot, path)?;
-        let pieces = runs::pieces(&log, log.median_step_s())?;
+        // A torque that stands while its joint moves says nothing of the arm.
+        let Stood { found, rows } = Stood::of(&robot, &log);
+        refuse_most(&log, &rows, &found)?;
+        stood.extend(found);
+        let pieces = runs::pieces_without(&rows, &log, log.median_step_s())?;
         sources.push(Source { path, log, pieces });
     }
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
@@ -109,6 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     drop(given);
     let passport = passport(&robot, &args.robot, &sources, &found.used)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
+    document.log.splice(0..0, stood.into_iter().map(log_finding));
     if let Some(patch) = &patch {
         document.export = formats(patch);
     }
@@ -153,6 +161,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }))
 }
 
+fn log_finding(of: Distrust) -> LogFinding {
+    let [run, joint] = [of.log, of.joint].map(Option::unwrap_or_default);
+    LogFinding { run, joint, fault: of.name.to_owned(), value: None, text: of.text }
+}
+
 /// Every stretch of every log as a run; `live`: the last is the window of `--live`.
 fn runs_of(sources: &[Source<'_>], live: bool) -> Result<Vec<Run>> {
     let mut all = Vec::new();
@@ -188,6 +201,9 @@ fn as_text(found: &Document) -> String {
             let text = format!("time stamps of {} jitter by {ms} ms; positions are even: taken as even", input.name);
             out += &paragraph("  sampling     ", &text);
         }
+    }
+    for stood in found.log.iter().filter(|finding| finding.fault == TORQUE_STOOD_NAME) {
+        out += &paragraph("  torque       ", &format!("of {} in {}: {}", stood.joint, stood.run, stood.text));
     }
     if let Some(rollout) = &found.rollout {
         out += &paragraph("  simulator    ", &rollout.text());

@@ -13,19 +13,38 @@ const TOLD: usize = 4;
 
 /// Leaves out the rows in which the torque of a joint is dead or frozen. Of all joints: each row of a log is one of the arm.
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
-    let log = &sound.log;
-    for (j, (joint, frozen)) in robot.model.arm.joints.iter().zip(log.frozen_torque()).enumerate() {
-        let Some(frozen) = frozen else { continue };
-        sound.found.push(Distrust {
-            log: Some(runs::short_name(&log.path)),
-            joint: Some(joint.name.clone()),
-            name: TORQUE_STOOD_NAME,
-            text: text(log, j, &frozen),
-        });
-        sound.left_out.extend(frozen.rows.iter().cloned().flatten());
-    }
+    let stood = Stood::of(robot, &sound.log);
+    sound.found.extend(stood.found);
+    sound.left_out.extend(stood.rows);
     sound.left_out.sort_unstable();
     sound.left_out.dedup();
+}
+
+/// What stands in a log.
+pub(crate) struct Stood {
+    /// Joint by joint.
+    pub(crate) found: Vec<Distrust>,
+    /// Rows of any of them, in order.
+    pub(crate) rows: Vec<usize>,
+}
+
+impl Stood {
+    pub(crate) fn of(robot: &Robot, log: &Log) -> Stood {
+        let (mut found, mut rows) = (Vec::new(), Vec::new());
+        for (j, (joint, frozen)) in robot.model.arm.joints.iter().zip(log.frozen_torque()).enumerate() {
+            let Some(frozen) = frozen else { continue };
+            found.push(Distrust {
+                log: Some(runs::short_name(&log.path)),
+                joint: Some(joint.name.clone()),
+                name: TORQUE_STOOD_NAME,
+                text: text(log, j, &frozen),
+            });
+            rows.extend(frozen.rows.into_iter().flatten());
+        }
+        rows.sort_unstable();
+        rows.dedup();
+        Stood { found, rows }
+    }
 }
 
 fn text(log: &Log, j: usize, frozen: &Frozen) -> String {

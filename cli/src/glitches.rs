@@ -37,9 +37,27 @@ pub(crate) struct Sound<'a> {
 impl Sound<'_> {
     /// What was found, as the reason why nothing is left.
     pub(crate) fn reason(&self) -> Option<String> {
-        let of = |d: &Distrust| format!("{}: {}", d.joint.as_deref().unwrap_or_default(), d.text);
-        (!self.left_out.is_empty()).then(|| self.found.iter().map(of).collect::<Vec<_>>().join("; "))
+        (!self.left_out.is_empty()).then(|| reason(&self.found))
     }
+}
+
+/// # Errors
+/// Where more than half of the rows would be left out, for what was `found`.
+pub(crate) fn refuse_most(log: &Log, left_out: &[usize], found: &[Distrust]) -> Result<()> {
+    if left_out.len() as f64 <= MOST_STOOD * log.len() as f64 {
+        return Ok(());
+    }
+    let (file, rows) = (log.path.display(), share(left_out.len(), log.len()));
+    Err(Fault::Data(format!(
+        "{file}: {rows} would be left out, more than half: {}; mend the log or give the part that is sound",
+        reason(found)
+    ))
+    .into())
+}
+
+fn reason(found: &[Distrust]) -> String {
+    let of = |d: &Distrust| format!("{}: {}", d.joint.as_deref().unwrap_or_default(), d.text);
+    found.iter().map(of).collect::<Vec<_>>().join("; ")
 }
 
 /// Looks through the positions and torques of a log, row by row as logged.
@@ -153,14 +171,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         .into());
     }
     frozen::take_out(robot, &mut sound);
-    if sound.left_out.len() as f64 > MOST_STOOD * log.len() as f64 {
-        let (file, rows) = (log.path.display(), share(sound.left_out.len(), log.len()));
-        return Err(Fault::Data(format!(
-            "{file}: {rows} would be left out, more than half: {}; mend the log or give the part that is sound",
-            sound.reason().unwrap_or_default()
-        ))
-        .into());
-    }
+    refuse_most(log, &sound.left_out, &sound.found)?;
     stairs::take_out(robot, &mut sound);
     Ok(sound)
 }

@@ -56,7 +56,7 @@ mod tests {
         let x: Vec<f64> = (0..model.len()).map(|at| if at / n == 12 { 10.0 } else { 0.0 }).collect();
         let line = |(at, parameter): (usize, &Parameter)| ParameterLine {
             name: parameter.name(&model.arm),
-            unit: String::new(),
+            unit: "N m",
             joint: parameter.joint(),
             given: x[at],
             found: x[at] + if *parameter == Parameter::Offset(1) { more } else { 0.0 },

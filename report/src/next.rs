@@ -14,6 +14,9 @@ const WHOLE_TORQUE: &str = "Log the whole torque, gravity included (what the dri
 /// A position that is off by less than this share of itself is not worth a word.
 const SCALED: f64 = 0.003;
 
+/// Faults of a torque signal that come before anything else.
+const UNSOUND: [&str; 4] = ["torque_sign", "torque_scale", "torque_silent", "torque_spikes"];
+
 impl Document {
     /// What to do where the whole arm is otherwise than the file says.
     fn next_of_the_whole(&self) -> Option<String> {
@@ -122,7 +125,7 @@ impl Document {
                 .to_owned();
         }
         let mut faults: Vec<String> =
-            self.log.iter().filter(|f| f.fault.starts_with("torque_s")).map(|f| f.joint.clone()).collect();
+            self.log.iter().filter(|f| UNSOUND.contains(&f.fault.as_str())).map(|f| f.joint.clone()).collect();
         if !faults.is_empty() {
             faults.sort();
             faults.dedup();
