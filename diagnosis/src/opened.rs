@@ -113,14 +113,17 @@ impl Judge<'_> {
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
         // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
         let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
-        let plain = self.sealed.is_plain(k, own()) && (!value || is_drive(step.effect) || self.sealed.mostly_stands());
+        let settled = || own().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
+        let drive = is_drive(step.effect) && settled();
+        let plain = self.sealed.is_plain(k, own()) && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
         let cut = step.effect == Effect::TorqueSaturation;
         let needed = || !self.sound && self.sealed.is_helped(k, on);
         let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
-        let material = is_material(step, shrink, plain, predictable);
+        // Two wrong values that make up for each other are each the worse for being right alone.
+        let material = drive && plain || is_material(step, shrink, plain, predictable);
         transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
 
@@ -475,10 +478,6 @@ fn is_drive(effect: Effect) -> bool {
 fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> bool {
     let Shrink { predicted, low, high, measured } = shrink;
     if step.adopted.is_empty() {
-        // Two wrong values that make up for each other are each the worse for being right alone.
-        if plain && is_drive(step.effect) {
-            return true;
-        }
         // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
         return measured > 0.0 && (plain || low > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL));
     }

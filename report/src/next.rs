@@ -14,6 +14,9 @@ const WHOLE_TORQUE: &str = "Log the whole torque, gravity included (what the dri
 /// A position that is off by less than this share of itself is not worth a word.
 const SCALED: f64 = 0.003;
 
+/// Beside values so much that is explained by nothing is worth a word.
+const OPEN: f64 = 0.25;
+
 /// Faults of a torque signal that come before anything else.
 const UNSOUND: [&str; 4] = ["torque_sign", "torque_scale", "torque_silent", "torque_spikes"];
 
@@ -192,7 +195,16 @@ impl Document {
                 "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
                     .to_owned()
             }
-            "parameter" => "Put the values found into the robot file and diagnose a new run.".to_owned(),
+            "parameter" => {
+                let open = self.unexplained_share.filter(|share| *share >= OPEN && !self.is_fitted());
+                let then = open.map_or_else(String::new, |share| {
+                    format!(
+                        "; {:.0} % of the squared gap is something else, which these values do not explain",
+                        100.0 * share
+                    )
+                });
+                format!("Put the values found into the robot file and diagnose a new run{then}.")
+            }
             _ => {
                 let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
                 let then = if left.is_empty() {

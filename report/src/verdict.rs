@@ -95,7 +95,7 @@ impl Document {
     }
 
     /// Whether the values refitted leave next to nothing in motion.
-    fn is_fitted(&self) -> bool {
+    pub(crate) fn is_fitted(&self) -> bool {
         let left: Vec<f64> = self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(1)?).collect();
         !left.is_empty() && left.iter().all(|times| *times <= NEXT_TO_NOISE)
     }
