@@ -68,7 +68,8 @@ pub(super) fn one_parameter(repetitions: u64) -> Figure {
                   Unsupervised least squares with a window of 1 s drifts on noise until the joint moves. All parameters start half too high. Where coordinates are held, x1 stays \
                   exactly until its joint moves; a change of the arm is noticed then, the window begins anew at the nominal values, here those of the \
                   start, and x1 settles within a second. Where directions are held, x1 stays as well: on the reference workload, which goes both ways, its \
-                  friction has nothing in common with what the others find meanwhile."
+                  friction has nothing in common with what the others find meanwhile. In the first second of motion x1 is loose in all three: it is \
+                  released with the first rows that tell of it, and they tell little."
             .into(),
         panels: vec![
             panel("model function d1", "time [s]", "velocity of joint 2 [rad/s]", None, vec![line("", 1, function)]),
