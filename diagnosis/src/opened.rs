@@ -123,7 +123,9 @@ impl Judge<'_> {
         let needed = || !self.sound && self.sealed.is_helped(k, on);
         let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         // Two wrong values that make up for each other are each the worse for being right alone.
-        let material = drive && plain || is_material(step, shrink, plain, predictable);
+        let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
+        let needed_there = law && self.sealed.is_needed(k, own());
+        let material = (drive && plain) || needed_there || is_material(step, shrink, plain, predictable);
         transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
 

@@ -25,6 +25,7 @@ use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis};
 use crate::residue::Residue;
 use crate::rows::Column;
+use crate::sealed::IN_MOTION;
 use crate::search::Search;
 use crate::select::{Adopted, Selected};
 use crate::sizes;
@@ -153,9 +154,11 @@ impl Procedure<'_> {
         let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.
         let as_given: Vec<f64> = report.per_joint.iter().map(|gap| gap.before).collect();
+        let fitted: Vec<bool> =
+            report.per_joint.iter().map(|gap| gap.in_motion.is_none_or(|[_, after]| after <= IN_MOTION)).collect();
         let stranger = stranger::joints(self.nominal, &x, &adopted, &heard)
             .filter(|_| !report.refuted)
-            .or_else(|| stranger::far_too_strong(&as_given, &heard));
+            .or_else(|| stranger::far_too_strong(&as_given, &fitted, &heard));
         if let Some(joints) = stranger {
             report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
             upheld.fill(false);

@@ -28,6 +28,9 @@ pub(crate) const SOUND: f64 = 2.0;
 /// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
 pub(crate) const IN_MOTION: f64 = 4.0;
 
+/// Faster than this friction has turned over, however softly it does \[rad/s\]: drag is felt there.
+const FAST: f64 = 0.1;
+
 /// The sealed run under the models from the one given to the one with all causes.
 pub(crate) struct Sealed<'a> {
     pub(crate) run: &'a Prepared,
@@ -114,9 +117,12 @@ impl Sealed<'_> {
         let sample = |t: f64| ((t / period).max(0.0) as usize).min(samples);
         let windows: Vec<_> =
             windows.iter().map(|(from, to)| self.run.chain.around(sample(*from)..sample(*to), samples).1).collect();
-        let outside = |row: usize| !windows.iter().any(|rows| rows.contains(&row));
         let floor = |j: usize| self.run.floor[j].max(f64::MIN_POSITIVE);
-        let times = |j: usize| self.mean_square_in(j, outside, self.left(self.whole(), j)).sqrt() / floor(j);
+        let times = |j: usize| {
+            let speed = self.run.chain.sample(&self.run.motion.qd[j]);
+            let outside = |row: usize| speed[row].abs() > FAST && !windows.iter().any(|rows| rows.contains(&row));
+            self.mean_square_in(j, outside, self.left(self.whole(), j)).sqrt() / floor(j)
+        };
         2 * self.heard().filter(|j| times(*j) > IN_MOTION).count() > self.heard().count()
     }
 
@@ -182,6 +188,12 @@ impl Sealed<'_> {
         let left = self.left(self.whole(), j);
         let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
         self.mean_square(j, |row| left(row) + own(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
+    }
+
+    /// Whether its joints, which keep a gap in motion without step `k` and had one as given, come down to what sound ones have.
+    pub(crate) fn is_needed(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
+        let settles = |j| self.in_motion(j).is_some_and(|[given, after]| given > SOUND && after <= SOUND);
+        joints.all(|j| self.without(k, j) > IN_MOTION && settles(j))
     }
 
     /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.

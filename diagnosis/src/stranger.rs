@@ -38,9 +38,11 @@ pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], h
 
 /// Joints of which the model as given misses several times the torque that they have, where that is most of them: friction and loads that no
 /// file has leave all of it at most, some more where they have the other sign (1.05 on measured arms whose friction was left out).
-pub(crate) fn far_too_strong(as_given: &[f64], heard: &[usize]) -> Option<Vec<usize>> {
+/// Of several that are heard, and where no values of drives bring all of them down to `fitted`: friction of a file may be far too large.
+pub(crate) fn far_too_strong(as_given: &[f64], fitted: &[bool], heard: &[usize]) -> Option<Vec<usize>> {
     let joints: Vec<usize> = heard.iter().copied().filter(|j| as_given[*j] > SEVERAL).collect();
-    (2 * joints.len() > heard.len()).then_some(joints)
+    let open = heard.iter().any(|j| !fitted[*j]);
+    (open && heard.len() > 1 && 2 * joints.len() > heard.len()).then_some(joints)
 }
 
 #[cfg(test)]
@@ -83,8 +85,14 @@ mod tests {
     #[test]
     fn a_model_of_a_much_stronger_arm_is_another_arms() {
         let heard = [0, 2, 3];
-        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &heard), Some(vec![0, 2]));
-        assert_eq!(far_too_strong(&[1.0, 9.0, 1.05, 7.0], &heard), None, "one of three; the second says nothing");
-        assert_eq!(far_too_strong(&[0.9; 4], &[]), None);
+        let open = [true, false, false, true];
+        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &open, &heard), Some(vec![0, 2]));
+        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &[true; 4], &heard), None, "friction alone, say");
+        assert_eq!(
+            far_too_strong(&[1.0, 9.0, 1.05, 7.0], &open, &heard),
+            None,
+            "one of three; the second says nothing"
+        );
+        assert_eq!(far_too_strong(&[5.2; 4], &open, &[2]), None, "one joint says nothing of an arm");
     }
 }

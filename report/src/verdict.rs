@@ -275,7 +275,8 @@ impl Document {
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
         }
-        if let Some(share) = self.creeping_share.filter(|s| *s >= CREEPING) {
+        let open_gap = self.unexplained_share.is_some_and(|share| share >= CREEPING) && !nothing_missing;
+        if let Some(share) = self.creeping_share.filter(|s| open_gap && *s >= CREEPING) {
             open.push(format!(
                 "{:.0} % of the squared gap that is left is friction that turns over softly where joints creep ([signal] \
                  friction_velocity of the robot file says how softly)",
