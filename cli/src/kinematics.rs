@@ -101,7 +101,7 @@ impl Reading {
 /// The values of the robot file leave more than this of a joint's torque \[%\], or more than the other and no arm that can be built has the
 /// values found: else nothing is asked. (Values that fit a minute of exact torque are never quite those of an arm.)
 const NOMINAL: f64 = 40.0;
-const NOMINAL_WHERE_STRANGE: f64 = 10.0;
+const NOMINAL_WHERE_STRANGE: f64 = 2.0;
 
 /// Whether joints of the logs have to be read otherwise; `nominal`: what the values of the robot file leave of each joint's torque \[%\].
 ///
