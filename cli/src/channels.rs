@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use rivet_config::Robot;
+use rivet_estimation::offline::position_step;
 use rivet_logs::{Log, TorqueSource};
 
 use crate::evidence::{self, Distrust};
@@ -78,6 +79,9 @@ pub(crate) fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
     Ok(found)
 }
 
+/// Torque that comes in fewer steps says nothing by where it stands.
+const FEW_STEPS: f64 = 12.0;
+
 /// Torques that stand at their largest or smallest value for many rows: the drive, or what recorded it, can give no more.
 pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
     let mut found = Vec::new();
@@ -86,6 +90,10 @@ pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
         let outermost = [f64::min, f64::max].map(|of| tau.iter().copied().reduce(of).unwrap_or(0.0));
         let at = |value: f64| tau.iter().filter(|tau| is_same(value, **tau)).count();
         if !outermost.iter().any(|value| are_many(at(*value), tau.len())) {
+            continue;
+        }
+        // Of few steps the outermost is as full as any.
+        if position_step(tau).is_some_and(|step| outermost[1] - outermost[0] < FEW_STEPS * step) {
             continue;
         }
         let mut sorted = tau.clone();

@@ -96,12 +96,12 @@ pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
 /// Torque of a joint of a log that comes in steps which noise does not blur.
 #[derive(Clone, Debug)]
 pub(crate) struct TorqueSteps {
-    log: String,
-    joint: usize,
+    pub(crate) log: String,
+    pub(crate) joint: usize,
     /// \[N·m\]
-    step: f64,
+    pub(crate) step: f64,
     /// White noise beside the steps, one standard deviation \[N·m\].
-    noise: f64,
+    pub(crate) noise: f64,
 }
 
 /// Noise of less than this share of a step leaves its errors what the motion makes of them. With a third they pass for white.
@@ -109,11 +109,17 @@ const BLURS: f64 = 0.35;
 /// ... and they are much of what a fit leaves where that is less than this share of a step (rounding is off by 0.29 of one).
 const OF_STEP: f64 = 0.5;
 
-/// Looks at the torques of a log, row by row as logged.
+/// Looks at the torques of a log, row by row as logged. A torque that hardly ever changes, as slow friction alone, has the step of another
+/// joint where all of its values are multiples of that: they come by one channel.
 pub(crate) fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
     let Some((_, tau)) = &log.tau else { return Vec::new() };
+    let own: Vec<Option<f64>> = tau.par_iter().map(|tau| position_step(tau)).collect();
+    let of_another = |tau: &[f64]| {
+        let steps = own.iter().flatten().filter(|step| tau.iter().all(|x| is_multiple(*x, **step)));
+        steps.copied().reduce(f64::max)
+    };
     let of = |(joint, tau): (usize, &Vec<f64>)| {
-        let step = position_step(tau)?;
+        let step = own[joint].or_else(|| of_another(tau))?;
         // Of rounding itself, where that is white, nothing is left.
         let noise = (position_noise(tau).powi(2) - step * step / 12.0).max(0.0).sqrt();
         (noise < BLURS * step).then(|| TorqueSteps { log: runs::short_name(&log.path), joint, step, noise })
@@ -121,20 +127,39 @@ pub(crate) fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
     tau.par_iter().enumerate().filter_map(of).collect()
 }
 
+/// Rounding of numbers, in parts of a step.
+const OFF: f64 = 1e-3;
+
+fn is_multiple(x: f64, step: f64) -> bool {
+    let steps = x / step;
+    (steps - steps.round()).abs() < OFF
+}
+
 /// Those of which a fit that leaves so much of each joint's torque \[N·m\] is no surer than its rounding.
-pub(crate) fn coarse_torque(robot: &Robot, steps: &[TorqueSteps], left: &[f64]) -> Vec<Distrust> {
-    let of = |TorqueSteps { log, joint, step, noise }: &TorqueSteps| Distrust {
+pub(crate) fn that_matter<'a>(steps: &'a [TorqueSteps], left: &[f64]) -> Vec<&'a TorqueSteps> {
+    steps.iter().filter(|s| left[s.joint] < OF_STEP * s.step).collect()
+}
+
+/// What is known of the errors of rounding off line, and what is not on line.
+pub(crate) const ROUNDED_AGAIN: &str =
+    "Standard deviations hold what torque that is rounded so does to the values, where the model fits";
+pub(crate) const NOT_ROUNDED_AGAIN: &str =
+    "On line standard deviations do not know that, and may be told too small (rivet identify without --online does)";
+
+/// The same for people, with what standard deviations `know` of it.
+pub(crate) fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {
+    let of = |TorqueSteps { log, joint, step, noise }: &&TorqueSteps| Distrust {
         log: Some(log.clone()),
         joint: Some(robot.model.arm.joints[*joint].name.clone()),
         name: TORQUE_STEPS_NAME,
         text: format!(
             "torque comes in steps of {} N m with {} N m of noise (one std) beside them: errors of rounding then follow the motion and come \
-             again with it, which standard deviations do not know: they may be told too small",
+             again with it. {know}",
             number(*step, 2),
             number(*noise, 1)
         ),
     };
-    steps.iter().filter(|s| left[s.joint] < OF_STEP * s.step).map(of).collect()
+    steps.iter().map(of).collect()
 }
 
 impl Coarse {

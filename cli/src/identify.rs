@@ -1,5 +1,6 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
+mod rows;
 mod said;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,34 +9,35 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_config::{EstimatorKind, Identified, Instruments, Robot};
-use rivet_estimation::Settings;
+use rivet_config::{EstimatorKind, Identified, Robot};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project};
 use rivet_estimation::offline::{
-    self, Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, OfflineSettings, Parts, Rows, bias, fit,
-    friction_share, parts, solve, torque_delay, unfollowed,
+    self, Bias, Delay, Equations, Fit, InstrumentSource, Method, OfflineError, Parts, Rows, bias, fit, friction_share,
+    parts, solve, torque_delay,
 };
 use rivet_logs::Log;
 use rivet_studies::real::Found;
 
 use crate::bounds::Bounded;
-use crate::channels;
 use crate::clock;
-use crate::coarse::{TorqueSteps, coarse, coarse_torque, slow, torque_steps};
+use crate::coarse::{ROUNDED_AGAIN, TorqueSteps, coarse, coarse_torque, slow, that_matter, torque_steps};
 use crate::compare::{self, Alone};
 use crate::delays;
 use crate::doubts;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
-use crate::glitches::{JUMP_NAME, screen};
+use crate::glitches::screen;
 use crate::jitter;
 use crate::kinematics;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
+use crate::rounding;
 use crate::runs::{self, Piece};
 use crate::table::show;
+
+pub(crate) use rows::{rows_everywhere, rows_of, rows_without_plan};
 
 /// The prior counts so many times weaker than on line: a whole record is at hand, and nominal values that are wrong (a
 /// payload that the robot file does not know) must not pull for all of it. It settles what the motion leaves open.
@@ -271,7 +273,13 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         Ok::<Fit, OfflineError>(found)
     };
     let (least_squares, instrumental) = rayon::join(|| by(Method::LeastSquares), || by(Method::Instrumental));
-    let (least_squares, instrumental) = (least_squares?, instrumental?);
+    let (mut least_squares, mut instrumental) = (least_squares?, instrumental?);
+    let chosen = choose(robot, &least_squares, &instrumental);
+    let torque_steps = that_matter(&torque_steps, &chosen.noise);
+    let moved = rounding::moved(robot, logs, &torque_steps, &chosen.values)?;
+    for fit in [&mut least_squares, &mut instrumental] {
+        fit.add_errors(&moved);
+    }
     let [by_least_squares, by_instruments] =
         [&least_squares, &instrumental].map(|fit| equations.residual_percent(&fit.values));
     let as_given = whole.unwrap_or_else(|| equations.residual_percent(nominal));
@@ -313,32 +321,34 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         doubts::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
     distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
+    let constant: Vec<Distrust> = doubts::constant(robot, (&rows, &equations), nominal, prior, chosen)?
+        .into_iter()
+        .filter(|d| news(d, &distrusts))
+        .collect();
+    // What rounding of one half does is found by the other.
+    distrusts.extend(coarse_torque(robot, &torque_steps, ROUNDED_AGAIN));
     // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
     let by_least_squares = (method(robot) == Method::Instrumental)
         .then(|| offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares));
     let of_two = by_least_squares.as_ref().unwrap_or(&parts);
     let changed = doubts::changed(&runs::joint_names(robot), of_two, &distrusts);
     distrusts.extend(changed);
+    distrusts.extend(constant);
     if method(robot) == Method::Instrumental {
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));
     }
     let hardly: Vec<Option<String>> = doubts::brief(robot, &rows).into_iter().map(|d| d.joint).collect();
     distrusts.extend(bounded.said(robot).filter(|d| !hardly.contains(&d.joint)));
-    let constant: Vec<Distrust> = doubts::constant(robot, (&rows, &equations), nominal, prior, chosen)?
-        .into_iter()
-        .filter(|d| news(d, &distrusts))
-        .collect();
-    distrusts.extend(constant);
-    distrusts.extend(coarse_torque(robot, &torque_steps, &chosen.noise));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
-    // A torque that is not believed has no arm either; one that is not explained may be that of another joint.
-    if !distrusts.iter().any(|d| ["torque_sign", "torque_scale"].contains(&d.name)) {
-        if distrusts.iter().all(|d| d.name != evidence::UNEXPLAINED_NAME) {
-            distrusts.extend(doubts::far(consistent.as_ref().ok()));
-        }
-        let misread = kinematics::misread(robot, logs, &residuals[0], consistent.as_ref().ok())?;
-        distrusts.extend(misread.or_else(|| kinematics::another_arm(&residuals[0])));
+    // A torque that is not believed has no arm either, but may be that of another joint; so may one that is not explained.
+    let believed = !distrusts.iter().any(|d| ["torque_sign", "torque_scale"].contains(&d.name));
+    if believed && distrusts.iter().all(|d| d.name != evidence::UNEXPLAINED_NAME) {
+        distrusts.extend(doubts::far(consistent.as_ref().ok()));
     }
+    // Deviations that many are no noise.
+    let strange = consistent.as_ref().is_ok_and(|found| found.distance > 1.0);
+    let misread = kinematics::misread(robot, logs, &residuals[0], strange)?;
+    distrusts.extend(misread.or_else(|| kinematics::another_arm(robot, &residuals[0]).filter(|_| believed)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
     Ok(Findings {
@@ -421,113 +431,6 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
         show(&format!("result written to {}\n", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// The stretches of a log and their rows.
-pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<Taken> {
-    rows_with(robot, log, &runs::settings(robot, log.q_des.is_some()))
-}
-
-/// The same with the rows at standstill.
-pub(crate) fn rows_everywhere(robot: &Robot, log: &Log) -> Result<Taken> {
-    let mut settings = runs::settings(robot, log.q_des.is_some());
-    settings.dead_zone.fill(0.0);
-    rows_with(robot, log, &settings)
-}
-
-/// The same where the log need not have what instruments are made of: torque and measured motion are all that is asked.
-pub(crate) fn rows_without_plan(robot: &Robot, log: &Log) -> Result<Taken> {
-    let usual = || Settings::new(robot.dof(), robot.config.sample_period_s).instruments.delay_s();
-    let delay_s = robot.config.estimator.instruments.delay_s().or_else(usual);
-    let instrument = InstrumentSource::Delayed(delay_s.unwrap_or(robot.config.sample_period_s));
-    rows_with(robot, log, &OfflineSettings { instrument, ..runs::settings(robot, false) })
-}
-
-fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Taken> {
-    log.torque()?;
-    let without_desired = settings.instrument == InstrumentSource::Desired && log.q_des.is_none();
-    let without_second =
-        settings.instrument == InstrumentSource::SecondEncoder && log.q_link.iter().any(Option::is_none);
-    // Least squares do not ask for them; what is compared with them is made of the measured motion.
-    if (without_desired || without_second) && method(robot) == Method::LeastSquares {
-        return rows_without_plan(robot, log);
-    }
-    if without_desired {
-        return Err(Fault::Data(format!(
-            "{}: no q_des columns, but [estimator] instruments in {} ask for them; \"auto\" takes delayed ones",
-            log.path.display(),
-            robot.config.path.display()
-        ))
-        .into());
-    }
-    if without_second {
-        return Err(Fault::Data(format!(
-            "{}: q_link columns are missing, but [estimator] instruments = \"second-encoder\" in {}; it needs one of every \
-             joint",
-            log.path.display(),
-            robot.config.path.display()
-        ))
-        .into());
-    }
-    channels::varies(robot, log)?;
-    let mut sound = screen(robot, log)?;
-    let jumps = sound.found.iter().any(|d| d.name == JUMP_NAME);
-    if let Some(order) = jitter::out_of_order(log, jumps) {
-        sound.found.insert(0, order);
-    }
-    // A plan that is held comes late by its stairs; drawn anew it tells the clock.
-    sound.found.extend(clock::off(robot, &sound.log));
-    // Where it stood it is not at its limit.
-    let stood: Vec<Option<String>> =
-        sound.found.iter().filter(|d| d.name == evidence::TORQUE_STOOD_NAME).map(|d| d.joint.clone()).collect();
-    let clipped = channels::clipped(robot, log)?.into_iter().filter(|d| !stood.contains(&d.joint));
-    sound.found.extend(clipped);
-    sound.found.extend(slow(robot, log));
-    let coarse = coarse(robot, &sound.log);
-    sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
-    let (mut found, mut all_rows, mut still, mut underived) = (Vec::new(), Vec::new(), None, BTreeSet::new());
-    let why = || {
-        sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))
-    };
-    for mut piece in
-        runs::pieces_without(&sound.left_out, &sound.log, robot.config.sample_period_s).with_context(why)?
-    {
-        if let Some(repeated) = &sound.repeated {
-            piece.report.repeated.clone_from(repeated);
-        }
-        if settings.instrument == InstrumentSource::Desired {
-            underived.extend(runs::not_derived(&piece.grid, piece.report.period_s));
-        }
-        let mut record = runs::record(&mut piece)?;
-        if let Some(coarse) = &coarse {
-            coarse.smooth(robot, &mut record);
-        }
-        let mut settings = settings.clone();
-        let seen_as = match settings.instrument {
-            InstrumentSource::Desired => record.desired.as_ref(),
-            InstrumentSource::SecondEncoder => record.second.as_ref(),
-            InstrumentSource::Delayed(_) => None,
-        };
-        let unfollowed = seen_as.map_or_else(Vec::new, |motion| unfollowed(&record.measured, motion, record.period_s));
-        if let (false, Instruments::Auto { delay_s, .. }) = (unfollowed.is_empty(), robot.config.estimator.instruments)
-        {
-            settings.instrument = InstrumentSource::Delayed(delay_s);
-        }
-        match Rows::new(&robot.model, &robot.base, &settings, &record) {
-            Ok(rows) => {
-                found.push(Run { piece, source: settings.instrument, unfollowed });
-                all_rows.push(rows);
-            }
-            Err(why @ OfflineError::NoMotion { .. }) => still = Some(why),
-            Err(why) => return Err(why).with_context(|| log.path.display().to_string()),
-        }
-    }
-    let short = runs::short_name(&log.path);
-    match still.filter(|_| found.is_empty()) {
-        Some(still) => return Err(still).with_context(why),
-        None => sound.found.extend(evidence::underived(robot, &short, &underived)),
-    }
-    Ok(Taken { runs: found, rows: all_rows, distrusts: sound.found, ..Taken::default() })
 }
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.

@@ -8,7 +8,6 @@ use anyhow::Result;
 use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_dynamics::JointKind;
-use rivet_estimation::consistency::Projection;
 use rivet_estimation::offline::{Rows, residual_squares};
 use rivet_logs::Log;
 
@@ -24,9 +23,9 @@ const FAR_LESS: f64 = 0.83;
 /// ... of two joints at the least less than this, as what follows a joint is elsewhere as well, and of no joint more than that ...
 const LESS: f64 = 0.85;
 const NO_MORE: f64 = 1.05;
-/// ... or where the values of the robot file leave so many times as much, and the fit no more. Of 112 measured and practice logs, with
-/// loads, rough bodies and effects that the model lacks, the best other reading left 0.82 times as much; wrong readings are at 0.2 to 0.7.
-const FAR_LESS_OF_FILE: f64 = 0.72;
+/// ... or where the values of the robot file leave so many times as much, and the fit no more. Of 200 measured and simulated logs, with
+/// loads, rough bodies and effects that the model lacks, the best other reading left 0.68 times as much; wrong readings are at 0.2 to 0.7.
+const FAR_LESS_OF_FILE: f64 = 0.62;
 /// Readings that leave about as much are all said, but for more than so many.
 const ALIKE: f64 = 1.05;
 const MOST_SAID: usize = 3;
@@ -40,6 +39,8 @@ enum Reading {
     Reversed(usize),
     /// Two joints are in each other's columns.
     Swapped(usize, usize),
+    /// Joints are counted from the flange to the base.
+    BackToFront,
 }
 
 impl Reading {
@@ -53,7 +54,10 @@ impl Reading {
         let reversed = (0..joints.len()).map(Reading::Reversed);
         let pairs = (0..joints.len()).flat_map(|a| (a + 1..joints.len()).map(move |b| (a, b)));
         let swapped = pairs.filter(|(a, b)| joints[*a].kind == joints[*b].kind).map(|(a, b)| Reading::Swapped(a, b));
-        zeros.chain(reversed).chain(swapped).collect()
+        // Of two joints that is the exchange.
+        let order =
+            (joints.len() > 2 && joints.iter().all(|j| j.kind == joints[0].kind)).then_some(Reading::BackToFront);
+        zeros.chain(reversed).chain(swapped).chain(order).collect()
     }
 
     /// The log read so.
@@ -76,6 +80,11 @@ impl Reading {
                 groups.into_iter().flatten().for_each(|signals| signals.swap(a, b));
                 q_link.swap(a, b);
             }
+            Reading::BackToFront => {
+                let groups = [Some(q), tau, qd.as_mut(), q_des.as_mut(), qd_des.as_mut(), qdd_des.as_mut()];
+                groups.into_iter().flatten().for_each(|signals| signals.reverse());
+                q_link.reverse();
+            }
         }
         log
     }
@@ -84,7 +93,7 @@ impl Reading {
     fn joint(self) -> Option<usize> {
         match self {
             Reading::Zero(j, _) | Reading::Reversed(j) => Some(j),
-            Reading::Swapped(..) => None,
+            Reading::Swapped(..) | Reading::BackToFront => None,
         }
     }
 
@@ -94,6 +103,7 @@ impl Reading {
             Reading::Zero(j, angle) => format!("{:+.0} deg added to the positions of {}", angle.to_degrees(), name(j)),
             Reading::Reversed(j) => format!("{} counted the other way round", name(j)),
             Reading::Swapped(a, b) => format!("{} and {} in each other's columns", name(a), name(b)),
+            Reading::BackToFront => "the joints counted from the flange to the base".to_owned(),
         }
     }
 }
@@ -103,18 +113,14 @@ impl Reading {
 const NOMINAL: f64 = 40.0;
 const NOMINAL_WHERE_STRANGE: f64 = 2.0;
 
-/// Whether joints of the logs have to be read otherwise; `nominal`: what the values of the robot file leave of each joint's torque \[%\].
+/// Whether joints of the logs have to be read otherwise.
+///
+/// * `nominal`: what the values of the robot file leave of each joint's torque \[%\]
+/// * `strange`: whether the values found may be those of no arm: little of the torque is enough then
 ///
 /// # Errors
 /// A log that cannot be read (again).
-pub(crate) fn misread(
-    robot: &Robot,
-    paths: &[PathBuf],
-    nominal: &[f64],
-    consistent: Option<&Projection>,
-) -> Result<Option<Distrust>> {
-    // Deviations that many are no noise.
-    let strange = consistent.is_some_and(|found| found.distance > 1.0);
+pub(crate) fn misread(robot: &Robot, paths: &[PathBuf], nominal: &[f64], strange: bool) -> Result<Option<Distrust>> {
     let least = if strange { NOMINAL_WHERE_STRANGE } else { NOMINAL };
     if nominal.iter().all(|percent| *percent <= least || percent.is_nan()) {
         return Ok(None);
@@ -215,8 +221,13 @@ const ANOTHER: f64 = 40.0;
 /// always has less: 39 where torque is in another unit (which is told as such), else 26.
 const ANOTHER_JOINTS: usize = 4;
 
-/// Whether the robot file may be that of another arm; `nominal`: what its values leave of each joint's torque \[%\].
-pub(crate) fn another_arm(nominal: &[f64]) -> Option<Distrust> {
+/// Whether the robot file may be that of another arm; `nominal`: what its values leave of each joint's torque \[%\]. Of a geared arm
+/// friction is as much as that by itself: a file without any says nothing.
+pub(crate) fn another_arm(robot: &Robot, nominal: &[f64]) -> Option<Distrust> {
+    let friction = &robot.config.friction;
+    if friction.coulomb.iter().chain(&friction.viscous).all(|value| *value == 0.0) {
+        return None;
+    }
     let known: Vec<f64> = nominal.iter().copied().filter(|percent| percent.is_finite()).collect();
     let least = known.iter().copied().fold(f64::INFINITY, f64::min);
     (known.len() >= ANOTHER_JOINTS && least > ANOTHER).then(|| Distrust {

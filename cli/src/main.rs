@@ -36,6 +36,7 @@ mod progress;
 mod refine;
 mod replay;
 mod rollout;
+mod rounding;
 mod runs;
 mod self_check;
 mod stairs;

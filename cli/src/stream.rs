@@ -1,6 +1,7 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
 use crate::channels::doubted;
+use crate::coarse::{TorqueSteps, torque_steps};
 use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::runs::{hole_s, not_derived, read_log, short_name};
@@ -34,6 +35,8 @@ pub(crate) struct Recording {
     period_s: f64,
     /// Torque channels that cannot be believed.
     pub(crate) distrusts: Vec<Distrust>,
+    /// Torques in steps.
+    pub(crate) torque_steps: Vec<TorqueSteps>,
     /// What of the positions the daemon takes for jumps or frozen readings, whatever it says of them.
     pub(crate) coarse: Option<String>,
 }
@@ -70,8 +73,8 @@ impl Recording {
         distrusts.extend(evidence::underived(robot, &short_name(path), &underived));
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
-        let coarse = coarse(robot, &log, &report);
-        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts, coarse })
+        let (coarse, torque_steps) = (coarse(robot, &log, &report), torque_steps(&log));
+        Ok(Recording { path: path.to_owned(), pieces, joints, report, period_s, distrusts, torque_steps, coarse })
     }
 
     /// The log's file.

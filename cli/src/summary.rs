@@ -1,9 +1,10 @@
 //! What an on-line run identified, for people and for programs.
 
+use crate::coarse::{NOT_ROUNDED_AGAIN, coarse_torque, that_matter};
 use crate::doubts::{missing_more, unexplained};
 use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
-use crate::kinematics::another_arm;
+use crate::kinematics::{another_arm, misread};
 use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
@@ -32,6 +33,10 @@ pub(crate) struct Summary<'a> {
     unfollowed: BTreeSet<usize>,
     /// Torque channels of the log that cannot be believed.
     distrusts: &'a [Distrust],
+    /// Torques that come in steps of which the fit leaves little.
+    coarse_torque: Vec<Distrust>,
+    /// How its joints may have to be read, where that is another way.
+    misread: Option<Distrust>,
     /// Why its positions are refused, where that is known.
     coarse: Option<&'a str>,
 }
@@ -76,6 +81,12 @@ const OF_THE_MOTION: &str = "delayed instruments are made of the measured motion
      standard deviations do not know that. Of simulated arms that stick 40 to 80 % of the values lie within two of them; a setpoint or a \
      second encoder is worth having";
 
+/// What the values of the robot file leave of each joint's torque \[%\].
+fn nominal_percent(robot: &Robot, health: &Health) -> Vec<f64> {
+    let torque = |j: usize| health.torque_rms[j].max(f64::MIN_POSITIVE);
+    (0..robot.dof()).map(|j| 100.0 * health.nominal_residual_rms[j] / torque(j)).collect()
+}
+
 impl<'a> Summary<'a> {
     pub(crate) fn new(
         robot: &'a Robot,
@@ -83,8 +94,21 @@ impl<'a> Summary<'a> {
         parameters: &'a Parameters,
         health: &'a Health,
     ) -> Self {
-        let (samples, unfollowed, distrusts) = (recording.len(), recording.unfollowed(), &recording.distrusts);
-        Summary { robot, parameters, health, samples, unfollowed, distrusts, coarse: recording.coarse.as_deref() }
+        let steps = that_matter(&recording.torque_steps, &parameters.residual_rms);
+        let distrusts = &recording.distrusts;
+        // A log that cannot be read off line is judged by what it left on line.
+        let misread = misread(robot, &[recording.path().to_owned()], &nominal_percent(robot, health), true);
+        Summary {
+            robot,
+            parameters,
+            health,
+            samples: recording.len(),
+            unfollowed: recording.unfollowed(),
+            distrusts,
+            coarse_torque: coarse_torque(robot, &steps, NOT_ROUNDED_AGAIN),
+            misread: misread.ok().flatten(),
+            coarse: recording.coarse.as_deref(),
+        }
     }
 
     /// Whether nothing is learnt for want of instruments.
@@ -175,26 +199,31 @@ impl<'a> Summary<'a> {
             Some(joint) => format!("{joint}: {}", d.text),
             None => d.text.clone(),
         });
+        // Often it is all joints.
+        let coarse = self.coarse_torque.chunk_by(|a, b| a.text == b.text).map(|of| {
+            let joints: Vec<&str> = of.iter().filter_map(|d| d.joint.as_deref()).collect();
+            format!("{}: {}", joints.join(", "), of[0].text)
+        });
         let left = |j: usize| 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
         let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
         let unexplained = unexplained(&runs::joint_names(self.robot), &left);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
-        let torque = |j: usize| self.health.torque_rms[j].max(f64::MIN_POSITIVE);
-        let nominal: Vec<f64> =
-            (0..left.len()).map(|j| 100.0 * self.health.nominal_residual_rms[j] / torque(j)).collect();
+        let nominal = nominal_percent(self.robot, self.health);
         let more = missing_more(&runs::joint_names(self.robot), &nominal, &left);
         let more = (!more.is_empty()).then(|| {
             format!("values as found miss more of the last torque than those of the robot file ({})", more.join(", "))
         });
         // A torque that is not believed anyway has no arm either.
-        let another = another_arm(&nominal).filter(|_| self.distrusts.is_empty()).map(|d| d.text);
+        let another = || another_arm(self.robot, &nominal).filter(|_| self.distrusts.is_empty());
+        let another = self.misread.as_ref().map(|d| d.text.clone()).or_else(|| another().map(|d| d.text));
         let delayed = InstrumentSource::try_from(p.instruments).is_ok_and(|source| source == InstrumentSource::Delayed);
         let delayed = delayed.then(|| OF_THE_MOTION.to_owned());
         strays
             .into_iter()
             .chain(delayed)
             .chain(found)
+            .chain(coarse)
             .chain(unexplained)
             .chain(more)
             .chain(another)

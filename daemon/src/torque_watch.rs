@@ -25,6 +25,13 @@ const STANDS: f64 = 0.5;
 const STANDS_MEMORY: f64 = 4000.0;
 /// A change of less than this share of the smallest torque that matters is rounding of numbers.
 const ROUNDING: f64 = 1e-9;
+/// Samples in motion from which on it is known whether torque of a joint usually stands: more than one stand has. What was frozen when the
+/// arm started changes with every sample after that.
+const KNOWN: f64 = 1.5 * SUSPECT_RUN as f64;
+/// Torque whose noise makes it go to and fro between steps before it stands again is known by so many long stands, one after the other, that
+/// end with a change of about a step: what was frozen ends with a jump.
+const KNOWN_STANDS: u32 = 2;
+const ABOUT: f64 = 1.5;
 /// A torque that usually stands is in doubt where the model misses it by more than a step and so many sigmas.
 const SUSPECT_SIGMAS: f64 = 4.0;
 /// Identical torques that are a stuck sensor if the motion needs another torque.
@@ -49,6 +56,9 @@ struct Joint {
     /// Share of samples in motion whose torque is that of the sample before, of so many at the most.
     stands: f64,
     looked_at: f64,
+    /// Whether it stands for long, in motion, and how many such stands, one after the other, ended with a change of about a step.
+    stood: bool,
+    stepped: u32,
     /// The torque has stood for so long, in motion, that this is looked at.
     run: bool,
     /// What the motion needs by the last row, and the measured torque over it, filtered alike \[N·m\].
@@ -72,6 +82,11 @@ impl Joint {
         if change > 0.0 && (self.step == 0.0 || change < self.step) {
             self.step = change;
         }
+        if change > 0.0 && self.stood {
+            self.stepped = if change < ABOUT * self.step { self.stepped.saturating_add(1) } else { 0 };
+        }
+        // Where motion is slow it is motion at the end of a stand only.
+        self.stood = moves && run >= SUSPECT_RUN || self.stood && run > 0;
         // Beyond that it may be stuck, of which nothing is learnt.
         if moves && run < SUSPECT_RUN {
             let stands = if run > 0 { 1.0 } else { 0.0 };
@@ -80,9 +95,11 @@ impl Joint {
         }
     }
 
-    /// Whether a torque that has stood for long may be stuck. One of fine steps changes with every sample: it need not be missed first.
+    /// Whether a torque that has stood for long may be stuck. One of fine steps changes with every sample: it need not be missed first,
+    /// and before the model can tell what is missed anything may be that is not known to come in steps.
     fn suspicious(&self) -> bool {
-        self.stands < STANDS || self.missed.abs() > self.step + SUSPECT_SIGMAS * self.sigma
+        let usual = self.stepped >= KNOWN_STANDS || self.looked_at > KNOWN && self.stands >= STANDS;
+        !usual || self.trusted && self.missed.abs() > self.step + SUSPECT_SIGMAS * self.sigma
     }
 }
 
@@ -150,7 +167,7 @@ impl TorqueWatch {
             let (run, moves) = guard.torque_run(j);
             // What sums of numbers leave of an equal torque is no step.
             joint.stood(run, moves, if self.seen && step.abs() > ROUNDING * least { step.abs() } else { 0.0 });
-            joint.run = joint.trusted && moves && run >= SUSPECT_RUN;
+            joint.run = moves && run >= SUSPECT_RUN;
             if run == 0 {
                 joint.predicted_before = joint.predicted;
                 ended |= joint.stuck;
@@ -159,7 +176,11 @@ impl TorqueWatch {
                 // Until the filters hold nothing of it any more.
                 self.suspect = if joint.suspicious() { self.suspicion } else { self.suspect };
                 let needed = (joint.predicted - joint.predicted_before).abs().min(joint.missed.abs());
-                joint.stuck |= run >= STUCK_RUN && needed > joint.step + (STUCK_SIGMAS * joint.sigma).max(least);
+                joint.stuck |= if joint.trusted {
+                    run >= STUCK_RUN && needed > joint.step + (STUCK_SIGMAS * joint.sigma).max(least)
+                } else {
+                    run >= self.suspicion && joint.suspicious()
+                };
             }
             stuck |= u32::from(joint.stuck) << j;
             if joint.flipped && joint.right_rows >= ROWS {

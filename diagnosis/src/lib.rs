@@ -89,6 +89,7 @@ mod stranger;
 mod swapped;
 mod timing;
 mod told;
+mod tool_drag;
 mod two_mass;
 mod upright;
 mod values;

@@ -69,16 +69,18 @@ fn frozen(t: &[f64], q: &[f64], tau: &[f64]) -> Option<Frozen> {
     let step = quantum(tau);
     // What comes behind the end of the log is not known.
     let cut_off = |run: &Range<usize>| run.end == tau.len() && seconds(run) > CUT_OFF_S;
-    let jump = |run: &Range<usize>| {
-        let from = |k: usize| tau.get(k).map_or(0.0, |beside| (beside - tau[run.start]).abs());
-        if cut_off(run) { f64::INFINITY } else { from(run.start.wrapping_sub(1)).max(from(run.end)) }
-    };
     let mut stands: Vec<Range<usize>> = held.iter().filter(|run| long(run)).cloned().collect();
     let usual_s = usual_s(t, q, way, &held, &stands);
     let least_s = match usual_s {
         Usual::Known(usual_s) => LONGER * usual_s,
         Usual::HardlyMoves => LONG_S,
         Usual::Coarse => return None,
+    };
+    // Where a joint hardly moves elsewhere and its torque changes by single steps it may well stand until the end.
+    let lingers = matches!(usual_s, Usual::HardlyMoves) && usual < 1.5 * step;
+    let jump = |run: &Range<usize>| {
+        let from = |k: usize| tau.get(k).map_or(0.0, |beside| (beside - tau[run.start]).abs());
+        if cut_off(run) && !lingers { f64::INFINITY } else { from(run.start.wrapping_sub(1)).max(from(run.end)) }
     };
     stands.retain(|run| seconds(run) > least_s && !at_limit(tau[run.start]) && span(&q[run.clone()]) > way);
     let (surely, perhaps): (Vec<_>, Vec<_>) =

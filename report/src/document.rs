@@ -290,6 +290,18 @@ impl Document {
     }
 }
 
+/// A document with no more than the contract asks for.
+#[cfg(test)]
+pub(crate) const CONTRACT: &str = r#"{"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
+            "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":
+                [{"joint": "j", "before": 0.3, "after": 0.1, "noise_floor": 0.05}]},
+            "where": [{"joint": "j", "regime": "reversal", "share": 0.6, "seconds": 2.0}],
+            "causes": [{"effect": "joint_spring", "joints": ["j"], "magnitude": {"stiffness_Nm_rad": 8.0},
+                "shrink": {"predicted": 0.7, "low": 0.6, "high": 0.8, "measured": null}, "confidence": 0.9,
+                "indistinguishable_from": [], "separating_motion": null}],
+            "log": [], "hints": [], "unexplained_share": 0.1,
+            "data": {"runs": 2, "fit_seconds": 10.0, "sealed_seconds": 5.0}, "remark": null}"#;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -306,16 +318,7 @@ mod tests {
     /// What the contract asks for is enough; whatever was added later may be absent.
     #[test]
     fn documents_with_the_contracts_fields_alone_are_read() {
-        let text = r#"{"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
-            "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":
-                [{"joint": "j", "before": 0.3, "after": 0.1, "noise_floor": 0.05}]},
-            "where": [{"joint": "j", "regime": "reversal", "share": 0.6, "seconds": 2.0}],
-            "causes": [{"effect": "joint_spring", "joints": ["j"], "magnitude": {"stiffness_Nm_rad": 8.0},
-                "shrink": {"predicted": 0.7, "low": 0.6, "high": 0.8, "measured": null}, "confidence": 0.9,
-                "indistinguishable_from": [], "separating_motion": null}],
-            "log": [], "hints": [], "unexplained_share": 0.1,
-            "data": {"runs": 2, "fit_seconds": 10.0, "sealed_seconds": 5.0}, "remark": null}"#;
-        let document: Document = serde_json::from_str(text).expect("a document");
+        let document: Document = serde_json::from_str(CONTRACT).expect("a document");
         assert_eq!(document.causes[0].shrink.measured, None);
         // A page and a verdict can be made of no more than that.
         assert_eq!(document.lines().len(), 6);

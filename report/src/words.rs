@@ -62,13 +62,13 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
     if let Some(parameter) = parameters.into_iter().find(|p| p.name == name) {
         return (name.to_owned(), parameter.unit.clone());
     }
+    if let Some(way @ ("forwards" | "backwards")) = name.strip_suffix("_Nm") {
+        return (format!("{way} more than the other way by"), "N m".to_owned());
+    }
     for (suffix, unit) in UNITS {
         if let Some(stem) = name.strip_suffix(suffix) {
             return (stem.replace('_', " "), unit.to_owned());
         }
-    }
-    if let ("forwards_Nm" | "backwards_Nm", Some(way)) = (name, name.strip_suffix("_Nm")) {
-        return (format!("{way} more than the other way by"), "N m".to_owned());
     }
     if name == "seconds" {
         return ("time".to_owned(), "s".to_owned());
@@ -109,6 +109,14 @@ mod tests {
         assert_eq!(rival("joint_elasticity"), "joint elasticity");
         // Of a later version, perhaps.
         assert_eq!(rival("some_name"), "some name");
+    }
+
+    #[test]
+    fn friction_of_one_direction_is_told_beside_the_others() {
+        let document = serde_json::from_str(crate::document::CONTRACT).expect("a document");
+        let [label, unit] = <[String; 2]>::from(quantity("backwards_Nm", &document));
+        assert_eq!((label.as_str(), unit.as_str()), ("backwards more than the other way by", "N m"));
+        assert_eq!(quantity("coulomb_Nm", &document).0, "coulomb");
     }
 
     #[test]

@@ -160,6 +160,33 @@ fn torque_stuck() {
     }
 }
 
+/// Before a model is known nothing can be missed: a torque that stands from the first sample on, or from when the joint has moved for a while.
+#[test]
+fn torque_stuck_before_anything_is_known() {
+    for (from, lasting) in [(1, 300), (1, 2_000), (500, 300)] {
+        let mut arm = Arm::new(7);
+        let [mut whole, mut core] = [(); 2].map(|()| Core::new(&arm.robot).expect("sound settings"));
+        let (mut held, mut worst) = (0.0, 0.0_f64);
+        for k in 1..BEGIN {
+            let (mut state, setpoint) = arm.at(k);
+            whole.tick(&state, Some(&setpoint));
+            if k == from {
+                held = state.tau[1];
+            }
+            if (from..from + lasting).contains(&k) {
+                state.tau[1] = held;
+            }
+            core.tick(&state, Some(&setpoint));
+            if k > BEGIN - 500 {
+                worst = worst.max(sigmas(&parameters(&core), &parameters(&whole)));
+            }
+        }
+        let stuck = core.fault_count(InputFault::TorqueStuck);
+        println!("from {from} for {lasting}: stuck {stuck}, {worst:.2} deviations from the run that was not");
+        assert!(stuck > 0 && worst <= 1.0, "from {from} for {lasting}: {stuck}, {worst}");
+    }
+}
+
 /// Torque in steps that its noise does not blur stands for tens of samples and is learnt from; where it is stuck, that is seen, and does
 /// no more harm than a step is worth.
 #[test]
@@ -187,7 +214,8 @@ fn torque_in_coarse_steps() {
             println!("{longest} equal torques at most; rows doubted in steps and without: {doubted:?}");
             assert!(longest > 30, "steps that matter: {longest}");
             // A torque of friction alone changes its sign at once where the joint turns.
-            assert!(doubted[0] <= doubted[1], "{doubted:?}");
+            // Some rows more are, until it is known that this one comes in steps.
+            assert!(doubted[0] <= doubted[1] + 10, "{doubted:?}");
             assert_eq!(core.fault_count(InputFault::TorqueStuck), 0);
         } else if k > BEGIN + lasting && core.input_fault() == InputFault::None && k % 20 == 0 {
             worst = worst.max(sigmas(&parameters(&core), &parameters(&whole)));

@@ -75,6 +75,19 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Adds errors that residuals do not show to the covariance: the mean of the outer products of `moved`, each how far the values
+    /// (base order) moved in one try.
+    pub fn add_errors(&mut self, moved: &[Vec<f64>]) {
+        let k = self.values.len();
+        for (at, covariance) in self.covariance.iter_mut().enumerate() {
+            let product: f64 = moved.iter().map(|by| by[at / k] * by[at % k]).sum();
+            *covariance += product / moved.len().max(1) as f64;
+        }
+        if !moved.is_empty() {
+            self.std = (0..k).map(|i| self.covariance[i * k + i].sqrt()).collect();
+        }
+    }
+
     /// Of a joint's rows: one over the variance of what one independent row leaves.
     pub(super) fn weights(&self) -> Vec<f64> {
         weights(&self.noise, &self.correlation)

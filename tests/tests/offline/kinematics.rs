@@ -57,6 +57,9 @@ fn another_zero_sign_or_order_of_joints_is_told() {
         groups(log).into_iter().flatten().for_each(|group| group[0].iter_mut().for_each(|x| *x = -*x));
     });
     assert!(said[0][2].contains("shoulder_pan_joint counted the other way round"), "{said:?}");
+    // Torque of two joints has another scale then, which is told as well.
+    let said = told(&file, |log| groups(log).into_iter().flatten().for_each(|group| group.reverse()));
+    assert!(said[0][2].contains("the joints counted from the flange to the base"), "{said:?}");
 }
 
 /// Half of every joint's torque is not this arm's; the file of an arm whose links are a few centimetres longer cannot be told.

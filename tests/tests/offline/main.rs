@@ -30,6 +30,7 @@ mod real_identify;
 mod real_study;
 mod repeats;
 mod report;
+mod rounded;
 mod self_check;
 mod separate;
 mod statistics;

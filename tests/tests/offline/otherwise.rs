@@ -473,3 +473,30 @@ fn torque_that_stands_is_left_out_and_told() {
     assert_eq!(joints_with(&found, "torque_stood").len(), 1, "{text}");
     assert!(text.contains("torque stands bit for bit while the joint moves: 2.0"), "{text}");
 }
+
+/// Over little motion less Coulomb and more viscous friction are nearly one line: each alone made the sealed run worse, so that a Coulomb
+/// friction 40 % off was withdrawn.
+#[test]
+fn drive_values_that_make_up_for_each_other_are_both_told() {
+    let Some(sound) = shared("data/practice").map(|folder| folder.join("case-24")) else { return };
+    let friction = |line: &str| {
+        let times = match line.split(' ').next() {
+            Some("coulomb") => 0.6,
+            Some("viscous") => 1.4,
+            _ => return line.to_owned(),
+        };
+        let (before, rest) = line.split_once('[').expect("a list");
+        let (list, after) = rest.split_once(']').expect("its end");
+        let value = |v: &str| (v.trim().parse::<f64>().expect("a number") * times).to_string();
+        format!("{before}[{}]{after}", list.split(',').map(value).collect::<Vec<_>>().join(", "))
+    };
+    let file = |given: &str| given.lines().map(friction).collect::<Vec<_>>().join("\n");
+    let (_, text, found) = told_by_file(&sound, file, |_, _| ());
+    assert_eq!(found["verdict"], "parameter", "{text}");
+    let causes = found["causes"].as_array().expect("causes");
+    for value in ["coulomb_friction", "viscous_friction"] {
+        let named: Vec<&Value> = causes.iter().filter(|c| c["effect"] == value).collect();
+        let joints: usize = named.iter().map(|c| c["joints"].as_array().expect("joints").len()).sum();
+        assert_eq!(joints, 6, "{value}: {text}");
+    }
+}

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use rivet_dynamics::{Workspace, flange_pose, inverse_dynamics};
 use rivet_logs::{ReadOptions, read};
 use rivet_tests::altered::{answer, written};
 use rivet_tests::{rivet, shared};
@@ -77,4 +78,41 @@ fn what_hardly_helps_on_a_joint_that_stays_open_is_not_named() {
     });
     let sure: Vec<(String, f64)> = named(&found).into_iter().filter(|(_, confidence)| *confidence > 0.6).collect();
     assert!(sure.is_empty(), "{sure:?}: {found:#}");
+}
+
+/// Drag at the tool \[N s²/m²\].
+const DRAG: f64 = 25.0;
+/// Samples to both sides over which the tool's speed is taken, of a millisecond each.
+const BESIDE: usize = 10;
+
+/// Air or water that holds the tool back pushes in bursts, whenever it is fast: it was contact (0.97).
+#[test]
+fn drag_at_the_tool_is_no_contact() {
+    let Some(practice) = shared("data/practice") else { return };
+    let case = practice.join("case-24");
+    let still_air = rivet_config::load(case.join("robot.toml")).expect("a sound robot file").model.arm.clone();
+    let n = still_air.dof();
+    let mut unit = vec![[0.0; 10]; n];
+    unit[n - 1][0] = 1.0;
+    let found = with(&case, |q| {
+        let tool = |row: usize| flange_pose(&still_air, &q.iter().map(|q| q[row]).collect::<Vec<f64>>()).1;
+        let rows = q[0].len();
+        let mut arm = still_air.clone();
+        let (mut ws, still) = (Workspace::new(&arm), vec![0.0; n]);
+        let mut torque = vec![vec![0.0; rows]; n];
+        let mut now = vec![0.0; n];
+        for row in BESIDE..rows - BESIDE {
+            let (before, after) = (tool(row - BESIDE), tool(row + BESIDE));
+            let speed: [f64; 3] = std::array::from_fn(|i| (after[i] - before[i]) / (2e-3 * BESIDE as f64));
+            let size = speed.iter().map(|v| v * v).sum::<f64>().sqrt();
+            // A unit mass at the flange in this field is held as the arm holds against the drag.
+            arm.gravity = speed.map(|v| -DRAG * size * v);
+            let at: Vec<f64> = q.iter().map(|q| q[row]).collect();
+            inverse_dynamics(&arm, &unit, &mut ws, &at, &still, &still, &mut now);
+            torque.iter_mut().zip(&now).for_each(|(torque, now)| torque[row] = *now);
+        }
+        torque.into_iter().enumerate().collect()
+    });
+    let contact = |(name, _): &(String, f64)| name == "external_force";
+    assert!(!named(&found).iter().any(contact), "{:?}", named(&found));
 }
