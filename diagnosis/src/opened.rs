@@ -339,8 +339,10 @@ impl Opened<'_> {
         let runs = self.procedure.look.iter().zip(self.seen).zip(windows);
         let mut why = runs.filter_map(|((run, seen), own)| {
             let force = |j: usize, row: usize| seen.models[k + 1][j][row] - seen.models[k][j][row];
+            let whole = seen.models.last().map_or(&seen.tau, |whole| whole);
+            let missed = |j: usize, row: usize| seen.tau[j][row] - whole[j][row] + force(j, row);
             let load = held_load(run, own, force).map(|load| load.to_string());
-            load.or_else(|| drag(run, own, force).map(|drag| drag.to_string()))
+            load.or_else(|| drag(run, self.procedure.nominal, missed).map(|drag| drag.to_string()))
         });
         why.next()
     }

@@ -80,39 +80,55 @@ fn what_hardly_helps_on_a_joint_that_stays_open_is_not_named() {
     assert!(sure.is_empty(), "{sure:?}: {found:#}");
 }
 
-/// Drag at the tool \[N s²/m²\].
-const DRAG: f64 = 25.0;
-/// Samples to both sides over which the tool's speed is taken, of a millisecond each.
-const BESIDE: usize = 10;
+/// Torque of a force at the flange of a case's arm, by time \[s\] and velocity of the flange \[m/s\], which the joints must bring up.
+fn against(case: &Path, q: &[Vec<f64>], force: impl Fn(f64, [f64; 3]) -> [f64; 3]) -> Vec<(usize, Vec<f64>)> {
+    const PERIOD_S: f64 = 1e-3;
+    // Samples to both sides over which the speed is taken.
+    const BESIDE: usize = 10;
+    let mut arm = rivet_config::load(case.join("robot.toml")).expect("a sound robot file").model.arm.clone();
+    let (n, rows) = (arm.dof(), q[0].len());
+    let at = |row: usize| q.iter().map(|q| q[row]).collect::<Vec<f64>>();
+    let places: Vec<[f64; 3]> = (0..rows).map(|row| flange_pose(&arm, &at(row)).1).collect();
+    let mut unit = vec![[0.0; 10]; n];
+    unit[n - 1][0] = 1.0;
+    let (mut ws, still, mut now) = (Workspace::new(&arm), vec![0.0; n], vec![0.0; n]);
+    let mut torque = vec![vec![0.0; rows]; n];
+    for row in BESIDE..rows - BESIDE {
+        let (before, after) = (places[row - BESIDE], places[row + BESIDE]);
+        let v = std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * BESIDE as f64 * PERIOD_S));
+        // A unit mass at the flange in this field is held as the arm holds against the force.
+        arm.gravity = force(row as f64 * PERIOD_S, v);
+        inverse_dynamics(&arm, &unit, &mut ws, &at(row), &still, &still, &mut now);
+        torque.iter_mut().zip(&now).for_each(|(torque, now)| torque[row] = *now);
+    }
+    torque.into_iter().enumerate().collect()
+}
 
-/// Air or water that holds the tool back pushes in bursts, whenever it is fast: it was contact (0.97).
+fn size(v: [f64; 3]) -> f64 {
+    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Air or water that holds the tool back, 25 N s²/m², pushes in bursts, whenever it is fast: it was contact (0.97).
 #[test]
 fn drag_at_the_tool_is_no_contact() {
     let Some(practice) = shared("data/practice") else { return };
     let case = practice.join("case-24");
-    let still_air = rivet_config::load(case.join("robot.toml")).expect("a sound robot file").model.arm.clone();
-    let n = still_air.dof();
-    let mut unit = vec![[0.0; 10]; n];
-    unit[n - 1][0] = 1.0;
-    let found = with(&case, |q| {
-        let tool = |row: usize| flange_pose(&still_air, &q.iter().map(|q| q[row]).collect::<Vec<f64>>()).1;
-        let rows = q[0].len();
-        let mut arm = still_air.clone();
-        let (mut ws, still) = (Workspace::new(&arm), vec![0.0; n]);
-        let mut torque = vec![vec![0.0; rows]; n];
-        let mut now = vec![0.0; n];
-        for row in BESIDE..rows - BESIDE {
-            let (before, after) = (tool(row - BESIDE), tool(row + BESIDE));
-            let speed: [f64; 3] = std::array::from_fn(|i| (after[i] - before[i]) / (2e-3 * BESIDE as f64));
-            let size = speed.iter().map(|v| v * v).sum::<f64>().sqrt();
-            // A unit mass at the flange in this field is held as the arm holds against the drag.
-            arm.gravity = speed.map(|v| -DRAG * size * v);
-            let at: Vec<f64> = q.iter().map(|q| q[row]).collect();
-            inverse_dynamics(&arm, &unit, &mut ws, &at, &still, &still, &mut now);
-            torque.iter_mut().zip(&now).for_each(|(torque, now)| torque[row] = *now);
-        }
-        torque.into_iter().enumerate().collect()
-    });
-    let contact = |(name, _): &(String, f64)| name == "external_force";
-    assert!(!named(&found).iter().any(contact), "{:?}", named(&found));
+    let found = with(&case, |q| against(&case, q, |_, v| v.map(|along| -25.0 * size(v) * along)));
+    assert!(!named(&found).iter().any(|(name, _)| name == "external_force"), "{:?}", named(&found));
+    assert!(found["hints"].to_string().contains("against the motion of the flange"), "{:#}", found["hints"]);
+}
+
+/// A hand that resists takes power whichever way the arm goes, as drag does, but not all the time.
+#[test]
+fn a_hand_that_resists_is_contact() {
+    let Some(practice) = shared("data/practice") else { return };
+    let case = practice.join("case-24");
+    let hand = |t: f64, v: [f64; 3]| {
+        let phase = (t % 5.0) - 2.5;
+        let held = if (0.0..1.5).contains(&phase) { (std::f64::consts::PI * phase / 1.5).sin() } else { 0.0 };
+        v.map(|along| -60.0 * held * along / size(v).max(0.02))
+    };
+    let found = with(&case, |q| against(&case, q, hand));
+    let contact = |(name, confidence): &(String, f64)| name == "external_force" && *confidence > 0.8;
+    assert!(named(&found).iter().any(contact), "{:?} {:#}", named(&found), found["hints"]);
 }
