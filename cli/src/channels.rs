@@ -2,9 +2,10 @@
 
 use anyhow::Result;
 use rivet_config::Robot;
-use rivet_estimation::offline::position_step;
+use rivet_estimation::offline::{position_noise, position_step};
 use rivet_logs::{Log, TorqueSource};
 
+use crate::coarse::BLURS;
 use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
 use crate::identify;
@@ -80,7 +81,7 @@ pub(crate) fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
 }
 
 /// Torque that comes in fewer steps says nothing by where it stands.
-const FEW_STEPS: f64 = 12.0;
+const FEW_STEPS: f64 = 60.0;
 
 /// Torques that stand at their largest or smallest value for many rows: the drive, or what recorded it, can give no more.
 pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
@@ -92,8 +93,9 @@ pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
         if !outermost.iter().any(|value| are_many(at(*value), tau.len())) {
             continue;
         }
-        // Of few steps the outermost is as full as any.
-        if position_step(tau).is_some_and(|step| outermost[1] - outermost[0] < FEW_STEPS * step) {
+        // Of few steps that noise does not blur the outermost is as full as any.
+        let few = |step: f64| outermost[1] - outermost[0] < FEW_STEPS * step && position_noise(tau) < BLURS * step;
+        if position_step(tau).is_some_and(few) {
             continue;
         }
         let mut sorted = tau.clone();

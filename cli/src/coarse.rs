@@ -1,5 +1,7 @@
 //! Positions too coarse for what is made of them: in steps or with noise, which are smoothed before differences are taken, or too far apart.
 
+use std::path::PathBuf;
+
 use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_estimation::offline::{Record, ZeroPhase, position_noise, position_step, told_up_to_hz};
@@ -96,7 +98,7 @@ pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
 /// Torque of a joint of a log that comes in steps which noise does not blur.
 #[derive(Clone, Debug)]
 pub(crate) struct TorqueSteps {
-    pub(crate) log: String,
+    pub(crate) path: PathBuf,
     pub(crate) joint: usize,
     /// \[N·m\]
     pub(crate) step: f64,
@@ -105,7 +107,7 @@ pub(crate) struct TorqueSteps {
 }
 
 /// Noise of less than this share of a step leaves its errors what the motion makes of them. With a third they pass for white.
-const BLURS: f64 = 0.35;
+pub(crate) const BLURS: f64 = 0.35;
 /// ... and they are much of what a fit leaves where that is less than this share of a step (rounding is off by 0.29 of one).
 const OF_STEP: f64 = 0.5;
 
@@ -115,14 +117,16 @@ pub(crate) fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
     let Some((_, tau)) = &log.tau else { return Vec::new() };
     let own: Vec<Option<f64>> = tau.par_iter().map(|tau| position_step(tau)).collect();
     let of_another = |tau: &[f64]| {
-        let steps = own.iter().flatten().filter(|step| tau.iter().all(|x| is_multiple(*x, **step)));
+        // Nothing is a multiple of anything.
+        let says = tau.iter().any(|x| *x != 0.0);
+        let steps = own.iter().flatten().filter(|step| says && tau.iter().all(|x| is_multiple(*x, **step)));
         steps.copied().reduce(f64::max)
     };
     let of = |(joint, tau): (usize, &Vec<f64>)| {
         let step = own[joint].or_else(|| of_another(tau))?;
         // Of rounding itself, where that is white, nothing is left.
         let noise = (position_noise(tau).powi(2) - step * step / 12.0).max(0.0).sqrt();
-        (noise < BLURS * step).then(|| TorqueSteps { log: runs::short_name(&log.path), joint, step, noise })
+        (noise < BLURS * step).then(|| TorqueSteps { path: log.path.clone(), joint, step, noise })
     };
     tau.par_iter().enumerate().filter_map(of).collect()
 }
@@ -148,8 +152,8 @@ pub(crate) const NOT_ROUNDED_AGAIN: &str =
 
 /// The same for people, with what standard deviations `know` of it.
 pub(crate) fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {
-    let of = |TorqueSteps { log, joint, step, noise }: &&TorqueSteps| Distrust {
-        log: Some(log.clone()),
+    let of = |TorqueSteps { path, joint, step, noise }: &&TorqueSteps| Distrust {
+        log: Some(runs::short_name(path)),
         joint: Some(robot.model.arm.joints[*joint].name.clone()),
         name: TORQUE_STEPS_NAME,
         text: format!(

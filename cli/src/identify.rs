@@ -345,9 +345,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     if believed && distrusts.iter().all(|d| d.name != evidence::UNEXPLAINED_NAME) {
         distrusts.extend(doubts::far(consistent.as_ref().ok()));
     }
-    // Deviations that many are no noise.
-    let strange = consistent.as_ref().is_ok_and(|found| found.distance > 1.0);
-    let misread = kinematics::misread(robot, logs, &residuals[0], strange)?;
+    let misread = kinematics::misread(robot, logs, &residuals[0])?;
     distrusts.extend(misread.or_else(|| kinematics::another_arm(robot, &residuals[0]).filter(|_| believed)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);

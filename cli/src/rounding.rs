@@ -39,9 +39,9 @@ pub(crate) fn moved(robot: &Robot, paths: &[PathBuf], steps: &[&TorqueSteps], va
     if steps.is_empty() {
         return Ok(Vec::new());
     }
-    let mut logs: Vec<Coarse> = Vec::new();
+    let mut logs: Vec<Rounded> = Vec::new();
     for path in paths {
-        logs.push(Coarse::of(robot, runs::read_log(robot, path)?, steps, values)?);
+        logs.push(Rounded::of(robot, runs::read_log(robot, path)?, steps, values)?);
     }
     let of_try = |k: usize| {
         let mut rows = Vec::new();
@@ -55,7 +55,7 @@ pub(crate) fn moved(robot: &Robot, paths: &[PathBuf], steps: &[&TorqueSteps], va
 }
 
 /// A log, and the torques that are rounded.
-struct Coarse {
+struct Rounded {
     log: Log,
     joints: Vec<Joint>,
 }
@@ -69,8 +69,8 @@ struct Joint {
     shapes: Vec<Vec<f64>>,
 }
 
-impl Coarse {
-    fn of(robot: &Robot, log: Log, steps: &[&TorqueSteps], values: &[f64]) -> Result<Coarse> {
+impl Rounded {
+    fn of(robot: &Robot, log: Log, steps: &[&TorqueSteps], values: &[f64]) -> Result<Rounded> {
         let along = |values: Vec<f64>| {
             let std = vec![0.0; values.len()];
             predict::along(&Robot { identified: Some(Identified { values, std }), ..robot.clone() }, &log)
@@ -81,14 +81,13 @@ impl Coarse {
             along(values.iter().zip(more).map(|(value, more)| value + more).collect())
         };
         let more: Vec<Vec<Vec<f64>>> = SHAPES.iter().map(with).collect::<Result<_>>()?;
-        let name = runs::short_name(&log.path);
         let joint = |steps: &&TorqueSteps| {
             let shape = |more: &Vec<Vec<f64>>| scaled(more[steps.joint].iter().zip(&torque[steps.joint]));
             let (shapes, torque) = (more.iter().map(shape).collect(), torque[steps.joint].clone());
             Joint { steps: (*steps).clone(), torque, shapes }
         };
-        let joints = steps.iter().filter(|s| s.log == name).map(joint).collect();
-        Ok(Coarse { log, joints })
+        let joints = steps.iter().filter(|s| s.path == log.path).map(joint).collect();
+        Ok(Rounded { log, joints })
     }
 
     /// The log with errors of rounding the `k`-th torque added to its own.
@@ -130,7 +129,7 @@ mod tests {
     use super::*;
 
     fn joint(noise: f64, torque: Vec<f64>, shapes: Vec<Vec<f64>>) -> Joint {
-        Joint { steps: TorqueSteps { log: String::new(), joint: 0, step: 2.0, noise }, torque, shapes }
+        Joint { steps: TorqueSteps { path: PathBuf::new(), joint: 0, step: 2.0, noise }, torque, shapes }
     }
 
     fn rms(of: &[f64]) -> f64 {

@@ -96,8 +96,8 @@ impl<'a> Summary<'a> {
     ) -> Self {
         let steps = that_matter(&recording.torque_steps, &parameters.residual_rms);
         let distrusts = &recording.distrusts;
-        // A log that cannot be read off line is judged by what it left on line.
-        let misread = misread(robot, &[recording.path().to_owned()], &nominal_percent(robot, health), true);
+        // It is asked off line, which not every log that was learnt from on line can be: then nobody knows.
+        let misread = misread(robot, &[recording.path().to_owned()], &nominal_percent(robot, health));
         Summary {
             robot,
             parameters,

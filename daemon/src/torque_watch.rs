@@ -28,10 +28,17 @@ const ROUNDING: f64 = 1e-9;
 /// Samples in motion from which on it is known whether torque of a joint usually stands: more than one stand has. What was frozen when the
 /// arm started changes with every sample after that.
 const KNOWN: f64 = 1.5 * SUSPECT_RUN as f64;
-/// Torque whose noise makes it go to and fro between steps before it stands again is known by so many long stands, one after the other, that
-/// end with a change of about a step: what was frozen ends with a jump.
-const KNOWN_STANDS: u32 = 2;
+/// Where motion is slow, stands are long and few, and torque in steps is known by its changes: from so many on, after the first, most are by
+/// about the least. Those of a fine torque are of any size.
+const KNOWN_CHANGES: f64 = 2.0;
 const ABOUT: f64 = 1.5;
+/// Changes that are remembered.
+const CHANGES_MEMORY: f64 = 500.0;
+/// Torque that is in doubt for so many times `SUSPICION_S` without a break is told as stuck, or nobody would know why nothing is learnt: a
+/// channel that stands for a moment again and again.
+const DOUBTED: u32 = 25;
+/// Parts of `SUSPICION_S` for which a torque may stand before the model can tell whether it is missed.
+const EARLY: u32 = 4;
 /// A torque that usually stands is in doubt where the model misses it by more than a step and so many sigmas.
 const SUSPECT_SIGMAS: f64 = 4.0;
 /// Identical torques that are a stuck sensor if the motion needs another torque.
@@ -56,9 +63,9 @@ struct Joint {
     /// Share of samples in motion whose torque is that of the sample before, of so many at the most.
     stands: f64,
     looked_at: f64,
-    /// Whether it stands for long, in motion, and how many such stands, one after the other, ended with a change of about a step.
-    stood: bool,
-    stepped: u32,
+    /// Share of its changes that are by about the step, of so many at the most.
+    by_steps: f64,
+    changes: f64,
     /// The torque has stood for so long, in motion, that this is looked at.
     run: bool,
     /// What the motion needs by the last row, and the measured torque over it, filtered alike \[N·m\].
@@ -79,14 +86,9 @@ struct Joint {
 impl Joint {
     /// Learns how the torque changes where nothing is wrong with it: `run` identical ones so far, after a `change`.
     fn stood(&mut self, run: u32, moves: bool, change: f64) {
-        if change > 0.0 && (self.step == 0.0 || change < self.step) {
-            self.step = change;
+        if change > 0.0 {
+            self.changed(change);
         }
-        if change > 0.0 && self.stood {
-            self.stepped = if change < ABOUT * self.step { self.stepped.saturating_add(1) } else { 0 };
-        }
-        // Where motion is slow it is motion at the end of a stand only.
-        self.stood = moves && run >= SUSPECT_RUN || self.stood && run > 0;
         // Beyond that it may be stuck, of which nothing is learnt.
         if moves && run < SUSPECT_RUN {
             let stands = if run > 0 { 1.0 } else { 0.0 };
@@ -95,10 +97,23 @@ impl Joint {
         }
     }
 
+    fn changed(&mut self, by: f64) {
+        if self.step == 0.0 || ABOUT * by < self.step {
+            // All before were by several of these.
+            (self.step, self.by_steps, self.changes) = (by, 0.0, 0.0);
+            return;
+        }
+        self.changes = (self.changes + 1.0).min(CHANGES_MEMORY);
+        let one = if by < ABOUT * self.step { 1.0 } else { 0.0 };
+        self.by_steps += (one - self.by_steps) / self.changes;
+        self.step = self.step.min(by);
+    }
+
     /// Whether a torque that has stood for long may be stuck. One of fine steps changes with every sample: it need not be missed first,
     /// and before the model can tell what is missed anything may be that is not known to come in steps.
     fn suspicious(&self) -> bool {
-        let usual = self.stepped >= KNOWN_STANDS || self.looked_at > KNOWN && self.stands >= STANDS;
+        let in_steps = self.changes >= KNOWN_CHANGES && self.by_steps >= STANDS;
+        let usual = in_steps || self.looked_at > KNOWN && self.stands >= STANDS;
         !usual || self.trusted && self.missed.abs() > self.step + SUSPECT_SIGMAS * self.sigma
     }
 }
@@ -108,7 +123,12 @@ impl Joint {
 pub(crate) struct TorqueWatch {
     dof: usize,
     suspicion: u32,
+    /// Samples for which a torque may stand before the model can tell.
+    early: u32,
     suspect: u32,
+    /// Samples for which torque has been in doubt without a break, and joints that stood in them, a bit each.
+    doubted_for: u32,
+    doubted: u32,
     seen: bool,
     joints: [Joint; MAX_JOINTS],
 }
@@ -117,7 +137,16 @@ impl TorqueWatch {
     pub(crate) fn new(dof: usize, period_s: f64) -> TorqueWatch {
         let suspicion = (SUSPICION_S / period_s).ceil() as u32;
         let joints = [Joint::default(); MAX_JOINTS];
-        TorqueWatch { dof, suspicion, suspect: 0, seen: false, joints }
+        TorqueWatch {
+            dof,
+            suspicion,
+            early: (suspicion / EARLY).max(SUSPECT_RUN),
+            suspect: 0,
+            doubted_for: 0,
+            doubted: 0,
+            seen: false,
+            joints,
+        }
     }
 
     /// The signals begin anew: what was found about them is over.
@@ -167,19 +196,22 @@ impl TorqueWatch {
             let (run, moves) = guard.torque_run(j);
             // What sums of numbers leave of an equal torque is no step.
             joint.stood(run, moves, if self.seen && step.abs() > ROUNDING * least { step.abs() } else { 0.0 });
-            joint.run = moves && run >= SUSPECT_RUN;
+            joint.run = moves && run >= if joint.trusted { SUSPECT_RUN } else { self.early };
             if run == 0 {
                 joint.predicted_before = joint.predicted;
                 ended |= joint.stuck;
                 joint.stuck = false;
             } else if joint.run {
                 // Until the filters hold nothing of it any more.
-                self.suspect = if joint.suspicious() { self.suspicion } else { self.suspect };
+                if joint.suspicious() {
+                    self.suspect = self.suspicion;
+                    self.doubted |= 1 << j;
+                }
                 let needed = (joint.predicted - joint.predicted_before).abs().min(joint.missed.abs());
                 joint.stuck |= if joint.trusted {
                     run >= STUCK_RUN && needed > joint.step + (STUCK_SIGMAS * joint.sigma).max(least)
                 } else {
-                    run >= self.suspicion && joint.suspicious()
+                    joint.suspicious()
                 };
             }
             stuck |= u32::from(joint.stuck) << j;
@@ -190,6 +222,13 @@ impl TorqueWatch {
             flipped |= u32::from(joint.flipped) << j;
         }
         self.seen = true;
+        if self.suspect == 0 {
+            (self.doubted_for, self.doubted) = (0, 0);
+        }
+        self.doubted_for = self.doubted_for.saturating_add(1);
+        if self.doubted_for > DOUBTED * self.suspicion {
+            stuck |= self.doubted;
+        }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         (found(InputFault::TorqueStuck, stuck).or_else(|| found(InputFault::SignFlipped, flipped)), ended)
     }

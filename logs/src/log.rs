@@ -159,6 +159,14 @@ impl Log {
         Log { stamps, ..self.map(self.t[rows.clone()].to_vec(), |_, signal| signal[rows.clone()].to_vec()) }
     }
 
+    /// Every `step`-th row, from the first on.
+    #[must_use]
+    pub fn every(&self, step: usize) -> Log {
+        let thinned = |signal: &[f64]| signal.iter().step_by(step.max(1)).copied().collect::<Vec<f64>>();
+        let stamps = self.stamps.as_deref().map(thinned);
+        Log { stamps, ..self.map(thinned(&self.t), |_, signal| thinned(signal)) }
+    }
+
     /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
     /// Pieces too short to work with are dropped; a log without a hole is its own piece.
     pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Cow<'_, Log>> {
