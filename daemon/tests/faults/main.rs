@@ -187,6 +187,34 @@ fn torque_stuck_before_anything_is_known() {
     }
 }
 
+/// A channel that stands for a moment again and again is doubted all the time, so nothing is learnt from the arm: that is told after a while,
+/// and not before.
+#[test]
+fn torque_that_stands_again_and_again_is_told() {
+    let mut arm = Arm::new(7);
+    let mut core = Core::new(&arm.robot).expect("sound settings");
+    let (mut held, mut told_at) = (0.0, None);
+    let from = BEGIN;
+    for k in 1..from + 10_000 {
+        let (mut state, setpoint) = arm.at(k);
+        if k > from {
+            if (k - from) % 100 == 1 {
+                held = state.tau[1];
+            }
+            if (k - from) % 100 <= 30 {
+                state.tau[1] = held;
+            }
+        }
+        core.tick(&state, Some(&setpoint));
+        if told_at.is_none() && core.fault_count(InputFault::TorqueStuck) > 0 {
+            told_at = Some(k);
+        }
+    }
+    let after = told_at.expect("it is told") as f64 - from as f64;
+    println!("told after {after} samples of it, {} in all", core.fault_count(InputFault::TorqueStuck));
+    assert!((4_000.0..7_000.0).contains(&after), "{after}");
+}
+
 /// Torque in steps that its noise does not blur stands for tens of samples and is learnt from; where it is stuck, that is seen, and does
 /// no more harm than a step is worth.
 #[test]
