@@ -20,7 +20,9 @@ use rivet_studies::real::Found;
 
 use crate::bounds::Bounded;
 use crate::clock;
-use crate::coarse::{ROUNDED_AGAIN, TorqueSteps, coarse, coarse_torque, slow, that_matter, torque_steps};
+use crate::coarse::{
+    NOT_ROUNDED_AGAIN, ROUNDED_AGAIN, TorqueSteps, coarse, coarse_torque, slow, that_matter, torque_steps,
+};
 use crate::compare::{self, Alone};
 use crate::delays;
 use crate::doubts;
@@ -276,7 +278,10 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let (mut least_squares, mut instrumental) = (least_squares?, instrumental?);
     let chosen = choose(robot, &least_squares, &instrumental);
     let torque_steps = that_matter(&torque_steps, &chosen.noise);
-    let moved = rounding::moved(robot, logs, &torque_steps, &chosen.values)?;
+    // Rows that stand alone between holes have no motion to be rounded along: then nobody knows.
+    let moved = rounding::moved(robot, logs, &torque_steps, &chosen.values);
+    let known = if moved.is_ok() { ROUNDED_AGAIN } else { NOT_ROUNDED_AGAIN };
+    let moved = moved.unwrap_or_default();
     for fit in [&mut least_squares, &mut instrumental] {
         fit.add_errors(&moved);
     }
@@ -326,7 +331,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         .filter(|d| news(d, &distrusts))
         .collect();
     // What rounding of one half does is found by the other.
-    distrusts.extend(coarse_torque(robot, &torque_steps, ROUNDED_AGAIN));
+    distrusts.extend(coarse_torque(robot, &torque_steps, known));
     // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
     let by_least_squares = (method(robot) == Method::Instrumental)
         .then(|| offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares));

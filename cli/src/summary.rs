@@ -1,6 +1,6 @@
 //! What an on-line run identified, for people and for programs.
 
-use crate::coarse::{NOT_ROUNDED_AGAIN, coarse_torque, that_matter};
+use crate::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
 use crate::doubts::{missing_more, unexplained};
 use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
@@ -105,7 +105,7 @@ impl<'a> Summary<'a> {
             samples: recording.len(),
             unfollowed: recording.unfollowed(),
             distrusts,
-            coarse_torque: coarse_torque(robot, &steps, NOT_ROUNDED_AGAIN),
+            coarse_torque: coarse_torque(robot, &steps, ROUNDED_ON_LINE),
             misread: misread.ok().flatten(),
             coarse: recording.coarse.as_deref(),
         }
