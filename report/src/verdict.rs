@@ -22,6 +22,8 @@ const UNKNOWN_CELLS: usize = 4;
 const SHRINKS: usize = 3;
 /// Sizes named in a sentence.
 const SIZES: usize = 2;
+/// Near standstill a joint misses this many times its noise where that is worth a word.
+const STANDSTILL: f64 = 5.0;
 /// Shares below this are not worth a word.
 const WORTH_NAMING: f64 = 0.05;
 /// Creeping is told where it is this share of what is left.
@@ -283,6 +285,7 @@ impl Document {
                 100.0 * share
             ));
         }
+        open.extend(self.near_standstill().filter(|_| nothing_missing));
         let left = self.left_joints();
         if !left.is_empty() && !nothing_missing {
             let times: Vec<String> =
@@ -298,6 +301,23 @@ impl Document {
             open.push(format!("too little data for {}{more}", names.join(", ")));
         }
         if open.is_empty() { "Every joint and regime has data.".to_owned() } else { open.join("; ") + "." }
+    }
+
+    /// The joint of which most is missed over a whole run, where that is far more than noise: nothing is missing in motion, so it is near
+    /// standstill, where nobody knows what friction holds.
+    fn near_standstill(&self) -> Option<String> {
+        let known = self.gap.per_joint.iter().filter_map(|j| Some((j, j.after?, j.noise_floor?)));
+        let (joint, missed, noise) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let much = missed > STANDSTILL * noise && missed >= WORTH_NAMING;
+        much.then(|| {
+            format!(
+                "near standstill, where the direction of friction is not known, nothing is judged: with it {} misses {} % of its torque, {} % by \
+                 noise; slow motion would tell",
+                joint.joint,
+                percent(Some(missed)),
+                percent(Some(noise))
+            )
+        })
     }
 
     /// Faults of the log, the joints of a run and a fault together.
@@ -422,6 +442,21 @@ mod tests {
         };
         assert!(open("unexplained").contains("98 % of the squared gap above the noise stays unexplained"));
         assert!(!open("no_gap").contains("unexplained"), "{}", open("no_gap"));
+    }
+
+    /// Friction that falls with speed below 0.1 rad/s, 13 times the noise, was "nothing is wrong" and no word more.
+    #[test]
+    fn what_is_missed_near_standstill_is_said_where_nothing_else_is() {
+        let of = |verdict: &str, after: f64| {
+            let joint = json!({"joint": "wrist", "before": after, "after": after, "noise_floor": 0.004, "in_motion": [1.0, 1.0]});
+            let gap = json!({"before": after, "after": after, "noise_floor": 0.004, "per_joint": [joint]});
+            line(&document(&[("verdict", json!(verdict)), ("gap", gap)]), "Not covered")
+        };
+        let said = of("no_gap", 0.12);
+        assert!(said.contains("near standstill") && said.contains("wrist misses 12.0 %"), "{said}");
+        for (verdict, after) in [("no_gap", 0.015), ("no_gap", 0.045), ("unexplained", 0.12)] {
+            assert!(!of(verdict, after).contains("standstill"), "{}", of(verdict, after));
+        }
     }
 
     #[test]
