@@ -34,8 +34,8 @@ const KNOWN_CHANGES: f64 = 2.0;
 const ABOUT: f64 = 1.5;
 /// Changes that are remembered.
 const CHANGES_MEMORY: f64 = 500.0;
-/// Torque that is in doubt for so many times `SUSPICION_S` without a break is told as stuck, or nobody would know why nothing is learnt: a
-/// channel that stands for a moment again and again.
+/// Torque that has been in doubt for so many times `SUSPICION_S` longer than not is told as stuck, or nobody would know why next to nothing
+/// is learnt: a channel that stands for a moment again and again.
 const DOUBTED: u32 = 25;
 /// Parts of `SUSPICION_S` for which a torque may stand before the model can tell whether it is missed.
 const EARLY: u32 = 4;
@@ -126,7 +126,7 @@ pub(crate) struct TorqueWatch {
     /// Samples for which a torque may stand before the model can tell.
     early: u32,
     suspect: u32,
-    /// Samples for which torque has been in doubt without a break, and joints that stood in them, a bit each.
+    /// Samples for which torque has been in doubt, less those for which it has not, and joints that stood in them, a bit each.
     doubted_for: u32,
     doubted: u32,
     seen: bool,
@@ -159,7 +159,7 @@ impl TorqueWatch {
 
     /// Nothing is held against any torque any more: another robot controller, or a request to forget.
     pub(crate) fn forget(&mut self) {
-        self.suspect = 0;
+        (self.suspect, self.doubted_for, self.doubted) = (0, 0, 0);
         self.restart();
         for joint in &mut self.joints {
             (joint.flipped, joint.stuck) = (false, false);
@@ -222,12 +222,15 @@ impl TorqueWatch {
             flipped |= u32::from(joint.flipped) << j;
         }
         self.seen = true;
-        if self.suspect == 0 {
-            (self.doubted_for, self.doubted) = (0, 0);
-        }
-        self.doubted_for = self.doubted_for.saturating_add(1);
-        if self.doubted_for > DOUBTED * self.suspicion {
-            stuck |= self.doubted;
+        let told = DOUBTED * self.suspicion;
+        if self.suspect > 0 {
+            self.doubted_for = (self.doubted_for + 1).min(told + self.suspicion);
+            if self.doubted_for > told {
+                stuck |= self.doubted;
+            }
+        } else {
+            self.doubted_for = self.doubted_for.saturating_sub(1);
+            self.doubted = if self.doubted_for > 0 { self.doubted } else { 0 };
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         (found(InputFault::TorqueStuck, stuck).or_else(|| found(InputFault::SignFlipped, flipped)), ended)
