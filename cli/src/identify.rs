@@ -330,7 +330,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         .into_iter()
         .filter(|d| news(d, &distrusts))
         .collect();
-    // What rounding of one half does is found by the other.
+    // Said before halves are compared: each follows its own rounding, and that is no other arm.
     distrusts.extend(coarse_torque(robot, &torque_steps, known));
     // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
     let by_least_squares = (method(robot) == Method::Instrumental)

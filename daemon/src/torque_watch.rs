@@ -202,8 +202,9 @@ impl TorqueWatch {
                 ended |= joint.stuck;
                 joint.stuck = false;
             } else if joint.run {
+                let suspicious = joint.suspicious();
                 // Until the filters hold nothing of it any more.
-                if joint.suspicious() {
+                if suspicious {
                     self.suspect = self.suspicion;
                     self.doubted |= 1 << j;
                 }
@@ -211,7 +212,7 @@ impl TorqueWatch {
                 joint.stuck |= if joint.trusted {
                     run >= STUCK_RUN && needed > joint.step + (STUCK_SIGMAS * joint.sigma).max(least)
                 } else {
-                    joint.suspicious()
+                    suspicious
                 };
             }
             stuck |= u32::from(joint.stuck) << j;

@@ -156,22 +156,40 @@ fn stretch(
     Some(Stretch { run: at, rows, columns, std: DVector::zeros(0), cells: Vec::new() })
 }
 
-/// Torque of 1 N at the flange along a base axis, `[joint][sample within]`: a unit mass there, standing still, under a unit
-/// acceleration is what the joints must hold.
+/// 1 N at the flange along a base axis: a unit mass there, standing still, under a unit acceleration is what the joints must hold. Their torques
+/// are a row of the flange's Jacobian.
+pub(crate) struct Pull {
+    arm: Arm,
+    links: Vec<[f64; 10]>,
+    still: Vec<f64>,
+    ws: Workspace,
+}
+
+impl Pull {
+    pub(crate) fn new(arm: &Arm) -> Pull {
+        let n = arm.dof();
+        let mut links = vec![[0.0; 10]; n];
+        links[n - 1][0] = 1.0;
+        Pull { arm: arm.clone(), links, still: vec![0.0; n], ws: Workspace::new(arm) }
+    }
+
+    /// Torque of each joint \[N·m\] at positions `q`.
+    pub(crate) fn torque(&mut self, axis: usize, q: &[f64], tau: &mut [f64]) {
+        self.arm.gravity = [0.0; 3];
+        self.arm.gravity[axis] = -1.0;
+        inverse_dynamics(&self.arm, &self.links, &mut self.ws, q, &self.still, &self.still, tau);
+    }
+}
+
+/// Torque of 1 N at the flange along a base axis, `[joint][sample within]`.
 fn flange(p: &Physics<'_>, axis: usize, within: &Range<usize>) -> Vec<Vec<f64>> {
     let n = p.joints();
-    let mut arm = p.nominal.model.arm.clone();
-    arm.gravity = [0.0; 3];
-    arm.gravity[axis] = -1.0;
-    let mut links = vec![[0.0; 10]; n];
-    links[n - 1][0] = 1.0;
-    let mut ws = Workspace::new(&arm);
-    let still = vec![0.0; n];
+    let mut pull = Pull::new(&p.nominal.model.arm);
     let (mut q, mut tau) = (vec![0.0; n], vec![0.0; n]);
     let mut signals = vec![Vec::with_capacity(within.len()); n];
     for k in within.clone() {
         q.iter_mut().zip(&p.motion.q).for_each(|(to, from)| *to = from[k]);
-        inverse_dynamics(&arm, &links, &mut ws, &q, &still, &still, &mut tau);
+        pull.torque(axis, &q, &mut tau);
         signals.iter_mut().zip(&tau).for_each(|(signal, tau)| signal.push(*tau));
     }
     signals

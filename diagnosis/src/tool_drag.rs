@@ -4,9 +4,9 @@
 use std::fmt;
 
 use nalgebra::{Matrix2, Vector2};
-use rivet_dynamics::{Workspace, inverse_dynamics};
 
 use crate::background::Nominal;
+use crate::contact::Pull;
 use crate::design::Prepared;
 
 /// Share of the squares of what is missed that drag explains. (Simulated on five arms: 0.57 to 0.98; of pushes, those against the motion
@@ -39,11 +39,7 @@ impl fmt::Display for Drag {
 /// The drag that explains `missed(joint, row)` \[N·m\] over a whole run, each joint in units of its noise.
 pub(crate) fn drag(run: &Prepared, nominal: &Nominal, missed: impl Fn(usize, usize) -> f64) -> Option<Drag> {
     let n = run.tau.len();
-    let mut arm = nominal.model.arm.clone();
-    // A unit mass at the flange that hangs along an axis: what the joints hold is a row of its Jacobian.
-    let mut hung = vec![[0.0; 10]; n];
-    hung[n - 1][0] = 1.0;
-    let (mut ws, still) = (Workspace::new(&arm), vec![0.0; n]);
+    let mut pull = Pull::new(&nominal.model.arm);
     let (mut q, mut torque, mut jacobian) = (vec![0.0; n], vec![0.0; n], vec![[0.0; 3]; n]);
     let (mut dd, mut dr, mut rr) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
     for row in 0..run.rows() {
@@ -51,9 +47,7 @@ pub(crate) fn drag(run: &Prepared, nominal: &Nominal, missed: impl Fn(usize, usi
         q.iter_mut().zip(&run.motion.q).for_each(|(to, from)| *to = from[sample]);
         let mut v = [0.0; 3];
         for (axis, v) in v.iter_mut().enumerate() {
-            arm.gravity = [0.0; 3];
-            arm.gravity[axis] = -1.0;
-            inverse_dynamics(&arm, &hung, &mut ws, &q, &still, &still, &mut torque);
+            pull.torque(axis, &q, &mut torque);
             for (j, torque) in torque.iter().enumerate() {
                 jacobian[j][axis] = *torque;
                 *v += torque * run.motion.qd[j][sample];

@@ -203,6 +203,21 @@ mod tests {
         assert!(found.rows.len() >= 11, "{found:?}");
     }
 
+    /// A joint that hardly moves but at the end, whose torque changes by single steps: that it lingers there is no fault. Of a torque of fine
+    /// steps it would be.
+    #[test]
+    fn coarse_torque_may_linger_until_the_end() {
+        let t = times();
+        let q: Vec<f64> = t.iter().map(|t| if *t < 16.0 { 0.0 } else { 0.1 * (t - 16.0).powi(2) }).collect();
+        let torque = |step: f64| -> Vec<f64> {
+            t.iter().map(|t| if *t < 16.0 { step * (3.0 * (0.5 * t).sin() / step).round() } else { 1.0 }).collect()
+        };
+        assert_eq!(frozen(&t, &q, &torque(1.0)), None);
+        let mut fine = torque(1e-3);
+        fine[..16_000].iter_mut().enumerate().for_each(|(k, tau)| *tau += 0.005 * (k % 7) as f64);
+        assert!(frozen(&t, &q, &fine).is_some());
+    }
+
     /// Coarse steps, dry friction at an even speed, standstill, a torque at its limit, and one that was never there.
     #[test]
     fn torque_that_may_stand_is_not() {

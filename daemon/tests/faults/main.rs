@@ -242,8 +242,7 @@ fn torque_in_coarse_steps() {
             println!("{longest} equal torques at most; rows doubted in steps and without: {doubted:?}");
             assert!(longest > 30, "steps that matter: {longest}");
             // A torque of friction alone changes its sign at once where the joint turns.
-            // Some rows more are, until it is known that this one comes in steps.
-            assert!(doubted[0] <= doubted[1] + 10, "{doubted:?}");
+            assert!(doubted[0] <= doubted[1], "{doubted:?}");
             assert_eq!(core.fault_count(InputFault::TorqueStuck), 0);
         } else if k > BEGIN + lasting && core.input_fault() == InputFault::None && k % 20 == 0 {
             worst = worst.max(sigmas(&parameters(&core), &parameters(&whole)));

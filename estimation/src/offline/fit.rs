@@ -76,7 +76,7 @@ pub struct Fit {
 
 impl Fit {
     /// Adds errors that residuals do not show to the covariance: the mean of the outer products of `moved`, each how far the values
-    /// (base order) moved in one try.
+    /// (base order) moved in one try. What decided a value stays as it was.
     pub fn add_errors(&mut self, moved: &[Vec<f64>]) {
         let k = self.values.len();
         for (at, covariance) in self.covariance.iter_mut().enumerate() {

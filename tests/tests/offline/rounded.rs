@@ -87,6 +87,19 @@ fn errors(robot: &Robot, step: f64, seed: u64) -> Vec<f64> {
     .collect()
 }
 
+/// Torque that stands within a step for seconds, and often at its outermost one, is neither dead nor cut.
+#[test]
+fn coarse_torque_is_no_channel_at_fault() {
+    let robot = rivet_config::load(robot("ur10e")).expect("a sound robot file");
+    for (step, seed) in [(1.0, 2), (2.0, 3)] {
+        let (text, found) = told(&robot, step, seed, |_| true);
+        let faults = found["warnings"].as_array().expect("a list").iter().filter_map(|w| w["fault"].as_str());
+        let wrong: Vec<&str> =
+            faults.filter(|f| ["torque_stood", "torque_clipped", "arm_changes"].contains(f)).collect();
+        assert!(wrong.is_empty(), "{wrong:?}: {text}");
+    }
+}
+
 /// 53 to 88 % lay within two deviations, the worst was 50 of them off. Friction of whole steps is the hard part: what the values found make
 /// is rounded to itself.
 #[test]
