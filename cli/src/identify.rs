@@ -266,7 +266,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     // Before a column is taken out that the robot file has a value for.
     let whole =
         robot.model.structure.load_friction.then(|| Equations::new(&rows).residual_percent(&robot.nominal_base));
-    let bounded = bounded(robot, &mut rows, prior)?;
+    let of_logs = || logs.iter().map(|path| runs::short_name(path)).collect::<Vec<_>>().join(", ");
+    let bounded = bounded(robot, &mut rows, prior).with_context(of_logs)?;
     let nominal = &bounded.nominal;
     let equations = Equations::new(&rows);
     let by = |method| {
@@ -275,7 +276,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         Ok::<Fit, OfflineError>(found)
     };
     let (least_squares, instrumental) = rayon::join(|| by(Method::LeastSquares), || by(Method::Instrumental));
-    let (mut least_squares, mut instrumental) = (least_squares?, instrumental?);
+    let mut least_squares = least_squares.with_context(of_logs)?;
+    let mut instrumental = instrumental.with_context(of_logs)?;
     let chosen = choose(robot, &least_squares, &instrumental);
     let torque_steps = that_matter(&torque_steps, &chosen.noise);
     // Rows that stand alone between holes have no motion to be rounded along: then nobody knows.

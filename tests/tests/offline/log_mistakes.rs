@@ -90,7 +90,7 @@ fn torques_that_cannot_be_believed_are_told_by_identify() {
 
     let dead = with_torque_times("ur10e", &log, folder.path(), |j| if j == 2 { 0.0 } else { 1.0 });
     let (code, text) = said(rivet().arg("identify").arg(robot("ur10e")).arg(&dead));
-    assert!(code == Some(65) && text.contains("torque of joint 3 is 0 in all rows"), "{text}");
+    assert!(code == Some(65) && text.contains(".parquet: torque of joint 3 is 0 in all rows"), "{text}");
     let (code, text) = said(rivet().args(["identify", "--online"]).arg(robot("ur10e")).arg(&dead));
     assert!(code == Some(0) && text.contains(&format!("warning: {}: torque is 0 while", joints[2].name)), "{text}");
 }
