@@ -21,8 +21,8 @@ mod witnesses;
 pub use comparison::Hausman;
 
 use crate::change::{Change, Changed};
-use crate::kernels::{Part, add_products};
-use crate::linear::{axpy, dot, packed};
+use crate::kernels::{Part, add_products, times, times_three};
+use crate::linear::{axpy, packed};
 use crate::noise::Noise;
 use crate::report::{Estimate, Instrument, ParameterState, Skip, Verdict};
 use crate::residuals::{CLEAR, Residuals};
@@ -34,6 +34,7 @@ use comparison::Comparison;
 use cycle::Cycle;
 use long_run::LongRun;
 use payload::Payload;
+use rivet_dynamics::MAX_JOINTS;
 use witnesses::Witnesses;
 
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
@@ -328,10 +329,14 @@ impl Estimator {
     fn compare(&mut self, d: &[f64], z: &[f64], share: &[f64]) {
         let (n, rows) = (self.n, &self.rows);
         self.comparison.forget(self.lambda);
+        // Equal rows give zero exactly: both products are formed alike.
+        let mut torques = [[0.0; MAX_JOINTS]; 2];
+        for (torques, rows) in torques.iter_mut().zip([d, z]) {
+            times(rows, &self.values, &mut torques[..share.len()]);
+        }
         for j in (0..share.len()).filter(|&j| share[j] > 0.0) {
             let own = j * n..(j + 1) * n;
-            // Equal rows give zero exactly: both products are formed alike.
-            let off = rows.weight[j] * (dot(&d[own.clone()], &self.values) - dot(&z[own.clone()], &self.values));
+            let off = rows.weight[j] * (torques[0][j] - torques[1][j]);
             self.comparison.add(j, [&rows.d[own.clone()], &rows.z[own]], rows.tau[j], off);
         }
     }
@@ -369,21 +374,20 @@ impl Estimator {
     /// Residuals of the rows with the values of the time, before they are learnt from, and the weights they give.
     /// Returns whether the arm has changed.
     fn watch(&mut self, d: &[f64], tau: &[f64], share: &[f64]) -> Changed {
-        let n = self.n;
         self.rows.weight.fill(0.0);
-        let values = &self.values;
-        let residual = |(j, row): (usize, &[f64])| (j, tau[j] - dot(row, values));
-        let clear = || d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] >= CLEAR);
+        // Of the values of now, of the nominal ones and of least squares.
+        let mut torques = [[0.0; 3]; MAX_JOINTS];
+        times_three(d, [&self.values, &self.nominal, &self.rls_values], &mut torques[..tau.len()]);
+        let residuals = |j: usize| torques[j].map(|torque| tau[j] - torque);
+        let clear = (0..tau.len()).filter(|j| share[*j] >= CLEAR);
         // Frozen values do not follow: a change is seen once they learn again.
         let learnt = self.load_is_learnt();
         let change = self.change.as_mut().filter(|_| !self.frozen);
-        let changed = change.map_or(Changed::No, |change| change.add(clear().map(residual), learnt));
-        for (j, row) in d.chunks_exact(n).enumerate().filter(|(j, _)| share[*j] > 0.0) {
-            let residual = tau[j] - dot(row, &self.values);
-            let nominal = tau[j] - dot(row, &self.nominal);
+        let changed = change.map_or(Changed::No, |change| change.add(clear.map(|j| (j, residuals(j)[0])), learnt));
+        for j in (0..tau.len()).filter(|j| share[*j] > 0.0) {
+            let [residual, nominal, beside] = residuals(j);
             // Noise is what the better of the two predictors leaves: values that are wrong (held, or a payload ago) must
             // not pass for noise, or the threshold would rise and hold them for ever.
-            let beside = tau[j] - dot(row, &self.rls_values);
             let noise = if beside.abs() < residual.abs() { beside } else { residual };
             // By the noise as it was before this row: no row excuses itself.
             self.rows.weight[j] = self.noise.weight(j, noise) * share[j].sqrt();

@@ -18,30 +18,36 @@ pub(crate) fn lower_times(t: &[f32], x: &mut [Lanes]) {
     let n = x.len();
     multiply_adds(MAX_JOINTS * n * (n + 1) / 2);
     // From the last row to the first: no row wants what lies behind it.
-    if !n.is_multiple_of(2) {
+    for i in (n - n % 4..n).rev() {
         let mut sum = [0.0; MAX_JOINTS];
-        for (x, a) in x.iter().zip(&t[packed(n - 1)]) {
+        for (x, a) in x.iter().zip(&t[packed(i)]) {
             for lane in 0..MAX_JOINTS {
                 sum[lane] += f64::from(*a) * x[lane];
             }
         }
-        x[n - 1] = sum;
+        x[i] = sum;
     }
-    // Two rows at a time: one addition need not wait for the other's.
-    for i in (0..n - n % 2).step_by(2).rev() {
-        let (a, b) = (&t[packed(i)], &t[packed(i + 1)]);
-        let mut sum = [[0.0; MAX_JOINTS]; 2];
-        for ((x, a), b) in x.iter().zip(a).zip(b) {
-            let (a, b) = (f64::from(*a), f64::from(*b));
+    // Four rows at a time: one addition need not wait for the others'.
+    for i in (0..n - n % 4).step_by(4).rev() {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &t[packed(i + k)]);
+        let mut sums = [[0.0; MAX_JOINTS]; 4];
+        for ((((x, a), b), c), d) in x.iter().zip(a).zip(b).zip(c).zip(d) {
+            let (a, b, c, d) = (f64::from(*a), f64::from(*b), f64::from(*c), f64::from(*d));
             for lane in 0..MAX_JOINTS {
-                sum[0][lane] += a * x[lane];
-                sum[1][lane] += b * x[lane];
+                sums[0][lane] += a * x[lane];
+                sums[1][lane] += b * x[lane];
+                sums[2][lane] += c * x[lane];
+                sums[3][lane] += d * x[lane];
             }
         }
-        for lane in 0..MAX_JOINTS {
-            sum[1][lane] += f64::from(b[i + 1]) * x[i + 1][lane];
+        for (k, (sum, row)) in sums.iter_mut().zip([a, b, c, d]).enumerate() {
+            for (x, t) in x[i + 1..=i + k].iter().zip(&row[i + 1..]) {
+                for lane in 0..MAX_JOINTS {
+                    sum[lane] += f64::from(*t) * x[lane];
+                }
+            }
         }
-        x[i..i + 2].copy_from_slice(&sum);
+        x[i..i + 4].copy_from_slice(&sums);
     }
 }
 
@@ -50,37 +56,55 @@ pub(crate) fn lower_times(t: &[f32], x: &mut [Lanes]) {
 pub(crate) fn full_times(t: &[f64], x: &[Lanes], out: &mut [Lanes]) {
     let n = x.len();
     multiply_adds(MAX_JOINTS * t.len());
-    let mut rows = t.chunks_exact(n).zip(out.iter_mut());
-    while let Some((a, out_a)) = rows.next() {
-        let mut sum = [[0.0; MAX_JOINTS]; 2];
-        // An odd last row is multiplied twice.
-        let (b, out_b) = rows.next().map_or((a, None), |(b, out)| (b, Some(out)));
-        for ((x, a), b) in x.iter().zip(a).zip(b) {
+    for (rows, out) in t.chunks(4 * n).zip(out.chunks_mut(4)) {
+        // What is missing of a last four is multiplied again.
+        let row = |k: usize| &rows[k.min(out.len() - 1) * n..][..n];
+        let mut sums = [[0.0; MAX_JOINTS]; 4];
+        for ((((x, a), b), c), d) in x.iter().zip(row(0)).zip(row(1)).zip(row(2)).zip(row(3)) {
             for lane in 0..MAX_JOINTS {
-                sum[0][lane] += a * x[lane];
-                sum[1][lane] += b * x[lane];
+                sums[0][lane] += a * x[lane];
+                sums[1][lane] += b * x[lane];
+                sums[2][lane] += c * x[lane];
+                sums[3][lane] += d * x[lane];
             }
         }
-        *out_a = sum[0];
-        if let Some(out_b) = out_b {
-            *out_b = sum[1];
-        }
+        out.copy_from_slice(&sums[..out.len()]);
     }
 }
 
 /// `out = T·x`, T row-major with rows as long as x.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn times(t: &[f64], x: &[f64], out: &mut [f64]) {
-    for (out, row) in out.iter_mut().zip(t.chunks_exact(x.len())) {
-        *out = dot(row, x);
+    let n = x.len();
+    for (out, rows) in out.chunks_mut(4).zip(t.chunks(4 * n)) {
+        // What is missing of a last four is multiplied again; `out` may be padded beyond the rows there are.
+        let (count, row) = (rows.len() / n, |k: usize| &rows[k * n..(k + 1) * n]);
+        let products = dots([0, 1, 2, 3].map(|k| row(k.min(count - 1))), x);
+        out.iter_mut().zip(products).take(count).for_each(|(out, product)| *out = product);
     }
 }
 
 /// `out ← out + Tᵀ·x`, T row-major with rows as long as `out`.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn add_transposed_times(t: &[f64], x: &[f64], out: &mut [f64]) {
-    for (row, x) in t.chunks_exact(out.len()).zip(x) {
-        axpy(*x, row, out);
+    let n = out.len();
+    // x may be padded with zeros beyond the rows there are.
+    let x = &x[..x.len().min(t.len() / n)];
+    multiply_adds(x.len() * n);
+    // Four rows at a time, one after the other for each entry: `out` is read and written once for all of them.
+    let (fours, rest) = x.as_chunks::<4>();
+    for (rows, [a, b, c, d]) in t.chunks_exact(4 * n).zip(fours) {
+        let (first, rows) = rows.split_at(n);
+        let (second, rows) = rows.split_at(n);
+        let (third, fourth) = rows.split_at(n);
+        for ((((out, p), q), r), s) in out.iter_mut().zip(first).zip(second).zip(third).zip(fourth) {
+            *out = (((*out + a * p) + b * q) + c * r) + d * s;
+        }
+    }
+    for (row, x) in t[4 * fours.len() * n..].chunks_exact(n).zip(rest) {
+        for (out, t) in out.iter_mut().zip(row) {
+            *out += x * t;
+        }
     }
 }
 
@@ -105,6 +129,47 @@ pub(crate) fn lower_solve(t: &[f32], x: &[f64], out: &mut [f64]) {
     }
 }
 
+/// `x ← T⁻¹·x` for a lower triangle T ([`packed`]) and four vectors: each to the bit what [`lower_solve`] gives, without sums across lanes.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
+pub(crate) fn lower_solve_four(t: &[f32], x: &mut [[f64; 4]]) {
+    for i in 0..x.len() {
+        multiply_adds(4 * i);
+        let (known, rest) = x.split_at_mut(i);
+        let (row, pivot) = (&t[packed(i)][..i], f64::from(t[packed(i)][i]));
+        let (mut sums, mut left) = ([[0.0; 4]; 8], [0.0; 4]);
+        let (eights, last) = known.as_chunks::<8>();
+        let (t_eights, t_last) = row.as_chunks::<8>();
+        for (x, t) in eights.iter().zip(t_eights) {
+            for k in 0..8 {
+                let t = f64::from(t[k]);
+                for lane in 0..4 {
+                    sums[k][lane] += t * x[k][lane];
+                }
+            }
+        }
+        for (x, t) in last.iter().zip(t_last) {
+            for lane in 0..4 {
+                left[lane] += f64::from(*t) * x[lane];
+            }
+        }
+        for lane in 0..4 {
+            let sum = |k: usize| sums[k][lane] + sums[k + 4][lane];
+            let dot = (sum(0) + sum(1)) + (sum(2) + sum(3)) + left[lane];
+            rest[0][lane] = (rest[0][lane] - dot) / pivot;
+        }
+    }
+}
+
+/// Products of rows as long as x (one after the other) with each of three vectors.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
+pub(crate) fn times_three<T: Copy + Into<f64>>(rows: &[T], x: [&[f64]; 3], out: &mut [[f64; 3]]) {
+    for (out, row) in out.iter_mut().zip(rows.chunks_exact(x[0].len())) {
+        for (out, x) in out.iter_mut().zip(x) {
+            *out = dot_short(row, x);
+        }
+    }
+}
+
 /// Step k of a factorisation `A = L·U` of rows of n: row k, and those below it, which are reduced.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn eliminate(row_k: &[f64], k: usize, below: &mut [f64], n: usize) {
@@ -119,15 +184,51 @@ pub(crate) fn eliminate(row_k: &[f64], k: usize, below: &mut [f64], n: usize) {
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512dq", "x86_64+avx+avx2"))]
 pub(crate) fn solve_transposed(a: &[f64], b: &mut [f64], from: usize) {
     let n = b.len();
-    for k in from..n {
-        let row = &a[k * n..(k + 1) * n];
-        b[k] /= row[k];
-        let x = b[k];
-        axpy(-x, &row[k + 1..], &mut b[k + 1..n]);
+    let row = |k: usize| &a[k * n..(k + 1) * n];
+    // Four unknowns at a time, the rest of b taking them one after the other: it is read and written once for all of them.
+    let mut k = from;
+    while k + 4 <= n {
+        let rows = [row(k), row(k + 1), row(k + 2), row(k + 3)];
+        let (own, rest) = b[k..].split_at_mut(4);
+        for i in 0..4 {
+            own[i] /= rows[i][k + i];
+            for j in i + 1..4 {
+                own[j] -= own[i] * rows[i][k + j];
+            }
+        }
+        take_four(rest, own, rows.map(|row| &row[k + 4..]));
+        k += 4;
     }
-    for k in (1..n).rev() {
+    for k in k..n {
+        b[k] /= row(k)[k];
         let x = b[k];
-        axpy(-x, &a[k * n..k * n + k], &mut b[..k]);
+        axpy(-x, &row(k)[k + 1..], &mut b[k + 1..n]);
+    }
+    let mut k = n;
+    while k >= 4 {
+        k -= 4;
+        let rows = [row(k + 3), row(k + 2), row(k + 1), row(k)];
+        let (rest, own) = b[..k + 4].split_at_mut(k);
+        for i in (1..4).rev() {
+            for j in 0..i {
+                own[j] -= own[i] * row(k + i)[k + j];
+            }
+        }
+        take_four(rest, &[own[3], own[2], own[1], own[0]], rows);
+    }
+    for k in (1..k).rev() {
+        let x = b[k];
+        axpy(-x, &row(k)[..k], &mut b[..k]);
+    }
+}
+
+/// `b ← b − x₀·t₀ − x₁·t₁ − x₂·t₂ − x₃·t₃`, in this order.
+#[inline(always)]
+fn take_four(b: &mut [f64], x: &[f64], [p, q, r, s]: [&[f64]; 4]) {
+    multiply_adds(4 * b.len());
+    let &[x0, x1, x2, x3] = x else { return };
+    for ((((b, p), q), r), s) in b.iter_mut().zip(p).zip(q).zip(r).zip(s) {
+        *b = (((*b - x0 * p) - x1 * q) - x2 * r) - x3 * s;
     }
 }
 
@@ -315,6 +416,25 @@ mod tests {
             let mut out = vec![0.0; n];
             times_from(&t, from, &x[from..], &mut out);
             assert_eq!(out, (0..n).map(|k| dot(&t[k * n + from..(k + 1) * n], &x[from..])).collect::<Vec<_>>());
+        }
+    }
+
+    /// Four at once are the same bits as one by one.
+    #[test]
+    fn four_are_solved_for_like_one() {
+        let mut seed = Random(8);
+        for n in [1, 2, 9, 61] {
+            let t: Vec<f32> = (0..packed(n).start).map(|_| 2.0 + seed.normal() as f32).collect();
+            let mut x: Vec<[f64; 4]> = (0..n).map(|_| std::array::from_fn(|_| seed.normal())).collect();
+            let alone = [0, 1, 2, 3].map(|lane| {
+                let (x, mut out): (Vec<f64>, _) = (x.iter().map(|x| x[lane]).collect(), vec![0.0; n]);
+                lower_solve(&t, &x, &mut out);
+                out
+            });
+            lower_solve_four(&t, &mut x);
+            for (lane, alone) in alone.iter().enumerate() {
+                assert!(x.iter().map(|x| x[lane].to_bits()).eq(alone.iter().map(|x| x.to_bits())), "{n} {lane}");
+            }
         }
     }
 

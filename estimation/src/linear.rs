@@ -35,6 +35,11 @@ impl Budget {
         self.0 == 0
     }
 
+    /// How many things of `cost` multiply-adds each are begun until it is spent.
+    pub(crate) fn begun(self, cost: usize) -> usize {
+        self.0.div_ceil(cost.max(1))
+    }
+
     /// `cost` multiply-adds are done.
     pub(crate) fn charge(&mut self, cost: usize) {
         self.0 = self.0.saturating_sub(cost);

@@ -4,7 +4,7 @@
 //! unit is the torque residual's sigma, and the yardstick a reference workload: random states within the limits of the
 //! arm at moderate speed. It comes from the model, never from the data: else poor excitation would measure itself.
 
-use crate::kernels::{Lanes, lower_solve, lower_times};
+use crate::kernels::{Lanes, lower_solve, lower_solve_four, lower_times};
 use crate::linear::{axpy, axpy_short, dot, packed};
 use crate::settings::ReferenceWorkload;
 use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Workspace};
@@ -235,6 +235,11 @@ impl Whitening {
     /// A direction of these coordinates expressed as a covector on parameters: `L·v`, so that `v·x̃ = (L·v)·x`.
     pub(crate) fn covector(&self, v: &[f64], out: &mut [f64]) {
         lower_solve(&self.t, v, out);
+    }
+
+    /// The same of four directions, side by side and in place.
+    pub(crate) fn covectors(&self, v: &mut [[f64; 4]]) {
+        lower_solve_four(&self.t, v);
     }
 
     /// Row k of T left of its diagonal, and that.

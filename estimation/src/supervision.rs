@@ -31,6 +31,44 @@ pub(crate) struct Known<'a> {
     pub(crate) whitening: Option<&'a Whitening>,
 }
 
+/// Directions as covectors on parameters, four at a time.
+#[derive(Clone, Debug)]
+struct Covectors(Vec<[f64; 4]>);
+
+impl Covectors {
+    /// For n parameters.
+    fn new(n: usize) -> Covectors {
+        Covectors(vec![[0.0; 4]; n])
+    }
+
+    /// Variances along at most four directions (n entries each) where parameters have standard deviations `stds`: one entry a direction
+    /// for each of them. Where there are fewer than four the first stands for the others.
+    fn variances<const STDS: usize>(
+        &mut self,
+        directions: &[&[f64]],
+        whitening: Option<&Whitening>,
+        stds: [&[f64]; STDS],
+    ) -> [[f64; 4]; STDS] {
+        let Covectors(covectors) = self;
+        for lane in 0..4 {
+            let direction = directions.get(lane).or(directions.first()).copied().unwrap_or_default();
+            covectors.iter_mut().zip(direction).for_each(|(covector, v)| covector[lane] = *v);
+        }
+        if let Some(whitening) = whitening {
+            whitening.covectors(covectors);
+        }
+        stds.map(|stds| {
+            let mut variances = [0.0; 4];
+            for (covector, std) in covectors.iter().zip(stds) {
+                for lane in 0..4 {
+                    variances[lane] += (covector[lane] * std).powi(2);
+                }
+            }
+            variances
+        })
+    }
+}
+
 /// The scheme in use.
 #[derive(Clone, Debug)]
 pub(crate) enum Judge {

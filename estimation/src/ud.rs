@@ -3,7 +3,7 @@
 
 use crate::linear::{axpy, dot, dot_four};
 use crate::memory::Carry;
-use multiversion::multiversion;
+use multiversion::{inherit_target, multiversion};
 use std::ops::Range;
 
 /// Columns of U that lie together, all as long as the last of them.
@@ -206,22 +206,20 @@ fn scan(f: &[f64], alpha: &mut [f64], d: &mut [f64], gain: &mut [f64], lambda: &
 /// Bierman's update of U and k, from k = v on. Four columns at a time: k is read and written once for all of them.
 #[multiversion(targets("x86_64+avx+avx2"))]
 fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
-    let n = gain.len();
-    let step = |u: &mut f64, k: &mut f64, lambda: f64, v: f64| {
+    #[inline(always)]
+    fn step(u: &mut f64, k: &mut f64, lambda: f64, v: f64) {
         let old = *u;
         *u = old + *k * lambda;
         *k += old * v;
-    };
-    let whole = n - n % BLOCK;
-    for start in (0..whole).step_by(BLOCK) {
-        let (above, own) = gain.split_at_mut(start);
-        let (block, w) = (&mut columns[block(start / BLOCK)], width(start));
-        let (Some(own), Some(lambdas)) = (own.first_chunk_mut::<BLOCK>(), lambda[start..].first_chunk::<BLOCK>())
-        else {
-            continue;
-        };
-        let (v, [a, b, c, d]) = (*own, four(block, w));
-        // Whole fours of entries: `start` is a multiple of them.
+    }
+
+    /// One block, of which `above` are the gains before its own. A call for each: within a loop over blocks of growing columns the
+    /// compiler keeps some forty addresses up to date, which takes as long as the update.
+    #[inherit_target]
+    #[inline(never)]
+    fn one(block: &mut [f64], above: &mut [f64], own: &mut [f64; BLOCK], lambdas: &[f64; BLOCK]) {
+        let start = above.len();
+        let (v, [a, b, c, d]) = (*own, four(block, start + BLOCK));
         let fours = above.as_chunks_mut::<BLOCK>().0.iter_mut();
         let fours = fours.zip(a.as_chunks_mut().0).zip(b.as_chunks_mut().0);
         for ((((k, a), b), c), d) in fours.zip(c.as_chunks_mut().0).zip(d.as_chunks_mut().0) {
@@ -238,11 +236,23 @@ fn turn(columns: &mut [f64], gain: &mut [f64], lambda: &[f64]) {
         // Within the block.
         let mut gain = *own;
         for (k, column) in [a, b, c, d].into_iter().enumerate() {
-            for (gain, u) in gain[..k].iter_mut().zip(&mut column[start..]) {
-                step(u, gain, lambdas[k], v[k]);
+            if let Some(corner) = column[start..].first_chunk_mut::<BLOCK>() {
+                for i in 0..k {
+                    step(&mut corner[i], &mut gain[i], lambdas[k], v[k]);
+                }
             }
         }
         *own = gain;
+    }
+
+    let n = gain.len();
+    let whole = n - n % BLOCK;
+    // Whole fours of entries: `start` is a multiple of them.
+    for start in (0..whole).step_by(BLOCK) {
+        let (above, own) = gain.split_at_mut(start);
+        if let (Some(own), Some(lambdas)) = (own.first_chunk_mut(), lambda[start..].first_chunk()) {
+            one(&mut columns[block(start / BLOCK)], above, own, lambdas);
+        }
     }
     for j in whole..n {
         let (above, v) = gain.split_at_mut(j);

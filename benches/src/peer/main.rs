@@ -48,6 +48,9 @@ struct Args {
     /// Measures the Rust side alone, once, and prints it as lines of `name nanoseconds`.
     #[arg(long, hide = true)]
     measure: bool,
+    /// With it: only the kernels named, as a profiler wants them.
+    #[arg(long, hide = true, requires = "measure", value_name = "NAME")]
+    only: Vec<String>,
     /// The same of the off-line fit, in milliseconds.
     #[arg(long, hide = true)]
     fit: bool,
@@ -59,7 +62,7 @@ type Figures = BTreeMap<String, f64>;
 fn main() -> Result<()> {
     let args = Args::parse();
     if args.measure {
-        return measure(args.seconds);
+        return measure(args.seconds, &args.only);
     }
     if args.fit {
         return offline::fit();
@@ -131,10 +134,10 @@ fn items(workload: &Workload, rust: &Figures, other: &Figures) -> Vec<Item> {
     ]
 }
 
-/// Prints the median time of every kernel.
-fn measure(seconds: f64) -> Result<()> {
+/// Prints the median time of every kernel, or of those named.
+fn measure(seconds: f64, only: &[String]) -> Result<()> {
     let workload = Workload::new()?;
-    for item in Kernel::ALL {
+    for item in Kernel::ALL.into_iter().filter(|item| only.is_empty() || only.iter().any(|name| name == item.name())) {
         let mut call = kernel(&workload, item)?;
         println!("{} {:.6}", item.name(), time(seconds, &mut call));
     }

@@ -17,8 +17,7 @@
 //! stands) says nothing. Least squares is not asked: where the regressor is noisy it leaves less than the truth. Witnesses do not weigh by
 //! their age: with the weights of the window, bursts of instruments of long ago were refuted later.
 
-use crate::kernels::Lanes;
-use crate::linear::dot_short;
+use crate::kernels::{Lanes, times_three};
 use crate::memory::{Carry, MANY};
 use rivet_dynamics::MAX_JOINTS;
 
@@ -185,11 +184,12 @@ impl Witnesses {
     /// What instant `at` says.
     pub(super) fn ask(&mut self, at: usize) {
         let instant = at * self.joints..(at + 1) * self.joints;
-        let rows = self.rows[at * self.joints * self.n..].chunks_exact(self.n);
-        for ((j, &tau), row) in self.tau[instant].iter().enumerate().zip(rows) {
-            for (squares, x) in self.squares.iter_mut().zip([&self.nominal, &self.now, &self.new]) {
-                let residual = f64::from(tau) - dot_short(row, x);
-                squares[j] += residual * residual;
+        let rows = &self.rows[instant.start * self.n..instant.end * self.n];
+        let mut torques = [[0.0; 3]; MAX_JOINTS];
+        times_three(rows, [&self.nominal, &self.now, &self.new], &mut torques[..self.joints]);
+        for (j, (&tau, torques)) in self.tau[instant].iter().zip(torques).enumerate() {
+            for (squares, torque) in self.squares.iter_mut().zip(torques) {
+                squares[j] += (f64::from(tau) - torque).powi(2);
             }
         }
     }

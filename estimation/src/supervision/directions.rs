@@ -1,6 +1,6 @@
 //! The paper's scheme of 3.2.2: every direction of the parameter space judged by its eigenvalue.
 
-use super::Known;
+use super::{Covectors, Known};
 use crate::eigen::SymmetricEigen;
 use crate::linear::{Budget, dot_short};
 use crate::memory::Carry;
@@ -27,7 +27,7 @@ pub(crate) struct Directions {
     eigen: SymmetricEigen,
     /// Variance of what is known along each eigenvector \[torque-noise sigma²\].
     belief: Vec<f64>,
-    covector: Vec<f64>,
+    covectors: Covectors,
     /// Directions that moved before, one a row, or all others if those are fewer: hysteresis recognises them although the basis
     /// turns. Sixteen bits will do to recognise them.
     history: Vec<i16>,
@@ -45,7 +45,7 @@ impl Directions {
             stage: Stage::Decompose,
             eigen: SymmetricEigen::new(n),
             belief: vec![0.0; n],
-            covector: vec![0.0; n],
+            covectors: Covectors::new(n),
             history: vec![0; n / 2 * n],
             history_count: 0,
             history_stood: false,
@@ -119,19 +119,20 @@ impl Directions {
                 false
             }
             Stage::Weigh { row } => {
-                let mut k = row;
-                while k < n && !budget.is_spent() {
-                    let v = &self.eigen.vectors()[k * n..(k + 1) * n];
-                    if let Some(whitening) = known.whitening {
-                        whitening.covector(v, &mut self.covector);
-                    } else {
-                        self.covector.copy_from_slice(v);
+                let cost = n * n / 2 + 2 * n;
+                let k = n.min(row + budget.begun(cost));
+                for from in (row..k).step_by(4) {
+                    let own = from..k.min(from + 4);
+                    let vectors = self.eigen.vectors().chunks_exact(n);
+                    let mut directions: [&[f64]; 4] = [&[]; 4];
+                    directions.iter_mut().zip(vectors.skip(from).take(own.len())).for_each(|(to, v)| *to = v);
+                    let directions = &directions[..own.len()];
+                    let [variances] = self.covectors.variances(directions, known.whitening, [known.belief]);
+                    for (belief, variance) in self.belief[own].iter_mut().zip(variances) {
+                        *belief = variance.max(self.settings.tolerance.powi(2));
                     }
-                    let variance: f64 = self.covector.iter().zip(known.belief).map(|(c, b)| (c * b).powi(2)).sum();
-                    self.belief[k] = variance.max(self.settings.tolerance.powi(2));
-                    budget.charge(n * n / 2 + 2 * n);
-                    k += 1;
                 }
+                budget.charge(cost * (k - row));
                 self.stage = if k < n { Stage::Weigh { row: k } } else { Stage::Recognise { row: 0 } };
                 false
             }

@@ -10,7 +10,7 @@ use crate::kernels::{Lanes, Part, add_products, full_times, times};
 use crate::linear::axpy;
 use crate::memory::Carry;
 use crate::operations::multiply_adds;
-use multiversion::multiversion;
+use multiversion::{inherit_target, multiversion};
 use rivet_dynamics::MAX_JOINTS;
 
 /// An entry counts as zero below this share of the geometric mean of its diagonal.
@@ -234,12 +234,11 @@ fn rotation(p: f64, q: f64, g: f64) -> (f64, f64) {
 /// Two pairs of neighbours: own and other share of each.
 #[inline(always)]
 fn turn_block(x: [f64; BLOCK], own: &[f64; BLOCK], other: &[f64; BLOCK]) -> [f64; BLOCK] {
-    [
-        own[0] * x[0] + other[0] * x[1],
-        own[1] * x[1] + other[1] * x[0],
-        own[2] * x[2] + other[2] * x[3],
-        own[3] * x[3] + other[3] * x[2],
-    ]
+    let mut turned = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        turned[i] = own[i] * x[i] + other[i] * x[i ^ 1];
+    }
+    turned
 }
 
 #[inline(always)]
@@ -254,24 +253,14 @@ fn turn_columns(row: &mut [f64], turn: &Turn) {
 
 #[multiversion(targets("x86_64+avx+avx2"))]
 fn turn_both(matrix: &mut [f64], turn: &Turn) {
-    let stride = turn.own.len();
-    let (alone, pairs) = matrix.split_at_mut(turn.first * stride);
-    for row in alone.chunks_exact_mut(stride) {
-        turn_columns(row, turn);
-    }
-    let mut pairs = pairs.chunks_exact_mut(2 * stride);
-    for (k, rows) in pairs.by_ref().enumerate() {
-        let place = turn.first + 2 * k;
-        let (s, c) = (turn.own[place], turn.other[place]);
-        let (upper, lower) = rows.split_at_mut(stride);
-        multiply_adds(8 * stride);
-        if turn.first == 1 {
-            (upper[0], lower[0]) = (s * upper[0] + c * lower[0], c * upper[0] - s * lower[0]);
-        }
-        let first = turn.first;
-        let shares = turn.own[first..].as_chunks().0.iter().zip(turn.other[first..].as_chunks().0);
-        let blocks = upper[first..].as_chunks_mut::<BLOCK>().0.iter_mut();
-        for ((x, y), (own, other)) in blocks.zip(lower[first..].as_chunks_mut::<BLOCK>().0).zip(shares) {
+    /// Both rows of a pair, from the place of the first pair on. A call for each: within the loop over pairs the compiler asks each time
+    /// which of the slices overlap.
+    #[inherit_target]
+    #[inline(never)]
+    fn pair(upper: &mut [f64], lower: &mut [f64], [s, c]: [f64; 2], own: &[f64], other: &[f64]) {
+        let shares = own.as_chunks().0.iter().zip(other.as_chunks().0);
+        let blocks = upper.as_chunks_mut::<BLOCK>().0.iter_mut().zip(lower.as_chunks_mut::<BLOCK>().0);
+        for ((x, y), (own, other)) in blocks.zip(shares) {
             let (mut u, mut w) = ([0.0; BLOCK], [0.0; BLOCK]);
             for i in 0..BLOCK {
                 u[i] = s * x[i] + c * y[i];
@@ -280,6 +269,23 @@ fn turn_both(matrix: &mut [f64], turn: &Turn) {
             *x = turn_block(u, own, other);
             *y = turn_block(w, own, other);
         }
+    }
+
+    let (stride, first) = (turn.own.len(), turn.first);
+    let (alone, pairs) = matrix.split_at_mut(first * stride);
+    for row in alone.chunks_exact_mut(stride) {
+        turn_columns(row, turn);
+    }
+    let mut pairs = pairs.chunks_exact_mut(2 * stride);
+    for (k, rows) in pairs.by_ref().enumerate() {
+        let place = first + 2 * k;
+        let (s, c) = (turn.own[place], turn.other[place]);
+        let (upper, lower) = rows.split_at_mut(stride);
+        multiply_adds(8 * stride);
+        if first == 1 {
+            (upper[0], lower[0]) = (s * upper[0] + c * lower[0], c * upper[0] - s * lower[0]);
+        }
+        pair(&mut upper[first..], &mut lower[first..], [s, c], &turn.own[first..], &turn.other[first..]);
     }
     for row in pairs.into_remainder().chunks_exact_mut(stride) {
         turn_columns(row, turn);

@@ -14,8 +14,8 @@ mod judgement;
 #[cfg(test)]
 mod tests;
 
-use super::Known;
 use super::rotations::Rotations;
+use super::{Covectors, Known};
 use crate::kernels::{add_transposed_times, times};
 use crate::memory::Carry;
 use crate::report::Verdict;
@@ -89,7 +89,10 @@ pub(crate) struct Tracked {
     order: Vec<usize>,
     active: Vec<bool>,
     elimination: Elimination,
+    covectors: Covectors,
     x: Vec<f64>,
+    /// What directions that move do not see of a parameter, n.
+    unseen: Vec<f64>,
     shares: Vec<f64>,
     residual: Vec<f64>,
     scratch: Vec<f64>,
@@ -122,7 +125,9 @@ impl Tracked {
             order: vec![0; n],
             active: vec![false; n],
             elimination: Elimination::new(n, stride),
+            covectors: Covectors::new(n),
             x: zeros(),
+            unseen: vec![0.0; n],
             shares: zeros(),
             residual: zeros(),
             scratch: zeros(),
@@ -281,18 +286,18 @@ impl Tracked {
     /// What is known along the next `count` directions.
     fn weigh(&mut self, known: Known<'_>, count: usize) {
         let (n, least) = (self.n, self.settings.tolerance.powi(2));
-        for _ in 0..count.min(n) {
-            let k = self.next;
-            self.next = if k + 1 == n { 0 } else { k + 1 };
-            let v = self.basis.direction(k);
-            match known.whitening {
-                Some(whitening) => whitening.covector(v, &mut self.scratch[..n]),
-                None => self.scratch[..n].copy_from_slice(v),
+        let mut left = count.min(n);
+        while left > 0 {
+            let some = left.min(4);
+            let places: [usize; 4] = std::array::from_fn(|i| (self.next + i) % n);
+            let directions = places.map(|k| self.basis.direction(k));
+            let known_by = [known.belief, known.width];
+            let [belief, width] = self.covectors.variances(&directions[..some], known.whitening, known_by);
+            for (&k, (belief, width)) in places[..some].iter().zip(belief.into_iter().zip(width)) {
+                (self.directions[k].allowed, self.directions[k].width) = (belief.max(least), width);
             }
-            let variance = |std: &[f64]| self.scratch.iter().zip(std).map(|(c, s)| (c * s).powi(2)).sum::<f64>();
-            let direction = &mut self.directions[k];
-            direction.allowed = variance(known.belief).max(least);
-            direction.width = variance(known.width);
+            self.next = (self.next + some) % n;
+            left -= some;
         }
     }
 
@@ -435,7 +440,7 @@ impl Tracked {
         for (place, &k) in self.order.iter().enumerate() {
             self.shares[k] = self.residual[place];
         }
-        let taken = self.held(width, whitening);
+        self.unseen.copy_from_slice(&self.x[..n]);
         self.scratch.fill(0.0);
         add_transposed_times(self.basis.directions(), &self.shares, &mut self.scratch);
         covector.copy_from_slice(&self.scratch[..n]);
@@ -448,16 +453,8 @@ impl Tracked {
         add_transposed_times(self.basis.directions(), &self.residual, &mut self.x);
         times(self.basis.all_information(), &self.shares, &mut self.residual);
         let moving: f64 = self.shares[..n].iter().zip(&self.residual).map(|(u, e)| u * e).sum();
-        [variance * moving, self.held(stated, whitening), taken]
-    }
-
-    /// Variance of what is left in `x`, where parameters are known to `width`.
-    fn held(&mut self, width: &[f64], whitening: Option<&Whitening>) -> f64 {
-        let n = self.n;
-        match whitening {
-            Some(whitening) => whitening.covector(&self.x[..n], &mut self.scratch[..n]),
-            None => self.scratch[..n].copy_from_slice(&self.x[..n]),
-        }
-        self.scratch.iter().zip(width).map(|(h, w)| (h * w).powi(2)).sum()
+        let unseen = [&self.x[..n], &self.unseen];
+        let [held, taken] = self.covectors.variances(&unseen, whitening, [stated, width]);
+        [variance * moving, held[0], taken[1]]
     }
 }

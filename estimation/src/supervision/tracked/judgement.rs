@@ -53,7 +53,7 @@ pub(super) struct Share {
 pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Share {
     let own = diagonal.value[k];
     multiply_adds(3 * row.len());
-    let (mut stronger, mut held, mut above) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let [mut stronger, mut held, mut above, mut same] = [[0.0; LANES]; 4];
     let blocks = row.as_chunks::<LANES>().0.iter().zip(diagonal.value.as_chunks::<LANES>().0);
     let others = diagonal.inverse.as_chunks::<LANES>().0.iter().zip(diagonal.held.as_chunks::<LANES>().0);
     for ((e, value), (inverse, width)) in blocks.zip(others) {
@@ -61,13 +61,15 @@ pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Sha
             let square = e[i] * e[i];
             let more = value[i] > own;
             above[i] += if more { 1.0 } else { 0.0 };
+            same[i] += if value[i] == own { 1.0 } else { 0.0 };
             stronger[i] += if more { square * inverse[i] } else { 0.0 };
             held[i] += square * width[i];
         }
     }
     let total = |x: [f64; LANES]| (x[0] + x[2]) + (x[1] + x[3]);
     // Equal ones are rare but for zeros, of which there is nothing to share.
-    let equal = diagonal.value[..n].iter().enumerate().filter(|(j, value)| *j < k && **value == own).count();
+    let before = if total(same) > 1.0 { k } else { 0 };
+    let equal = diagonal.value[..before].iter().filter(|value| **value == own).count();
     Share {
         place: (total(above) as usize + equal).min(n - 1),
         stronger: total(stronger),
