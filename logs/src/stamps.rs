@@ -70,6 +70,9 @@ impl Log {
     /// what was logged), as stamped otherwise. What jitter remains as far as positions tell is `off_s`.
     #[must_use]
     pub fn by_its_positions(mut self) -> Log {
+        if on_a_line(&self.t) {
+            return self;
+        }
         let Some(even) = even_clock(&self.t) else { return self };
         let off: Vec<f64> = self.t.iter().zip(&even.t).map(|(t, even)| t - even).collect();
         let size = rms(off.iter().copied());
@@ -203,6 +206,13 @@ fn positions_say(q: &Signals, t: &[f64], even: &Even, off: &[f64]) -> Option<Ver
     let followed = follows / all;
     let spread = blocks.iter().map(|(differ, even)| (even - followed * differ).powi(2)).sum::<f64>();
     Some(Verdict { followed, std: spread.sqrt() / all, smoother: (stamped / evenly).sqrt() })
+}
+
+/// Whether all stamps are those of an even clock without a row missing, by far: then there is nothing to look for.
+fn on_a_line(t: &[f64]) -> bool {
+    let [first, .., last] = t else { return false };
+    let step_s = (last - first) / (t.len() - 1) as f64;
+    t.iter().enumerate().all(|(k, t)| (t - first - k as f64 * step_s).abs() <= 0.01 * ON_CLOCK * step_s)
 }
 
 /// The even clock of stamps; none where there are too few, or no even clock is like them.

@@ -100,8 +100,12 @@ pub fn torque_delay(
     let (mut more, mut std) = (vec![0.0_f64; n], vec![0.0; n]);
     for begun in 1..=STARTS {
         for round in 1..=ROUNDS {
-            let joints: Vec<JointSums> = (0..n).map(|j| widen(&sums[j], &rates[j], k + j, more[j])).collect();
-            let normals: Vec<Normal> = joints.iter().map(|j| Normal::new(j, k + n, Method::Instrumental)).collect();
+            let of = |j: usize| {
+                let joint = widen(&sums[j], &rates[j], k + j, more[j]);
+                let normal = Normal::new(&joint, k + n, Method::Instrumental);
+                (joint, normal)
+            };
+            let (joints, normals): (Vec<JointSums>, Vec<Normal>) = (0..n).into_par_iter().map(of).unzip();
             let solution = Solution::new(&normals, weights, &start, (prior, equations.most()), Method::Instrumental)?;
             let next = |(j, more): (usize, &mut f64)| *more = (*more + solution.x[k + j]).clamp(-APART_S, APART_S);
             more.iter_mut().enumerate().for_each(next);

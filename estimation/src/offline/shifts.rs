@@ -134,14 +134,15 @@ impl Evidence<'_> {
     fn along(&self, j: usize, steps: &[usize]) -> Vec<f64> {
         let mut others = self.total(steps);
         self.right(j, steps[j], &mut others, -1.0);
-        let mut steps = steps.to_vec();
         let of = |step: usize| {
+            let mut steps = steps.to_vec();
             steps[j] = step;
             let mut b = others.clone();
             self.right(j, step, &mut b, 1.0);
             self.left(&steps, &b)
         };
-        (0..COUNT).map(of).collect()
+        // Few at a time would take longer to be shared out than to be done.
+        (0..COUNT).into_par_iter().with_min_len(COUNT / 4).map(of).collect()
     }
 
     fn values(&self, steps: &[usize]) -> DVector<f64> {

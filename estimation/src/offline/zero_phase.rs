@@ -84,36 +84,83 @@ impl ZeroPhase {
             return signals.iter().map(|x| x.to_vec()).collect();
         }
         let pad = self.padding(n);
-        let mut lanes = vec![[0.0; LANES]; n + 2 * pad];
-        for (k, lanes) in lanes.iter_mut().enumerate() {
-            for (lane, x) in lanes.iter_mut().zip(&signals) {
-                *lane = match k.checked_sub(pad) {
-                    None => 2.0 * x[0] - x[pad - k],
-                    Some(k) if k < n => x[k],
-                    Some(k) => 2.0 * x[n - 1] - x[2 * (n - 1) - k],
-                };
+        // Samples of all records side by side, a few at a time: beside the records there is room for no more than those and the last
+        // ones beyond their end.
+        let mut few = [[0.0; LANES]; TOGETHER];
+        let mut passes = Passes::new(&self.sections);
+        for from in (0..pad).step_by(TOGETHER) {
+            let few = &mut few[..TOGETHER.min(pad - from)];
+            for (k, lanes) in (from..).zip(&mut *few) {
+                lanes.iter_mut().zip(&signals).for_each(|(lane, x)| *lane = 2.0 * x[0] - x[pad - k]);
+            }
+            passes.run(few, Order::Forwards);
+        }
+        let mut filtered: Vec<Vec<f64>> = signals.iter().map(|x| Vec::with_capacity(x.len())).collect();
+        for from in (0..n).step_by(TOGETHER) {
+            let few = &mut few[..TOGETHER.min(n - from)];
+            for (lane, x) in signals.iter().enumerate() {
+                few.iter_mut().zip(&x[from..]).for_each(|(lanes, x)| lanes[lane] = *x);
+            }
+            passes.run(few, Order::Forwards);
+            for (lane, filtered) in filtered.iter_mut().enumerate() {
+                filtered.extend(few.iter().map(|lanes| lanes[lane]));
             }
         }
-        run::<LANES>(&self.sections, &mut lanes, Order::Forwards);
-        run::<LANES>(&self.sections, &mut lanes, Order::Backwards);
-        let mut filtered: Vec<Vec<f64>> = signals.iter().map(|x| Vec::with_capacity(x.len())).collect();
-        for lanes in &lanes[pad..pad + n] {
-            filtered.iter_mut().zip(lanes).for_each(|(filtered, lane)| filtered.push(*lane));
+        let mut beyond = vec![[0.0; LANES]; pad];
+        for (k, lanes) in beyond.iter_mut().enumerate() {
+            lanes.iter_mut().zip(&signals).for_each(|(lane, x)| *lane = 2.0 * x[n - 1] - x[n - 2 - k]);
+        }
+        passes.run(&mut beyond, Order::Forwards);
+        let mut passes = Passes::new(&self.sections);
+        passes.run(&mut beyond, Order::Backwards);
+        for from in (0..n).step_by(TOGETHER).rev() {
+            let few = &mut few[..TOGETHER.min(n - from)];
+            for (lane, x) in filtered.iter().enumerate() {
+                few.iter_mut().zip(&x[from..]).for_each(|(lanes, x)| lanes[lane] = *x);
+            }
+            passes.run(few, Order::Backwards);
+            for (lane, x) in filtered.iter_mut().enumerate() {
+                x[from..].iter_mut().zip(&*few).for_each(|(x, lanes)| *x = lanes[lane]);
+            }
         }
         filtered
     }
 }
 
-/// Transposed direct form II, every section started as if the first value that it sees had always been there.
+/// So many samples are filtered at a time.
+const TOGETHER: usize = 256;
+
+/// A pass in one direction over samples that come in pieces: transposed direct form II, every section started as if the first value that it
+/// sees had always been there.
+struct Passes<'a, const LANES: usize> {
+    sections: &'a [Section],
+    states: Vec<[[f64; LANES]; 2]>,
+    first: bool,
+}
+
+impl<'a, const LANES: usize> Passes<'a, LANES> {
+    fn new(sections: &'a [Section]) -> Passes<'a, LANES> {
+        Passes { sections, states: vec![[[0.0; LANES]; 2]; sections.len()], first: true }
+    }
+
+    fn run(&mut self, samples: &mut [[f64; LANES]], order: Order) {
+        run(self.sections, &mut self.states, &mut self.first, samples, order);
+    }
+}
+
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn run<const LANES: usize>(sections: &[Section], samples: &mut [[f64; LANES]], order: Order) {
-    let mut states = vec![[[0.0; LANES]; 2]; sections.len()];
-    let mut first = true;
+fn run<const LANES: usize>(
+    sections: &[Section],
+    states: &mut [[[f64; LANES]; 2]],
+    first: &mut bool,
+    samples: &mut [[f64; LANES]],
+    order: Order,
+) {
     let mut step = |x: &mut [f64; LANES]| {
-        for (Section { b, a }, [s1, s2]) in sections.iter().zip(&mut states) {
+        for (Section { b, a }, [s1, s2]) in sections.iter().zip(&mut *states) {
             for lane in 0..LANES {
                 let u = x[lane];
-                if first {
+                if *first {
                     (s1[lane], s2[lane]) = (u * (1.0 - b[0]), u * (b[2] - a[1]));
                 }
                 let y = b[0] * u + s1[lane];
@@ -122,7 +169,7 @@ fn run<const LANES: usize>(sections: &[Section], samples: &mut [[f64; LANES]], o
                 x[lane] = y;
             }
         }
-        first = false;
+        *first = false;
     };
     match order {
         Order::Forwards => samples.iter_mut().for_each(&mut step),
