@@ -1,6 +1,8 @@
 """Off-line identification as it is written today with numpy and Pinocchio; `rivet-peer` runs it beside rivet.
 
-usage: offline.py PROBLEM       prints `JOB MILLISECONDS` of processor time and `JOB_passed MILLISECONDS` by the clock
+usage: offline.py MODEL SAMPLES [JOB]...    prints `JOB MILLISECONDS` of processor time and `JOB_passed MILLISECONDS` by the clock
+
+MODEL is the problem of peer.cpp without its samples, SAMPLES those as 64 bit floats; both jobs unless one is named.
 
 bare: central differences, regressor sample by sample, base columns, np.linalg.lstsq on all rows.
 filtered: the same with every column and the torque low-passed forwards and backwards and thinned out, which is what
@@ -34,8 +36,8 @@ sections = take(int(take(1)[0]), 5)
 take(int(take(1)[0]), 3)
 take(len(base))
 take(dof)
-rows = int(take(1)[0])
-samples = take(rows, 5 * dof)
+samples = np.fromfile(sys.argv[2]).reshape(-1, 5 * dof)
+rows = len(samples)
 direction = (lambda v: np.tanh(v / v0)) if v0 > 0 else np.sign
 
 
@@ -72,6 +74,8 @@ def filtered(step=8):
 
 
 for job in (bare, filtered):
+    if sys.argv[3:] and job.__name__ not in sys.argv[3:]:
+        continue
     start, clock = time.process_time(), time.perf_counter()
     job()
     print(job.__name__, (time.process_time() - start) * 1e3)

@@ -1,6 +1,7 @@
 //! Off-line identification of a minute: `rivet identify` as a user runs it, beside numpy and Pinocchio.
 //!
-//! Beside the whole command, what the peer does of it alone: samples in memory to base parameters.
+//! Beside the whole command, what the peer does of it alone: samples in memory to base parameters. Beside that, whole against whole: the command
+//! and a script that starts, reads the samples, fits them and ends.
 //!
 //! Everything twice: by the clock, both on all processors as they come (rivet shares records out, numpy its matrix products); and by
 //! processor time on one of them, which other load on the machine leaves alone.
@@ -32,9 +33,9 @@ pub(crate) fn compare(
     folder: &Path,
 ) -> Result<Vec<Item>> {
     let workload = Workload::long(SECONDS)?;
-    let (log, data) = (folder.join("log.parquet"), folder.join("long.txt"));
+    let [log, model, samples] = ["log.parquet", "model.txt", "samples.f64"].map(|name| folder.join(name));
     write_log(&workload, &log)?;
-    problem::write(&workload, &data)?;
+    problem::write_apart(&workload, &model, &samples)?;
     let script = rivet_benches::workload::project().join("benches/peer/offline.py");
     let robot = rivet_benches::workload::project().join(rivet_benches::workload::ROBOT);
     let rivet = rivet()?;
@@ -54,10 +55,21 @@ pub(crate) fn compare(
             ours.push(named(&fits, one));
             let threads = [("OPENBLAS_NUM_THREADS", "1"), ("OMP_NUM_THREADS", "1")];
             let threads = threads.into_iter().filter(|_| one);
-            match run(Command::new(python(venv)).arg(&script).arg(&data).envs(threads), cpus) {
+            let mut peer = Command::new(python(venv));
+            peer.arg(&script).args([&model, &samples]).envs(threads);
+            match run(&mut peer, cpus) {
                 Ok(figures) => theirs.push(named(&figures, one)),
-                Err(why) => println!("no Python peer: {why:#}\n(pip install pin numpy scipy, then --venv)"),
+                Err(why) => {
+                    println!("no Python peer: {why:#}\n(pip install pin numpy scipy, then --venv)");
+                    continue;
+                }
             }
+            // The whole script, the quicker of its jobs alone.
+            let (start, clock) = (children_ms()?, Instant::now());
+            run(peer.arg("bare"), cpus)?;
+            let passed = clock.elapsed().as_secs_f64() * 1e3;
+            let (name, cost) = if one { ("script-one", children_ms()? - start) } else { ("script-all", passed) };
+            theirs.push(Figures::from([(name.to_owned(), cost)]));
         }
     }
     let (ours, theirs) = (median(&ours), median(&theirs));
@@ -68,8 +80,10 @@ pub(crate) fn compare(
         goal,
     };
     Ok(vec![
+        row("command / whole script", "all", "script-all", Some((15.0, 30.0))),
         row("command / bare lstsq", "all", "bare-all", Some((15.0, 30.0))),
         row("command / filtered lstsq", "all", "filtered-all", None),
+        row("command, one cpu / whole script", "one", "script-one", None),
         row("command, one cpu / bare", "one", "bare-one", None),
         row("command, one cpu / filtered", "one", "filtered-one", None),
         row("least squares / bare lstsq", "least_squares-all", "bare-all", Some((15.0, 30.0))),

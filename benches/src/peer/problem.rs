@@ -15,7 +15,35 @@ const THRESHOLD: f64 = 4.0;
 
 /// Writes the problem for `peer.cpp`, which has the format.
 pub(crate) fn write(workload: &Workload, path: &Path) -> Result<()> {
-    let Workload { robot, samples, len } = workload;
+    let mut out = model(workload);
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "{} ", workload.len);
+    for value in samples(workload) {
+        let _ = write!(out, "{value} ");
+    }
+    std::fs::write(path, out).with_context(|| path.display().to_string())
+}
+
+/// The same without samples, and the samples as 64 bit floats of the machine, one after the other: what `offline.py` reads.
+pub(crate) fn write_apart(workload: &Workload, path: &Path, samples_path: &Path) -> Result<()> {
+    std::fs::write(path, model(workload)).with_context(|| path.display().to_string())?;
+    let bytes: Vec<u8> = samples(workload).flat_map(f64::to_ne_bytes).collect();
+    std::fs::write(samples_path, bytes).with_context(|| samples_path.display().to_string())
+}
+
+/// Positions, torques and planned motion of one sample after the other.
+fn samples(workload: &Workload) -> impl Iterator<Item = f64> + '_ {
+    let samples = &workload.samples;
+    (0..workload.len).flat_map(move |k| {
+        let planned = workload.planned(k);
+        let parts = [workload.row(&samples.q, k), workload.row(&samples.tau, k), planned.q, planned.qd, planned.qdd];
+        parts.into_iter().flatten().copied()
+    })
+}
+
+/// All but the samples.
+fn model(workload: &Workload) -> String {
+    let Workload { robot, .. } = workload;
     let (model, settings) = (&robot.model, workload.settings(1));
     let mut out = String::new();
     let mut put = |values: &[f64]| {
@@ -54,14 +82,7 @@ pub(crate) fn write(workload: &Workload, path: &Path) -> Result<()> {
     let scales = Scales::of_model(model, &robot.base, &robot.nominal_base, settings.torque_noise.as_deref());
     put(&scales.column);
     put(&scales.torque_noise);
-    put(&[*len as f64]);
-    for k in 0..*len {
-        let planned = workload.planned(k);
-        for part in [workload.row(&samples.q, k), workload.row(&samples.tau, k), planned.q, planned.qd, planned.qdd] {
-            put(part);
-        }
-    }
-    std::fs::write(path, out).with_context(|| path.display().to_string())
+    out
 }
 
 /// Figures that both sides must agree on, under the names that the peer prints.
