@@ -438,6 +438,41 @@ mod tests {
         }
     }
 
+    /// Rows taken four at a time give the same bits as one after the other, whatever is left over; x or the result may be padded.
+    #[test]
+    fn fours_of_rows_are_those_one_after_the_other() {
+        let mut seed = Random(9);
+        for (n, padding, from) in [(1, 0, 0), (2, 3, 1), (4, 0, 0), (9, 7, 2), (60, 4, 0), (61, 3, 59)] {
+            let (t, x) = (random(&mut seed, n * n), random(&mut seed, n));
+            let (mut out, mut expected) = (random(&mut seed, n), Vec::new());
+            expected.clone_from(&out);
+            for (row, x) in t.chunks_exact(n).zip(&x) {
+                axpy(*x, row, &mut expected);
+            }
+            let padded: Vec<f64> = x.iter().copied().chain(vec![0.0; padding]).collect();
+            add_transposed_times(&t, &padded, &mut out);
+            assert_eq!(out, expected, "{n}: transposed");
+            let mut out = vec![0.0; n + padding];
+            times(&t, &x, &mut out);
+            let expected: Vec<f64> = t.chunks_exact(n).map(|row| dot(&x, row)).collect();
+            assert_eq!(out[..n], expected, "{n}: product");
+            let mut b = x.clone();
+            b[..from].fill(0.0);
+            let mut expected = b.clone();
+            for k in from..n {
+                expected[k] /= t[k * n + k];
+                let x = expected[k];
+                axpy(-x, &t[k * n + k + 1..(k + 1) * n], &mut expected[k + 1..]);
+            }
+            for k in (1..n).rev() {
+                let x = expected[k];
+                axpy(-x, &t[k * n..k * n + k], &mut expected[..k]);
+            }
+            solve_transposed(&t, &mut b, from);
+            assert_eq!(b, expected, "{n}: solution");
+        }
+    }
+
     #[test]
     fn lower_triangle_times_lanes() {
         let mut seed = Random(4);
