@@ -1,6 +1,6 @@
 //! Offsets that are larger than files leave out: in motion a constant torque is friction that differs between the directions.
 
-use rivet_dynamics::Parameter;
+use rivet_dynamics::{Arm, Parameter};
 
 use crate::background::Nominal;
 use crate::details::{ParameterLine, ParameterState};
@@ -12,6 +12,8 @@ use crate::sizes::unmeasured;
 /// In units of a usual offset. Of 17 joints of another simulator with 2 and more of it the six with friction that differs had 2.1 to 6.4, and
 /// one with an offset of the torque 3.0; others kept a gap.
 const BEYOND: f64 = 3.5;
+/// Cosine from which on an axis is along gravity.
+const UPRIGHT: f64 = 0.98;
 
 /// What is told of joints that an offset brought down to their noise. It is a value that is free in every fit, so that no effect that has the
 /// same torque is missed there.
@@ -25,9 +27,10 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
         told.then(|| {
             let friction = nominal.x[12 * nominal.model.arm.dof() + j];
             let share = if friction > 0.0 { format!(", {:.0} % of its friction", 100.0 * more.abs() / friction) } else { String::new() };
+            let tilt = if j == 0 && is_upright(&nominal.model.arm) { ", or a base that is tilted, where it turns little" } else { "" };
             let text = format!(
-                "{} has {more:.3} N m more whichever way it moves{share}: friction that differs between the directions, or a zero of the torque signal; \
-                 its torque at rest with the drive off tells",
+                "{} has {more:.3} N m more whichever way it moves{share}: friction that differs between the directions, or a zero of the torque \
+                 signal{tilt}; its torque at rest with the drive off tells",
                 joints[j].joint
             );
             Cause {
@@ -40,15 +43,28 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
     nominal.model.parameters.iter().zip(&nominal.std).zip(parameters).filter_map(of).collect()
 }
 
+/// Whether the first axis is along gravity, which then has no torque on it: a tilt has, and it changes with the angle alone.
+fn is_upright(arm: &Arm) -> bool {
+    let Some(first) = arm.joints.first() else { return false };
+    let along = |row: &[f64; 3]| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum::<f64>();
+    let pull: f64 = first.rotation.iter().zip(&arm.gravity).map(|(row, g)| along(row) * g).sum();
+    let size = arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    size > 0.0 && pull.abs() > UPRIGHT * size
+}
+
 #[cfg(test)]
 mod tests {
-    use rivet_dynamics::{Arm, Model, Structure};
+    use rivet_dynamics::{Model, Structure};
 
     use super::*;
 
     /// Friction of 10 N m, so that 0.3 is a usual offset: what is told of one of so much that brings the joint from so many times its noise to
     /// so many.
     fn text(more: f64, in_motion: [f64; 2], state: ParameterState) -> Option<String> {
+        text_of(1, more, in_motion, state)
+    }
+
+    fn text_of(joint: usize, more: f64, in_motion: [f64; 2], state: ParameterState) -> Option<String> {
         let urdf = include_str!("../../robots/manutec-r3/robot.urdf");
         let arm = Arm::from_urdf(urdf, [0.0, 0.0, -9.81]).expect("a sound arm");
         let n = arm.dof();
@@ -59,7 +75,7 @@ mod tests {
             unit: "N m",
             joint: parameter.joint(),
             given: x[at],
-            found: x[at] + if *parameter == Parameter::Offset(1) { more } else { 0.0 },
+            found: x[at] + if *parameter == Parameter::Offset(joint) { more } else { 0.0 },
             low: 0.0,
             high: 0.0,
             state,
@@ -86,6 +102,9 @@ mod tests {
         let pinned = ParameterState::Pinned;
         let said = text(-1.2, [9.0, 0.9], pinned).expect("four times a usual one");
         assert!(said.starts_with("joint 2 has -1.200 N m more") && said.contains("12 % of its friction"), "{said}");
+        assert!(!said.contains("tilted"), "its axis lies: {said}");
+        let upright = text_of(0, -1.2, [9.0, 0.9], pinned).expect("of an axis along gravity");
+        assert!(upright.contains("or a base that is tilted"), "{upright}");
         assert_eq!(text(0.9, [9.0, 0.9], pinned), None, "three times");
         assert_eq!(text(1.2, [1.5, 0.9], pinned), None, "the joint was sound");
         assert_eq!(text(1.2, [90.0, 20.0], pinned), None, "something else is missing");

@@ -173,7 +173,7 @@ struct Rows {
 }
 
 impl Estimator {
-    /// Starts at `nominal` (n values) with the given scales.
+    /// Starts at `nominal` (n values) with the given scales, which are those of at most [`MAX_JOINTS`] rows at a time.
     #[must_use]
     pub fn new(nominal: &[f64], scales: &Scales, settings: &EstimatorSettings) -> Estimator {
         let (n, p) = (nominal.len(), scales.torque_noise.len());
