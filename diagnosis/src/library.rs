@@ -110,7 +110,9 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         if let Some((before, beside)) = joint.checked_sub(1).and_then(|j| Some((j, middle(runs, j)?))) {
             forms.push(Form::SpringBetween { joints: [before, joint], about: [beside, about] });
         }
-        for arm in LEVERS {
+        // Where gravity does not pull nobody holds against it.
+        let pulled = joint > 0 || !first.nominal.model.arm.is_upright();
+        for arm in LEVERS.into_iter().filter(|_| pulled) {
             for step in 0..PHASES {
                 let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
                 forms.push(Form::Counterbalance { joint, arm, phase });

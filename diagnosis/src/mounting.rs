@@ -443,7 +443,11 @@ mod tests {
 
     /// What `f` makes of a run in which the joint swings.
     fn swinging<T>(hz: f64, period_s: f64, f: impl FnOnce(&Physics<'_>) -> T) -> T {
-        let arm = Arm::from_urdf(URDF, [0.0, 0.0, -9.81]).expect("a sound arm");
+        swinging_under([0.0, 0.0, -9.81], hz, period_s, f)
+    }
+
+    fn swinging_under<T>(gravity: [f64; 3], hz: f64, period_s: f64, f: impl FnOnce(&Physics<'_>) -> T) -> T {
+        let arm = Arm::from_urdf(URDF, gravity).expect("a sound arm");
         let model = Model::new(arm, Structure { sign_velocity: 0.01, ..Structure::default() });
         let mut x = vec![0.0; model.len()];
         x[..10].copy_from_slice(&model.arm.links[0]);
@@ -510,6 +514,21 @@ mod tests {
             assert!((mode.handed_on(0.5)[1] - 2.0).abs() < 1e-12);
             assert!(Mode::plausible(0.5) && !Mode::plausible(2.0) && !Mode::plausible(-0.5));
         });
+    }
+
+    /// Where gravity does not pull nobody holds against it; a spring may be there all the same.
+    #[test]
+    fn a_counterbalance_is_looked_for_where_gravity_pulls() {
+        let found = |gravity: [f64; 3]| {
+            swinging_under(gravity, 1.0, 1e-3, |p| {
+                let forms = crate::library::forms(std::slice::from_ref(p), &[Vec::new()]);
+                let has = |wanted: fn(&Form) -> bool| forms.iter().any(wanted);
+                [has(|f| matches!(f, Form::Counterbalance { .. })), has(|f| matches!(f, Form::Spring { .. }))]
+            })
+        };
+        assert_eq!(found([0.0, 0.0, -9.81]), [true, true], "across");
+        assert_eq!(found([0.0, -9.81, 0.0]), [false, true], "along");
+        assert_eq!(found([0.0, -9.4, -2.8]), [true, true], "17 degrees off");
     }
 
     /// A swing of 5 Hz shows modes at that frequency and some way above, one of 0.3 Hz none; 20 samples a second pass none.

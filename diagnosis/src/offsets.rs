@@ -1,6 +1,6 @@
 //! Offsets that are larger than files leave out: in motion a constant torque is friction that differs between the directions.
 
-use rivet_dynamics::{Arm, Parameter};
+use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::details::{ParameterLine, ParameterState};
@@ -12,8 +12,6 @@ use crate::sizes::unmeasured;
 /// In units of a usual offset. Of 17 joints of another simulator with 2 and more of it the six with friction that differs had 2.1 to 6.4, and
 /// one with an offset of the torque 3.0; others kept a gap.
 const BEYOND: f64 = 3.5;
-/// Cosine from which on an axis is along gravity.
-const UPRIGHT: f64 = 0.98;
 
 /// What is told of joints that an offset brought down to their noise. It is a value that is free in every fit, so that no effect that has the
 /// same torque is missed there.
@@ -27,7 +25,7 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
         told.then(|| {
             let friction = nominal.x[12 * nominal.model.arm.dof() + j];
             let share = if friction > 0.0 { format!(", {:.0} % of its friction", 100.0 * more.abs() / friction) } else { String::new() };
-            let tilt = if j == 0 && is_upright(&nominal.model.arm) { ", or a base that is tilted, where it turns little" } else { "" };
+            let tilt = if j == 0 && nominal.model.arm.is_upright() { ", or a base that is tilted, where it turns little" } else { "" };
             let text = format!(
                 "{} has {more:.3} N m more whichever way it moves{share}: friction that differs between the directions, or a zero of the torque \
                  signal{tilt}; its torque at rest with the drive off tells",
@@ -43,18 +41,9 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
     nominal.model.parameters.iter().zip(&nominal.std).zip(parameters).filter_map(of).collect()
 }
 
-/// Whether the first axis is along gravity, which then has no torque on it: a tilt has, and it changes with the angle alone.
-fn is_upright(arm: &Arm) -> bool {
-    let Some(first) = arm.joints.first() else { return false };
-    let along = |row: &[f64; 3]| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum::<f64>();
-    let pull: f64 = first.rotation.iter().zip(&arm.gravity).map(|(row, g)| along(row) * g).sum();
-    let size = arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    size > 0.0 && pull.abs() > UPRIGHT * size
-}
-
 #[cfg(test)]
 mod tests {
-    use rivet_dynamics::{Model, Structure};
+    use rivet_dynamics::{Arm, Model, Structure};
 
     use super::*;
 

@@ -115,6 +115,9 @@ impl JointMotion {
     }
 }
 
+/// Cosine from which on an axis is along gravity.
+const UPRIGHT: f64 = 0.98;
+
 /// A serial arm of 1 to [`MAX_JOINTS`] joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
@@ -133,6 +136,15 @@ impl Arm {
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.joints.len()
+    }
+
+    /// Whether the first axis is along gravity, within some 11 degrees: it then has no torque on it.
+    pub fn is_upright(&self) -> bool {
+        let Some(first) = self.joints.first() else { return false };
+        let along = |row: &[f64; 3]| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum::<f64>();
+        let pull: f64 = first.rotation.iter().zip(&self.gravity).map(|(row, g)| along(row) * g).sum();
+        let size = self.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        size > 0.0 && pull.abs() > UPRIGHT * size
     }
 }
 

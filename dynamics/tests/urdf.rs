@@ -226,3 +226,14 @@ fn turned_inertias_are_turned_back() {
     // x' = y, y' = -x: Ixx and Iyy change places, Ixy its sign, (Ixz, Iyz) become (-Iyz, Ixz).
     assert_close(&arm.links[0], &[1.0, 0.0, 0.0, 0.0, 0.4, -0.01, 0.1, -0.03, 0.02, 0.45]);
 }
+
+/// A first axis along gravity has none of its torque, up or down, whatever frames the URDF has before it.
+#[test]
+fn an_arm_is_upright_where_its_first_axis_is_along_gravity() {
+    let urdf = include_str!("../../robots/manutec-r3/robot.urdf");
+    let along = |gravity| Arm::from_urdf(urdf, gravity).expect("an arm").is_upright();
+    assert_eq!([[9.81, 0.0, 0.0], [0.0, 9.81, 0.0], [0.0, 0.0, 9.81]].map(along), [false, false, true]);
+    let tilted = |angle: f64| along([9.81 * angle.sin(), 0.0, -9.81 * angle.cos()]);
+    assert_eq!([0.0, 0.1, 0.3].map(tilted), [true, true, false]);
+    assert!(!along([0.0; 3]), "without gravity there is no up");
+}
