@@ -299,12 +299,17 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     }
     let chosen = choose(robot, &least_squares, &instrumental);
     let reference = equations.reference();
-    let ((bias, delays), (consistent, parts)) = rayon::join(
+    // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
+    let plainly = (method(robot) == Method::Instrumental).then_some(&least_squares);
+    let ((bias, delays), (consistent, (parts, plain_parts))) = rayon::join(
         || (bias(&equations, nominal, prior, chosen), torque_delay(&equations, nominal, prior, chosen)),
         || {
             rayon::join(
                 || project(&robot.model, &robot.base, &chosen.values, &chosen.covariance, &robot.nominal, &reference),
-                || parts(&equations, nominal, prior, chosen, method(robot)),
+                || {
+                    let of_plain = |fit| parts(&equations, nominal, prior, fit, Method::LeastSquares);
+                    (parts(&equations, nominal, prior, chosen, method(robot)), plainly.map(of_plain))
+                },
             )
         },
     );
@@ -334,11 +339,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         .collect();
     // Said before halves are compared: each follows its own rounding, and that is no other arm.
     distrusts.extend(coarse_torque(robot, &torque_steps, known));
-    // Weak instruments bend with each part of the motion: whether the arm is another one least squares tell.
-    let by_least_squares = (method(robot) == Method::Instrumental)
-        .then(|| offline::parts(&equations, nominal, prior, &least_squares, Method::LeastSquares));
-    let of_two = by_least_squares.as_ref().unwrap_or(&parts);
-    let changed = doubts::changed(&runs::joint_names(robot), of_two, &distrusts);
+    let changed = doubts::changed(&runs::joint_names(robot), plain_parts.as_ref().unwrap_or(&parts), &distrusts);
     distrusts.extend(changed);
     distrusts.extend(constant);
     if method(robot) == Method::Instrumental {
