@@ -264,19 +264,7 @@ impl SplitMix {
 }
 
 fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-/// Eight partial sums in a fixed order: a single one would wait for itself at every entry.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, rest_a), (b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let mut sums = [0.0; 8];
-    for (a, b) in a.iter().zip(b) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    sums.iter().sum::<f64>() + rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum::<f64>()
+    a.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Takes the part along `directions` out of `column` and returns it. Modified Gram-Schmidt run twice, which leaves
@@ -285,7 +273,7 @@ fn orthogonalise(column: &mut [f64], directions: &[Vec<f64>]) -> Vec<f64> {
     let mut along = vec![0.0; directions.len()];
     for _ in 0..2 {
         for (sum, direction) in along.iter_mut().zip(directions) {
-            let part = dot(column, direction);
+            let part: f64 = column.iter().zip(direction).map(|(a, b)| a * b).sum();
             column.iter_mut().zip(direction).for_each(|(a, b)| *a -= part * b);
             *sum += part;
         }
