@@ -106,16 +106,18 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             continue;
         }
         let about = 0.5 * (low + high);
-        forms.extend([Form::Spring { joint }, Form::Counterweight { joint }, Form::AngleLaw { joint, about }]);
+        forms.extend([Form::Spring { joint }, Form::AngleLaw { joint, about }]);
         if let Some((before, beside)) = joint.checked_sub(1).and_then(|j| Some((j, middle(runs, j)?))) {
             forms.push(Form::SpringBetween { joints: [before, joint], about: [beside, about] });
         }
         // Where gravity does not pull nobody holds against it.
-        let pulled = joint > 0 || !first.nominal.model.arm.is_upright();
-        for arm in LEVERS.into_iter().filter(|_| pulled) {
-            for step in 0..PHASES {
-                let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
-                forms.push(Form::Counterbalance { joint, arm, phase });
+        if joint > 0 || !first.nominal.model.arm.is_upright() {
+            forms.push(Form::Counterweight { joint });
+            for arm in LEVERS {
+                for step in 0..PHASES {
+                    let phase = std::f64::consts::TAU * step as f64 / PHASES as f64;
+                    forms.push(Form::Counterbalance { joint, arm, phase });
+                }
             }
         }
         for step in 1..PULLS {

@@ -523,7 +523,10 @@ mod tests {
             swinging_under(gravity, 1.0, 1e-3, |p| {
                 let forms = crate::library::forms(std::slice::from_ref(p), &[Vec::new()]);
                 let has = |wanted: fn(&Form) -> bool| forms.iter().any(wanted);
-                [has(|f| matches!(f, Form::Counterbalance { .. })), has(|f| matches!(f, Form::Spring { .. }))]
+                [
+                    has(|f| f.effect() == crate::effect::Effect::Counterbalance && !f.is_nameless()),
+                    has(|f| matches!(f, Form::Spring { .. })),
+                ]
             })
         };
         assert_eq!(found([0.0, 0.0, -9.81]), [true, true], "across");

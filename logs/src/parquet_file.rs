@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use parquet::basic::{Compression, Repetition, Type as PhysicalType, ZstdLevel};
+use parquet::basic::{Compression, Encoding, Repetition, Type as PhysicalType, ZstdLevel};
 use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{DataType, DoubleType};
@@ -216,7 +216,13 @@ fn encoded<S: AsRef<str>>(columns: &[(S, &[f64])]) -> Result<Vec<u8>, LogFault> 
     });
     let fields = fields.collect::<Result<Vec<_>, _>>().map_err(|e| fault(&e))?;
     let schema = Type::group_type_builder("schema").with_fields(fields).build().map_err(|e| fault(&e))?;
-    let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
+    // Hardly a value of a signal comes twice: a dictionary makes files a third to two thirds larger. Bytes of like weight side by side make them
+    // smaller by a tenth to a fifth once more.
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_dictionary_enabled(false)
+        .set_encoding(Encoding::BYTE_STREAM_SPLIT)
+        .build();
     let mut bytes = Vec::new();
     let write = |bytes: &mut Vec<u8>| -> Result<(), ParquetError> {
         let mut writer = SerializedFileWriter::new(bytes, Arc::new(schema), Arc::new(properties))?;

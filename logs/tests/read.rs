@@ -2,11 +2,34 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::data_type::DoubleType;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
 use rivet_logs::{ReadOptions, TorqueSource, read, read_columns, write_columns};
 
 const ROWS: usize = 20;
+
+/// A log of one joint in 50 rows as most programs write Parquet: with a dictionary a column, which rivet leaves out.
+fn write_with_dictionaries(path: &Path) {
+    let message = "message log { required double t; required double q1; required double tau1; }";
+    let schema = Arc::new(parse_message_type(message).expect("a schema"));
+    let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
+    let file = std::fs::File::create(path).expect("created");
+    let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties)).expect("a writer");
+    let mut group = writer.next_row_group().expect("a group");
+    let values: Vec<f64> = (0..50).map(f64::from).collect();
+    while let Some(mut column) = group.next_column().expect("a column") {
+        column.typed::<DoubleType>().write_batch(&values, None, None).expect("written");
+        column.close().expect("closed");
+    }
+    group.close().expect("closed");
+    writer.close().expect("closed");
+}
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
@@ -315,16 +338,21 @@ fn damaged_parquet_is_an_error_and_no_panic() {
     let folder = folder();
     let path = folder.path().join("log.parquet");
     let column: Vec<f64> = (0..50).map(f64::from).collect();
-    write_columns(&path, &[("t", &column), ("q1", &column), ("tau1", &column)]).expect("written");
-    let whole = std::fs::read(&path).expect("read");
-    for at in 4..whole.len() {
-        for change in [0x01, 0x80] {
-            let mut bytes = whole.clone();
-            bytes[at] ^= change;
-            std::fs::write(&path, &bytes).expect("written");
-            // Either the damage does not matter to the columns that are read, or it is an error.
-            if let Err(why) = read(&path, &ReadOptions::new(1)) {
-                assert!(why.to_string().contains("log.parquet"), "{at}: {why}");
+    let own = |path: &Path| {
+        write_columns(path, &[("t", &column), ("q1", &column), ("tau1", &column)]).expect("written");
+    };
+    for write in [&own as &dyn Fn(&Path), &write_with_dictionaries] {
+        write(&path);
+        let whole = std::fs::read(&path).expect("read");
+        for at in 4..whole.len() {
+            for change in [0x01, 0x80] {
+                let mut bytes = whole.clone();
+                bytes[at] ^= change;
+                std::fs::write(&path, &bytes).expect("written");
+                // Either the damage does not matter to the columns that are read, or it is an error.
+                if let Err(why) = read(&path, &ReadOptions::new(1)) {
+                    assert!(why.to_string().contains("log.parquet"), "{at}: {why}");
+                }
             }
         }
     }
@@ -335,8 +363,7 @@ fn damaged_parquet_is_an_error_and_no_panic() {
 fn parquet_that_claims_more_than_it_has_is_refused_before_memory_is_set_aside() {
     let folder = folder();
     let path = folder.path().join("log.parquet");
-    let column: Vec<f64> = (0..50).map(f64::from).collect();
-    write_columns(&path, &[("t", &column), ("q1", &column), ("tau1", &column)]).expect("written");
+    write_with_dictionaries(&path);
     let whole = std::fs::read(&path).expect("read");
     // The header of the first dictionary, in Thrift's compact form: 50 values (field 1), their encoding (field 2).
     let header = [0x15, 0x64, 0x15];
