@@ -185,7 +185,9 @@ impl Estimator {
             Supervision::Off => Judge::Off,
             Supervision::Columns(columns) => Judge::Columns(Columns::new(n, columns)),
             Supervision::Eigen(eigen) => Judge::Directions(supervision::Directions::new(n, eigen)),
-            Supervision::Tracked(tracked) => Judge::Tracked(Box::new(Tracked::new(n, p, tracked, settings.forgetting))),
+            Supervision::Tracked(tracked) => {
+                Judge::Tracked(Box::new(Tracked::new(n, p, tracked, settings.forgetting, settings.change_row_s)))
+            }
         };
         let tracked = matches!(judge, Judge::Tracked(_));
         let whitening = (tracked || matches!(judge, Judge::Directions(_))).then(|| scales.whitening());

@@ -286,11 +286,13 @@ pub(crate) enum Part {
     All,
     /// The diagonal and what is left of it.
     Lower,
-    /// The same, stored without gaps ([`packed`]).
+    /// Rows of the lower triangle up to whole eights: some entries above the diagonal as well.
+    LowerInBlocks,
+    /// The lower triangle, stored without gaps ([`packed`]).
     Packed,
 }
 
-/// `M ← λM + Σᵣ zᵣ·dᵣᵀ`, M n x n row-major (or its lower triangle, packed), over the rows r of `z` and `d` (n entries each, one after the other).
+/// `M ← λM + Σᵣ zᵣ·dᵣᵀ`, M rows of n (or its lower triangle, packed), over the rows r of `z` and `d` (n entries each, one after the other).
 pub(crate) fn add_products(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64], n: usize, part: Part) {
     let mut lambda = lambda;
     let (mut z, mut d) = (z, d);
@@ -318,11 +320,12 @@ fn add_rows<const ROWS: usize>(m: &mut [f64], lambda: f64, z: &[f64], d: &[f64],
         *row = d;
     }
     // Columns may be padded with zeros beyond the rows there are.
-    let height = if part == Part::All { m.len() / n } else { n };
+    let height = if part == Part::Packed { n } else { m.len() / n };
     for i in 0..height {
         let m = match part {
             Part::All => &mut m[i * n..(i + 1) * n],
             Part::Lower => &mut m[i * n..=i * n + i],
+            Part::LowerInBlocks => &mut m[i * n..i * n + (i + 1).next_multiple_of(8).min(n)],
             Part::Packed => &mut m[packed(i)],
         };
         let mut zs = [0.0; ROWS];

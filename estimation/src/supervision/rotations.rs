@@ -25,7 +25,8 @@ pub(crate) struct Rotations {
     stride: usize,
     /// Row k is direction k, in working coordinates.
     v: Vec<f64>,
-    /// V·S·Vᵀ
+    /// V·S·Vᵀ. It is symmetric: the lower triangle is kept up to date, and what is above it stands as it was last
+    /// [mirrored](Self::mirror).
     e: Vec<f64>,
     /// V·M·Vᵀ
     a: Vec<f64>,
@@ -97,12 +98,17 @@ impl Rotations {
         &self.v
     }
 
-    /// Row k of V·S·Vᵀ, padded.
+    /// Fills in the upper triangle of V·S·Vᵀ. What asks for [rows](Self::information) of it needs that before.
+    pub(crate) fn mirror(&mut self) {
+        mirror(&mut self.e, self.stride);
+    }
+
+    /// Row k of V·S·Vᵀ as last mirrored, padded.
     pub(crate) fn information(&self, k: usize) -> &[f64] {
         &self.e[k * self.stride..(k + 1) * self.stride]
     }
 
-    /// V·S·Vᵀ in padded rows.
+    /// V·S·Vᵀ as last mirrored, in padded rows.
     pub(crate) fn all_information(&self) -> &[f64] {
         &self.e
     }
@@ -162,7 +168,7 @@ impl Rotations {
             }
         }
         let [z, d] = &self.rows;
-        add_products(&mut self.e, lambda, z, z, stride, Part::All);
+        add_products(&mut self.e[..n * stride], lambda, z, z, stride, Part::LowerInBlocks);
         add_products(&mut self.a, lambda, z, d, stride, Part::All);
         self.b.iter_mut().for_each(|b| *b *= lambda);
         for (z, tau) in z.chunks_exact(stride).zip(tau) {
@@ -180,13 +186,13 @@ impl Rotations {
         turn.own.fill(1.0);
         turn.other.fill(0.0);
         for k in (first..).step_by(2).take(pairs) {
-            let (c, s) = rotation(e[k * *stride + k], e[(k + 1) * *stride + k + 1], e[k * *stride + k + 1]);
+            let (c, s) = rotation(e[k * *stride + k], e[(k + 1) * *stride + k + 1], e[(k + 1) * *stride + k]);
             // Exchanged: the first becomes s·first + c·second, the second c·first − s·second.
             (turn.own[k], turn.other[k]) = (s, c);
             (turn.own[k + 1], turn.other[k + 1]) = (-s, c);
         }
-        turn_both(e, turn);
-        turn_both(a, turn);
+        turn_both(e, turn, true);
+        turn_both(a, turn, false);
         turn_rows(v, turn);
         turn_columns(b, turn);
         (first..).step_by(2).take(pairs)
@@ -251,8 +257,10 @@ fn turn_columns(row: &mut [f64], turn: &Turn) {
     }
 }
 
+/// Turns the rows and columns of a matrix; of a symmetric one the lower triangle, in whole blocks, so that a few entries above the
+/// diagonal are turned with it, whatever they are.
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn turn_both(matrix: &mut [f64], turn: &Turn) {
+fn turn_both(matrix: &mut [f64], turn: &Turn, symmetric: bool) {
     /// Both rows of a pair, from the place of the first pair on. A call for each: within the loop over pairs the compiler asks each time
     /// which of the slices overlap.
     #[inherit_target]
@@ -277,18 +285,44 @@ fn turn_both(matrix: &mut [f64], turn: &Turn) {
         turn_columns(row, turn);
     }
     let mut pairs = pairs.chunks_exact_mut(2 * stride);
-    for (k, rows) in pairs.by_ref().enumerate() {
-        let place = first + 2 * k;
+    for (m, rows) in pairs.by_ref().enumerate() {
+        let place = first + 2 * m;
+        let end = if symmetric { first + (2 * m + 2).next_multiple_of(BLOCK) } else { stride };
         let (s, c) = (turn.own[place], turn.other[place]);
         let (upper, lower) = rows.split_at_mut(stride);
-        multiply_adds(8 * stride);
+        multiply_adds(8 * end);
         if first == 1 {
             (upper[0], lower[0]) = (s * upper[0] + c * lower[0], c * upper[0] - s * lower[0]);
         }
-        pair(&mut upper[first..], &mut lower[first..], [s, c], &turn.own[first..], &turn.other[first..]);
+        if symmetric {
+            upper[place + 1] = lower[place];
+        }
+        pair(&mut upper[first..end], &mut lower[first..end], [s, c], &turn.own[first..], &turn.other[first..]);
     }
     for row in pairs.into_remainder().chunks_exact_mut(stride) {
         turn_columns(row, turn);
+    }
+}
+
+/// What is below the diagonal of a symmetric matrix, above it as well.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn mirror(matrix: &mut [f64], stride: usize) {
+    let n = matrix.len() / stride;
+    for from in (0..n).step_by(BLOCK) {
+        let (above, rows) = matrix.split_at_mut(from * stride);
+        let height = BLOCK.min(n - from);
+        let below: [&[f64]; BLOCK] =
+            std::array::from_fn(|i| if i < height { &rows[i * stride..i * stride + from] } else { &[] });
+        for (j, above) in above.chunks_exact_mut(stride).enumerate() {
+            for (x, row) in above[from..].iter_mut().zip(&below[..height]) {
+                *x = row[j];
+            }
+        }
+        for i in 0..height {
+            for j in 0..i {
+                rows[j * stride + from + i] = rows[i * stride + from + j];
+            }
+        }
     }
 }
 
@@ -372,6 +406,7 @@ mod tests {
             for _ in 0..10 * n {
                 r.round().for_each(drop);
             }
+            r.mirror();
             let scale: f64 = (0..n).map(|i| s[i * n + i]).sum();
             assert!(off_diagonal(&r) < 1e-12 * scale, "{n}: {}", off_diagonal(&r) / scale);
             let mut image = vec![0.0; n];

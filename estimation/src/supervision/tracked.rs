@@ -50,6 +50,8 @@ const STEPS: f64 = 1000.0;
 /// Rows from step to step at most, and where nothing is forgotten. Further apart, rounds of rotations do not follow what comes in:
 /// with 64, a window of an hour and a row every 20 ms one parameter of 58 moved in 50 s of motion, with 5 46.
 const MOST_ROWS: f64 = 5.0;
+/// Where rows come quickly, as many more as come in this time \[s\]: at 1 kHz five or eight identify the same on simulated arms.
+const MOST_S: f64 = 0.008;
 const ROWS_FOR_EVER: f64 = 1.0;
 /// Sweeps that bring any basis to the information, for use off the real-time path.
 const SWEEPS: usize = 8;
@@ -108,8 +110,9 @@ pub(crate) struct Tracked {
 }
 
 impl Tracked {
-    /// For n parameters, p rows at a time and the weight `lambda` of the past.
-    pub(crate) fn new(n: usize, p: usize, settings: TrackedSettings, lambda: f64) -> Tracked {
+    /// For n parameters, p rows at a time, the weight `lambda` of the past and the time from row to row \[s\], where that is known.
+    pub(crate) fn new(n: usize, p: usize, settings: TrackedSettings, lambda: f64, row_s: Option<f64>) -> Tracked {
+        let most = row_s.map_or(MOST_ROWS, |row_s| (MOST_S / row_s).round().clamp(MOST_ROWS, 2.0 * MOST_ROWS));
         let rows = if lambda < 1.0 { 1.0 / ((1.0 - lambda) * STEPS) } else { ROWS_FOR_EVER };
         let basis = Rotations::new(n, p);
         let stride = basis.stride();
@@ -132,7 +135,7 @@ impl Tracked {
             residual: zeros(),
             scratch: zeros(),
             next: 0,
-            rows: rows.round().clamp(1.0, MOST_ROWS) as u32,
+            rows: rows.round().clamp(1.0, most) as u32,
             pending: 0,
             since: 0,
             interval: LONGEST_WAIT,
@@ -205,7 +208,8 @@ impl Tracked {
             return false;
         }
         let [rows, pending, since, interval] = [self.rows, self.pending, self.since, self.interval].map(u64::from);
-        let most = self.settings.rounds as u64;
+        // Further apart, as many turns a row.
+        let most = self.settings.rounds as u64 * rows.max(MOST_ROWS as u64) / MOST_ROWS as u64;
         let due = (most * ((pending - 1) * interval + since)).div_ceil(rows * interval).min(most);
         while u64::from(self.rounds) < due {
             self.round();
@@ -306,6 +310,7 @@ impl Tracked {
     /// errors of held directions enter those that move.
     fn judge(&mut self, variance: f64, rows: u32) {
         let n = self.n;
+        self.basis.mirror();
         let of = |k: usize| self.basis.diagonal(k);
         let held = |k: usize| if self.directions[k].active { 0.0 } else { self.directions[k].width };
         let largest = self.diagonal.set(n, of, held);

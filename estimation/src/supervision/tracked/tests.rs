@@ -22,7 +22,7 @@ struct Run {
 }
 
 fn run(mut rows: impl FnMut(u32) -> [Vec<f64>; 3]) -> Run {
-    let mut scheme = Tracked::new(N, P, TrackedSettings::default(), 0.99);
+    let mut scheme = Tracked::new(N, P, TrackedSettings::default(), 0.99, None);
     let (mut x, mut active, mut verdict) = (vec![0.5; N], vec![false; N], Verdict::NONE);
     let known = Known { variance: 1.0, belief: &[0.1; N], width: &[1.0; N], whitening: None };
     let mut periods = Vec::new();
