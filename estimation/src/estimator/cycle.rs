@@ -20,6 +20,24 @@ const MOST_ROUNDS: usize = 4;
 /// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
 const VARIANCE_SLACK: f64 = 2.0;
 
+/// Standard deviations that the tracked scheme refreshes with each of its steps.
+const TRACKED_DEVIATIONS: usize = 4;
+
+/// Variances of one scaled parameter: of what moves (for white residuals, and with their long-run variance), of what is held, and of
+/// what is held as decisions count it.
+#[derive(Clone, Copy, Debug)]
+struct Weighed {
+    moving: f64,
+    long_run: f64,
+    held: f64,
+    taken: f64,
+}
+
+impl Weighed {
+    /// Without a solution.
+    const NONE: Weighed = Weighed { moving: 0.0, long_run: 0.0, held: f64::INFINITY, taken: f64::INFINITY };
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Waiting for rows.
@@ -68,6 +86,9 @@ pub(super) struct Cycle {
     /// `y − M·x`: held coordinates enter as known.
     rest: Vec<f64>,
     solved: bool,
+    /// A solution of the tracked scheme waits for what the witnesses say of it, with what the next parameters' deviations then are.
+    proposed: bool,
+    weighed: [Weighed; TRACKED_DEVIATIONS],
     /// Verification took something out, and how often it has done so in this cycle.
     excess: bool,
     rounds: usize,
@@ -111,6 +132,8 @@ impl Cycle {
             lu,
             rest: vec![0.0; n],
             solved: false,
+            proposed: false,
+            weighed: [Weighed::NONE; TRACKED_DEVIATIONS],
             excess: false,
             rounds: 0,
             step: vec![0.0; n],
@@ -147,7 +170,7 @@ impl Cycle {
 
     /// The cycle that is under way is dropped, and what moved before has no advantage any more.
     pub(super) fn begin_anew(&mut self) {
-        (self.stage, self.solved) = (Stage::Idle, false);
+        (self.stage, self.solved, self.proposed) = (Stage::Idle, false, false);
         self.active.fill(false);
         match &mut self.judge {
             Judge::Directions(scheme) => scheme.forget_history(),
@@ -184,7 +207,7 @@ impl Cycle {
 
     /// Goes on from what was carried in: with a cycle of its own.
     pub(super) fn resume(&mut self) {
-        (self.stage, self.fresh, self.solved) = (Stage::Idle, true, false);
+        (self.stage, self.fresh, self.solved, self.proposed) = (Stage::Idle, true, false, false);
     }
 
     /// New rows came in.

@@ -200,26 +200,32 @@ impl Tracked {
     }
 
     /// Turns the basis after the information, once a period: the rounds of a step are spread over the periods until it. True
-    /// when it is time to [`solve`](Self::solve): in the last period before the next rows, because what has turned furthest
+    /// when it is time to [`solve`](Self::solve): as late as another period before the next rows allows, because what has turned furthest
     /// sees best.
     pub(crate) fn turn(&mut self) -> bool {
         self.since = self.since.saturating_add(1);
         if self.pending == 0 {
             return false;
         }
-        let [rows, pending, since, interval] = [self.rows, self.pending, self.since, self.interval].map(u64::from);
+        let periods = if self.has_another_period() { self.interval - 1 } else { 1 };
+        let [rows, pending, since, periods] = [self.rows, self.pending, self.since, periods].map(u64::from);
         // Further apart, as many turns a row.
         let most = self.settings.rounds as u64 * rows.max(MOST_ROWS as u64) / MOST_ROWS as u64;
-        let due = (most * ((pending - 1) * interval + since)).div_ceil(rows * interval).min(most);
+        let due = (most * ((pending - 1) * periods + since.min(periods))).div_ceil(rows * periods).min(most);
         while u64::from(self.rounds) < due {
             self.round();
             self.rounds += 1;
         }
-        let last = pending >= rows && since >= interval;
+        let last = pending >= rows && since >= periods;
         if last {
             self.basis.orthonormalise_one();
         }
         last
+    }
+
+    /// Whether rows leave a period free for what comes after a solution.
+    pub(crate) fn has_another_period(&self) -> bool {
+        self.interval > 1
     }
 
     fn round(&mut self) {

@@ -2,7 +2,7 @@
 
 use super::super::Estimator;
 use super::super::witnesses::Witnesses;
-use super::{Cycle, Stage};
+use super::{Cycle, Stage, TRACKED_DEVIATIONS, Weighed};
 use crate::linear::{Budget, items_per_step, packed};
 use crate::report::ParameterState;
 use crate::supervision::{Judge, Known};
@@ -21,9 +21,6 @@ const MOST_HELD: f64 = 1.0;
 const MOST_DECISIONS: f64 = 300.0;
 /// Rows that a decision waits for, at most, however long the window.
 const MOST_ROWS: f64 = 25.0;
-/// Standard deviations that the tracked scheme refreshes with each of its steps.
-const TRACKED_DEVIATIONS: usize = 4;
-
 impl Estimator {
     /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
     ///
@@ -38,10 +35,8 @@ impl Estimator {
             self.follow_ud();
             return;
         }
-        if let Some(tracked) = self.cycle.tracked() {
-            if tracked.turn() {
-                self.follow_tracked(TRACKED_DEVIATIONS);
-            }
+        if self.cycle.tracked().is_some() {
+            self.work_tracked();
             return;
         }
         let mut budget = Budget::step();
@@ -164,13 +159,16 @@ impl Estimator {
             return;
         }
         if let Judge::Tracked(_) = self.cycle.judge {
+            self.cycle.proposed = false;
             for _ in 0..2 {
                 let variance = self.row_variance();
                 let Cycle { judge, belief, width, .. } = &mut self.cycle;
                 if let Judge::Tracked(scheme) = judge {
                     scheme.align(Known { variance, belief, width, whitening: self.whitening.as_ref() });
                 }
-                self.follow_tracked(self.n);
+                self.propose_tracked();
+                self.answer_tracked();
+                self.deviations(self.n);
             }
             return;
         }
@@ -221,8 +219,23 @@ impl Estimator {
         }
     }
 
-    /// One whole period of the tracked scheme: judge, solve, move, and refresh `count` standard deviations.
-    fn follow_tracked(&mut self, count: usize) {
+    /// The tracked scheme solves in one period and asks the witnesses in the next, if that comes before rows do.
+    fn work_tracked(&mut self) {
+        if self.cycle.proposed {
+            self.answer_tracked();
+        }
+        let Some(tracked) = self.cycle.tracked() else { return };
+        if tracked.turn() {
+            let in_time = tracked.has_another_period();
+            self.propose_tracked();
+            if !in_time {
+                self.answer_tracked();
+            }
+        }
+    }
+
+    /// Judges and solves, and what a few standard deviations would be if the solution is taken.
+    fn propose_tracked(&mut self) {
         self.cycle.variance = self.row_variance();
         self.cycle.fresh = false;
         self.excitations();
@@ -230,10 +243,18 @@ impl Estimator {
         let Judge::Tracked(scheme) = judge else { return };
         let known = Known { variance: *variance, belief, width, whitening: self.whitening.as_ref() };
         scratch.copy_from_slice(x);
-        let moved = scheme.solve(known, scratch, active, verdict);
-        self.cycle.solved = moved;
+        self.cycle.solved = scheme.solve(known, scratch, active, verdict);
+        for k in 0..TRACKED_DEVIATIONS {
+            self.cycle.weighed[k] = self.weigh((self.cycle.next + k) % self.n);
+        }
+        self.cycle.proposed = true;
+    }
+
+    /// Asks the witnesses what they say of the solution, and goes by it.
+    fn answer_tracked(&mut self) {
+        self.cycle.proposed = false;
         self.verdict = self.cycle.verdict;
-        self.verdict.suspended = !moved && self.verdict.active > 0;
+        self.verdict.suspended = !self.cycle.solved && self.verdict.active > 0;
         match &self.whitening {
             Some(whitening) => whitening.parameters(&self.cycle.scratch, &mut self.witnesses.new),
             None => self.witnesses.new.copy_from_slice(&self.cycle.scratch),
@@ -243,7 +264,9 @@ impl Estimator {
             self.witnesses.ask(at);
         }
         self.conclude();
-        self.deviations(count);
+        for k in 0..TRACKED_DEVIATIONS {
+            self.deviate(self.cycle.weighed[k]);
+        }
     }
 
     fn judge(&mut self, budget: &mut Budget) -> bool {
@@ -343,39 +366,47 @@ impl Estimator {
 
     /// Refreshes standard deviation and state of the next `count` parameters.
     fn deviations(&mut self, count: usize) {
-        let tolerance = self.cycle.judge.tolerance().powi(2);
-        let share = self.window_share();
         for _ in 0..count {
-            let i = self.cycle.next;
-            self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
-            let [moving, held, taken] = if self.cycle.solved {
-                self.cycle.variance_of(i, &self.m, self.whitening.as_ref())
-            } else {
-                [0.0, f64::INFINITY, f64::INFINITY]
-            };
-            let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
-            let moves = if moving > 0.0 { long_run } else { 0.0 };
-            let (std, width) = ((moves + held).sqrt(), (moves + taken).sqrt());
-            let least = moving.max(tolerance).max((HELD_SHARE * self.prior[i]).powi(2));
-            if taken <= least && width.is_finite() {
-                // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held. Only ever downwards: else a
-                // window that runs dry would loosen its own threshold.
-                self.cycle.belief[i] = self.cycle.belief[i].min((moving + taken).sqrt());
-                self.cycle.width[i] = width;
+            let weighed = if self.cycle.solved { self.weigh(self.cycle.next) } else { Weighed::NONE };
+            self.deviate(weighed);
+        }
+    }
+
+    /// The variance of parameter i by the solution.
+    fn weigh(&mut self, i: usize) -> Weighed {
+        let [moving, held, taken] = self.cycle.variance_of(i, &self.m, self.whitening.as_ref());
+        let share = self.window_share();
+        let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
+        Weighed { moving, held, taken, long_run }
+    }
+
+    /// Standard deviation and state of the next parameter: by `weighed`, its own, if the solution was taken.
+    fn deviate(&mut self, weighed: Weighed) {
+        let i = self.cycle.next;
+        self.cycle.next = if i + 1 == self.n { 0 } else { i + 1 };
+        let Weighed { moving, held, taken, long_run } = if self.cycle.solved { weighed } else { Weighed::NONE };
+        let tolerance = self.cycle.judge.tolerance().powi(2);
+        let moves = if moving > 0.0 { long_run } else { 0.0 };
+        let (std, width) = ((moves + held).sqrt(), (moves + taken).sqrt());
+        let least = moving.max(tolerance).max((HELD_SHARE * self.prior[i]).powi(2));
+        if taken <= least && width.is_finite() {
+            // Thresholds go by white residuals: with the long-run variance of a few blocks, too much would be held. Only ever downwards: else a
+            // window that runs dry would loosen its own threshold.
+            self.cycle.belief[i] = self.cycle.belief[i].min((moving + taken).sqrt());
+            self.cycle.width[i] = width;
+        }
+        if held <= least && std.is_finite() {
+            self.state[i] = ParameterState::Active;
+            if held <= MOST_HELD * moving {
+                self.cycle.stated[i] = std;
             }
-            if held <= least && std.is_finite() {
-                self.state[i] = ParameterState::Active;
-                if held <= MOST_HELD * moving {
-                    self.cycle.stated[i] = std;
-                }
-                self.std[i] = std / self.column[i];
-            } else if self.state[i] == ParameterState::Unidentified {
-                // Partly seen: better known than before, if not well.
-                self.std[i] = std.min(self.prior[i]) / self.column[i];
-                self.doubt_carried(i);
-            } else {
-                self.state[i] = ParameterState::Held;
-            }
+            self.std[i] = std / self.column[i];
+        } else if self.state[i] == ParameterState::Unidentified {
+            // Partly seen: better known than before, if not well.
+            self.std[i] = std.min(self.prior[i]) / self.column[i];
+            self.doubt_carried(i);
+        } else {
+            self.state[i] = ParameterState::Held;
         }
     }
 
