@@ -19,7 +19,7 @@ impl Drop for Witness {
 }
 
 fn flight(folder: &std::path::Path) -> Flight {
-    Flight::new(folder, "arm.service", &[("q", 2), ("tau", 2), ("state", 1)])
+    Flight::new(folder, "arm.service", &[("q", 2), ("tau", 2), ("state", 1)], &[])
 }
 
 /// Not a test: the process that panics. `RIVET_TEST_FLIGHT` says where; with `deaf` in its name nobody serves the record.
