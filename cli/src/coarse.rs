@@ -17,6 +17,9 @@ const LEAST_BAND: f64 = 2.0;
 /// Positions are too coarse where a speed, by differences of theirs, is off by more than this share of the joint's dead zone (one
 /// standard deviation): then rows that count have no direction.
 const OF_DEAD_ZONE: f64 = 0.5;
+/// Where friction goes by the load of the gear, they are too coarse where an acceleration, by second differences, is off by more than this
+/// share of what the joint usually has: the load's size counts noise as load, which no filter takes out of the column later.
+const OF_ACCELERATION: f64 = 0.1;
 /// Rows come at so many times the cut-off of the model filter: a central difference then keeps sin(x)/x of a speed at the cut-off, 0.64 of it.
 const LEAST_RATE: f64 = 4.0;
 /// Readings are noisy where they are off by more than so many times what the joint moves in the jitter of the stamps.
@@ -34,10 +37,19 @@ enum Off {
     Noise(f64),
 }
 
+/// What they are too coarse for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum For {
+    /// The direction of friction near standstill.
+    Direction,
+    /// The load that friction goes by.
+    Load,
+}
+
 /// What is to be done about the steps and the noise of a log.
 pub(crate) struct Coarse {
     /// Joints (from 0) that are too coarse.
-    joints: Vec<(usize, Off)>,
+    joints: Vec<(usize, Off, For)>,
     /// Motion and torque are kept up to this \[Hz\].
     hz: f64,
     /// Up to where speeds are good enough, which may be less \[Hz\].
@@ -49,6 +61,7 @@ pub(crate) struct Coarse {
 pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
     let (period_s, signal) = (log.median_step_s(), &robot.config.signal);
     let velocity = robot.model.structure.sign_velocity;
+    let least_hz = LEAST_BAND * signal.model_filter_hz;
     let of = |(j, q): (usize, &Vec<f64>)| {
         let noise = position_noise(q);
         // A row that comes early or late is no noise: its stamp says so.
@@ -58,16 +71,30 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
             Some((step, rounding)) if noise < BEYOND_STEPS * rounding => (Off::Steps(step), rounding),
             _ => (Off::Noise(noise), noise),
         };
-        // Of a central difference.
+        // Of a central difference, and of a second one.
         let speed = noise / (2.0_f64.sqrt() * period_s);
-        (velocity > 0.0 && speed > OF_DEAD_ZONE * signal.dead_zone[j])
-            .then(|| (j, off, told_up_to_hz(noise, period_s, velocity)))
+        let acceleration = 6.0_f64.sqrt() * noise / (period_s * period_s);
+        if velocity > 0.0 && speed > OF_DEAD_ZONE * signal.dead_zone[j] {
+            return Some((j, off, For::Direction, told_up_to_hz(noise, period_s, velocity)));
+        }
+        let by_load = robot.model.structure.load_friction && acceleration > 0.0;
+        (by_load && acceleration > OF_ACCELERATION * usual_acceleration(q, period_s, signal.model_filter_hz))
+            .then_some((j, off, For::Load, least_hz))
     };
-    let found: Vec<(usize, Off, f64)> = log.q.par_iter().enumerate().filter_map(of).collect();
+    let found: Vec<(usize, Off, For, f64)> = log.q.par_iter().enumerate().filter_map(of).collect();
     let told_hz = found.iter().map(|(.., hz)| *hz).reduce(f64::min)?;
-    let hz = told_hz.max(LEAST_BAND * signal.model_filter_hz);
-    let joints = found.into_iter().map(|(j, off, _)| (j, off)).collect();
+    let hz = told_hz.max(least_hz);
+    let joints = found.into_iter().map(|(j, off, what_for, _)| (j, off, what_for)).collect();
     (hz < ALL / period_s).then(|| Coarse { joints, hz, told_hz, log: runs::short_name(&log.path) })
+}
+
+/// What a joint's acceleration usually is \[rad/s²\], root mean square, by second differences so far apart that they have next to no noise: a
+/// quarter of a period at the cut-off of the model filter.
+fn usual_acceleration(q: &[f64], period_s: f64, filter_hz: f64) -> f64 {
+    let lag = ((0.25 / (filter_hz * period_s)).round() as usize).max(1);
+    let of = |w: &[f64]| (w[0] - 2.0 * w[lag] + w[2 * lag]).powi(2);
+    let squares: f64 = q.windows(2 * lag + 1).map(of).sum();
+    (squares / q.len().saturating_sub(2 * lag).max(1) as f64).sqrt() / (lag as f64 * period_s).powi(2)
 }
 
 /// By how much a joint moves in what the log's steps differ from the usual one: root mean square \[rad\].
@@ -200,7 +227,7 @@ impl Coarse {
         } else {
             String::new()
         };
-        let of = |(j, off): &(usize, Off)| {
+        let of = |(j, off, what_for): &(usize, Off, For)| {
             let (name, what) = match off {
                 Off::Steps(step) => (COARSE_NAME, format!("positions come in steps of {} rad", number(*step, 2))),
                 Off::Noise(noise) => {
@@ -212,9 +239,12 @@ impl Coarse {
                 joint: Some(robot.model.arm.joints[*j].name.clone()),
                 name,
                 text: format!(
-                    "{what}: what is faster than {} Hz is smoothed away before differences are taken, or near standstill speed would \
-                     have no direction{still}",
-                    number(self.hz, 2)
+                    "{what}: what is faster than {} Hz is smoothed away before differences are taken, or {}",
+                    number(self.hz, 2),
+                    match what_for {
+                        For::Direction => format!("near standstill speed would have no direction{still}"),
+                        For::Load => "the load that its friction goes by would be noise".to_owned(),
+                    }
                 ),
             }
         };

@@ -99,12 +99,12 @@ impl Recording {
 
     /// The joints that move and do not follow the setpoints sent with them.
     pub(crate) fn unfollowed(&self) -> BTreeSet<usize> {
-        let of = |Stretch { log, .. }: &Stretch| match (&log.q_des, &log.qd_des, &log.qdd_des) {
-            (Some(plan), Some(_), Some(_)) => {
+        let of = |Stretch { log, .. }: &Stretch| match &log.q_des {
+            Some(plan) => {
                 let [measured, desired] = [&log.q, plan].map(|q| Trajectory::from_positions(q, self.period_s));
                 unfollowed(&measured, &desired, self.period_s)
             }
-            _ => Vec::new(),
+            None => Vec::new(),
         };
         self.pieces.iter().flat_map(of).collect()
     }
@@ -141,18 +141,17 @@ impl Recording {
         if let Some(temperature) = &log.temperature {
             state.temperature[..self.joints].copy_from_slice(&at(temperature)[..self.joints]);
         }
-        let setpoint = match (&log.q_des, &log.qd_des, &log.qdd_des) {
-            (Some(q), Some(qd), Some(qdd)) => Some(Setpoint {
-                seq,
-                stamp_ns,
-                q: at(q),
-                qd: at(qd),
-                qdd: at(qdd),
-                joints: self.joints as u32,
-                ..Setpoint::default()
-            }),
-            _ => None,
-        };
+        // Derivatives that a log lacks are left at 0: the daemon then makes both of the positions.
+        let rate = |signals: &Option<Vec<Vec<f64>>>| signals.as_ref().map_or([0.0; MAX_JOINTS], at);
+        let setpoint = log.q_des.as_ref().map(|q| Setpoint {
+            seq,
+            stamp_ns,
+            q: at(q),
+            qd: rate(&log.qd_des),
+            qdd: rate(&log.qdd_des),
+            joints: self.joints as u32,
+            ..Setpoint::default()
+        });
         let mut link = LinkState { seq, stamp_ns, joints: self.joints as u32, ..LinkState::default() };
         for (out, signal) in link.q.iter_mut().zip(&log.q_link) {
             *out = signal.as_ref().map_or(f64::NAN, |signal| signal[k]);

@@ -125,7 +125,7 @@ impl<'a> Summary<'a> {
         }
         match self.robot.config.estimator.instruments {
             Instruments::Setpoint | Instruments::SetpointThroughLoop => {
-                "instruments = \"setpoint\" needs q_des, qd_des and qdd_des of every joint; \"auto\" takes what the log has"
+                "instruments = \"setpoint\" needs q_des of every joint; \"auto\" takes what the log has"
             }
             Instruments::SecondEncoder => {
                 "instruments = \"second-encoder\" needs q_link of every joint, which moves as q does; \"auto\" takes what the log has"
@@ -148,14 +148,14 @@ impl<'a> Summary<'a> {
             Ok(InstrumentSource::SecondEncoder) => "second encoders (q_link of the log)",
             Ok(InstrumentSource::PreviousCycle) if asked => "previous cycle (the motion repeats)",
             Ok(InstrumentSource::PreviousCycle) => {
-                "previous cycle (the motion repeats, and the log has no desired motion with its derivatives)"
+                "previous cycle (the motion repeats, and the log has no desired motion)"
             }
             Ok(InstrumentSource::Delayed) => match self.robot.config.estimator.instruments {
                 Instruments::PreviousCycle { .. } => {
                     "delayed (no cycle is found in the last motion: the measured regressor some time ago)"
                 }
                 Instruments::Delayed { .. } => "delayed, as the robot file asks (the measured regressor some time ago)",
-                _ => "delayed (no desired motion with its derivatives: the measured regressor some time ago)",
+                _ => "delayed (no desired motion: the measured regressor some time ago)",
             },
             Ok(InstrumentSource::None) if self.without() => "none: nothing is learnt from this log",
             Ok(InstrumentSource::None) => "none (least squares)",
