@@ -36,7 +36,7 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         // What asks for these columns stands in another file.
         if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
     })?;
-    let log = log.by_its_positions();
+    let log = log.by_its_positions().without_crowds();
     let (step, period) = (log.median_step_s(), config.sample_period_s);
     let file = path.display();
     if step >= SLOWEST * period {

@@ -274,6 +274,7 @@ mod tests {
             unused: Vec::new(),
             stamps: None,
             off_s: 0.0,
+            crowded: 0,
         }
     }
 

@@ -32,6 +32,7 @@
 
 mod clock;
 mod columns;
+mod crowded;
 mod csv_file;
 mod error;
 mod frozen;

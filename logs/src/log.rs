@@ -78,6 +78,8 @@ pub struct Log {
     pub stamps: Option<Vec<f64>>,
     /// What is left of jitter in `t` \[s\], root mean square, and at most, by what positions say; 0 where they follow `t`.
     pub off_s: f64,
+    /// Rows of the file that came right after another and were taken together with it ([`Log::without_crowds`]).
+    pub crowded: usize,
 }
 
 /// Reads a log, Parquet or CSV; what the file starts with decides, not its name.
@@ -215,6 +217,7 @@ impl Log {
             unused: self.unused.clone(),
             stamps: None,
             off_s: self.off_s,
+            crowded: self.crowded,
         }
     }
 
@@ -302,6 +305,7 @@ impl Log {
             unused: table.unused,
             stamps: None,
             off_s: 0.0,
+            crowded: 0,
         })
     }
 }

@@ -105,6 +105,7 @@ mod tests {
             unused: Vec::new(),
             stamps: None,
             off_s: 0.0,
+            crowded: 0,
         }
     }
 

@@ -67,6 +67,8 @@ pub struct ResampleReport {
     pub off_s: f64,
     /// Rows that are not there: steps of whole multiples of the usual one.
     pub missing: usize,
+    /// Rows that came right after another and were taken together with it, in the whole file.
+    pub crowded: usize,
     /// Steps longer than 2.5 usual ones.
     pub gaps: Vec<Gap>,
     /// Per joint: share of the rows in motion at which the position repeats the row before (stair-case encoders).
@@ -174,6 +176,7 @@ impl Log {
             stamps_jitter_s: self.stamps_jitter_s(),
             off_s: self.off_s,
             missing,
+            crowded: self.crowded,
             gaps,
             repeated: self.q.iter().map(|q| repeated_share(q)).collect(),
             period_s,
@@ -228,6 +231,10 @@ impl fmt::Display for ResampleReport {
                 ", {} missing",
                 if self.missing == 1 { "1 row".to_owned() } else { format!("{} rows", self.missing) }
             )?;
+        }
+        if self.crowded > 0 {
+            let rows = if self.crowded == 1 { "1 row".to_owned() } else { format!("{} rows", self.crowded) };
+            write!(f, ", {rows} right after another taken together with it")?;
         }
         let longest = self.gaps.iter().max_by(|a, b| a.length_s.total_cmp(&b.length_s));
         if let Some(longest) = longest {
