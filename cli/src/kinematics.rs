@@ -47,6 +47,8 @@ enum Reading {
     Swapped(usize, usize),
     /// Joints are counted from the flange to the base.
     BackToFront,
+    /// Positions are in the zero of the URDF already: what the file adds to those of logs is not to be added.
+    WithoutZeros,
 }
 
 impl Reading {
@@ -63,11 +65,14 @@ impl Reading {
         // Of two joints that is the exchange.
         let order =
             (joints.len() > 2 && joints.iter().all(|j| j.kind == joints[0].kind)).then_some(Reading::BackToFront);
-        zeros.chain(reversed).chain(swapped).chain(order).collect()
+        // Of one joint that is another zero.
+        let without = robot.config.log.joint_zero.iter().filter(|zero| **zero != 0.0).count() > 1;
+        let without = without.then_some(Reading::WithoutZeros);
+        zeros.chain(reversed).chain(swapped).chain(order).chain(without).collect()
     }
 
     /// The log read so.
-    fn of(self, log: &Log) -> Log {
+    fn of(self, robot: &Robot, log: &Log) -> Log {
         let mut log = log.clone();
         let Log { q, tau, qd, q_des, qd_des, qdd_des, q_link, .. } = &mut log;
         let tau = tau.as_mut().map(|(_, tau)| tau);
@@ -91,6 +96,12 @@ impl Reading {
                 groups.into_iter().flatten().for_each(|signals| signals.reverse());
                 q_link.reverse();
             }
+            Reading::WithoutZeros => {
+                for (j, zero) in robot.config.log.joint_zero.iter().enumerate() {
+                    let columns = [Some(&mut *q), q_des.as_mut()].into_iter().flatten().map(|signals| &mut signals[j]);
+                    columns.chain(&mut q_link[j]).flatten().for_each(|q| *q -= zero);
+                }
+            }
         }
         log
     }
@@ -99,7 +110,7 @@ impl Reading {
     fn joint(self) -> Option<usize> {
         match self {
             Reading::Zero(j, _) | Reading::Reversed(j) => Some(j),
-            Reading::Swapped(..) | Reading::BackToFront => None,
+            Reading::Swapped(..) | Reading::BackToFront | Reading::WithoutZeros => None,
         }
     }
 
@@ -110,6 +121,7 @@ impl Reading {
             Reading::Reversed(j) => format!("{} counted the other way round", name(j)),
             Reading::Swapped(a, b) => format!("{} and {} in each other's columns", name(a), name(b)),
             Reading::BackToFront => "the joints counted from the flange to the base".to_owned(),
+            Reading::WithoutZeros => "positions taken as logged, without the file's joint_zero".to_owned(),
         }
     }
 }
@@ -184,7 +196,7 @@ fn better(robot: &Robot, logs: &[Log]) -> Option<Vec<Better>> {
 fn left(robot: &Robot, logs: &[Log], reading: Option<Reading>) -> Option<Left> {
     let mut rows: Vec<Rows> = Vec::new();
     for log in logs {
-        let read = reading.map_or_else(|| Cow::Borrowed(log), |reading| Cow::Owned(reading.of(log)));
+        let read = reading.map_or_else(|| Cow::Borrowed(log), |reading| Cow::Owned(reading.of(robot, log)));
         rows.extend(rows_of(robot, &read).ok()?.rows);
     }
     let of = |rows: &[Rows], values: &[f64]| -> Option<Vec<f64>> {

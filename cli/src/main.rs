@@ -1,5 +1,6 @@
 //! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
 
+mod as_found;
 mod bench_loop;
 mod blind;
 mod bounds;

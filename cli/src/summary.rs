@@ -1,5 +1,6 @@
 //! What an on-line run identified, for people and for programs.
 
+use crate::as_found::{AsFound, as_found};
 use crate::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
 use crate::doubts::{missing_more, unexplained};
 use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
@@ -39,6 +40,8 @@ pub(crate) struct Summary<'a> {
     misread: Option<Distrust>,
     /// Why its positions are refused, where that is known.
     coarse: Option<&'a str>,
+    /// What the last values leave of the last window; none where the arm stands still there.
+    as_found: Option<AsFound>,
 }
 
 /// Why no parameters were published for a log of so many samples.
@@ -98,10 +101,12 @@ impl<'a> Summary<'a> {
         let distrusts = &recording.distrusts;
         // It is asked off line, which not every log that was learnt from on line can be: then nobody knows.
         let misread = misread(robot, &[recording.path().to_owned()], &nominal_percent(robot, health));
+        let learnt = [&parameters.values, &parameters.std].map(|values| &values[..parameters.len()]);
         Summary {
             robot,
             parameters,
             health,
+            as_found: as_found(robot, recording.path(), learnt),
             samples: recording.len(),
             unfollowed: recording.unfollowed(),
             distrusts,
@@ -204,14 +209,19 @@ impl<'a> Summary<'a> {
             let joints: Vec<&str> = of.iter().filter_map(|d| d.joint.as_deref()).collect();
             format!("{}: {}", joints.join(", "), of[0].text)
         });
-        let left = |j: usize| 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
-        let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
+        // By the last values where that is known: what is told one step ahead holds how they came about.
+        let left: Vec<f64> = match &self.as_found {
+            // Nothing is left of no torque.
+            Some(last) => (0..model.arm.dof()).map(|j| self.left(j).map_or(0.0, |_| last.found[j])).collect(),
+            None => (0..model.arm.dof()).map(|j| self.left(j).unwrap_or(0.0)).collect(),
+        };
         let unexplained = unexplained(&runs::joint_names(self.robot), &left);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
         let nominal = nominal_percent(self.robot, self.health);
-        let more = missing_more(&runs::joint_names(self.robot), &nominal, &left);
-        let more = (!more.is_empty()).then(|| {
+        let more =
+            self.as_found.as_ref().map(|last| missing_more(&runs::joint_names(self.robot), &last.given, &last.found));
+        let more = more.filter(|more| !more.is_empty()).map(|more| {
             format!("values as found miss more of the last torque than those of the robot file ({})", more.join(", "))
         });
         // A torque that is not believed anyway has no arm either.
@@ -229,6 +239,12 @@ impl<'a> Summary<'a> {
             .chain(another)
             .chain(model.arm.joints.iter().enumerate().filter_map(joint))
             .collect()
+    }
+
+    /// What was not explained one step ahead of joint `j`'s torque \[%\]; none without a row in the window.
+    fn left(&self, j: usize) -> Option<f64> {
+        let torque = self.health.torque_rms[j];
+        (torque > 0.0).then(|| 100.0 * self.parameters.residual_rms[j] / torque)
     }
 
     fn state(&self, i: usize) -> &'static str {
@@ -306,6 +322,8 @@ impl<'a> Summary<'a> {
                     "joint": joint.name, "residual_rms": p.residual_rms[j],
                     "nominal_residual_rms": self.health.nominal_residual_rms[j], "torque_rms": self.health.torque_rms[j],
                     "torque_noise": p.torque_noise[j],
+                    "as_found_percent": self.as_found.as_ref().map(|last| last.found[j]),
+                    "as_given_percent": self.as_found.as_ref().map(|last| last.given[j]),
                 })
             })
             .collect();
@@ -373,18 +391,23 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "and {} inertial base parameters (--json and --stream have all)\n", inertial.count())?;
         writeln!(
             f,
-            "{:<24} {:>14} {:>14} {:>14} {:>9}",
-            "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]"
+            "{:<24} {:>14} {:>14} {:>14} {:>9} {:>13}",
+            "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]", "as found [%]"
         )?;
+        let percent = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.1}"));
         for (j, joint) in model.arm.joints.iter().enumerate() {
-            let left = 100.0 * p.residual_rms[j] / self.health.torque_rms[j].max(f64::MIN_POSITIVE);
+            let (residual, nominal) = (p.residual_rms[j], self.health.nominal_residual_rms[j]);
             writeln!(
                 f,
-                "{:<24} {:>14.3} {:>14.3} {:>14.3} {:>9.1}",
-                joint.name, p.residual_rms[j], self.health.nominal_residual_rms[j], self.health.torque_rms[j], left
+                "{:<24} {residual:>14.3} {nominal:>14.3} {:>14.3} {:>9} {:>13}",
+                joint.name,
+                self.health.torque_rms[j],
+                percent(self.left(j)),
+                percent(self.as_found.as_ref().filter(|_| self.left(j).is_some()).map(|last| last.found[j]))
             )?;
         }
-        writeln!(f, "residual: model-filtered torque not explained one step ahead, rms over the window\n")?;
+        writeln!(f, "residual and left: model-filtered torque not explained one step ahead, rms over the window;")?;
+        writeln!(f, "as found: what the values above leave of the last window, rows near standstill included\n")?;
         match self.bias() {
             Some(bias) => write!(f, "{}", bias_text(&bias, &self.compared()).trim_end()),
             None if self.robot.config.estimator.kind.least_squares() => {

@@ -68,6 +68,19 @@ fn another_zero_sign_or_order_of_joints_is_told() {
     assert!(said[0][2].contains("the joints counted from the flange to the base"), "{said:?}");
 }
 
+/// A log in the zero of the URDF, as a bus or a simulator has it, read with the file's `joint_zero`.
+#[test]
+fn a_log_that_needs_no_zero_is_told() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let given = std::fs::read_to_string(case.join("robot.toml")).expect("a robot file");
+    let file = folder.path().join("robot.toml");
+    std::fs::write(&file, given + "\n[log]\njoint_zero = [0, -1.570796, 1.570796, 0, 0, 0]\n").expect("written");
+    std::fs::copy(case.join("robot.urdf"), folder.path().join("robot.urdf")).expect("copied");
+    let said = told(&file, |_| ());
+    assert!(said[0][2].contains("positions taken as logged, without the file's joint_zero"), "{said:?}");
+}
+
 /// Half of every joint's torque is not this arm's; the file of an arm whose links are a few centimetres longer cannot be told.
 #[test]
 fn the_file_of_another_arm_is_told_where_it_can_be() {
