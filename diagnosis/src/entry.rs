@@ -127,6 +127,7 @@ fn run_all(
         cut,
         fit_seconds: look.iter().map(Run::seconds).sum(),
         sealed_seconds: sealed.seconds(),
+        of_another_kind: None,
     };
     if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
         let why = if data.fit_seconds < LEAST_SECONDS {

@@ -122,7 +122,7 @@ mod tests {
 
     /// Joints a, b and c with these gaps in motion; one cause on each of the first joints.
     fn diagnosis(in_motion: [[f64; 2]; 3], effects: &[Effect]) -> Diagnosis {
-        let data = DataUse { runs: 2, cut: false, fit_seconds: 10.0, sealed_seconds: 5.0 };
+        let data = DataUse { runs: 2, cut: false, fit_seconds: 10.0, sealed_seconds: 5.0, of_another_kind: None };
         let names = ["a", "b", "c"].map(str::to_owned);
         let gap = |(joint, in_motion): (&String, [f64; 2])| JointGap {
             joint: joint.clone(),

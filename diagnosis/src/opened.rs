@@ -11,7 +11,7 @@ use crate::lmg;
 use crate::log_check::LogFinding;
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step};
-use crate::report::{BetweenRuns, Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::sealed::{IN_MOTION, SOUND, Sealed};
 use crate::search::{Bursts, Search};
@@ -225,7 +225,9 @@ impl Opened<'_> {
             let touch = !self.acts_throughout(step);
             let stands = alone && touch && instead.is_none() && judge.upholds(k, step, shrink, self.solved);
             upheld.push(stands);
-            let cause = Cause { impossible: instead, ..self.cause(k, step, shrink, &judge, &load) };
+            // Whether it is material goes by what was looked at; what is promised, by what that says of motion of another kind.
+            let told = shrink.wider(self.prediction.wider);
+            let cause = Cause { impossible: instead, ..self.cause(k, step, told, &judge, &load) };
             if stands { &mut causes } else { &mut withdrawn }.push(cause);
         }
         let refused: Vec<String> =
@@ -306,7 +308,7 @@ impl Opened<'_> {
             withdrawn,
             unexplained_share,
             creeping_share: creeping_share(measured),
-            data: procedure.data,
+            data: DataUse { of_another_kind: self.prediction.of_another_kind, ..procedure.data },
             remark,
             left_out: Vec::new(),
             refuted,

@@ -10,7 +10,11 @@
 //!
 //! A fit makes r and d orthogonal, but not near standstill, where rows have no weight: there neither model is right.
 //!
-//! A motion that creeps more leaves more; how fast it goes is known from the motion alone.
+//! A motion that creeps more leaves more; how fast it goes is known from the motion alone. What counts as a row's speed is the largest about
+//! it: a joint that turns round is at rest for a moment, and what friction then does is mixed with what it does beside it.
+//!
+//! Motion of another kind shows effects that the runs looked at hide (a joint that sticks in a dwell, one that bends when it is fast). How
+//! much of the time joints go at speeds that those hardly have is known as well, and widens the interval.
 //!
 //! The interval is that of a block bootstrap of coefficients and v, widened for what bootstraps do not know: inner values
 //! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
@@ -28,12 +32,18 @@ const WIDENED: f64 = 0.02;
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
 const BINS: usize = 9;
 const SLOWEST: f64 = 3.5;
+/// Time either side in which the largest speed is a row's \[s\]: about the memory of the model filter.
+const ABOUT_S: f64 = 0.03;
+/// Speeds of parts of one motion are as different as this, as a share of the time; from there on the interval is wider, on either side, by
+/// so much for each unit of it. (Practice logs cut so that one kind of motion is looked at and the other sealed: 0.45 to 0.8.)
+const ANOTHER_KIND: f64 = 0.35;
+const WIDER: f64 = 0.5;
 /// Length of a block of residuals \[s\], and the least number of blocks of a run.
 const BLOCK_S: f64 = 2.5;
 const LEAST_BLOCKS: usize = 4;
 /// How far v may vary, as a factor.
 const VARIES: f64 = 5.0;
-/// Rows that the mean over all speeds counts as, at each speed.
+/// Rows that what is left at the next faster speed counts as, at each speed.
 const FEW: f64 = 10.0;
 /// The interval's ends among sorted resamplings.
 const TAIL: f64 = 0.05;
@@ -42,6 +52,10 @@ const TAIL: f64 = 0.05;
 pub(crate) struct Prediction {
     /// Shrink of each cause with the ends of its interval.
     pub(crate) shrink: Vec<(f64, f64, f64)>,
+    /// By how much the interval told is wider on either side, because the sealed motion is of another kind.
+    pub(crate) wider: f64,
+    /// Share of the time for which joints go at speeds on the sealed motion at which they are less often on the runs looked at, where it is.
+    pub(crate) of_another_kind: Option<f64>,
     /// Gap after each stage, the model as given first, with the ends of its interval.
     pub(crate) gaps: Vec<(f64, f64, f64)>,
     /// 90 % interval of each coefficient over the resamplings.
@@ -128,7 +142,9 @@ pub(crate) fn predict(
         })
         .collect();
     let coefficients = (0..x.len()).map(|k| ends(&x_again, k)).collect();
-    Some(Prediction { shrink, gaps, coefficients })
+    let of_another_kind = Some(rest.of_another_kind()).filter(|share| *share > ANOTHER_KIND);
+    let wider = of_another_kind.map_or(0.0, |share| WIDER * (share - ANOTHER_KIND));
+    Some(Prediction { shrink, wider, of_another_kind, gaps, coefficients })
 }
 
 /// Squares and rows of a block's residual, `[joint][speed]`.
@@ -170,10 +186,9 @@ impl Leaves {
                 if run.run.silent[j].is_some() {
                     continue;
                 }
-                let speed = run.run.chain.sample(&run.run.motion.qd[j]);
+                let at_rows = bins_of(run, j);
                 let rows = own.tau[j].len();
-                for (k, ((tau, model), v)) in own.tau[j].iter().zip(&own.models[last][j]).zip(speed).enumerate() {
-                    let at = bin_of(v);
+                for (k, ((tau, model), at)) in own.tau[j].iter().zip(&own.models[last][j]).zip(at_rows).enumerate() {
                     let bin = &mut blocks[first + k * count / rows.max(1)][j][at];
                     bin[0] += (tau - model).powi(2);
                     bin[1] += 1.0;
@@ -185,9 +200,7 @@ impl Leaves {
                 }
             }
         }
-        let rows: Vec<Vec<usize>> = (0..joints)
-            .map(|j| sealed.run.chain.sample(&sealed.run.motion.qd[j]).iter().map(|v| bin_of(*v)).collect())
-            .collect();
+        let rows: Vec<Vec<usize>> = (0..joints).map(|j| bins_of(sealed, j)).collect();
         let share = |rows: &Vec<usize>| {
             let mut of = [0.0; BINS];
             for bin in rows {
@@ -209,21 +222,48 @@ impl Leaves {
         sum / model.len().max(1) as f64
     }
 
+    /// How much of the time joints go at speeds on the sealed motion at which they are less often on the runs looked at.
+    fn of_another_kind(&self) -> f64 {
+        let joint = |(j, speeds): (usize, &[f64; BINS])| {
+            let rows = |bin: usize| self.blocks.iter().map(|block| block[j][bin][1]).sum::<f64>();
+            let all: f64 = (0..BINS).map(rows).sum();
+            let more = |(bin, share): (usize, &f64)| (share - rows(bin) / all).max(0.0);
+            (all > 0.0).then(|| speeds.iter().enumerate().map(more).sum::<f64>())
+        };
+        let joints: Vec<f64> = self.speeds.iter().enumerate().filter_map(joint).collect();
+        joints.iter().sum::<f64>() / joints.len().max(1) as f64
+    }
+
     /// Mean square by joint on the sealed motion, if each speed leaves what it left in the blocks `of`.
     fn on_sealed(&self, of: &[usize]) -> Vec<f64> {
         let sum = |j: usize, bin: usize| {
             of.iter().fold([0.0; 2], |s, b| [s[0] + self.blocks[*b][j][bin][0], s[1] + self.blocks[*b][j][bin][1]])
         };
         let joint = |(j, speeds): (usize, &[f64; BINS])| -> f64 {
-            let bins: Vec<[f64; 2]> = (0..BINS).map(|bin| sum(j, bin)).collect();
-            let [square, rows] = bins.iter().fold([0.0; 2], |s, b| [s[0] + b[0], s[1] + b[1]]);
-            let usual = square / f64::max(rows, 1.0);
-            // Few rows at a speed say little: the joint's mean counts as so many more.
-            let at = |[square, rows]: &[f64; 2]| (square + FEW * usual) / (rows + FEW);
-            bins.iter().zip(speeds).map(|(bin, share)| share * at(bin)).sum()
+            let bins: [[f64; 2]; BINS] = std::array::from_fn(|bin| sum(j, bin));
+            // Few rows at a speed say little: what is left at the next faster one counts as so many more.
+            let fastest = bins.iter().rposition(|[_, rows]| *rows >= FEW).unwrap_or(BINS - 1);
+            let at_most = bins[fastest][0] / bins[fastest][1].max(1.0);
+            let mut at = at_most;
+            let slower = bins[..=fastest].iter().zip(speeds).rev().map(|([square, rows], share)| {
+                at = (square + FEW * at) / (rows + FEW);
+                share * at
+            });
+            slower.sum::<f64>() + at_most * speeds[fastest + 1..].iter().sum::<f64>()
         };
         self.speeds.iter().enumerate().map(joint).collect()
     }
+}
+
+/// Which half decade the largest speed about each row is in.
+fn bins_of(run: &RunColumns<'_>, j: usize) -> Vec<usize> {
+    let speed = run.run.chain.sample(&run.run.motion.qd[j]);
+    let about = (ABOUT_S / run.run.chain.row_period_s).round() as usize;
+    let largest = |k: usize| {
+        let rows = &speed[k.saturating_sub(about)..(k + about + 1).min(speed.len())];
+        rows.iter().fold(0.0_f64, |most, v| most.max(v.abs()))
+    };
+    (0..speed.len()).map(|k| bin_of(largest(k))).collect()
 }
 
 /// Which half decade a speed \[rad/s\] is in.

@@ -51,6 +51,13 @@ pub struct Shrink {
     pub measured: f64,
 }
 
+impl Shrink {
+    /// With an interval that is wider by so much on either side.
+    pub(crate) fn wider(self, by: f64) -> Shrink {
+        Shrink { low: self.low - by, high: (self.high + by).min(1.0), ..self }
+    }
+}
+
 /// One cause.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cause {
@@ -165,6 +172,9 @@ pub struct DataUse {
     pub fit_seconds: f64,
     /// Sealed.
     pub sealed_seconds: f64,
+    /// Share of the time for which joints go at speeds on the sealed motion at which they are less often on what was looked at, where that
+    /// is so much that intervals are wider for it.
+    pub of_another_kind: Option<f64>,
 }
 
 /// How the sealed run differs from those looked at where no cause explains it.
@@ -275,7 +285,7 @@ impl Diagnosis {
 
     /// No run is left whose torque says something, and `why`.
     pub(crate) fn unheard(log: Vec<LogFinding>, why: &str) -> Diagnosis {
-        let data = DataUse { runs: 0, cut: false, fit_seconds: 0.0, sealed_seconds: 0.0 };
+        let data = DataUse { runs: 0, cut: false, fit_seconds: 0.0, sealed_seconds: 0.0, of_another_kind: None };
         Diagnosis { log, ..Diagnosis::not_evaluated(data, why) }
     }
 

@@ -241,6 +241,10 @@ pub struct DataUse {
     pub fit_seconds: Number,
     /// Sealed.
     pub sealed_seconds: Number,
+    /// Share of the time for which joints go at speeds on the sealed motion at which they are less often on what was looked at, where that
+    /// is so much that intervals are wider for it.
+    #[serde(default)]
+    pub of_another_kind: Number,
     /// Names of runs that were left out, since their torque says nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unused: Vec<String>,

@@ -255,7 +255,15 @@ impl Document {
         let more = self.causes.len().saturating_sub(SHRINKS);
         let more = if more > 0 { format!("; {more} more below") } else { String::new() };
         let contact = if self.causes.iter().any(is_contact) { format!(" {OTHER_CONTACT}.") } else { String::new() };
-        format!("Shrink of the gap, predicted before the sealed torque was read: {}{more}.{contact}", each.join("; "))
+        let kind = self.data.of_another_kind.map_or_else(String::new, |share| {
+            let share = 100.0 * share;
+            format!(
+                " The sealed motion is of another kind ({share:.0} % of the time joints go at speeds that are rarer on what was looked at) \
+                 and may show what that hides: intervals are wider for it."
+            )
+        });
+        let each = each.join("; ");
+        format!("Shrink of the gap, predicted before the sealed torque was read: {each}{more}.{kind}{contact}")
     }
 
     /// Joints that keep a gap in motion with all that is named, in times of their noise; where more of them do than do not, those that

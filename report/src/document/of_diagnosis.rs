@@ -63,6 +63,7 @@ impl Document {
                 cut: found.data.cut,
                 fit_seconds: number(found.data.fit_seconds),
                 sealed_seconds: number(found.data.sealed_seconds),
+                of_another_kind: found.data.of_another_kind.and_then(number),
                 unused: found.unused.clone(),
             },
             remark: found.remark.clone(),
