@@ -43,6 +43,9 @@ const LEVERS: [f64; 2] = [0.3, 0.7];
 const PHASES: usize = 6;
 /// Parts of a joint's range at whose ends something may begin to pull.
 const PULLS: usize = 5;
+/// Beyond the angle from which something pulls a joint goes at least this share of its range, or what it does near the end, where it stands,
+/// is taken for a pull of any size.
+const LEAST_REACH: f64 = 0.1;
 /// Angles over which a spring that softens gives way \[rad\].
 const WIDTHS: [f64; 2] = [0.15, 0.4];
 
@@ -127,6 +130,13 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         }
     }
     forms
+}
+
+/// Whether the runs go far enough beyond `from` to tell what pulls from there on.
+pub(crate) fn is_reached(runs: &[Physics<'_>], joint: usize, from: f64, above: bool) -> bool {
+    let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
+    let beyond = if above { high - from } else { from - low };
+    beyond >= LEAST_REACH * (high - low)
 }
 
 /// The form itself, then all forms of the same effect on the same joints.

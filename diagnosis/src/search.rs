@@ -223,6 +223,9 @@ impl<'a> Search<'a> {
         if let Form::Force { windows, moment } = &form {
             return self.contact(windows, *moment, physics);
         }
+        if matches!(form, Form::Pull { joint, from, above } if !library::is_reached(physics, joint, from, above)) {
+            return None;
+        }
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();
         let count = columns.first()?.len();
         if count == 0 || columns.iter().all(|own| own.iter().all(|c| c.iter().all(Option::is_none))) {
