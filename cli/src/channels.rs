@@ -102,7 +102,8 @@ pub(crate) fn clipped(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
         sorted.sort_unstable_by(f64::total_cmp);
         let low = heap(sorted.iter());
         let high = heap(sorted.iter().rev());
-        for (value, rows) in [low, high].into_iter().flatten() {
+        // Of a joint that is braked, or whose channel is off, there is no torque: no drive is limited to that.
+        for (value, rows) in [low, high].into_iter().flatten().filter(|(value, _)| *value != 0.0) {
             let text = format!(
                 "column {} stands at {} N m, the {} value there is, in {rows} of {} rows: the drive or the recording gives no more, and the \
                  joint may have had another torque; move slower, or leave that part out",

@@ -427,6 +427,17 @@ mod tests {
     }
 
     #[test]
+    fn motion_of_another_kind_is_said_to_widen_intervals() {
+        let of = |share: Value| {
+            let data = json!({"runs": 2, "fit_seconds": 10.0, "sealed_seconds": 5.0, "of_another_kind": share});
+            let spring = json!([cause("joint_spring", &json!({}))]);
+            line(&document(&[("causes", spring), ("data", data)]), "How far")
+        };
+        assert!(of(json!(0.62)).contains("of another kind (62 % of the time"), "{}", of(json!(0.62)));
+        assert!(!of(Value::Null).contains("of another kind"));
+    }
+
+    #[test]
     fn runs_that_differ_are_said_to() {
         let of = |refuted: bool, between: &str| {
             let more =

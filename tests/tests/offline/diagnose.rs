@@ -1,17 +1,23 @@
 //! `rivet diagnose` on logs of arms that another program simulated, with effects the tool was not told.
 
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
+use rivet_logs::{ReadOptions, read, write_columns};
 use rivet_tests::{rivet, shared};
 use serde_json::Value;
 
 /// Exit code and JSON of `rivet diagnose` on a case's robot file and its two logs.
 fn diagnose(case: &Path) -> (i32, Value) {
+    diagnose_logs(case, ["log-a.parquet", "log-b.parquet"].map(|log| case.join(log)))
+}
+
+/// The same on two other logs.
+fn diagnose_logs(case: &Path, logs: [PathBuf; 2]) -> (i32, Value) {
     let folder = tempfile::tempdir().expect("a folder");
     let json = folder.path().join("diagnosis.json");
     let mut command = rivet();
-    command.arg("diagnose").arg(case.join("robot.toml"));
-    command.arg(case.join("log-a.parquet")).arg(case.join("log-b.parquet")).arg("--json").arg(&json);
+    command.arg("diagnose").arg(case.join("robot.toml")).args(logs).arg("--json").arg(&json);
     let output = command.output().expect("the program starts");
     let text = std::fs::read_to_string(&json)
         .unwrap_or_else(|why| panic!("{why}\n{}", String::from_utf8_lossy(&output.stderr)));
@@ -38,6 +44,36 @@ fn a_missing_effect_is_named_sized_and_its_worth_predicted() {
     assert!((shrink("predicted") - shrink("measured")).abs() < 0.05, "{spring}");
     assert!(shrink("low") <= shrink("measured") && shrink("measured") <= shrink("high"), "{spring}");
     assert!(found["gap"]["after"].as_f64() < found["gap"]["before"].as_f64());
+}
+
+/// Fourier series are looked at and moves from point to point sealed: what is promised is less sure than between parts of both, which is said, and
+/// comes true within that.
+#[test]
+fn a_promise_for_motion_of_another_kind_is_less_sure() {
+    let Some(case) = shared("data/practice-wrong-nominal/case-12") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let part = |name: &str, of: fn(usize) -> Range<usize>| {
+        let log = read(case.join(name), &ReadOptions::new(6)).expect("a log");
+        let log = log.slice(of(log.len()));
+        let mut columns = vec![("t".to_owned(), &log.t[..])];
+        for (kind, signals) in [("q", &log.q), ("tau", log.torque().expect("torque"))] {
+            columns.extend(signals.iter().enumerate().map(|(j, s)| (format!("{kind}{}", j + 1), &s[..])));
+        }
+        let path = folder.path().join(name);
+        write_columns(&path, &columns).expect("written");
+        path
+    };
+    let width = |found: &Value| {
+        let shrink = &named(found, "gravity_direction").expect("the tilt is named")["shrink"];
+        let [low, high, measured] = ["low", "high", "measured"].map(|key| shrink[key].as_f64().expect("a number"));
+        assert!(low <= measured && measured <= high, "{shrink}");
+        high - low
+    };
+    let (_, whole) = diagnose(&case);
+    let (_, halves) = diagnose_logs(&case, [part("log-a.parquet", |n| 0..n / 2), part("log-b.parquet", |n| n / 2..n)]);
+    assert!(whole["data"]["of_another_kind"].is_null(), "{}", whole["data"]);
+    assert!(halves["data"]["of_another_kind"].as_f64().is_some_and(|share| share > 0.5), "{}", halves["data"]);
+    assert!(width(&halves) > 2.0 * width(&whole), "{} {}", width(&halves), width(&whole));
 }
 
 /// Every value of the nominal model is wrong, as in life: the structure is still found.
