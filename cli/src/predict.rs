@@ -1,14 +1,14 @@
 //! `rivet predict`: the torque a model expects along a log, on the log's own rows.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
-use rivet_logs::{Log, interpolate, write_columns};
+use rivet_logs::{Log, interpolate, read_columns, write_columns};
 
 use crate::coarse::coarse;
 use crate::exit::Fault;
@@ -125,16 +125,30 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
     }
+    let t = every_row(&args.log, &log, &mut tau)?;
     let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
-    let mut columns: Vec<(&str, &[f64])> = vec![("t", log.logged_t())];
+    let mut columns: Vec<(&str, &[f64])> = vec![("t", &t)];
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
     write_columns(&args.out, &columns)?;
     for left in unseen(&robot.model, log.temperature.is_some()) {
         eprintln!("rivet predict: left out: {left}");
     }
     show(&report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()))?;
-    show(&format!("{} rows written to {}\n", log.len(), args.out.display()))?;
+    show(&format!("{} rows written to {}\n", t.len(), args.out.display()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Time of the rows as in the file, with those that were taken together, and `tau` on them.
+fn every_row(file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Result<Vec<f64>> {
+    let own = log.logged_t();
+    if log.crowded == 0 {
+        return Ok(own.to_vec());
+    }
+    let t = read_columns(file, &["t"])?.pop().unwrap_or_default();
+    for tau in tau {
+        *tau = interpolate(own, tau, &t);
+    }
+    Ok(t)
 }
 
 fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>>> {

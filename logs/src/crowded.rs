@@ -3,7 +3,7 @@
 use crate::log::Log;
 
 /// A row is right after another one where it is less than this share of the usual step away.
-const CLOSE: f64 = 0.25;
+const CLOSE: f64 = 0.1;
 
 impl Log {
     /// Rows that come right after another one are taken together with it: a curve through two positions a moment apart turns their noise
