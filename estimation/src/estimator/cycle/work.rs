@@ -377,7 +377,7 @@ impl Estimator {
         let [moving, held, taken] = self.cycle.variance_of(i, &self.m, self.whitening.as_ref());
         let share = self.window_share();
         let long_run = share * self.long_run.variance(&self.cycle.covector, self.count[0], moving / share);
-        Weighed { moving, held, taken, long_run }
+        Weighed { moving, long_run, held, taken }
     }
 
     /// Standard deviation and state of the next parameter: by `weighed`, its own, if the solution was taken.
