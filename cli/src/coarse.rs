@@ -38,7 +38,6 @@ enum Off {
 }
 
 /// What they are too coarse for.
-#[derive(Clone, Copy, PartialEq, Eq)]
 enum For {
     /// The direction of friction near standstill.
     Direction,

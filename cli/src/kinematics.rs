@@ -76,10 +76,14 @@ impl Reading {
         let mut log = log.clone();
         let Log { q, tau, qd, q_des, qd_des, qdd_des, q_link, .. } = &mut log;
         let tau = tau.as_mut().map(|(_, tau)| tau);
+        let mut turned = |j: usize, angle: f64| {
+            let columns = [Some(&mut *q), q_des.as_mut()].into_iter().flatten().map(|signals| &mut signals[j]);
+            columns.chain(&mut q_link[j]).flatten().for_each(|q| *q += angle);
+        };
         match self {
-            Reading::Zero(j, angle) => {
-                let columns = [Some(q), q_des.as_mut()].into_iter().flatten().map(|signals| &mut signals[j]);
-                columns.chain(&mut q_link[j]).flatten().for_each(|q| *q += angle);
+            Reading::Zero(j, angle) => turned(j, angle),
+            Reading::WithoutZeros => {
+                robot.config.log.joint_zero.iter().enumerate().for_each(|(j, zero)| turned(j, -zero));
             }
             Reading::Reversed(j) => {
                 let groups = [Some(q), tau, qd.as_mut(), q_des.as_mut(), qd_des.as_mut(), qdd_des.as_mut()];
@@ -95,12 +99,6 @@ impl Reading {
                 let groups = [Some(q), tau, qd.as_mut(), q_des.as_mut(), qd_des.as_mut(), qdd_des.as_mut()];
                 groups.into_iter().flatten().for_each(|signals| signals.reverse());
                 q_link.reverse();
-            }
-            Reading::WithoutZeros => {
-                for (j, zero) in robot.config.log.joint_zero.iter().enumerate() {
-                    let columns = [Some(&mut *q), q_des.as_mut()].into_iter().flatten().map(|signals| &mut signals[j]);
-                    columns.chain(&mut q_link[j]).flatten().for_each(|q| *q -= zero);
-                }
             }
         }
         log

@@ -209,12 +209,11 @@ impl<'a> Summary<'a> {
             let joints: Vec<&str> = of.iter().filter_map(|d| d.joint.as_deref()).collect();
             format!("{}: {}", joints.join(", "), of[0].text)
         });
-        // By the last values where that is known: what is told one step ahead holds how they came about.
-        let left: Vec<f64> = match &self.as_found {
-            // Nothing is left of no torque.
-            Some(last) => (0..model.arm.dof()).map(|j| self.left(j).map_or(0.0, |_| last.found[j])).collect(),
-            None => (0..model.arm.dof()).map(|j| self.left(j).unwrap_or(0.0)).collect(),
-        };
+        // What is told one step ahead holds how values came about, and what they leave of the last window, what joints hold that stand.
+        let last = |j: usize| self.as_found.as_ref().map_or(f64::INFINITY, |last| last.found[j]);
+        // Nothing is left of no torque.
+        let left = |j: usize| self.left(j).map_or(0.0, |left| left.min(last(j)));
+        let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
         let unexplained = unexplained(&runs::joint_names(self.robot), &left);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));

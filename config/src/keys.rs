@@ -258,7 +258,7 @@ pub const KEYS: &[Key] = &[
     key("supervision", "dwell", Integer, "samples", Within(0.0, 100_000.0), Fallback::Integer(20),
         "`tracked`: a direction that has come to be held stays so for at least this many samples after decimation."),
     key("supervision", "rounds", Integer, "-", Within(1.0, 64.0), Fallback::Integer(10),
-        "`tracked`: rounds of rotations from one decision to the next (every thousandth of the window, at most five rows, or ten of those that come within 8 ms, at least one); as many as there are parameters turn the directions after any change."),
+        "`tracked`: rounds of rotations from one decision to the next (every thousandth of the window, at least one row and at most five; where more come within 8 ms as many as do, up to ten, with as many more rounds); as many as there are parameters turn the directions after any change."),
     key("supervision", "min_angle", Number, "rad", Within(0.0, 1.5), Fallback::Number(0.0873),
         "`columns`: two parameters whose columns enclose less than this angle do not both move."),
     key("supervision", "max_condition", Number, "-", Within(100.0, 1e16), Fallback::Number(1e8),

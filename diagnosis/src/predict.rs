@@ -52,7 +52,7 @@ const TAIL: f64 = 0.05;
 pub(crate) struct Prediction {
     /// Shrink of each cause with the ends of its interval.
     pub(crate) shrink: Vec<(f64, f64, f64)>,
-    /// By how much the interval told is wider on either side, because the sealed motion is of another kind.
+    /// By how much an interval of a shrink is wider on either side when it is told, because the sealed motion is of another kind.
     pub(crate) wider: f64,
     /// Share of the time for which joints go at speeds on the sealed motion at which they are less often on the runs looked at, where it is.
     pub(crate) of_another_kind: Option<f64>,
@@ -133,17 +133,19 @@ pub(crate) fn predict(
             (*central, low.min(*central) - WIDENED, (high.max(*central) + WIDENED).min(1.0))
         })
         .collect();
+    let of_another_kind = Some(rest.of_another_kind()).filter(|share| *share > ANOTHER_KIND);
+    let wider = of_another_kind.map_or(0.0, |share| WIDER * (share - ANOTHER_KIND));
     let gaps = first
         .iter()
         .enumerate()
         .map(|(k, central)| {
             let (low, high) = ends(&gaps_again, k);
-            (*central, low.min(*central), high.max(*central))
+            // A shrink is a part of the gap before it.
+            let wider = wider * first[k.saturating_sub(1)];
+            (*central, (low.min(*central) - wider).max(0.0), high.max(*central) + wider)
         })
         .collect();
     let coefficients = (0..x.len()).map(|k| ends(&x_again, k)).collect();
-    let of_another_kind = Some(rest.of_another_kind()).filter(|share| *share > ANOTHER_KIND);
-    let wider = of_another_kind.map_or(0.0, |share| WIDER * (share - ANOTHER_KIND));
     Some(Prediction { shrink, wider, of_another_kind, gaps, coefficients })
 }
 

@@ -168,7 +168,7 @@ impl Rotations {
             }
         }
         let [z, d] = &self.rows;
-        add_products(&mut self.e[..n * stride], lambda, z, z, stride, Part::LowerInBlocks);
+        add_products(&mut self.e, lambda, z, z, stride, Part::LowerInBlocks);
         add_products(&mut self.a, lambda, z, d, stride, Part::All);
         self.b.iter_mut().for_each(|b| *b *= lambda);
         for (z, tau) in z.chunks_exact(stride).zip(tau) {

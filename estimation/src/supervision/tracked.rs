@@ -50,7 +50,7 @@ const STEPS: f64 = 1000.0;
 /// Rows from step to step at most, and where nothing is forgotten. Further apart, rounds of rotations do not follow what comes in:
 /// with 64, a window of an hour and a row every 20 ms one parameter of 58 moved in 50 s of motion, with 5 46.
 const MOST_ROWS: f64 = 5.0;
-/// Where rows come quickly, as many more as come in this time \[s\]: at 1 kHz five or eight identify the same on simulated arms.
+/// Where more come in this time \[s\], as many as do, up to twice as many: with as many rounds a row, five or eight at 1 kHz identify the same.
 const MOST_S: f64 = 0.008;
 const ROWS_FOR_EVER: f64 = 1.0;
 /// Sweeps that bring any basis to the information, for use off the real-time path.

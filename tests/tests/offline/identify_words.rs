@@ -18,7 +18,7 @@ fn a_robot_file_that_asks_for_instruments_the_log_has_not_is_told_that_nothing_i
         std::fs::copy(&path, folder.path().join(path.file_name().expect("a name"))).expect("copied");
     }
     let file = folder.path().join("robot.toml");
-    for (instruments, needs) in [("setpoint", "q_des"), ("second-encoder", "q_link"), ("auto", "")] {
+    for (instruments, needs) in [("setpoint", "needs q_des of"), ("second-encoder", "needs q_link of"), ("auto", "")] {
         let asked = text.replace("[estimator]", &format!("[estimator]\ninstruments = \"{instruments}\""));
         assert_ne!(asked, text);
         std::fs::write(&file, asked).expect("written");

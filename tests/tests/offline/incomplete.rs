@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rivet_logs::{Log, ReadOptions, read, write_columns};
+use rivet_logs::{Log, ReadOptions, read, read_columns, write_columns};
 use rivet_tests::altered::{result, sound, written};
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
@@ -93,6 +93,45 @@ fn setpoints_without_derivatives_get_those_of_their_positions() {
             assert!(apart(sound, &found) < 1.0, "{}", apart(sound, &found));
         }
     }
+}
+
+/// A row that comes a moment after another one is worth nothing, and spoils nothing; a prediction has it all the same.
+#[test]
+fn rows_right_after_another_cost_nothing() {
+    let Some(case) = shared("data/practice/case-24") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a log");
+    let crowd = [300, 700, 701, 1100, 1500];
+    let doubled = |x: &[f64], apart: f64| -> Vec<f64> {
+        let each = |(k, x): (usize, &f64)| std::iter::once(*x).chain(crowd.contains(&k).then_some(x + apart));
+        x.iter().enumerate().flat_map(each).collect()
+    };
+    let of = |signals: &Vec<Vec<f64>>| signals.iter().map(|x| doubled(x, 0.0)).collect::<Vec<_>>();
+    let tau = log.torque().expect("torque");
+    let crowded = Log { t: doubled(&log.t, 1e-5), q: of(&log.q), q_des: log.q_des.as_ref().map(of), ..log.clone() };
+    let found = |log: &Log, tau: &[Vec<f64>]| {
+        let path = written(log, tau, folder.path());
+        result(rivet().arg("identify").arg(case.join("robot.toml")).arg(path), folder.path())
+    };
+    let (_, sound) = found(&log, tau);
+    let (text, mended) = found(&crowded, &of(tau));
+    assert!(text.contains("5 rows right after another"), "{text}");
+    assert!(apart(&sound, &mended) < 0.5, "{}", apart(&sound, &mended));
+    let out = folder.path().join("predicted.parquet");
+    let path = written(&crowded, &of(tau), folder.path());
+    let mut predict = rivet();
+    assert!(
+        predict
+            .arg("predict")
+            .arg(case.join("robot.toml"))
+            .arg(path)
+            .arg("--out")
+            .arg(&out)
+            .status()
+            .is_ok_and(|s| s.success())
+    );
+    let columns = read_columns(&out, &["t", "tau_pred1"]).expect("a prediction");
+    assert!(columns[0] == crowded.t && columns[1].len() == crowded.t.len());
 }
 
 /// A row of zeros now and then, on all joints at once, is no torque.

@@ -21,6 +21,7 @@ const MOST_HELD: f64 = 1.0;
 const MOST_DECISIONS: f64 = 300.0;
 /// Rows that a decision waits for, at most, however long the window.
 const MOST_ROWS: f64 = 25.0;
+
 impl Estimator {
     /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
     ///
