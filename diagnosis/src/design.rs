@@ -26,6 +26,8 @@ const SPEED_DOUBT: f64 = 3e-4;
 /// The smoothing of positions smears a stop over this time \[s\]: an arm whose friction truly sticks stands before its speed is
 /// seen to reach zero. Sound arms that stick need 2 ms; 3 ms hid two effects of another program's cases.
 pub(crate) const SMEARED_S: f64 = 2e-3;
+/// A joint that stands for longer than this holds one torque \[s\].
+const HOLDS_S: f64 = 0.25;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
 const EXACT: f64 = 1e-3;
@@ -219,17 +221,22 @@ impl Surface {
         let slows = self.level / self.inertia.max(1e-9);
         // What it stops from within a sample the log does not show, but for what the model's own turn shows of it.
         let stopped = (slows * period_s - v0).max(0.0);
+        // None where it may stand, and carry any torque up to its friction.
         let at = |k: usize| {
             let unsure = self.blur.max(SPEED_DOUBT) + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
             let v = self.sum(&motion.qd, k);
-            if v.abs() <= unsure + slows * SMEARED_S {
-                // It may stand, and carry any torque up to its friction.
-                return self.level;
-            }
             let half = unsure + stopped;
-            0.5 * self.level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs()
+            (v.abs() > unsure + slows * SMEARED_S)
+                .then(|| 0.5 * self.level * (friction_sign(v + half, v0) - friction_sign(v - half, v0)).abs())
         };
-        (0..motion.len()).map(at).collect()
+        let each: Vec<Option<f64>> = (0..motion.len()).map(at).collect();
+        // Its torque is one unknown value for as long as it stands: longer says no more of anything.
+        let rows = |stretch: &[Option<f64>]| {
+            let more = (stretch.len() as f64 * period_s / HOLDS_S).max(1.0).sqrt();
+            let value = move |doubt: &Option<f64>| doubt.unwrap_or(more * self.level);
+            stretch.iter().map(value).collect::<Vec<f64>>()
+        };
+        each.chunk_by(|a, b| a.is_some() == b.is_some()).flat_map(rows).collect()
     }
 }
 

@@ -17,6 +17,9 @@ use crate::search::{Candidate, Search, Standing};
 /// From this share on the state is the joint's friction. Bristles of three other programs have 0.77 to 1.00, hoses with 0.3 to three times
 /// the joint's own friction 0.26 to 0.74.
 const WHOLE: f64 = 0.75;
+/// What is dragged along gives way over more than this \[rad\]; what turns over as soon as that is how softly the joint's own friction does,
+/// whatever level it has.
+const SHORT: f64 = 3e-3;
 
 /// What a form with such a state is by its share of the joint's friction.
 pub(crate) enum Kind {
@@ -26,8 +29,8 @@ pub(crate) enum Kind {
     Beside(Box<(Candidate, Standing)>),
     /// Bristles indeed, over the way that they have with both levels free.
     Of(Box<(Candidate, Standing)>),
-    /// Something beside friction that is all of it: bristles, which stand for themselves.
-    Bristles,
+    /// The joint's own friction, of which there are other forms: bristles, or its level.
+    Own,
 }
 
 /// Looks at a form that was refined; none where there is no run.
@@ -46,17 +49,17 @@ pub(crate) fn kind(
             };
             let share = share(search, physics, joint, &its)?;
             say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
-            if share < WHOLE {
-                return Some(Kind::Beside(Box::new((free, its))));
-            }
             let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
+            if share < WHOLE {
+                return Some(if length < SHORT { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
+            }
             let own = search.candidate(Form::Presliding { joint, length }, physics);
             let made = own.and_then(|own| Some((search.standing(standing.at, &own, &solved)?, own)));
             Some(made.map_or(Kind::AsNamed, |(its, own)| Kind::Of(Box::new((own, its)))))
         }
         Form::Hysteresis { joint, length } => {
             let whole = share(search, physics, joint, standing)? >= WHOLE && length < MOST_TRAVEL;
-            Some(if whole { Kind::Bristles } else { Kind::AsNamed })
+            Some(if whole || length < SHORT { Kind::Own } else { Kind::AsNamed })
         }
         _ => Some(Kind::AsNamed),
     }

@@ -264,7 +264,7 @@ pub(crate) fn best(
                 doubtful.push(candidate.form.clone());
                 listed.push((candidate, standing));
             }
-            dragged::Kind::Bristles => {}
+            dragged::Kind::Own => {}
             dragged::Kind::AsNamed => listed.push((candidate, standing)),
         }
     }

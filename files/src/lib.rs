@@ -64,6 +64,10 @@ pub fn writable(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
     }
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists()) {
+        let why = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, why));
+    }
     let probe = beside(&path);
     File::create(&probe).and_then(|_| fs::remove_file(&probe))
 }
@@ -123,6 +127,14 @@ mod tests {
         writable(&pipe).and_then(|()| write_whole(&pipe, "through")).expect("written");
         assert_eq!(reader.join().expect("ended"), "through");
         assert!(is_special(&pipe));
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let why = writable(&folder.path().join("no/report.json")).expect_err("no folder").to_string();
+        assert_eq!(why, format!("there is no folder {}", folder.path().join("no").display()));
+        assert!(writable(Path::new("report.json")).is_ok(), "a bare name has a folder");
     }
 
     #[test]
