@@ -571,3 +571,26 @@ pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
     }
     sum.min(LONGEST_MEMORY)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A dwell of ten seconds weighs as one of a quarter of a second does, and less than a moment of motion.
+    #[test]
+    fn a_joint_that_stands_holds_one_torque_for_as_long() {
+        const PERIOD_S: f64 = 0.005;
+        let moves = [(true, 200), (false, 2000), (true, 200), (false, 20), (true, 200)];
+        let qd: Vec<f64> = moves.iter().flat_map(|(on, rows)| vec![if *on { 0.5 } else { 0.0 }; *rows]).collect();
+        let still = vec![vec![0.0; qd.len()]];
+        let motion = Motion { period_s: PERIOD_S, q: still.clone(), qd: vec![qd], qdd: still };
+        let surface = Surface { joints: vec![0], level: 7.0, inertia: 5.0, blur: 0.0 };
+        let doubt = surface.doubt(&motion, PERIOD_S, 0.0);
+        assert!(doubt[..200].iter().chain(&doubt[2200..2400]).all(|d| *d == 0.0), "its direction is known");
+        assert!(doubt[2400..2420].iter().all(|d| *d == 7.0), "a short stop is as much in doubt as its friction");
+        // Information of the dwell: of rows at 1/doubt² each.
+        let information: f64 = doubt[200..2200].iter().map(|d| 1.0 / (d * d)).sum();
+        let quarter = HOLDS_S / PERIOD_S / 49.0;
+        assert!((information / quarter - 1.0).abs() < 1e-9, "{information} of {quarter}");
+    }
+}

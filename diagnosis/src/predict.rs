@@ -13,6 +13,9 @@
 //! A motion that creeps more leaves more; how fast it goes is known from the motion alone. What counts as a row's speed is the largest about
 //! it: a joint that turns round is at rest for a moment, and what friction then does is mixed with what it does beside it.
 //!
+//! A joint that stands on the sealed motion and hardly ever does on the runs looked at holds a part of its Coulomb friction that nobody
+//! knows: what others hold, or a usual part of it, and anything from none to all of it in the interval.
+//!
 //! Motion of another kind shows effects that the runs looked at hide (a joint that sticks in a dwell, one that bends when it is fast). How
 //! much of the time joints go at speeds that those hardly have is known as well, and widens the interval.
 //!
@@ -45,10 +48,10 @@ const LEAST_BLOCKS: usize = 4;
 const VARIES: f64 = 5.0;
 /// Rows that what is left at the next faster speed counts as, at each speed.
 const FEW: f64 = 10.0;
-/// Slower than ten to the minus this \[rad/s\], two thirds of a decade above the slowest bin, a joint stands.
+/// At so many of the slowest speeds, below 0.01 rad/s, a joint stands.
 const STANDS: usize = 3;
-/// What a joint that stands holds beside the model, as a share of its Coulomb friction, where the runs looked at have not shown it; and from where to
-/// where. (Rms of measured UR10e 0.3 to 0.6, KUKA 1 to 1.7; of simulators that stick 0.5 to 0.9, of one that creeps 0.03.)
+/// What a joint that stands holds beside the model, as a share of its Coulomb friction, where the runs looked at have not shown it; and from
+/// where to where. (Rms of a measured UR10e 0.3 to 0.6, of a KUKA 1 to 1.7; of simulators that stick 0.5 to 0.9, of one that creeps 0.03.)
 const HELD: f64 = 0.6;
 const HELD_FROM_TO: [f64; 2] = [0.0, 1.2];
 /// The interval's ends among sorted resamplings.
@@ -113,7 +116,8 @@ pub(crate) fn predict(
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, &chosen)?.x;
-        let held = HELD_FROM_TO[0] + (HELD_FROM_TO[1] - HELD_FROM_TO[0]) * random.below(1000) as f64 / 999.0;
+        let [from, to] = HELD_FROM_TO;
+        let held = from + (to - from) * random.below(1000) as f64 / 999.0;
         let mut drawn = |count: usize| -> Vec<f64> {
             let of: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
             rest.on_sealed(&of, held)
@@ -249,7 +253,8 @@ impl Leaves {
         joints.iter().sum::<f64>() / joints.len().max(1) as f64
     }
 
-    /// Mean square by joint on the sealed motion, if each speed leaves what it left in the blocks `of`.
+    /// Mean square by joint on the sealed motion, if each speed leaves what it left in the blocks `of`, and a joint that stands `held` of its
+    /// Coulomb friction where those hardly show it.
     fn on_sealed(&self, of: &[usize], held: f64) -> Vec<f64> {
         let sum = |j: usize, bin: usize| {
             of.iter().fold([0.0; 2], |s, b| [s[0] + self.blocks[*b][j][bin][0], s[1] + self.blocks[*b][j][bin][1]])
@@ -297,4 +302,50 @@ fn bins_of(run: &RunColumns<'_>, j: usize) -> Vec<usize> {
 /// Which half decade a speed \[rad/s\] is in.
 fn bin_of(speed: f64) -> usize {
     ((speed.abs().max(1e-9).log10() + SLOWEST) * 2.0).clamp(0.0, (BINS - 1) as f64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One joint of 10 N m that moves with 0.5 N m left, and stands for `stood` rows with 1 N m left; half of the sealed motion it stands.
+    fn leaves(stood: f64, friction: f64) -> Leaves {
+        let mut bins = [[0.0; 2]; BINS];
+        bins[0] = [stood, stood];
+        bins[6] = [0.25 * 1000.0, 1000.0];
+        let mut speeds = [0.0; BINS];
+        (speeds[0], speeds[6]) = (0.5, 0.5);
+        Leaves {
+            blocks: vec![vec![bins]],
+            sealed_blocks: 1,
+            speeds: vec![speeds],
+            rows: Vec::new(),
+            cross: Vec::new(),
+            friction: vec![friction],
+        }
+    }
+
+    fn left(stood: f64, friction: f64, held: f64) -> f64 {
+        leaves(stood, friction).on_sealed(&[0], held)[0]
+    }
+
+    #[test]
+    fn what_a_joint_holds_unseen_goes_by_its_friction() {
+        assert!((left(0.0, 10.0, 0.6) - (0.5 * 36.0 + 0.5 * 0.25)).abs() < 1e-9);
+        assert!((left(0.0, 0.0, 0.6) - 0.25).abs() < 1e-9, "without friction what it leaves in motion");
+        let seen = left(5000.0, 10.0, 0.6);
+        assert!((seen - (0.5 * 1.0 + 0.5 * 0.25)).abs() < 0.01, "{seen}: what was seen decides");
+    }
+
+    /// A joint that never stood holds the part of its friction that another one holds.
+    #[test]
+    fn what_holds_one_joint_holds_another() {
+        let (mut both, other) = (leaves(0.0, 10.0), leaves(5000.0, 5.0));
+        both.blocks[0].extend(other.blocks[0].clone());
+        both.speeds.extend(other.speeds);
+        both.friction.extend(other.friction);
+        let first = both.on_sealed(&[0], 0.6)[0];
+        // 1 N m of 5: 2 of 10.
+        assert!((first - (0.5 * 4.0 + 0.5 * 0.25)).abs() < 0.1, "{first}");
+    }
 }
