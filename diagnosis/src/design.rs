@@ -27,7 +27,7 @@ const SPEED_DOUBT: f64 = 3e-4;
 /// seen to reach zero. Sound arms that stick need 2 ms; 3 ms hid two effects of another program's cases.
 pub(crate) const SMEARED_S: f64 = 2e-3;
 /// A joint that stands for longer than this holds one torque \[s\].
-const HOLDS_S: f64 = 0.25;
+const HOLDS_S: f64 = 1.0;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
 const EXACT: f64 = 1e-3;
@@ -576,7 +576,7 @@ pub(crate) fn correlation(records: &[&DVector<f64>]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A dwell of ten seconds weighs as one of a quarter of a second does, and less than a moment of motion.
+    /// A dwell of ten seconds weighs as one of a second does, and less than a moment of motion.
     #[test]
     fn a_joint_that_stands_holds_one_torque_for_as_long() {
         const PERIOD_S: f64 = 0.005;
@@ -590,7 +590,7 @@ mod tests {
         assert!(doubt[2400..2420].iter().all(|d| *d == 7.0), "a short stop is as much in doubt as its friction");
         // Information of the dwell: of rows at 1/doubt² each.
         let information: f64 = doubt[200..2200].iter().map(|d| 1.0 / (d * d)).sum();
-        let quarter = HOLDS_S / PERIOD_S / 49.0;
-        assert!((information / quarter - 1.0).abs() < 1e-9, "{information} of {quarter}");
+        let least = HOLDS_S / PERIOD_S / 49.0;
+        assert!((information / least - 1.0).abs() < 1e-9, "{information} of {least}");
     }
 }

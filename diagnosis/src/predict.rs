@@ -265,7 +265,9 @@ impl Leaves {
         let standing: [f64; STANDS] = std::array::from_fn(|bin| {
             let of = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
             let [square, rows] = of.fold([FEW * held * held, FEW], |[square, rows], (friction, bins)| {
-                [square + bins[bin][0] / (friction * friction), rows + bins[bin][1]]
+                // More than friction bears is left by something else.
+                let most = HELD_FROM_TO[1].powi(2) * bins[bin][1];
+                [square + (bins[bin][0] / (friction * friction)).min(most), rows + bins[bin][1]]
             });
             square / rows
         });
@@ -347,5 +349,9 @@ mod tests {
         let first = both.on_sealed(&[0], 0.6)[0];
         // 1 N m of 5: 2 of 10.
         assert!((first - (0.5 * 4.0 + 0.5 * 0.25)).abs() < 0.1, "{first}");
+        // A torque that is no torque leaves hundreds of times its friction.
+        both.friction[1] = 0.01;
+        let first = both.on_sealed(&[0], 0.6)[0];
+        assert!((first - (0.5 * 144.0 + 0.5 * 0.25)).abs() < 0.5, "{first}: no more than friction bears");
     }
 }

@@ -274,6 +274,8 @@ pub(crate) fn best(
     listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let p_values = flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
     let mut accepted: Vec<Accepted> = Vec::new();
+    // Values that are no effect beside what was adopted: a form that is let in because it hides does not stand in for one of these.
+    let mut values: Vec<(Vec<usize>, f64)> = Vec::new();
     for ((candidate, standing), p_value) in listed.into_iter().zip(p_values) {
         let shares = held_out_shares(search, &candidate)?;
         let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -288,8 +290,11 @@ pub(crate) fn best(
             // Every fold would have to know a force that only its own blocks felt.
             Form::Force { .. } => true,
             _ => {
-                candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue))
-                    || is_material(search, &candidate.form, &shares, adopted)
+                let hides = candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue));
+                let outdone = values
+                    .iter()
+                    .any(|(joints, gain)| *joints == candidate.form.joints() && *gain > standing.gain + RIVAL_GAP);
+                hides && !outdone || is_material(search, &candidate.form, &shares, adopted)
             }
         };
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || is_cut(&shares);
@@ -305,6 +310,9 @@ pub(crate) fn best(
         // What the values imitate is told by what is believed of them, a torque that is cut by its command.
         let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
         let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
+        if !material && plausible && !by_chance && candidate.form.effect().kind() == Kind::Value {
+            values.push((candidate.form.joints(), standing.gain));
+        }
         if standing.gain >= least && material && plausible && !by_chance {
             accepted.push(Accepted { candidate, standing, shares, share, p_value });
         }
