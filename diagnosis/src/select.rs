@@ -286,17 +286,13 @@ pub(crate) fn best(
             standing.added.c.as_slice(),
             p_value.map_or_else(|| "-".to_owned(), |p| format!("{p:.3}"))
         ));
-        let material = match candidate.form {
-            // Every fold would have to know a force that only its own blocks felt.
-            Form::Force { .. } => true,
-            _ => {
-                let hides = candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue));
-                let outdone = values
-                    .iter()
-                    .any(|(joints, gain)| *joints == candidate.form.joints() && *gain > standing.gain + RIVAL_GAP);
-                hides && !outdone || is_material(search, &candidate.form, &shares, adopted)
-            }
-        };
+        let hides = candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue));
+        let joints = candidate.form.joints();
+        let outdone = values.iter().any(|(on, gain)| *on == joints && *gain > standing.gain + RIVAL_GAP);
+        // Every fold would have to know a force that only its own blocks felt.
+        let material = matches!(candidate.form, Form::Force { .. })
+            || hides && !outdone
+            || is_material(search, &candidate.form, &shares, adopted);
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || is_cut(&shares);
         let shown = match &candidate.form {
             Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
@@ -311,7 +307,7 @@ pub(crate) fn best(
         let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
         let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
         if !material && plausible && !by_chance && candidate.form.effect().kind() == Kind::Value {
-            values.push((candidate.form.joints(), standing.gain));
+            values.push((joints, standing.gain));
         }
         if standing.gain >= least && material && plausible && !by_chance {
             accepted.push(Accepted { candidate, standing, shares, share, p_value });
