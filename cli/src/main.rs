@@ -96,6 +96,16 @@ enum Command {
     Sim(Box<rivet_simulation::process::Options>),
 }
 
+impl Command {
+    /// Whether this is arithmetic over whole logs, and no process of the loop.
+    fn works_through_logs(&self) -> bool {
+        matches!(
+            self,
+            Command::Identify(_) | Command::Diagnose(_) | Command::Blind(_) | Command::Predict(_) | Command::Study(_)
+        )
+    }
+}
+
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -106,6 +116,9 @@ fn main() -> ExitCode {
         }
     };
     let command = arguments.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
+    if command.works_through_logs() {
+        rivet_realtime::keep_freed_memory();
+    }
     let result = match &command {
         Command::Demo(args) => demo::run(args),
         Command::Replay(args) => replay::run(args),

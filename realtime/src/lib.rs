@@ -4,6 +4,7 @@
 mod clock;
 mod doctor;
 mod end;
+mod heap;
 mod histogram;
 mod recent;
 mod settings;
@@ -13,6 +14,7 @@ mod wakeups;
 pub use clock::{Overrun, PeriodTimer, Suspension, Tick, now_ns};
 pub use doctor::{Finding, Machine, Severity};
 pub use end::{Hangup, Shutdown, die_with_parent};
+pub use heap::keep_freed_memory;
 pub use histogram::LogHistogram;
 pub use recent::RecentRows;
 pub use settings::{Granted, RealTimeError, RealTimeSettings, Scheduling, enter};
