@@ -118,6 +118,19 @@ pub struct Parameter {
     pub wrong: bool,
 }
 
+impl Parameter {
+    /// Whether it is one of a link's ten values.
+    pub(crate) fn is_of_a_body(&self) -> bool {
+        self.name.starts_with('l')
+    }
+
+    /// How many times as large its change is as its interval.
+    pub(crate) fn clearness(&self) -> f64 {
+        let change = || Some((self.found? - self.given?).abs() / (self.high? - self.low?));
+        change().filter(|times| times.is_finite()).unwrap_or(0.0)
+    }
+}
+
 /// One joint of the sealed run with and without a cause, against the quantity in which it shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {

@@ -110,11 +110,9 @@ fn a_delay_and_a_lag_are_sized_and_told_apart_or_both_said() {
         let told = |key: &str| cause["magnitude"][key].as_f64();
         1e3 * told("seconds").or_else(|| told("time_constant_s")).expect("a time")
     };
-    for (case, ms, sure) in [
-        ("practice/case-24", 4, false),
-        ("practice/case-24", 15, true),
-        ("practice-wrong-nominal/case-15", 4, false),
-    ] {
+    for (case, ms, sure) in
+        [("practice/case-24", 4, false), ("practice/case-24", 15, true), ("practice-wrong-nominal/case-15", 4, false)]
+    {
         let Some(case) = shared("data").map(|folder| folder.join(case)) else { return };
         let found = judged(&case, |tau| tau.iter_mut().for_each(|tau| later(tau, -ms)));
         let told = size(&found, "transport_delay", sure);
