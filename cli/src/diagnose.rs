@@ -14,6 +14,7 @@ use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
 use crate::glitches::refuse_most;
 use crate::live;
+use crate::outputs::Outputs;
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::progress::Progress;
@@ -70,12 +71,12 @@ pub(crate) struct Args {
 /// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
-    for path in args.json.iter().chain(&args.html) {
-        rivet_files::writable(path).with_context(|| path.display().to_string())?;
-    }
-    if let Some(folder) = &args.export {
-        rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
-    }
+    let outputs = Outputs::beside(&robot, &args.robot, &args.logs).file("--keep", args.keep.as_ref());
+    outputs
+        .file("--json", args.json.as_ref())
+        .file("--html", args.html.as_ref())
+        .export(args.export.as_ref())
+        .check()?;
     let folder = tempfile::tempdir().context("a folder for the window")?;
     let mut logs = args.logs.clone();
     if let Some(seconds) = args.live {
@@ -119,6 +120,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     document.log.splice(0..0, stood.into_iter().map(log_finding));
     if let Some(patch) = &patch {
         document.export = formats(patch);
+        document.tells_motions(patch, &runs::joint_names(&robot));
     }
     if let (Some(patch), Some(last), false) = (&patch, used.last(), found.causes.is_empty()) {
         say("the simulator in closed loop");

@@ -32,6 +32,7 @@ use crate::export::export;
 use crate::glitches::screen;
 use crate::jitter;
 use crate::kinematics;
+use crate::outputs::Outputs;
 use crate::predict;
 use crate::progress::Progress;
 use crate::refine::refine;
@@ -169,12 +170,9 @@ fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &
 /// Identifies, prints, exports.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
-    for path in args.json.iter().chain(&args.stream) {
-        rivet_files::writable(path).with_context(|| path.display().to_string())?;
-    }
-    if let Some(folder) = &args.export {
-        rivet_files::writable_folder(folder).with_context(|| folder.display().to_string())?;
-    }
+    let outputs = Outputs::beside(&robot, &args.robot, args.logs.iter().chain(&args.hold_out));
+    let outputs = outputs.file("--json", args.json.as_ref()).file("--stream", args.stream.as_ref());
+    outputs.export(args.export.as_ref()).check()?;
     if args.online {
         let [log] = args.logs.as_slice() else {
             return Err(Fault::Usage(format!("--online takes one log; {} are given", args.logs.len())).into());

@@ -30,6 +30,7 @@ mod live;
 mod monitor;
 mod number;
 mod online;
+mod outputs;
 mod passport;
 mod patched;
 mod predict;

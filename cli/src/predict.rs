@@ -13,6 +13,7 @@ use rivet_logs::{Log, interpolate, read_columns, write_columns};
 use crate::coarse::coarse;
 use crate::exit::Fault;
 use crate::glitches::Sound;
+use crate::outputs::Outputs;
 use crate::runs::{self, Piece};
 use crate::table::{Table, paragraph, show};
 
@@ -110,7 +111,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 /// Predicts and writes; prints errors when the log has torque.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
-    rivet_files::writable(&args.out).with_context(|| args.out.display().to_string())?;
+    Outputs::beside(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
     let log = runs::read_log(&robot, &args.log)?;
     let pieces = smoothed(&robot, &log, whole_pieces(&log)?);
     let n = robot.dof();

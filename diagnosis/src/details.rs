@@ -1,6 +1,6 @@
 //! What stands behind the figures of a diagnosis: every stage of the model, every joint, every value, what is left.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::Parameter;
 
 use crate::effect::Effect;
@@ -12,6 +12,8 @@ use crate::stages::Stages;
 use crate::values::Wrong;
 use crate::views::Views;
 
+/// Deviations on either side that hold 90 %.
+const NINETY: f64 = 1.645;
 /// A value is pinned when the runs leave less than this share of what was unsure about it.
 pub(crate) const PINNED: f64 = 0.5;
 
@@ -153,23 +155,25 @@ pub(crate) fn ledger(stages: &Stages, floor: &[f64], names: &[String]) -> Vec<Le
         .collect()
 }
 
-/// Share of each value's usual error that the runs leave, with everything free.
-pub(crate) fn unsure(search: &Search<'_>) -> Option<Vec<f64>> {
-    let solved = search.solved(1.0)?;
-    Some(
-        solved
-            .deviations()
-            .iter()
-            .zip(search.design.background.std.iter())
-            .map(|(after, before)| after / before)
-            .collect(),
-    )
+/// What the runs leave unsure of the model's values with everything free, before some of them are believed as given.
+pub(crate) struct Unsure {
+    /// Share of each value's usual error.
+    pub(crate) share: Vec<f64>,
+    /// Covariance of the values where errors of the file are as large as they came out, and no smaller than they usually are.
+    pub(crate) covariance: DMatrix<f64>,
+}
+
+pub(crate) fn unsure(search: &Search<'_>) -> Option<Unsure> {
+    let (usual, found) = (search.solved(1.0)?, search.solved(search.scale.max(1.0))?);
+    let shares = usual.deviations().into_iter().zip(search.design.background.std.iter());
+    let share = shares.map(|(after, before)| after / before).collect();
+    Some(Unsure { share, covariance: found.covariance(search.nominal.x.len())? })
 }
 
 /// The model's values, as given and as found.
 pub(crate) fn parameters(
     search: &Search<'_>,
-    unsure: &[f64],
+    unsure: &Unsure,
     wrong: &Wrong,
     x: &DVector<f64>,
     prediction: &Prediction,
@@ -182,7 +186,10 @@ pub(crate) fn parameters(
         .map(|(i, parameter)| {
             let given = search.nominal.x[i];
             let found = given + x[i];
+            // Resampled blocks tell how much a fit varies that believes some values as given; whether those are right they do not.
+            let half = NINETY * unsure.covariance[(i, i)].max(0.0).sqrt();
             let (low, high) = prediction.coefficients[i];
+            let (low, high) = (low.min(x[i] - half), high.max(x[i] + half));
             let positive = match parameter {
                 Parameter::Link { entry, .. } => matches!(entry, 0 | 4 | 6 | 9),
                 Parameter::RotorInertia(_) | Parameter::Coulomb(_) | Parameter::Viscous(_) => true,
@@ -193,7 +200,7 @@ pub(crate) fn parameters(
             let state = match () {
                 () if impossible => ParameterState::AtBound,
                 () if positive && found <= 0.0 && x[i] != 0.0 => ParameterState::AtBound,
-                () if unsure[i] < PINNED => ParameterState::Pinned,
+                () if unsure.share[i] < PINNED => ParameterState::Pinned,
                 () => ParameterState::NotPinned,
             };
             ParameterLine {
@@ -205,7 +212,7 @@ pub(crate) fn parameters(
                 low: (given + low).min(found),
                 high: (given + high).max(found),
                 state,
-                wrong: wrong.groups.iter().any(|g| g.columns.contains(&i)),
+                wrong: x[i] != 0.0 && wrong.groups.iter().any(|g| g.columns.contains(&i)),
             }
         })
         .collect()

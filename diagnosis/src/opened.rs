@@ -495,7 +495,7 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
     let takes = match step.effect {
         Effect::ExternalForce => true,
         // A command need not be cut again, but where it is the rest must fit.
-        Effect::TorqueSaturation => measured > -MATERIAL,
+        Effect::TorqueSaturation => measured > -LEAST,
         // Lengths of the arm that are off look like a little of one, which promises nothing on motion that was not seen.
         _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => low > 0.0 && measured > LEAST,
         // A tilt or a load is on every joint: what it gains on some it must not lose on others.

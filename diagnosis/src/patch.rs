@@ -99,6 +99,8 @@ pub(crate) struct Found<'a> {
     pub(crate) bounds: &'a MotionBounds,
     /// Values that stay as given.
     pub(crate) kept: Kept,
+    /// Covariance of the values with everything free.
+    pub(crate) freely: &'a DMatrix<f64>,
 }
 
 /// Makes the patch: everything is solved as it was for the sizes of causes, with what stays as given held.
@@ -239,7 +241,10 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
         .iter()
         .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &search.noise, found.bounds))
         .collect();
-    let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(0.0).sqrt()).collect();
+    // That other values are believed as given makes none of them better known.
+    let freely = base_covariance(&base_set, found.freely);
+    let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(freely[i * base.len() + i]).max(0.0).sqrt());
+    let std = std.collect();
     let formats = reports(
         &Carrying { parts: &parts, values: &written },
         &Carrying { parts: &before, values: &nominal.x },

@@ -6,7 +6,7 @@ use rivet_dynamics::Parameter;
 use crate::background::Nominal;
 use crate::body;
 use crate::design::{Prepared, turn_columns, unknown};
-use crate::details::{self, Details, PINNED, ParameterLine, Stage};
+use crate::details::{self, Details, PINNED, ParameterLine, Stage, Unsure};
 use crate::effect::{Effect, Kind};
 use crate::exhibit;
 use crate::form::Form;
@@ -156,7 +156,10 @@ impl Procedure<'_> {
         let as_given: Vec<f64> = report.per_joint.iter().map(|gap| gap.before).collect();
         let fitted: Vec<bool> =
             report.per_joint.iter().map(|gap| gap.in_motion.is_none_or(|[_, after]| after <= IN_MOTION)).collect();
-        let stranger = stranger::joints(self.nominal, &x, &adopted, &heard)
+        let of_the_arm = |g: &&Group| matches!(g.effect, Effect::LinkInertia | Effect::RotorInertia);
+        let impossible: Vec<usize> =
+            wrong.impossible.iter().map(|(group, _)| group).filter(of_the_arm).map(|group| group.joint).collect();
+        let stranger = stranger::joints(self.nominal, &x, &adopted, &impossible, &heard)
             .filter(|_| !report.refuted)
             .or_else(|| stranger::far_too_strong(&as_given, &fitted, &heard));
         if let Some(joints) = stranger {
@@ -209,6 +212,7 @@ impl Procedure<'_> {
                 Vec::new()
             },
             kept: self.kept(unheard, &unsure, &sized.named),
+            freely: &unsure.covariance,
         };
         let patch = patch::make(&mut search, &wrong, &found);
         Some((report, patch))
@@ -274,13 +278,13 @@ impl Procedure<'_> {
 
     /// Values of drives that a file keeps as they are: of joints whose torque is not believed, and those that runs do not pin and
     /// no cause `named`.
-    fn kept(&self, unheard: Vec<usize>, unsure: &[f64], named: &[usize]) -> Kept {
+    fn kept(&self, unheard: Vec<usize>, unsure: &Unsure, named: &[usize]) -> Kept {
         let parameters = self.nominal.model.parameters.iter().enumerate();
         let drive = parameters.filter(|(_, p)| !matches!(p, Parameter::Link { .. }));
         let (unbelieved, rest): (Vec<_>, Vec<_>) =
             drive.partition(|(_, p)| p.joint().is_some_and(|j| unheard.contains(&j)));
         let open = |(c, p): &(usize, &Parameter)| {
-            !matches!(p, Parameter::Offset(_)) && unsure[*c] >= PINNED && !named.contains(c)
+            !matches!(p, Parameter::Offset(_)) && unsure.share[*c] >= PINNED && !named.contains(c)
         };
         let places = |of: Vec<(usize, &Parameter)>| of.into_iter().map(|(c, _)| c).collect();
         Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }

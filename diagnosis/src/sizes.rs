@@ -165,7 +165,8 @@ impl Procedure<'_> {
     pub(crate) fn magnitude(&self, search: &Search<'_>, step: &Step, solved: &Solved) -> Vec<(String, f64)> {
         let (model, x) = (&self.nominal.model, &solved.x);
         let standard = self.standard(std::slice::from_ref(step), solved);
-        let own = step.columns.iter().filter(|c| **c < self.nominal.x.len());
+        // Of a body's ten values some are in no joint's torque and stay as given.
+        let own = step.columns.iter().filter(|c| self.nominal.x.get(**c).is_some_and(|given| *given != standard[**c]));
         // Next to nothing is nothing.
         let least = |c: usize| if possible::is_drive(model.parameters[c]) { 0.0 } else { f64::NEG_INFINITY };
         let value = |c: &usize| standard[*c].max(least(*c));

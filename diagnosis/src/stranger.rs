@@ -18,9 +18,16 @@ const JOINTS: usize = 3;
 /// A model that misses so many times a joint's torque is of a stronger arm.
 const SEVERAL: f64 = 2.0;
 
-/// Joints whose body or rotor is far off, where that is most of them. `heard`: joints whose torque is believed. Friction and torque
+/// Joints whose body or rotor is far off or came out as none that can be (`impossible`; on two joints at most of a measured or sound arm, on
+/// all six with another arm's file), where that is most of them. `heard`: joints whose torque is believed. Friction and torque
 /// constants are in no CAD model, and a body at the flange is none of the arm's.
-pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], heard: &[usize]) -> Option<Vec<usize>> {
+pub(crate) fn joints(
+    nominal: &Nominal,
+    x: &DVector<f64>,
+    adopted: &[Adopted],
+    impossible: &[usize],
+    heard: &[usize],
+) -> Option<Vec<usize>> {
     let own = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
     let values = possible::standard(nominal, x, own);
     let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
@@ -30,7 +37,7 @@ pub(crate) fn joints(nominal: &Nominal, x: &DVector<f64>, adopted: &[Adopted], h
     };
     let far = |j: &usize| {
         let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
-        body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
+        impossible.contains(j) || body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
     (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
@@ -68,7 +75,7 @@ mod tests {
             for (at, change) in changes {
                 x[*at] += change;
             }
-            joints(&nominal, &x, &[], &heard)
+            joints(&nominal, &x, &[], &[], &heard)
         };
         let rotors = |count: usize| -> Vec<(usize, f64)> { (0..count).map(|j| (10 * n + j, 2.0)).collect() };
         assert_eq!(with(&rotors(4)), Some(vec![0, 1, 2, 3]));
@@ -80,6 +87,10 @@ mod tests {
         );
         assert_eq!(with(&(0..n).map(|j| (12 * n + j, 50.0)).collect::<Vec<_>>()), None, "friction is in no data sheet");
         assert_eq!(with(&[(10 * (n - 1), 50.0)]), None, "one body");
+        // Values that cannot be are put back as given.
+        let put_back =
+            |impossible: &[usize]| joints(&nominal, &DVector::zeros(nominal.x.len()), &[], impossible, &heard);
+        assert_eq!((put_back(&[1, 2, 3, 5]), put_back(&[1, 5])), (Some(vec![1, 2, 3, 5]), None));
     }
 
     #[test]

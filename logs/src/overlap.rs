@@ -8,6 +8,8 @@ use crate::log::Log;
 /// Rows in motion, one after the other in both logs, that no two recordings have in common by accident: counts of coarse encoders
 /// may meet now and then.
 const LEAST_ROWS: usize = 20;
+/// So long at least \[s\]: simulators that begin with the same random numbers at the same place write a few equal samples.
+const LEAST_S: f64 = 0.25;
 /// Rows that may be left out between two of them, as in a copy at a lower rate.
 const SKIPPED: usize = 20;
 
@@ -73,7 +75,8 @@ impl Stretch {
     }
 
     fn seconds(&self, log: &Log) -> f64 {
-        if self.rows < LEAST_ROWS { 0.0 } else { log.t[self.last[0]] - log.t[self.first - 1] }
+        let seconds = || log.t[self.last[0]] - log.t[self.first - 1];
+        Some(seconds).filter(|_| self.rows >= LEAST_ROWS).map(|s| s()).filter(|s| *s >= LEAST_S).unwrap_or(0.0)
     }
 }
 

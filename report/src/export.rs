@@ -2,7 +2,22 @@
 
 use rivet_diagnosis::{FormatReport, Patch};
 
-use crate::document::{Format, FormatItem};
+use crate::document::{Document, Format, FormatItem};
+
+impl Document {
+    /// Of the motion that would tell a cause from its rivals, the one that was found for these runs; `names`: of the joints.
+    pub fn tells_motions(&mut self, patch: &Patch, names: &[String]) {
+        for motion in &patch.motions {
+            let joints: Vec<&String> = motion.joints.iter().map(|j| &names[*j]).collect();
+            let of = |cause: &&mut crate::Cause| {
+                cause.effect == motion.effect.name() && cause.joints.iter().eq(joints.iter().copied())
+            };
+            if let Some(cause) = self.causes.iter_mut().find(of) {
+                cause.separating_motion = Some(motion.text.clone());
+            }
+        }
+    }
+}
 
 /// All files of an export, for [`Document::export`](crate::Document::export).
 pub fn formats(patch: &Patch) -> Vec<Format> {

@@ -160,8 +160,10 @@ impl Document {
         if let Some(next) = self.constant().filter(|_| self.verdict != "no_gap") {
             return next;
         }
-        if let Some(motion) = self.causes.iter().find_map(|c| c.separating_motion.as_ref()) {
-            return format!("To tell causes apart, record {motion}.");
+        if let Some((cause, motion)) = self.causes.iter().find_map(|c| Some((c, c.separating_motion.as_ref()?))) {
+            let class = !cause.indistinguishable_from.is_empty();
+            let how = if class { "; give that log before the others, since the last one is kept sealed" } else { "" };
+            return format!("To tell causes apart, record {motion}{how}.");
         }
         if self.verdict == "unexplained" && self.between_runs.is_some() {
             if self.data.cut {

@@ -235,6 +235,11 @@ impl StandIn {
         self.counts.moving as f64 * self.period_s
     }
 
+    /// Whether the motion has come to its end, where it has one.
+    pub fn is_over(&self) -> bool {
+        self.governor.is_over()
+    }
+
     /// What happened so far.
     pub fn counts(&self) -> Counts {
         self.counts

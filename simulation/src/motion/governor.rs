@@ -48,6 +48,11 @@ impl Governor {
         }
     }
 
+    /// Whether the motion has come to its end, where it has one.
+    pub fn is_over(&self) -> bool {
+        self.trajectory.ends_s().is_some_and(|end| self.motion_s >= end)
+    }
+
     /// Position of the setpoint of this period \[rad\].
     pub fn q(&self) -> &[f64] {
         &self.q[..self.trajectory.dof()]

@@ -21,6 +21,11 @@ pub trait Trajectory: Send {
 
     /// Position \[rad\], velocity \[rad/s\] and acceleration \[rad/s²\] at `t_s` ≥ 0; each slice holds one value per joint.
     fn sample(&self, t_s: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]);
+
+    /// When it comes to its end \[s\]; none for one that goes on for ever.
+    fn ends_s(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl<T: Trajectory + ?Sized> Trajectory for Box<T> {
@@ -29,6 +34,9 @@ impl<T: Trajectory + ?Sized> Trajectory for Box<T> {
     }
     fn sample(&self, t_s: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
         (**self).sample(t_s, q, qd, qdd);
+    }
+    fn ends_s(&self) -> Option<f64> {
+        (**self).ends_s()
     }
 }
 

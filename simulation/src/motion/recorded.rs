@@ -32,4 +32,8 @@ impl Trajectory for Recorded {
             }
         }
     }
+
+    fn ends_s(&self) -> Option<f64> {
+        Some(self.period_s * self.q.first().map_or(0, Vec::len).saturating_sub(1) as f64)
+    }
 }

@@ -127,7 +127,7 @@ impl Ports {
     }
 }
 
-/// Runs the simulation until its duration is over or SIGINT, SIGTERM or SIGHUP arrives.
+/// Runs the simulation until its duration or its file of setpoints is over, or SIGINT, SIGTERM or SIGHUP arrives.
 ///
 /// # Errors
 /// Why it did not start or could not go on.
@@ -224,6 +224,9 @@ fn exchange(
         }
         if options.duration.is_some_and(|duration| stand_in.motion_s() >= duration - 0.5 * period_s) {
             break "duration";
+        }
+        if options.duration.is_none() && stand_in.is_over() {
+            break "setpoints";
         }
         let waited_s = (now_ns() - begin_ns) as f64 * 1e-9;
         if options.patience > 0.0 && !stand_in.commanded() && waited_s > options.patience {

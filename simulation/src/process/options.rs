@@ -44,7 +44,7 @@ pub struct Options {
     #[arg(long)]
     pub root: Option<PathBuf>,
 
-    /// Seconds of motion, counted from the opening of the brakes; without it until SIGINT or SIGTERM
+    /// Seconds of motion, counted from the opening of the brakes; without it until the end of --setpoints, SIGINT or SIGTERM
     #[arg(long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// Seconds to wait for the first command before giving up; 0 waits for ever

@@ -76,7 +76,7 @@ impl TruthFile {
 pub struct Summary {
     /// Robot's name.
     pub robot: String,
-    /// Why it ended: `duration` or `signal`.
+    /// Why it ended: `duration`, `setpoints` (the file is over) or `signal`.
     pub ended: &'static str,
     /// How often what happened.
     #[serde(flatten)]
