@@ -37,4 +37,5 @@ mod statistics;
 mod sticking;
 mod strange_torque;
 mod tracking;
+mod value_intervals;
 mod warming;
