@@ -180,6 +180,7 @@ fn run_all(
         return Ok((Diagnosis { unused: unused(&used), used, ..found }, None));
     }
     let log = given.mute;
+    log_check::leave_out_held(&mut sealed, &nominal);
     let looked_at = look.len();
     let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();
     first_fit::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;

@@ -87,8 +87,10 @@ impl Diagnosis {
     /// Whether a joint keeps a gap in motion while most come down to their noise, or one keeps far more than right values leave on a measured
     /// arm: then wrong values are no answer, however little of the gap as given that is. (On a measured arm none comes down all the way.)
     pub(crate) fn keeps_open_joints(&self) -> bool {
-        let most = self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).fold(0.0, f64::max);
-        most > IN_MOTION && self.come_down() || most > FAR
+        let times: Vec<f64> = self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).collect();
+        let most = times.iter().copied().fold(0.0, f64::max);
+        // Where one joint moves there are no others to say that none comes down.
+        most > IN_MOTION && (self.come_down() || times.len() == 1) || most > FAR
     }
 
     /// Lowers the confidence in what is named on joints that are left open, and beside them. Contact comes again as it likes, and what a

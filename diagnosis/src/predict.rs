@@ -23,6 +23,7 @@
 //! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
+use crate::log_check::LogFault;
 use crate::random::Random;
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square};
@@ -220,18 +221,20 @@ impl Leaves {
             }
         }
         let rows: Vec<Vec<usize>> = (0..joints).map(|j| bins_of(sealed, j)).collect();
-        let share = |rows: &Vec<usize>| {
+        // A joint that does not count on the sealed run leaves nothing on it.
+        let share = |(rows, silent): (&Vec<usize>, &Option<LogFault>)| {
             let mut of = [0.0; BINS];
-            for bin in rows {
+            for bin in rows.iter().filter(|_| silent.is_none()) {
                 of[*bin] += 1.0 / rows.len() as f64;
             }
             of
         };
+        let speeds = rows.iter().zip(&sealed.run.silent).map(share).collect();
         // Below -1/2 a stage would be better than the full model.
         let ratio = |[product, square]: [f64; 2]| (product / square.max(f64::MIN_POSITIVE)).clamp(-0.5, 0.5);
         let cross =
             products.into_iter().map(|joints| joints.into_iter().map(|bins| bins.map(ratio)).collect()).collect();
-        Leaves { blocks, sealed_blocks: count(sealed), speeds: rows.iter().map(share).collect(), rows, cross, friction }
+        Leaves { blocks, sealed_blocks: count(sealed), speeds, rows, cross, friction }
     }
 
     /// E of stage `k` on joint `j`, between its model and the full one along the sealed motion.
@@ -247,7 +250,8 @@ impl Leaves {
             let rows = |bin: usize| self.blocks.iter().map(|block| block[j][bin][1]).sum::<f64>();
             let all: f64 = (0..BINS).map(rows).sum();
             let more = |(bin, share): (usize, &f64)| (share - rows(bin) / all).max(0.0);
-            (all > 0.0).then(|| speeds.iter().enumerate().map(more).sum::<f64>())
+            (all > 0.0 && speeds.iter().any(|share| *share > 0.0))
+                .then(|| speeds.iter().enumerate().map(more).sum::<f64>())
         };
         let joints: Vec<f64> = self.speeds.iter().enumerate().filter_map(joint).collect();
         joints.iter().sum::<f64>() / joints.len().max(1) as f64

@@ -40,9 +40,6 @@ const RIVAL_SHARE: f64 = 0.8;
 pub(crate) const RIVAL_GAP: f64 = 12.0;
 /// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
 const SATURATED: f64 = 0.8;
-/// And no other joint's held-out residual grows by this share: the cut is of one joint, and values that it bends are wrong elsewhere.
-/// (Friction that the file has too small, in runs of one joint each, was a limit that made the elbow's twice as large.)
-const BENT: f64 = -0.5;
 /// Times that forms are held against each other, each time at the noise that the best has left.
 const CONTEST_ROUNDS: usize = 4;
 /// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
@@ -293,7 +290,7 @@ pub(crate) fn best(
         let material = matches!(candidate.form, Form::Force { .. })
             || hides && !outdone
             || is_material(search, &candidate.form, &shares, adopted);
-        let cut = !matches!(candidate.form, Form::Saturation { .. }) || is_cut(&shares);
+        let cut = !matches!(candidate.form, Form::Saturation { .. }) || shares.iter().any(|share| *share >= SATURATED);
         let shown = match &candidate.form {
             Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
             _ => true,
@@ -469,11 +466,6 @@ fn is_part(form: &Form, standing: &Standing) -> bool {
     standing.added.c[0] < least
 }
 
-/// Whether held-out shares by joint are those of a torque that is cut.
-fn is_cut(shares: &[f64]) -> bool {
-    shares.iter().any(|share| *share >= SATURATED) && shares.iter().all(|share| *share > BENT)
-}
-
 /// Gain of each of the forms that explain about as much at the noise that the best of them leaves; none of those that do not
 /// hold there.
 ///
@@ -566,12 +558,5 @@ mod tests {
         let delay = Form::Delay { seconds: 0.006 };
         assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
         assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
-    }
-
-    #[test]
-    fn a_limit_that_spoils_another_joint_is_none() {
-        assert!(is_cut(&[0.0, 0.97, -0.02]));
-        assert!(!is_cut(&[0.0, 0.69, 0.0]), "most of the residual is left");
-        assert!(!is_cut(&[-0.94, 0.0, 0.88]));
     }
 }
