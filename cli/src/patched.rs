@@ -246,8 +246,9 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let _ = writeln!(out, "\nMeasured torque: {} N m rms.", plain(&patch.torque_rms));
     let _ = writeln!(
         out,
-        "\nTorque is {} ms before position in the logs ({} N m rms): a property of the recording, in none of the files.",
-        number(1e3 * patch.timing_s, 2),
+        "\nTorque is {} ms {} position in the logs ({} N m rms): a property of the recording, in none of the files.",
+        number(1e3 * patch.timing_s.abs(), 2),
+        if patch.timing_s < 0.0 { "after" } else { "before" },
         plain(&patch.timing_rms)
     );
     match &patch.consistent {

@@ -45,6 +45,8 @@ const MAY_BE_BODIES: f64 = 0.6;
 const BESIDE_LOAD: f64 = 0.45;
 /// ... and one of which the sealed run keeps less than was thought possible, or far more: its form goes on otherwise than the effect.
 const PROMISE_BROKEN: f64 = 0.6;
+/// A last link that is heavier than the file's by this share may carry a load.
+const HEAVIER: f64 = 0.3;
 /// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
 const MOST_TAKEN: f64 = 0.5;
 /// Contact beside a model that leaves most joints above their noise takes this share of the squared gap at least: on a KUKA's logs, which
@@ -349,9 +351,19 @@ impl Opened<'_> {
         why.next()
     }
 
+    /// Whether the last link is heavier than a CAD model is wrong by: with what the flange carries it is one body, whose centre lies where it did.
+    fn is_last_link_heavier(&self, step: &Step) -> bool {
+        let last = self.procedure.names().len() - 1;
+        step.adopted.iter().any(|a| {
+            matches!(a.form, Form::LinkScale { link } if link == last) && a.coefficients(&self.solved.x)[0] > HEAVIER
+        })
+    }
+
     /// Step `k` as it is told, whether it is upheld or not.
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
-        let class = class::of(&step.adopted);
+        let mut class = class::of(&step.adopted);
+        let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
+        class.extend(carries.then_some((Effect::Payload, 0.0)));
         let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
         let shown = Shown {
             effect: step.effect,

@@ -15,6 +15,11 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
             "fast moves of the joint while those before it turn: a body has inertia where it pulls, a spring has none";
         return Some(fast.to_owned());
     }
+    if both(Effect::Payload, Effect::LinkInertia) {
+        return Some(
+            "the same motion with nothing at the flange: what it carries and the last link are one body".to_owned(),
+        );
+    }
     let of = |effect: Effect| match effect {
         Effect::StribeckFriction | Effect::ViscousNonlinearity => {
             "constant speeds from very slow to fast, each in both directions"

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::document::{Cause, Document, Parameter};
 use crate::next::MEASURE;
-use crate::words::{effect, figure, joints_in_short, list, percent, quantity, rival};
+use crate::words::{effect, figure, joints_in_short, list, percent, quantity_of, rival};
 
 /// One of the six lines.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -185,7 +185,7 @@ impl Document {
         let mut sizes: Vec<String> = Vec::new();
         // Values of the model are too many for a sentence; the page lists them.
         for (name, value) in cause.magnitude.iter().filter(|(name, _)| !name.contains('.')) {
-            let (name, unit) = quantity(name, self);
+            let (name, unit) = quantity_of(name, &cause.joints, self);
             if let Some(value) = value {
                 sizes.push(format!("{name} {} {unit}", figure(*value, 3)).trim_end().to_owned());
             }
@@ -214,7 +214,7 @@ impl Document {
         }
         let mut text = String::new();
         for (k, (name, value, parameter)) in known.iter().enumerate() {
-            let (name, unit) = quantity(name, self);
+            let (name, unit) = quantity_of(name, &cause.joints, self);
             let one = format!("{name} {} {unit}", figure(*value, 3));
             let given = parameter.and_then(|p| p.given).map(|given| format!(" (file {})", figure(given, 3)));
             let one = format!("{}{}", one.trim_end(), given.unwrap_or_default());
@@ -585,6 +585,23 @@ mod tests {
         assert_eq!(bodies, "l2.mcy 3.00 kg (file 1.00), l2.mcx 1.50 kg (file 1.00)");
         let friction = of(json!({"j1.coulomb": 3.0, "j2.coulomb": 8.0}));
         assert_eq!(friction, "j1.coulomb 3.00 kg (file 2.00), j2.coulomb 8.00 kg (file 2.00)");
+    }
+
+    #[test]
+    fn a_spring_of_a_joint_that_slides_is_in_newtons_and_metres() {
+        let value = |unit: &str| {
+            json!({"name": "j1.coulomb", "unit": unit, "joint": 1, "given": 1.0, "found": 1.0, "low": 1.0, "high": 1.0,
+                "state": "pinned", "wrong": false})
+        };
+        let said = |unit: &str| {
+            let mut spring = cause("joint_spring", &json!({"rest_angle_rad": 0.1, "stiffness_Nm_rad": 150.0}));
+            spring["joints"] = json!(["j"]);
+            let figures = json!({"floor": [], "stages": [], "parameters": [value(unit)], "excerpts": [], "left": [], "power": []});
+            let found = document(&[("figures", figures), ("causes", json!([spring]))]);
+            found.sizes(&found.causes[0], 90).expect("sizes")
+        };
+        assert_eq!(said("N m"), "rest angle 0.100 rad, stiffness 150 N m/rad");
+        assert_eq!(said("N"), "rest position 0.100 m, stiffness 150 N/m");
     }
 
     #[test]

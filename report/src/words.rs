@@ -56,6 +56,23 @@ const UNITS: [(&str, &str); 18] = [
     ("_s", "s"),
 ];
 
+/// Name and unit of one of a cause's magnitudes: of joints that slide, torque is a force and an angle a length.
+pub fn quantity_of(name: &str, joints: &[String], document: &Document) -> (String, String) {
+    let (label, unit) = quantity(name, document);
+    let parameters = || document.figures.iter().flat_map(|figures| &figures.parameters);
+    if parameters().any(|p| p.name == name) {
+        return (label, unit);
+    }
+    let slides = |joint: &String| {
+        let at = document.gap.per_joint.iter().position(|gap| gap.joint == *joint);
+        at.is_some_and(|at| parameters().any(|p| p.unit == "N" && p.name == format!("j{}.coulomb", at + 1)))
+    };
+    if joints.is_empty() || !joints.iter().all(slides) {
+        return (label, unit);
+    }
+    (label.replace("angle", "position"), unit.replace("N m", "N").replace("rad", "m"))
+}
+
 /// Name and unit of a magnitude: `stiffness_Nm_rad` is "stiffness" in N m/rad; values of the model have their own.
 pub fn quantity(name: &str, document: &Document) -> (String, String) {
     let parameters = document.figures.iter().flat_map(|f| &f.parameters);

@@ -6,7 +6,7 @@ use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::{Cause, Curve, Document, Excerpt};
 use crate::verdict::{OTHER_CONTACT, is_contact};
-use crate::words::{figure, joints, list, percent, quantity, rival};
+use crate::words::{figure, joints, list, percent, quantity_of, rival};
 
 const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 230.0;
@@ -108,7 +108,7 @@ fn body(cause: &Cause, document: &Document) -> String {
         .magnitude
         .iter()
         .map(|(name, value)| {
-            let (label, unit) = quantity(name, document);
+            let (label, unit) = quantity_of(name, &cause.joints, document);
             (label, value.map_or_else(|| "-".to_owned(), |v| format!("{} {unit}", figure(v, 3)).trim_end().to_owned()))
         })
         .collect();
