@@ -123,7 +123,7 @@ pub struct ParameterLine {
     pub wrong: bool,
 }
 
-/// Ledger of the sealed run.
+/// Ledger of the sealed run; no numbers of a joint that does not count on it.
 pub(crate) fn ledger(stages: &Stages, floor: &[f64], names: &[String]) -> Vec<Ledger> {
     let full = &stages.models[stages.models.len() - 1];
     names
@@ -131,13 +131,14 @@ pub(crate) fn ledger(stages: &Stages, floor: &[f64], names: &[String]) -> Vec<Le
         .enumerate()
         .map(|(j, name)| {
             let tau = &stages.tau[j];
-            let n = tau.len().max(1) as f64;
+            let counts = tau.iter().any(|t| *t != 0.0);
+            let n = if counts { tau.len() as f64 } else { f64::NAN };
             let error = |model: &[f64]| -> [f64; 3] {
                 let (square, sum, peak) = tau.iter().zip(model).fold((0.0, 0.0, 0.0_f64), |(s, m, p), (t, v)| {
                     let e = t - v;
                     (s + e * e, m + e, p.max(e.abs()))
                 });
-                [(square / n).sqrt(), sum / n, peak]
+                [(square / n).sqrt(), sum / n, if counts { peak } else { f64::NAN }]
             };
             let (before, after) = (error(&stages.models[0][j]), error(&full[j]));
             Ledger {

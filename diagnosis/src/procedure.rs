@@ -356,7 +356,8 @@ impl Procedure<'_> {
             let full = &measured.models[measured.models.len() - 1][j];
             let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
             for regime in Regime::ALL {
-                let inside = (0..tau.len()).filter(|k| regimes[*k] == regime);
+                let counts = self.sealed.silent[j].is_none();
+                let inside = (0..tau.len()).filter(|k| counts && regimes[*k] == regime);
                 let (error, left, rows) = inside.fold((0.0, 0.0, 0usize), |(e, l, n), k| {
                     (e + (tau[k] - model[k]).powi(2), l + (tau[k] - full[k]).powi(2), n + 1)
                 });

@@ -63,7 +63,7 @@ fn log(arm: &Robot, x: &[f64], shift: f64, random: &mut Random, path: &Path) {
 fn values_lie_in_their_intervals() {
     let file = robot("manutec-r3");
     let arm = rivet_config::load(&file).expect("a sound robot file");
-    let (mut inside, mut all, mut told_wrong) = (0, 0, 0);
+    let (mut inside, mut all, mut told_wrong) = (0_usize, 0_usize, 0);
     for seed in 1..=6 {
         let mut random = Random(seed);
         let x = drawn(&arm, &mut random);
