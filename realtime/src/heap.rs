@@ -18,26 +18,3 @@ pub fn keep_freed_memory() {
         libc::mallopt(libc::M_TRIM_THRESHOLD, KEPT_FREE);
     }
 }
-
-#[cfg(all(test, target_env = "gnu"))]
-mod tests {
-    use crate::ThreadUsage;
-
-    /// Page faults of sixteen signals of a MiB that live side by side, so many times.
-    fn faults(times: usize) -> u64 {
-        let before = ThreadUsage::now();
-        for time in 0..times {
-            let signals: Vec<Vec<usize>> = (0..16).map(|k| vec![k + time + 1; 1 << 17]).collect();
-            std::hint::black_box(&signals);
-        }
-        ThreadUsage::now().faults - before.faults
-    }
-
-    #[test]
-    fn the_next_signals_lie_where_the_last_ones_were() {
-        super::keep_freed_memory();
-        let once = faults(1);
-        let again = faults(20);
-        assert!(4 * again < once, "{once} page faults once, {again} in all of twenty times more");
-    }
-}
