@@ -513,6 +513,8 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
         Effect::TorqueSaturation => measured > -LEAST && predicted.max(measured) > CUT,
         // Lengths of the arm that are off look like a little of one, which promises nothing on motion that was not seen.
         _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => low > 0.0 && measured > LEAST,
+        // A load pulls in every pose: one that may as well take nothing is none.
+        Effect::Payload => measured > 0.0 && low > 0.0,
         // A tilt or a load is on every joint: what it gains on some it must not lose on others.
         _ if value && everywhere => measured > 0.0,
         _ if value || !everywhere && plain => predicted.max(measured) > 0.0,
