@@ -8,6 +8,7 @@ use rivet_files::write_whole;
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
+use crate::outputs::Outputs;
 use crate::table::{Table, paragraph, show};
 
 /// Arguments of `rivet compare`.
@@ -35,6 +36,7 @@ pub(crate) struct Mismatch {
 
 /// Exit codes: 0 the same verdict and causes, 1 something changed.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    Outputs::of(vec![&args.a, &args.b]).file("--json", args.json.as_ref()).check()?;
     let (a, b) = (read(&args.a)?, read(&args.b)?);
     let changes = Changes::between(&a, &b).map_err(|rules| Mismatch { a: args.a.clone(), b: args.b.clone(), rules })?;
     if let Some(path) = &args.json {

@@ -21,6 +21,11 @@ impl<'a> Outputs<'a> {
         let mut inputs = vec![file, config.urdf.as_path()];
         inputs.extend(config.friction.load_urdf.as_deref());
         inputs.extend(logs.into_iter().map(PathBuf::as_path));
+        Outputs::of(inputs)
+    }
+
+    /// Of a command that reads `inputs`.
+    pub(crate) fn of(inputs: Vec<&'a Path>) -> Self {
         Outputs { inputs, files: Vec::new(), folder: None }
     }
 

@@ -1,6 +1,7 @@
 //! `rivet replay`: a log through shared memory into rivetd, as if live.
 
 use crate::children::Children;
+use crate::outputs::Outputs;
 use crate::stream::{Recording, write_stream};
 use crate::summary::{Summary, nothing};
 use crate::table::show;
@@ -75,6 +76,8 @@ struct Received {
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    let outputs = Outputs::beside(&robot, &args.robot, [&args.log]).file("--stream", args.stream.as_ref());
+    outputs.file("--json", args.json.as_ref()).check()?;
     let recording = Recording::read(&robot, &args.log)?;
     let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
     eprintln!("{}", recording.report);

@@ -355,8 +355,8 @@ impl Procedure<'_> {
             let (tau, model) = (&measured.tau[j], &measured.models[0][j]);
             let full = &measured.models[measured.models.len() - 1][j];
             let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
+            let counts = self.sealed.silent[j].is_none();
             for regime in Regime::ALL {
-                let counts = self.sealed.silent[j].is_none();
                 let inside = (0..tau.len()).filter(|k| counts && regimes[*k] == regime);
                 let (error, left, rows) = inside.fold((0.0, 0.0, 0usize), |(e, l, n), k| {
                     (e + (tau[k] - model[k]).powi(2), l + (tau[k] - full[k]).powi(2), n + 1)

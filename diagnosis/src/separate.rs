@@ -62,6 +62,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_load_is_told_from_the_last_link_by_taking_it_off() {
+        for (effect, rival) in [(Effect::LinkInertia, Effect::Payload), (Effect::Payload, Effect::LinkInertia)] {
+            assert!(motion(effect, &[rival]).is_some_and(|text| text.contains("nothing at the flange")));
+        }
+    }
+
+    #[test]
     fn what_has_no_rival_needs_no_motion_but_a_constant_torque() {
         assert_eq!(motion(Effect::TorqueRipple, &[]), None);
         assert!(motion(Effect::FrictionAsymmetry, &[]).is_some_and(|m| m.contains("drive off")));

@@ -75,8 +75,11 @@ impl Stretch {
     }
 
     fn seconds(&self, log: &Log) -> f64 {
-        let seconds = || log.t[self.last[0]] - log.t[self.first - 1];
-        Some(seconds).filter(|_| self.rows >= LEAST_ROWS).map(|s| s()).filter(|s| *s >= LEAST_S).unwrap_or(0.0)
+        if self.rows < LEAST_ROWS {
+            return 0.0;
+        }
+        let seconds = log.t[self.last[0]] - log.t[self.first - 1];
+        if seconds < LEAST_S { 0.0 } else { seconds }
     }
 }
 
@@ -124,5 +127,6 @@ mod tests {
         assert!((first.shared_s(&copy) - 5.0).abs() < 0.05, "the same the other way round: {}", first.shared_s(&copy));
         assert!(first.shared_s(&log(6000..9000, 1, 7919.0)) == 0.0, "parts that follow each other");
         assert!(first.shared_s(&log(0..6000, 1, 7907.0)) == 0.0, "the same motion, driven twice");
+        assert!(first.shared_s(&log(5900..9000, 1, 7919.0)) == 0.0, "a tenth of a second is no recording");
     }
 }

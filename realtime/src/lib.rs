@@ -1,5 +1,6 @@
 //! What a real-time shell needs of Linux: a timer that does not drift, priority and locked memory with a
-//! report of what was refused, a histogram that never allocates, and an orderly end.
+//! report of what was refused, a histogram that never allocates, and an orderly end. Beside it the one thing that work on whole logs
+//! asks of the allocator.
 
 mod clock;
 mod doctor;

@@ -9,6 +9,7 @@ mod next;
 mod page;
 mod rollout;
 mod scores;
+mod sizes;
 mod verdict;
 mod views;
 pub mod words;

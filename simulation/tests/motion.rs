@@ -5,7 +5,8 @@ mod common;
 use common::{SIX_LIMITS, six_axes, six_drives, six_model, six_sensors, truth};
 use rivet_dynamics::{Arm, Workspace, inverse_dynamics, mass_matrix};
 use rivet_simulation::motion::{
-    Fourier, FourierSettings, Governor, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Trajectory,
+    Fourier, FourierSettings, Governor, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Recorded,
+    Trajectory,
 };
 use rivet_simulation::{Plant, PlantSettings, Sensors, closed_loop};
 
@@ -256,4 +257,24 @@ fn torque_and_differences_are_of_one_instant() {
     println!("delay {half:.2e} s at half a period, {none:.2e} s without latency");
     assert!(half.abs() < 2e-6, "delay {half} s");
     assert!((none - 5e-4).abs() < 5e-5, "delay {none} s without latency");
+}
+
+#[test]
+fn recorded_setpoints_come_to_an_end_and_a_series_does_not() {
+    let rest = || vec![vec![0.0; 501]; 6];
+    let recorded = Recorded { period_s: 1e-3, q: rest(), qd: rest(), qdd: rest() };
+    assert_eq!(recorded.ends_s(), Some(0.5));
+    let over_after = |trajectory: Box<dyn Trajectory>| {
+        let mut governor = Governor::new(trajectory);
+        governor.release();
+        (0..5000).position(|_| {
+            governor.advance(1e-3);
+            governor.is_over()
+        })
+    };
+    // Its clock runs in for a second.
+    assert!(over_after(Box::new(recorded)).is_some_and(|periods| (500..1500).contains(&periods)));
+    let arm = six_axes();
+    let series = Fourier::new(&MotionLimits::of(&arm, 0.5), &FourierSettings::default(), &mut load(&arm));
+    assert_eq!(over_after(Box::new(series)), None);
 }

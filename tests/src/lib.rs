@@ -5,6 +5,7 @@ pub mod altered;
 pub mod closed;
 pub mod process;
 pub mod side;
+pub mod sines;
 pub mod stage;
 pub mod stretch;
 pub mod two_link;

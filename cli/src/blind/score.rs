@@ -9,6 +9,7 @@ use rivet_files::write_whole;
 use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
 
+use crate::outputs::Outputs;
 use crate::table::{Table, paragraph, show};
 
 /// Effects with less torque than this, in units of the torque noise, nobody can see.
@@ -105,6 +106,7 @@ struct Shrink {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    Outputs::of(vec![&args.verdicts, &args.answers]).file("--json", args.json.as_ref()).check()?;
     let said: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
     // A diagnosis that failed names nothing, which must not pass for a right answer.
     let failed: Vec<&String> = said.iter().filter(|(_, v)| v.get("error").is_some()).map(|(name, _)| name).collect();

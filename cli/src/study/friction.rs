@@ -10,6 +10,7 @@ use rivet_files::write_whole;
 use serde_json::{Value, json};
 
 use crate::exit::Fault;
+use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::runs::{pieces, read_log, runs};
 use crate::table::{Table, show};
@@ -48,6 +49,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         return Err(Fault::Usage("one --fold leaves nothing to fit to: give two or more".to_owned()).into());
     }
     let robot = rivet_config::load(&args.robot)?;
+    let logs = args.folds.iter().flat_map(|fold| &fold.0);
+    Outputs::beside(&robot, &args.robot, logs).file("--json", args.json.as_ref()).check()?;
     let folds: Vec<Vec<Run>> = args
         .folds
         .iter()

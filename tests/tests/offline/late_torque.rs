@@ -1,11 +1,11 @@
 //! Torque that comes after the motion it makes, or with a gain of two: said, put right where that can be done, sold as no effect.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use rivet_dynamics::{Workspace, friction_sign};
 use rivet_logs::{ReadOptions, read, write_columns};
 use rivet_tests::altered::Random;
+use rivet_tests::sines::Sines;
 use rivet_tests::{rivet, robot, shared};
 use serde_json::Value;
 
@@ -156,20 +156,10 @@ fn friction_of_stiff_bristles_is_no_late_torque() {
         let mut columns = vec![vec![0.0; t.len()]; 2 * n];
         let (mut y, mut ws) = (vec![0.0; n * model.len()], Workspace::new(&model.arm));
         let mut bristle: Vec<f64> = vec![0.0; n];
+        let motion = Sines { hz: 0.13, harmonics: 3, size: 0.4, shift: 3.0 * f64::from(run) };
         for (k, t) in t.iter().enumerate() {
-            let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-            for j in 0..n {
-                for harmonic in 1..4 {
-                    let rate = TAU * 0.13 * f64::from(harmonic);
-                    let phase = rate * t + (2 + j + 3 * run) as f64 * f64::from(harmonic) * 1.7;
-                    let size = 0.4 / f64::from(harmonic);
-                    state[0][j] += size * phase.sin();
-                    state[1][j] += size * rate * phase.cos();
-                    state[2][j] -= size * rate * rate * phase.sin();
-                }
-            }
-            let [q, qd, qdd] = &state;
-            model.regressor(&mut ws, q, qd, qdd, &mut y);
+            let [q, qd, qdd] = motion.at(*t, n);
+            model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
             for j in 0..n {
                 let rigid: f64 = y[j * model.len()..][..model.len()].iter().zip(&arm.nominal).map(|(y, x)| y * x).sum();
                 let level = arm.nominal[12 * n + j];

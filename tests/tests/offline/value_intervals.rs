@@ -1,12 +1,12 @@
 //! Values of the model lie in the intervals that a diagnosis tells of them as often as it says.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use rivet_config::Robot;
 use rivet_dynamics::{Parameter, Workspace};
 use rivet_logs::write_columns;
 use rivet_tests::altered::Random;
+use rivet_tests::sines::Sines;
 use rivet_tests::{rivet, robot};
 use serde_json::Value;
 
@@ -31,21 +31,11 @@ fn log(arm: &Robot, x: &[f64], shift: f64, random: &mut Random, path: &Path) {
     let (model, n) = (&arm.model, arm.dof());
     let t: Vec<f64> = (0..7500).map(|k| 4e-3 * f64::from(k)).collect();
     let mut columns = vec![vec![0.0; t.len()]; 2 * n];
+    let motion = Sines { hz: 0.11, harmonics: 4, size: 0.6, shift };
     let (mut y, mut ws) = (vec![0.0; n * model.len()], Workspace::new(&model.arm));
     for (k, t) in t.iter().enumerate() {
-        let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        for j in 0..n {
-            for harmonic in 1..5_u32 {
-                let rate = TAU * 0.11 * f64::from(harmonic);
-                let phase = rate * t + (2.0 + j as f64 + shift) * f64::from(harmonic) * 1.7;
-                let size = 0.6 / f64::from(harmonic);
-                state[0][j] += size * phase.sin();
-                state[1][j] += size * rate * phase.cos();
-                state[2][j] -= size * rate * rate * phase.sin();
-            }
-        }
-        let [q, qd, qdd] = &state;
-        model.regressor(&mut ws, q, qd, qdd, &mut y);
+        let [q, qd, qdd] = motion.at(*t, n);
+        model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
         for j in 0..n {
             let torque: f64 = y[j * model.len()..][..model.len()].iter().zip(x).map(|(y, x)| y * x).sum();
             columns[j][k] = q[j];
