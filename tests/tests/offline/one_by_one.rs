@@ -7,6 +7,7 @@ use rivet_config::Robot;
 use rivet_dynamics::{Parameter, Workspace};
 use rivet_logs::write_columns;
 use rivet_tests::altered::{Random, answer};
+use rivet_tests::sines::Sines;
 use rivet_tests::{rivet, robot};
 
 const SECONDS: f64 = 30.0;
@@ -106,5 +107,38 @@ fn friction_is_named_where_most_joints_stand() {
     assert!(causes.iter().any(|c| c["effect"] == friction[0]), "{text}");
     for cause in causes.iter().filter(|c| friction.iter().any(|name| c["effect"] == *name)) {
         assert_eq!(cause["joints"], serde_json::json!(["shoulder_lift_joint"]), "{text}");
+    }
+}
+
+/// What friction may hold of joints that stand throughout the sealed run counts nowhere on it: they were the gap (352 %) and the promise beside
+/// the one joint that moves.
+#[test]
+fn a_sealed_motion_of_one_joint_is_judged_by_that_joint() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let loaded = rivet_config::load(robot("manutec-r3")).expect("a sound robot file");
+    let mut x = loaded.nominal.clone();
+    for (parameter, x) in loaded.model.parameters.iter().zip(&mut x) {
+        if matches!(parameter, Parameter::Coulomb(2) | Parameter::Viscous(2)) {
+            *x *= 1.6;
+        }
+    }
+    let all: Vec<usize> = (0..loaded.dof()).collect();
+    let mut random = Random(3);
+    let logs = [("all", &all[..], 0.0), ("one", &[2], 3.0)].map(|(name, joints, shift)| {
+        let path = folder.path().join(format!("{name}.parquet"));
+        let motion = Sines { hz: 0.11, harmonics: 4, size: 0.6, shift };
+        motion.log(&loaded, &x, joints, &mut random, &path);
+        path
+    });
+    let (_, text, found) = answer(rivet().arg("diagnose").arg(robot("manutec-r3")).args(logs), folder.path());
+    let of = |joint: usize, key: &str| found["gap"]["per_joint"][joint][key].as_f64();
+    let counts: Vec<usize> = all.iter().copied().filter(|joint| of(*joint, "before").is_some()).collect();
+    assert_eq!(counts, [2], "{text}");
+    assert_eq!((of(2, "before"), of(2, "after")), (found["gap"]["before"].as_f64(), found["gap"]["after"].as_f64()));
+    let causes = found["causes"].as_array().expect("causes");
+    assert!(!causes.is_empty() && causes.iter().all(|c| c["joints"] == serde_json::json!(["joint_3"])), "{text}");
+    for cause in causes {
+        let shrink = |key: &str| cause["shrink"][key].as_f64().expect("a share");
+        assert!((shrink("predicted") - shrink("measured")).abs() < 0.05, "{text}");
     }
 }

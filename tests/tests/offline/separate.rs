@@ -159,13 +159,6 @@ fn separated(effect: KnownEffect) {
     run(&robot, effect, &motion, 9, &at("motion.parquet"));
     let again = diagnose(&file, &[&first, &at("motion.parquet"), &last], None, &at("again.json"));
     assert_eq!(of_either(&again), [[effect.kind.name()]], "{again:#}");
-
-    // Kept sealed, it is a motion of one joint: what friction may hold of the others counts nowhere, in no promise either.
-    let sealed = diagnose(&file, &[&first, &last, &at("motion.parquet")], None, &at("sealed.json"));
-    let gap = |joint: usize| sealed["gap"]["per_joint"][joint]["before"].as_f64();
-    assert!(gap(0).is_none() && gap(1).is_some() && gap(JOINT).is_some(), "{:#}", sealed["gap"]);
-    let shrink = |key: &str| sealed["causes"][0]["shrink"][key].as_f64().expect("a share");
-    assert!(shrink("measured") > 0.5 && (shrink("predicted") - shrink("measured")).abs() < 0.1, "{sealed:#}");
 }
 
 #[test]

@@ -1,10 +1,7 @@
 //! Values of the model lie in the intervals that a diagnosis tells of them as often as it says.
 
-use std::path::Path;
-
 use rivet_config::Robot;
-use rivet_dynamics::{Parameter, Workspace};
-use rivet_logs::write_columns;
+use rivet_dynamics::Parameter;
 use rivet_tests::altered::Random;
 use rivet_tests::sines::Sines;
 use rivet_tests::{rivet, robot};
@@ -26,33 +23,12 @@ fn drawn(arm: &Robot, random: &mut Random) -> Vec<f64> {
     parameters.map(of).collect()
 }
 
-/// Half a minute of sines on all joints at 250 Hz, with a torque noise of a two-hundredth of what each joint can.
-fn log(arm: &Robot, x: &[f64], shift: f64, random: &mut Random, path: &Path) {
-    let (model, n) = (&arm.model, arm.dof());
-    let t: Vec<f64> = (0..7500).map(|k| 4e-3 * f64::from(k)).collect();
-    let mut columns = vec![vec![0.0; t.len()]; 2 * n];
-    let motion = Sines { hz: 0.11, harmonics: 4, size: 0.6, shift };
-    let (mut y, mut ws) = (vec![0.0; n * model.len()], Workspace::new(&model.arm));
-    for (k, t) in t.iter().enumerate() {
-        let [q, qd, qdd] = motion.at(*t, n);
-        model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
-        for j in 0..n {
-            let torque: f64 = y[j * model.len()..][..model.len()].iter().zip(x).map(|(y, x)| y * x).sum();
-            columns[j][k] = q[j];
-            columns[n + j][k] = torque + 0.005 * arm.config.drive.torque_limit[j] * random.normal();
-        }
-    }
-    let names = (1..=n).map(|j| format!("q{j}")).chain((1..=n).map(|j| format!("tau{j}")));
-    let signals = names.zip(columns.iter().map(Vec::as_slice));
-    let columns: Vec<(String, &[f64])> = [("t".to_owned(), t.as_slice())].into_iter().chain(signals).collect();
-    write_columns(path, &columns).expect("written");
-}
-
 /// Of twelve arms 574 of 612. Intervals of resampled blocks alone held 6 of 10: they know nothing of what is believed as given.
 #[test]
 fn values_lie_in_their_intervals() {
     let file = robot("manutec-r3");
     let arm = rivet_config::load(&file).expect("a sound robot file");
+    let all_joints: Vec<usize> = (0..arm.dof()).collect();
     let (mut inside, mut all, mut told_wrong) = (0_usize, 0_usize, 0);
     for seed in 1..=6 {
         let mut random = Random(seed);
@@ -60,7 +36,8 @@ fn values_lie_in_their_intervals() {
         let folder = tempfile::tempdir().expect("a folder");
         let logs = ["a.parquet", "b.parquet"].map(|name| folder.path().join(name));
         for (log_path, shift) in logs.iter().zip([0.0, 3.0]) {
-            log(&arm, &x, shift, &mut random, log_path);
+            let motion = Sines { hz: 0.11, harmonics: 4, size: 0.6, shift };
+            motion.log(&arm, &x, &all_joints, &mut random, log_path);
         }
         let json = folder.path().join("verdict.json");
         let output = rivet().arg("diagnose").arg(&file).args(&logs).arg("--json").arg(&json).output();
