@@ -51,7 +51,9 @@ impl Sines {
         for (k, t) in t.iter().enumerate() {
             let mut state = self.at(*t, n);
             for j in (0..n).filter(|j| !joints.contains(j)) {
-                state.iter_mut().for_each(|of| of[j] = 0.0);
+                for of in &mut state {
+                    of[j] = 0.0;
+                }
             }
             let [q, qd, qdd] = state;
             model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
