@@ -46,16 +46,17 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     }
     rivet_files::write_whole(&mjcf, of_robot(&made).text()).with_context(|| named(&mjcf))?;
     for (k, motion) in patch.motions.iter().enumerate() {
+        let rivals = motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", ");
+        if !motion.tells() {
+            let text =
+                format!("no motion of one joint within its limits is expected to tell {} from {rivals}", motion.effect);
+            eprint!("{}", paragraph("rivet: ", &text));
+            continue;
+        }
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
         rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
-        eprintln!(
-            "rivet: {} tells {} from {}: {}",
-            path.display(),
-            motion.effect,
-            motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", "),
-            motion.text
-        );
+        eprintln!("rivet: {} tells {} from {rivals}: {}", path.display(), motion.effect, motion.text);
     }
     rivet_files::write_whole(&notes, not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {

@@ -79,6 +79,7 @@ mod sealed;
 mod search;
 mod select;
 mod separate;
+mod settle;
 mod shrink;
 mod signals;
 mod signs;

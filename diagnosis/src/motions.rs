@@ -11,19 +11,21 @@
 //! may still bend all values of the model and its own. Nobody knows which member is true, so each is in turn, the rival as
 //! large as it must be to look like what was chosen; the motion with the largest of the smallest S is taken.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
 use rivet_dynamics::{Model, Workspace};
 
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
-use crate::library;
-use crate::parallel;
 use crate::past::Past;
 use crate::physics::Physics;
-use crate::rows::{Chain, Column};
+use crate::rows::Chain;
 use crate::run::{Motion, Run};
+use crate::select::RIVAL_GAP;
+
+use duel::{Duel, Record, duels};
+
+mod duel;
 
 /// A motion as setpoints, `[joint][sample]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +50,13 @@ pub struct SeparatingMotion {
     pub qdd: Vec<Vec<f64>>,
 }
 
+impl SeparatingMotion {
+    /// Whether it is expected to tell: twice the log evidence by which a rival that is none has to be behind.
+    pub fn tells(&self) -> bool {
+        self.separation >= 2.0 * RIVAL_GAP
+    }
+}
+
 /// What the arm may do.
 #[derive(Clone, Debug)]
 pub struct MotionBounds {
@@ -65,8 +74,10 @@ pub struct MotionBounds {
 const MARGIN: f64 = 0.08;
 const SPEED: f64 = 0.5;
 const TORQUE: f64 = 0.75;
-/// Furthest from where the logs were, whatever the range \[rad\].
-const FURTHEST: f64 = 1.6;
+/// Furthest from where the logs were, whatever the range \[rad\]: as far as the joint goes only where less does not tell.
+const FURTHEST: [f64; 2] = [1.6, std::f64::consts::PI];
+/// Expected evidence \[χ²\] of which half leaves no doubt, beside what noise and other values may do to it.
+const ENOUGH: f64 = 4.0 * RIVAL_GAP;
 /// Speed of a joint that states none \[rad/s\].
 const WALKING: f64 = 1.0;
 /// Samples for the comparison of motions are this far apart \[s\].
@@ -228,7 +239,7 @@ fn rest(v: &mut Vec<f64>, seconds: f64, dt: f64) {
     v.extend(std::iter::repeat_n(0.0, (seconds / dt) as usize));
 }
 
-/// How much of a plan the arm can do: shares of the joint's range and of its speed.
+/// How much of a plan the arm can do: how far from where it begins \[rad\], and at what share of the joint's speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Extent {
     reach: f64,
@@ -246,8 +257,7 @@ fn setpoints(
 ) -> [Vec<Vec<f64>>; 3] {
     let speeds = |joint: usize| {
         let (low, high) = bounds.position[joint];
-        let reach = extent.reach * FURTHEST;
-        let (low, high) = (low.max(home[joint] - reach), high.min(home[joint] + reach));
+        let (low, high) = (low.max(home[joint] - extent.reach), high.min(home[joint] + extent.reach));
         let mut v = Vec::new();
         rest(&mut v, 0.5, dt);
         v.extend(plan.speeds((low, high), home[joint], extent.speed * bounds.velocity[joint], dt));
@@ -308,50 +318,75 @@ pub(crate) fn best(
     let logs: Vec<Record> = runs.iter().map(|run| Record::new(&run.standard, &run.chain, noise)).collect();
     let logs: Vec<(&Record, &Physics<'_>)> = logs.iter().zip(&physics).collect();
     let duels = duels(class, &logs, deviations)?;
-    let mut found: Option<(f64, Plan, usize, Extent)> = None;
-    for (joint, plan) in
-        movers(class, home.len()).into_iter().flat_map(|j| Plan::of(class).iter().map(move |plan| (j, *plan)))
-    {
-        let Some(extent) = admissible(plan, joint, &home, bounds, model, x) else { continue };
-        let [q, ..] = setpoints(plan, joint, &home, bounds, extent, COARSE_S);
-        let tau = vec![vec![0.0; q[0].len()]; q.len()];
-        let run = Run {
-            name: String::new(),
-            period_s: COARSE_S,
-            q,
-            tau,
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-        };
-        let motion = Motion::of(&run);
-        let chain = Chain::new(COARSE_S);
-        let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
-        let physics = Physics::new(&run, &motion, &exact, x);
-        let mut least = f64::INFINITY;
-        for duel in &duels {
-            least = least.min(duel.with(&record, &physics)?);
+    let mut found: Option<Planned> = None;
+    for furthest in FURTHEST {
+        for joint in movers(class, home.len()) {
+            for plan in Plan::of(class) {
+                let Some(extent) = admissible(*plan, joint, &home, bounds, (model, x), furthest) else { continue };
+                let run = planned(*plan, joint, &home, bounds, extent);
+                let motion = Motion::of(&run);
+                let chain = Chain::new(COARSE_S);
+                let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
+                let physics = Physics::new(&run, &motion, &exact, x);
+                let most = found.as_ref().map_or(0.0, |found| found.separation);
+                let separation = separation(&duels, &record, &physics, most)?;
+                if found.is_none() || separation > most {
+                    found = Some(Planned { separation, plan: *plan, joint, extent });
+                }
+            }
         }
-        if found.is_none_or(|(most, ..)| least > most) {
-            found = Some((least, plan, joint, extent));
+        if found.as_ref().is_some_and(|found| found.separation >= ENOUGH) {
+            break;
         }
     }
-    let (separation, plan, joint, extent) = found?;
+    let Planned { separation, plan, joint, extent } = found?;
     let [q, qd, qdd] = setpoints(plan, joint, &home, bounds, extent, bounds.period_s);
     let mut rivals: Vec<Effect> = class.rivals.iter().map(Form::effect).collect();
     rivals.dedup();
-    let text = format!("{} of joint {}, the others still", plan.text(), joint + 1);
     Some(SeparatingMotion {
         effect: class.form.effect(),
         joints: class.form.joints(),
         rivals,
-        text,
+        text: format!("{} of joint {}, the others still", plan.text(), joint + 1),
         separation,
         period_s: bounds.period_s,
         q,
         qd,
         qdd,
     })
+}
+
+/// One motion of the library that the arm can do, and what it is expected to say.
+struct Planned {
+    separation: f64,
+    plan: Plan,
+    joint: usize,
+    extent: Extent,
+}
+
+/// The smallest evidence of all duels, with imitations at their best; those that are below `least` anyhow are not looked at closer.
+fn separation(duels: &[Duel<'_>], record: &Record<'_>, physics: &Physics<'_>, least: f64) -> Option<f64> {
+    let mut smallest = f64::INFINITY;
+    let mut imitations = Vec::new();
+    for duel in duels {
+        let (evidence, form) = duel.with(record, physics)?;
+        smallest = smallest.min(evidence);
+        imitations.push((duel, form));
+    }
+    for (duel, form) in imitations {
+        if smallest <= least {
+            break;
+        }
+        smallest = smallest.min(duel.at_best(form, record, physics)?);
+    }
+    Some(smallest)
+}
+
+/// A plan as a run without torque.
+fn planned(plan: Plan, joint: usize, home: &[f64], bounds: &MotionBounds, extent: Extent) -> Run {
+    let [q, ..] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
+    let tau = vec![vec![0.0; q[0].len()]; q.len()];
+    Run { name: String::new(), period_s: COARSE_S, q, tau, temperature: None, desired: None, past: Past::default() }
 }
 
 /// Joints to move: those that the class is about, or every one where it is about the whole arm.
@@ -368,8 +403,8 @@ fn admissible(
     joint: usize,
     home: &[f64],
     bounds: &MotionBounds,
-    model: &Model,
-    x: &[f64],
+    (model, x): (&Model, &[f64]),
+    furthest: f64,
 ) -> Option<Extent> {
     let (n, width) = (home.len(), x.len());
     let mut ws = Workspace::new(&model.arm);
@@ -388,168 +423,10 @@ fn admissible(
     };
     let speeds = || (0..8).map(|k| 0.7_f64.powi(k));
     // A spring may need more torque at the end of the range than there is.
-    let extents =
-        [1.0, 0.7, 0.5, 0.35, 0.25].into_iter().flat_map(|reach| speeds().map(move |speed| Extent { reach, speed }));
+    let extents = [1.0, 0.7, 0.5, 0.35, 0.25]
+        .into_iter()
+        .flat_map(|share| speeds().map(move |speed| Extent { reach: share * furthest, speed }));
     extents.into_iter().find(|extent| fits(*extent))
-}
-
-/// The model's columns along one motion, in units of each joint's noise.
-struct Record<'a> {
-    chain: &'a Chain,
-    noise: &'a [f64],
-    /// Rows by columns, each joint.
-    model: Vec<DMatrix<f64>>,
-    gram: DMatrix<f64>,
-}
-
-impl<'a> Record<'a> {
-    fn new(standard: &[Column], chain: &'a Chain, noise: &'a [f64]) -> Record<'a> {
-        let model: Vec<DMatrix<f64>> = (0..noise.len()).map(|j| matrix(standard, j, noise)).collect();
-        let mut gram = DMatrix::zeros(standard.len(), standard.len());
-        for d in &model {
-            // Far faster than products of columns.
-            gram += d.transpose() * d;
-        }
-        Record { chain, noise, model, gram }
-    }
-
-    fn columns(&self, form: &Form, physics: &Physics<'_>) -> Vec<DMatrix<f64>> {
-        let columns: Vec<Column> =
-            form.columns(physics).into_iter().map(|full| crate::rows::column(self.chain, full)).collect();
-        (0..self.noise.len()).map(|j| matrix(&columns, j, self.noise)).collect()
-    }
-
-    /// What a form adds with coefficients `c`.
-    fn torque(&self, form: &Form, c: &[f64], physics: &Physics<'_>) -> Vec<DVector<f64>> {
-        let c = DVector::from_column_slice(c);
-        self.columns(form, physics)
-            .iter()
-            .map(|m| if m.ncols() == c.len() { m * &c } else { DVector::zeros(0) })
-            .collect()
-    }
-}
-
-/// One joint's rows by columns, in units of its noise.
-fn matrix(columns: &[Column], joint: usize, noise: &[f64]) -> DMatrix<f64> {
-    let rows = columns.iter().find_map(|c| c[joint].as_ref()).map_or(0, Vec::len);
-    let mut matrix = DMatrix::zeros(rows, columns.len());
-    for (c, column) in columns.iter().enumerate() {
-        if let Some(values) = &column[joint] {
-            matrix.column_mut(c).iter_mut().zip(values).for_each(|(to, v)| *to = v / noise[joint]);
-        }
-    }
-    matrix
-}
-
-/// Normal equations of the model's columns and a form's against a torque.
-#[derive(Clone)]
-struct Sums {
-    gram: DMatrix<f64>,
-    product: DVector<f64>,
-    square: f64,
-}
-
-impl Sums {
-    /// `deviations`: of the model's values; a form's coefficients are free, but not without end.
-    fn new(deviations: &[f64], form: &Form) -> Sums {
-        let (width, columns) = (deviations.len(), form.coefficients());
-        let mut gram = DMatrix::zeros(width + columns, width + columns);
-        for (i, deviation) in deviations.iter().enumerate() {
-            gram[(i, i)] = 1.0 / deviation.max(1e-9).powi(2);
-        }
-        for c in width..width + columns {
-            gram[(c, c)] = 1e-9;
-        }
-        Sums { gram, product: DVector::zeros(width + columns), square: 0.0 }
-    }
-
-    fn add(&mut self, record: &Record<'_>, own: &[DMatrix<f64>], torque: &[DVector<f64>]) {
-        let width = record.gram.nrows();
-        let columns = self.product.len() - width;
-        self.gram.view_mut((0, 0), (width, width)).zip_apply(&record.gram, |s, v| *s += v);
-        for ((d, c), y) in record.model.iter().zip(own).zip(torque) {
-            if c.nrows() > 0 && c.ncols() == columns {
-                let cross = d.tr_mul(c);
-                self.gram.view_mut((0, width), (width, columns)).zip_apply(&cross, |s, v| *s += v);
-                self.gram.view_mut((width, 0), (columns, width)).zip_apply(&cross.transpose(), |s, v| *s += v);
-                self.gram.view_mut((width, width), (columns, columns)).zip_apply(&c.tr_mul(c), |s, v| *s += v);
-            }
-            if y.is_empty() {
-                continue;
-            }
-            self.product.rows_mut(0, width).zip_apply(&d.tr_mul(y), |s, v| *s += v);
-            if c.nrows() > 0 && c.ncols() == columns {
-                self.product.rows_mut(width, columns).zip_apply(&c.tr_mul(y), |s, v| *s += v);
-            }
-            self.square += y.norm_squared();
-        }
-    }
-
-    /// What is left of the torque when values and form do their best, and the form's coefficients.
-    fn solve(&self, columns: usize) -> Option<(f64, Vec<f64>)> {
-        let x = Cholesky::new(self.gram.clone())?.solve(&self.product);
-        let left = self.square - self.product.dot(&x);
-        Some((left, x.rows(x.len() - columns, columns).iter().copied().collect()))
-    }
-}
-
-/// One member of a class as the truth, and another, with any inner values, that imitates it.
-struct Duel {
-    truth: (Form, Vec<f64>),
-    /// Inner values of the imitator with its equations over the logs.
-    imitations: Vec<(Form, Sums)>,
-    /// What the best imitation leaves of the logs.
-    left: f64,
-}
-
-/// Every member of the class against every other; a rival is as large as it has to be to look like what was chosen.
-fn duels(class: &Class<'_>, logs: &[(&Record<'_>, &Physics<'_>)], deviations: &[f64]) -> Option<Vec<Duel>> {
-    let chosen = (class.form.clone(), class.coefficients.clone());
-    let first = logs.first()?.1;
-    let mut duels = Vec::new();
-    for rival in &class.rivals {
-        let (duel, best) = duel(chosen.clone(), rival, first, logs, deviations)?;
-        let (back, _) = self::duel(best, class.form, first, logs, deviations)?;
-        duels.extend([duel, back]);
-    }
-    Some(duels)
-}
-
-/// The truth against all forms of a rival's effect, and the best of these on the logs.
-fn duel(
-    truth: (Form, Vec<f64>),
-    rival: &Form,
-    first: &Physics<'_>,
-    logs: &[(&Record<'_>, &Physics<'_>)],
-    deviations: &[f64],
-) -> Option<(Duel, (Form, Vec<f64>))> {
-    let torques: Vec<Vec<DVector<f64>>> =
-        logs.iter().map(|(record, physics)| record.torque(&truth.0, &truth.1, physics)).collect();
-    let forms = library::alike(rival, first);
-    let imitations = parallel::map(&forms, |form| {
-        let mut sums = Sums::new(deviations, form);
-        for ((record, physics), torque) in logs.iter().zip(&torques) {
-            sums.add(record, &record.columns(form, physics), torque);
-        }
-        (form.clone(), sums)
-    });
-    let solved = imitations.iter().filter_map(|(form, sums)| Some((sums.solve(form.coefficients())?, form)));
-    let ((left, c), form) = solved.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
-    let best = (form.clone(), c);
-    Some((Duel { truth, imitations, left }, best))
-}
-
-impl Duel {
-    /// Twice the log evidence that a motion is expected to give against every imitation.
-    fn with(&self, record: &Record<'_>, physics: &Physics<'_>) -> Option<f64> {
-        let torque = record.torque(&self.truth.0, &self.truth.1, physics);
-        let left = parallel::map(&self.imitations, |(form, sums)| {
-            let mut sums = sums.clone();
-            sums.add(record, &record.columns(form, physics), &torque);
-            Some(sums.solve(form.coefficients())?.0)
-        });
-        Some(left.into_iter().flatten().reduce(f64::min)? - self.left)
-    }
 }
 
 #[cfg(test)]

@@ -237,9 +237,12 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let torque_rms = rms(&measured);
     let usual: Vec<f64> = nominal.std.iter().map(|s| s * search.scale.max(0.1)).collect();
     let looked_at: Vec<&Prepared> = search.runs.clone();
+    // Residuals that hang together say less.
+    let noise: Vec<f64> =
+        search.noise.iter().zip(&search.correlations).map(|(noise, rows)| noise * rows.sqrt()).collect();
     let motions = classes
         .iter()
-        .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &search.noise, found.bounds))
+        .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &noise, found.bounds))
         .collect();
     // That other values are believed as given makes none of them better known.
     let freely = base_covariance(&base_set, found.freely);

@@ -81,27 +81,39 @@ impl Search<'_> {
             });
             Some(again.unwrap_or((candidate, standing)))
         };
-        let mut best = judge(start.clone())?;
-        let mut sizes = steps(start);
-        for _ in 0..HALVINGS {
-            for (place, size) in &sizes {
-                for direction in [1.0, -1.0] {
-                    // Along one coordinate as long as it helps, but not without end.
-                    for _ in 0..4 {
-                        let mut factors = [1.0; 3];
-                        factors[*place] = size.powf(direction);
-                        let Some(next) = judge(scaled(&best.0.form, factors)) else { break };
-                        if next.1.gain <= best.1.gain + 1e-6 {
-                            break;
-                        }
-                        best = next;
+        let best = judge(start.clone())?;
+        Some(climb(best, HALVINGS, |(candidate, _)| &candidate.form, |(_, standing)| standing.gain, judge))
+    }
+}
+
+/// What is best along the inner values of a form, one after another, in steps that are halved so many times; `score` says how good
+/// it is, `judge` makes it.
+pub(crate) fn climb<T>(
+    mut best: T,
+    halvings: usize,
+    form: impl Fn(&T) -> &Form,
+    score: impl Fn(&T) -> f64,
+    judge: impl Fn(Form) -> Option<T>,
+) -> T {
+    let mut sizes = steps(form(&best));
+    for _ in 0..halvings {
+        for (place, size) in &sizes {
+            for direction in [1.0, -1.0] {
+                // Along one coordinate as long as it helps, but not without end.
+                for _ in 0..4 {
+                    let mut factors = [1.0; 3];
+                    factors[*place] = size.powf(direction);
+                    let Some(next) = judge(scaled(form(&best), factors)) else { break };
+                    if score(&next) <= score(&best) + 1e-6 {
+                        break;
                     }
+                    best = next;
                 }
             }
-            for (_, size) in &mut sizes {
-                *size = size.sqrt();
-            }
         }
-        Some(best)
+        for (_, size) in &mut sizes {
+            *size = size.sqrt();
+        }
     }
+    best
 }

@@ -23,13 +23,17 @@ pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
 const MATERIAL: f64 = 0.1;
 /// The same on a joint that is near its floor: a sound arm's friction near standstill takes up to a sixth there.
 const MATERIAL_AT_FLOOR: f64 = 0.3;
+/// The same where its evidence is overwhelming: what friction near standstill takes on a sound arm is not as plain.
+const MATERIAL_IF_PLAIN: f64 = 0.15;
+/// Gain of log evidence that is overwhelming.
+const PLAIN: f64 = 100.0;
 /// Least share of the variance a joint began with, for a further effect.
 const MATERIAL_OF_FIRST: f64 = 0.02;
 /// The same on joints where the torque of a simulated gear, delay or bristle is in use already: such forms are never
 /// exact, and what they miss is not another effect.
 const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
 /// A joint whose residual is below this multiple of its noise floor has little left to explain.
-const AT_FLOOR: f64 = 1.2;
+pub(crate) const AT_FLOOR: f64 = 1.2;
 /// Candidates of the best that are refined and held against held-out blocks.
 const SHORT_LIST: usize = 7;
 /// Chance at which one of all candidates may show where nothing is.
@@ -126,6 +130,7 @@ impl<'a> Selected<'a> {
                 return another_law::mark(search, &self.candidates, &mut self.adopted);
             };
             self.adopt(search, &candidate, adoption, say)?;
+            self.settle(search, &candidate, say)?;
         }
         self.candidates.clear();
         Some(())
@@ -289,7 +294,7 @@ pub(crate) fn best(
         // Every fold would have to know a force that only its own blocks felt.
         let material = matches!(candidate.form, Form::Force { .. })
             || hides && !outdone
-            || is_material(search, &candidate.form, &shares, adopted);
+            || is_material(search, (&candidate.form, standing.gain), &shares, adopted);
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || shares.iter().any(|share| *share >= SATURATED);
         let shown = match &candidate.form {
             Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
@@ -528,14 +533,15 @@ fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64
     Some((0..joints).map(share).collect())
 }
 
-fn is_material(search: &Search<'_>, form: &Form, shares: &[f64], adopted: &[Adopted]) -> bool {
+fn is_material(search: &Search<'_>, (form, gain): (&Form, f64), shares: &[f64], adopted: &[Adopted]) -> bool {
+    let at_floor = if gain >= PLAIN { MATERIAL_IF_PLAIN } else { MATERIAL_AT_FLOOR };
     (0..shares.len()).any(|j| {
         let left = search.noise[j].powi(2);
         let simulated = adopted.iter().any(|a| a.form.is_simulated() && a.acts_on[j]);
         let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
         let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
         // A command that is cut explains the noise of the torque by itself.
-        let little = !form.has_fixed_gain() && shares[j] >= MATERIAL_AT_FLOOR;
+        let little = !form.has_fixed_gain() && shares[j] >= at_floor;
         let above = search.noise[j] > AT_FLOOR * search.floor[j] || little;
         shares[j] >= MATERIAL && above && enough
     })

@@ -165,3 +165,9 @@ fn separated(effect: KnownEffect) {
 fn the_motion_that_is_planned_shows_a_spring() {
     separated(KnownEffect::new(EffectKind::JointSpring, JOINT, &[100.0]));
 }
+
+/// The other way round: a weight on a lever, which over two degrees is a spring as well.
+#[test]
+fn the_motion_that_is_planned_shows_a_counterbalance() {
+    separated(KnownEffect::new(EffectKind::Counterbalance, JOINT, &[150.0, 0.0, 0.5, 0.4]));
+}

@@ -1,0 +1,102 @@
+//! An effect and what looks like it, held against each other once it is in the model.
+//!
+//! While an effect is chosen the noise of its joint is that of the gap, and rows in which the direction of friction is in doubt count
+//! beside it like any others: what two laws of one joint differ by is lost among them. With one of the two in the model the noise has
+//! come down to what holds, such rows count for little, and the other one is asked again. It is put in the first one's place for that:
+//! what a wrong law leaves is noise as well.
+
+use crate::effect::Kind;
+use crate::form::Form;
+use crate::search::{Candidate, Search};
+use crate::select::{AT_FLOOR, Adopted, RIVAL_GAP, Selected};
+
+impl<'a> Selected<'a> {
+    /// Holds the last effect against its rivals: those that are clearly behind are none, one that is clearly ahead takes its place.
+    /// None where the equations have no solution.
+    pub(crate) fn settle(
+        &mut self,
+        search: &mut Search<'a>,
+        candidate: &Candidate,
+        say: &mut dyn FnMut(&str),
+    ) -> Option<()> {
+        let Some(last) = self.adopted.last() else { return Some(()) };
+        let exact = |form: &Form| {
+            !form.is_simulated()
+                && !form.is_nameless()
+                && form.effect().kind() == Kind::Structure
+                && !form.joints().is_empty()
+                && form.joints() == last.form.joints()
+        };
+        let rivals: Vec<Form> = last.rivals.iter().map(|rival| rival.form.clone()).filter(&exact).collect();
+        if !exact(&last.form) {
+            return Some(());
+        }
+        for rival in rivals {
+            self.hold_against(search, candidate, &rival, say)?;
+        }
+        Some(())
+    }
+
+    fn hold_against(
+        &mut self,
+        search: &mut Search<'a>,
+        candidate: &Candidate,
+        rival: &Form,
+        say: &mut dyn FnMut(&str),
+    ) -> Option<()> {
+        let own = self.adopted.last()?.clone();
+        let noise = |search: &Search<'_>| own.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
+        let settled =
+            |search: &Search<'_>| own.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
+        let with_own = noise(search);
+        let [mine, its] = self.both(search, [&own.form, rival])?;
+        let behind = its.1 - mine.1;
+        let down = settled(search);
+        // With the other one in its place.
+        search.design.give_up(&own.mean);
+        let adoption = Adopted::new(search, &its.0, &self.physics, its.1)?;
+        let Some(physics) = search.extend(&its.0, &adoption.mean) else {
+            search.extend(candidate, &own.mean)?;
+            return Some(());
+        };
+        if noise(search) < with_own && settled(search) {
+            let before = std::mem::replace(&mut self.physics, physics);
+            let [mine, its] = self.both(search, [&own.form, rival])?;
+            say(&format!("  {:?} in the place of {:?}: {:.0} ahead", its.0.form, own.form, its.1 - mine.1));
+            if its.1 - mine.1 > RIVAL_GAP {
+                let last = self.adopted.last_mut()?;
+                let rivals = own.rivals.iter().filter(|r| r.form != *rival).cloned().collect();
+                *last = Adopted { rivals, shares: own.shares, share: own.share, p_value: own.p_value, ..adoption };
+                return Some(());
+            }
+            self.physics = before;
+        }
+        search.design.give_up(&adoption.mean);
+        search.extend(candidate, &own.mean)?;
+        if down && behind < -RIVAL_GAP {
+            say(&format!("  {:?} leaves more than noise: {:.0} behind", its.0.form, -behind));
+            self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);
+        }
+        Some(())
+    }
+
+    /// Gains of two forms, inner values refined, where the effect that was adopted last is held at nothing.
+    fn both(&self, search: &mut Search<'a>, forms: [&Form; 2]) -> Option<[(Candidate, f64); 2]> {
+        let last = self.adopted.last()?;
+        let free = search.design.background.std.clone();
+        let columns = last.place..free.len();
+        search.design.background.std.rows_mut(columns.start, columns.len()).scale_mut(NOTHING);
+        let scales = search.scales();
+        let gain = |form: &Form| {
+            let (candidate, standing) = search.refine_over(form, &self.physics, &scales)?;
+            Some((candidate, standing.gain))
+        };
+        let gains = forms.map(gain);
+        search.design.background.std = free;
+        let [one, other] = gains;
+        Some([one?, other?])
+    }
+}
+
+/// Share of what is believed of a coefficient that holds it at nothing.
+const NOTHING: f64 = 1e-6;
