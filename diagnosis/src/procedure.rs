@@ -186,6 +186,14 @@ impl Procedure<'_> {
             }
         }
         report.doubt_what_is_left_open();
+        let unseen = self.ask_for_values_unseen(&mut report);
+        let asked = "whether values that the motion looked at does not show are all that is missing";
+        if or_said(unseen, asked, &mut left_out) == Some(true) {
+            report.withdrawn.append(&mut report.causes);
+            upheld.fill(false);
+            let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
+            sized = or_said(again, sizes, &mut left_out);
+        }
         let named = |hint: &Cause| report.causes.iter().any(|c| c.effect == hint.effect && c.joints == hint.joints);
         let offsets = offsets::told(self.nominal, &parameters, &report.per_joint);
         let offsets: Vec<Cause> = offsets.into_iter().filter(|hint| !named(hint)).collect();

@@ -177,13 +177,15 @@ pub struct DataUse {
     pub of_another_kind: Option<f64>,
 }
 
-/// How the sealed run differs from those looked at where no cause explains it.
+/// How the sealed run differs from those looked at where no cause that these show explains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BetweenRuns {
     /// They fit to their noise, and it does not.
     SealedDiffers,
     /// What fits them does not hold there, and the model as given fits it to its noise.
     SealedAsGiven,
+    /// Values of what the model has fit all of them to their noise, and those looked at alone do not show these values.
+    ValuesUnseen,
 }
 
 impl BetweenRuns {
@@ -192,6 +194,7 @@ impl BetweenRuns {
         match self {
             BetweenRuns::SealedDiffers => "sealed_differs",
             BetweenRuns::SealedAsGiven => "sealed_as_given",
+            BetweenRuns::ValuesUnseen => "values_unseen",
         }
     }
 

@@ -55,6 +55,8 @@ const OFF_GRID: f64 = 0.4;
 const LATE_IN_FULL: f64 = 2.0 / 3.0;
 /// An encoder whose centre is off by this much of its radius is none \[rad\].
 const LARGEST_ECCENTRICITY: f64 = 0.02;
+/// Friction over the angle is a wave of at least this share of the level that comes with it.
+const WAVE: f64 = 0.25;
 /// Orders that differ by less than this share are the same.
 const SAME_ORDER: f64 = 0.01;
 /// Most effects in one diagnosis; joints that warm up together count once.
@@ -304,7 +306,8 @@ pub(crate) fn best(
             && !is_mounted_too_badly(search, &candidate.form, standing.added.c.as_slice())
             && cut
             && shown
-            && !is_part(&candidate.form, &standing);
+            && !is_part(&candidate.form, &standing)
+            && !is_level(&candidate.form, standing.added.c.as_slice());
         // What the values imitate is told by what is believed of them, a torque that is cut by its command.
         let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
         let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
@@ -447,6 +450,11 @@ fn is_mounted_too_badly(search: &Search<'_>, form: &Form, c: &[f64]) -> bool {
         if c[0].hypot(c[1]) > LARGEST_ECCENTRICITY && another_law::range(search, joint) < std::f64::consts::PI)
 }
 
+/// Whether friction over the angle is but its level: what slow motion says of a wrong Coulomb friction, with a wave of any order beside it.
+fn is_level(form: &Form, c: &[f64]) -> bool {
+    matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < WAVE * c[2].abs()
+}
+
 /// Whether two forms repeat with the same order of the angle.
 fn same_order(a: &Form, b: &Form) -> bool {
     matches!((a.order(), b.order()), (Some(a), Some(b)) if (a - b).abs() <= SAME_ORDER * a)
@@ -564,5 +572,13 @@ mod tests {
         let delay = Form::Delay { seconds: 0.006 };
         assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
         assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
+    }
+
+    /// Of a sound arm's slow log: 0.28 N m at 165 cycles a turn about a level that was 2.2 N m off.
+    #[test]
+    fn friction_over_the_angle_is_a_wave() {
+        let form = Form::PositionFriction { joint: 1, order: 164.5 };
+        assert!(is_level(&form, &[0.2686, 0.0848, 2.2093]) && !is_level(&form, &[3.0, 1.0, -2.0]));
+        assert!(!is_level(&Form::Ripple { joint: 1, order: 8.0 }, &[0.1, 0.0]));
     }
 }

@@ -160,6 +160,11 @@ impl Document {
         if let Some(next) = self.constant().filter(|_| self.verdict != "no_gap") {
             return next;
         }
+        if self.needs_other_motion() {
+            return "Give the log that was sealed before the others, or record motion that uses every joint over its range and speed, and \
+                    diagnose again."
+                .to_owned();
+        }
         if let Some((cause, motion)) = self.causes.iter().find_map(|c| Some((c, c.separating_motion.as_ref()?))) {
             let class = !cause.indistinguishable_from.is_empty();
             let how = if class { "; give that log before the others, since the last one is kept sealed" } else { "" };

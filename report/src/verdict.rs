@@ -34,7 +34,7 @@ const FAR: f64 = 20.0;
 impl Document {
     /// The verdict in six lines.
     pub fn lines(&self) -> Vec<Line> {
-        if let Some(remark) = &self.remark {
+        if let Some(remark) = self.remark.as_ref().filter(|_| !self.needs_other_motion()) {
             let mut lines = vec![Line { head: "Verdict", text: format!("Not evaluated: {remark}.") }];
             if !self.log.is_empty() {
                 lines.push(Line { head: "Not covered", text: self.findings().join("; ") + "." });
@@ -54,6 +54,11 @@ impl Document {
             Line { head: "Not covered", text: self.open_line() },
             Line { head: "Next", text: self.next_line() },
         ]
+    }
+
+    /// Whether all was evaluated, and what the sealed motion shows is values that the motion looked at does not.
+    pub(crate) fn needs_other_motion(&self) -> bool {
+        self.between_runs.as_deref() == Some("values_unseen")
     }
 
     /// Gravity as it is, where it points far elsewhere than the robot file says: then nothing else was asked.
@@ -118,6 +123,9 @@ impl Document {
                     format!(", but for the logs themselves: torque is logged {ms} ms late, which was taken out")
                 });
                 format!("Nothing is wrong that these logs could show{at_fault}.")
+            }
+            "not_evaluated" if self.needs_other_motion() => {
+                format!("Not evaluated: {}.", self.remark.as_deref().unwrap_or_default())
             }
             "unexplained" if !self.other_arm.is_empty() => format!(
                 "Unknown: bodies and rotors of {} are off by more than a data sheet ever is: is this the robot's file? What would \
