@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use nalgebra::DVector;
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use rivet_dynamics::{Arm, Joint, JointKind, Workspace, flange_pose, inverse_dynamics};
 
 use crate::background::Nominal;
@@ -78,6 +78,33 @@ impl Search<'_> {
             }
         }
         cd.into()
+    }
+}
+
+impl Search<'_> {
+    /// Of each burst the force along the base's axes that is nearest to what was found, were it the same throughout \[N\]: instants at which
+    /// joints tell little of it count little. (The largest of instants is as large as noise makes it there.)
+    pub(crate) fn steady_force<'b>(
+        &'b self,
+        found: &'b [DVector<f64>],
+        moment: bool,
+    ) -> impl Iterator<Item = Vector3<f64>> + 'b {
+        let each = numbers(moment);
+        self.design.background.local.iter().zip(found).filter_map(move |(stretch, c)| {
+            let mut told = DMatrix::zeros(each, each);
+            let mut sum = DVector::zeros(each);
+            for cell in &stretch.cells {
+                let weighed = &cell.cc * c;
+                for (a, weighed) in weighed.iter().enumerate() {
+                    sum[a % each] += self.weights[cell.joint] * weighed;
+                    for b in 0..c.len() {
+                        told[(a % each, b % each)] += self.weights[cell.joint] * cell.cc[(a, b)];
+                    }
+                }
+            }
+            let force = Cholesky::new(told)?.solve(&sum);
+            Some(Vector3::new(force[0], force[1], force[2]))
+        })
     }
 }
 

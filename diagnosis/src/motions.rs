@@ -443,7 +443,7 @@ mod tests {
             period_s: 0.004,
         };
         let home = [0.3, 0.2, -0.4];
-        let extent = Extent { reach: 0.5, speed: 0.8 };
+        let extent = Extent { reach: 0.8, speed: 0.8 };
         let [q, qd, _] = setpoints(Plan::Fast, 1, &home, &bounds, extent, 0.004);
         for j in 0..3 {
             let fastest = qd[j].iter().fold(0.0_f64, |most, v| most.max(v.abs()));

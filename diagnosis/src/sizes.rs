@@ -3,6 +3,7 @@
 
 use nalgebra::DVector;
 
+use crate::contact::numbers;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
 use crate::form::Form;
@@ -192,7 +193,11 @@ impl Procedure<'_> {
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
                 sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
             }
-            if matches!(adopted.form, Form::Force { .. }) {
+            if let Form::Force { moment, .. } = adopted.form {
+                if !moment || search.floor.len() >= numbers(true) {
+                    let steady = search.steady_force(&solved.stretches, moment).map(|of_burst| of_burst.norm());
+                    sizes.push(("steady_N".to_owned(), steady.fold(0.0, f64::max)));
+                }
                 let torque = search.design.local_torque(&solved.stretches);
                 let largest = torque.iter().flatten().flatten().fold(0.0, |most: f64, t| most.max(t.abs()));
                 sizes.push(("largest_joint_Nm".to_owned(), largest));

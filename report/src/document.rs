@@ -62,7 +62,8 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "is_false")]
     pub refuted: bool,
     /// What sets the sealed run apart from those looked at, where there is such a thing: `sealed_differs` (they fit to their noise,
-    /// it does not) or `sealed_as_given` (what fits them does not hold there, and the model as given does).
+    /// it does not), `sealed_as_given` (what fits them does not hold there, and the model as given does) or `values_unseen` (values of
+    /// what the model has fit all of them, and those looked at alone do not show these values).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between_runs: Option<String>,
     /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.

@@ -5,15 +5,15 @@ use rivet_diagnosis::{FormatReport, Patch};
 use crate::document::{Document, Format, FormatItem};
 
 impl Document {
-    /// Of the motion that would tell a cause from its rivals, the one that was found for these runs, or none if none does; `names`: of the joints.
+    /// Of the motion that would tell a cause from its rivals, the one that was found for these runs and is expected to tell; `names`: of the joints.
     pub fn tells_motions(&mut self, patch: &Patch, names: &[String]) {
-        for motion in &patch.motions {
+        for motion in patch.motions.iter().filter(|motion| motion.tells()) {
             let joints: Vec<&String> = motion.joints.iter().map(|j| &names[*j]).collect();
             let of = |cause: &&mut crate::Cause| {
                 cause.effect == motion.effect.name() && cause.joints.iter().eq(joints.iter().copied())
             };
             if let Some(cause) = self.causes.iter_mut().find(of) {
-                cause.separating_motion = motion.tells().then(|| motion.text.clone());
+                cause.separating_motion = Some(motion.text.clone());
             }
         }
     }
