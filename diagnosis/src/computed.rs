@@ -10,6 +10,7 @@ use rivet_dynamics::{Arm, LINK_PARAMETERS, Workspace, regressor};
 use rivet_estimation::offline::Trajectory;
 
 use crate::possible;
+use crate::rigid::range;
 use crate::run::{Motion, Run};
 
 /// Both sides are averaged over stretches of this length \[s\], which keeps what is linear exact and takes noise away.
@@ -163,22 +164,13 @@ fn mean(x: &[f64]) -> f64 {
 
 /// What the columns miss of `tau` at best, as a share of it; 1 where that cannot be told.
 fn missed(rows: &DMatrix<f64>, tau: &DVector<f64>) -> f64 {
-    let (size, torque) = (rows.column_iter().map(|c| c.norm()), tau.norm());
-    let scale: Vec<f64> = size.map(|s| if s > 0.0 { 1.0 / s } else { 0.0 }).collect();
-    let scaled = rows * DMatrix::from_diagonal(&DVector::from_vec(scale));
-    if torque == 0.0 || !torque.is_finite() || scaled.iter().any(|y| !y.is_finite()) {
+    let torque = tau.norm();
+    if torque == 0.0 || !torque.is_finite() || rows.iter().any(|y| !y.is_finite()) {
         return 1.0;
     }
-    let svd = scaled.svd(true, false);
-    let Some(u) = &svd.u else { return 1.0 };
-    let mut left = tau.clone();
-    let mut rank = 0;
-    for (direction, value) in u.column_iter().zip(&svd.singular_values) {
-        if *value > ROUNDING * svd.singular_values.max() {
-            left -= direction * direction.dot(tau);
-            rank += 1;
-        }
-    }
+    let Some(range) = range(rows, ROUNDING) else { return 1.0 };
+    let left = tau - &range * range.tr_mul(tau);
+    let rank = range.ncols();
     let free = tau.len().saturating_sub(rank);
     if 2 * free < tau.len() {
         return 1.0;

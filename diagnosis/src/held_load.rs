@@ -5,6 +5,7 @@ use std::fmt;
 use nalgebra::{DMatrix, DVector};
 
 use crate::design::Prepared;
+use crate::rigid::range;
 
 /// A force that lasts less is contact \[s\].
 const STAYS_S: f64 = 4.0;
@@ -63,20 +64,13 @@ fn explained(run: &Prepared, rows: &[usize], force: &impl Fn(usize, usize) -> f6
     let cells: Vec<(usize, usize)> = (0..joints).flat_map(|j| rows.iter().map(move |row| (j, *row))).collect();
     let weight = |j: usize| 1.0 / run.floor[j].max(f64::MIN_POSITIVE);
     let y = DVector::from_iterator(cells.len(), cells.iter().map(|(j, row)| weight(*j) * force(*j, *row)));
-    let mut d = DMatrix::from_fn(cells.len(), 10, |at, c| {
+    let d = DMatrix::from_fn(cells.len(), 10, |at, c| {
         let (j, row) = cells[at];
         run.standard[last + c][j].as_ref().map_or(0.0, |rows| weight(j) * rows[row])
     });
-    d.column_iter_mut().for_each(|mut column| {
-        let size = column.norm();
-        if size > 0.0 {
-            column /= size;
-        }
-    });
-    let svd = d.clone().svd(true, true);
     let whole = y.norm_squared();
-    match svd.solve(&y, ROUNDING * svd.singular_values.max()) {
-        Ok(x) if whole > 0.0 => 1.0 - (y - d * x).norm_squared() / whole,
+    match range(&d, ROUNDING) {
+        Some(range) if whole > 0.0 => range.tr_mul(&y).norm_squared() / whole,
         _ => 0.0,
     }
 }

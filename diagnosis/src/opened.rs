@@ -461,6 +461,12 @@ fn verdict(
         // Of an arm with a joint that cannot be judged nobody says that nothing is wrong.
         (0, true) if judge.names.iter().any(|name| judge.is_unbelieved(name)) => Verdict::NotEvaluated,
         (0, true) => Verdict::NoGap,
+        // Nor are values that fit what was looked at and leave most of the gap where it counts.
+        (0, false)
+            if judge.residue.at_floor() && unexplained_share > MOST_LEFT && per_joint.iter().any(JointGap::is_left) =>
+        {
+            Verdict::Unexplained
+        }
         (0, false) => Verdict::Parameter,
         (1, _) => Verdict::Effect,
         _ => Verdict::Several,

@@ -17,6 +17,8 @@ const ROWS: usize = 400;
 const KNOWN: f64 = 0.02;
 /// Directions that the motion hardly tells are rounding.
 const ROUNDING: f64 = 1e-6;
+/// Columns that are this much smaller than the largest are rounding.
+const NOTHING: f64 = 1e-13;
 
 /// Positions, speeds or accelerations, `[joint][sample]`.
 type Signals = Vec<Vec<f64>>;
@@ -106,7 +108,7 @@ impl<'a> FreeDrives<'a> {
             let rows = weights.iter().map(Vec::len).sum();
             let mut drive = DMatrix::zeros(rows, 0);
             if !columns.is_empty() {
-                drive = range(&DMatrix::from_columns(&columns)).unwrap_or(drive);
+                drive = range(&DMatrix::from_columns(&columns), ROUNDING).unwrap_or(drive);
             }
             Joint { at: joint, weights, drive }
         };
@@ -144,7 +146,7 @@ impl<'a> FreeDrives<'a> {
         let of = |c: usize| joined(&self.of(&self.runs.iter().map(|run| run.standard[c].clone()).collect::<Vec<_>>()));
         let columns: Vec<DVector<f64>> = (10 * link..10 * (link + 1)).map(of).filter(|c| c.norm() > 0.0).collect();
         let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
-        let taken = if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns)) };
+        let taken = if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), ROUNDING) };
         let rest = taken.map_or_else(|| left.clone(), |range| left - &range * range.tr_mul(left));
         self.size(std::slice::from_ref(&rest))
     }
@@ -155,10 +157,24 @@ impl<'a> FreeDrives<'a> {
     }
 }
 
-/// An orthonormal basis of what columns reach, without the directions that the motion hardly tells.
-fn range(columns: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let svd = columns.clone().svd(true, false);
-    let least = ROUNDING * svd.singular_values.max();
+/// An orthonormal basis of what columns reach, without the directions below `rounding` of the strongest; none where there is none, or where the
+/// decomposition comes to no end (columns that are nothing but rounding, of a wrist that stands at zero, made it a number that is none).
+pub(crate) fn range(columns: &DMatrix<f64>, rounding: f64) -> Option<DMatrix<f64>> {
+    let size: Vec<f64> = columns.column_iter().map(|c| c.norm()).collect();
+    let largest = size.iter().copied().fold(0.0, f64::max);
+    let told: Vec<usize> = (0..size.len()).filter(|k| size[*k] > NOTHING * largest).collect();
+    if told.is_empty() || !largest.is_finite() {
+        return None;
+    }
+    let mut scaled = columns.select_columns(&told);
+    for mut column in scaled.column_iter_mut() {
+        column.normalize_mut();
+    }
+    let svd = scaled.svd_unordered(true, false);
+    if svd.singular_values.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let least = rounding * svd.singular_values.max();
     let told: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > least).collect();
     svd.u.map(|u| u.select_columns(&told))
 }

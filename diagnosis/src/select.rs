@@ -364,7 +364,14 @@ pub(crate) fn best(
         for Accepted { candidate: other, standing, .. } in near.iter().map(|i| &accepted[*i]) {
             if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
                 let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
-                rivals.extend(Rival::of(&other.form, cosine));
+                // Of two laws of one joint's angle that explain as much one is true, however they bend.
+                let laws = one.form.of_angle_alone() && other.form.of_angle_alone();
+                let either = laws && one.form.joints() == other.form.joints();
+                rivals.extend(if either {
+                    Some(Rival { form: other.form.clone(), cosine })
+                } else {
+                    Rival::of(&other.form, cosine)
+                });
             }
         }
     }
@@ -542,7 +549,9 @@ fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64
 }
 
 fn is_material(search: &Search<'_>, (form, gain): (&Form, f64), shares: &[f64], adopted: &[Adopted]) -> bool {
-    let at_floor = if gain >= PLAIN { MATERIAL_IF_PLAIN } else { MATERIAL_AT_FLOOR };
+    // An order is taken where the residual has most of it, and evidence is no measure of that.
+    let plain = gain >= PLAIN && form.order().is_none();
+    let at_floor = if plain { MATERIAL_IF_PLAIN } else { MATERIAL_AT_FLOOR };
     (0..shares.len()).any(|j| {
         let left = search.noise[j].powi(2);
         let simulated = adopted.iter().any(|a| a.form.is_simulated() && a.acts_on[j]);

@@ -32,52 +32,59 @@ impl<'a> Selected<'a> {
             return Some(());
         }
         for rival in rivals {
-            self.hold_against(search, candidate, &rival, say)?;
+            // What took its place is held against no other: these are the rivals of the first.
+            if self.hold_against(search, candidate, &rival, say)? {
+                break;
+            }
         }
         Some(())
     }
 
+    /// Whether `rival` took the place of the last effect.
     fn hold_against(
         &mut self,
         search: &mut Search<'a>,
         candidate: &Candidate,
         rival: &Form,
         say: &mut dyn FnMut(&str),
-    ) -> Option<()> {
+    ) -> Option<bool> {
         let own = self.adopted.last()?.clone();
         let noise = |search: &Search<'_>| own.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
-        let settled =
+        let is_down =
             |search: &Search<'_>| own.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
         let with_own = noise(search);
         let [mine, its] = self.both(search, [&own.form, rival])?;
-        let behind = its.1 - mine.1;
-        let down = settled(search);
+        let (mut ahead, mut down) = (mine.1 - its.1, is_down(search));
+        let adoption = Adopted::new(search, &its.0, &self.physics, its.1)?;
+        let adoption = Adopted { place: own.place, ..adoption };
         // With the other one in its place.
         search.design.give_up(&own.mean);
-        let adoption = Adopted::new(search, &its.0, &self.physics, its.1)?;
-        let Some(physics) = search.extend(&its.0, &adoption.mean) else {
-            search.extend(candidate, &own.mean)?;
-            return Some(());
-        };
-        if noise(search) < with_own && settled(search) {
-            let before = std::mem::replace(&mut self.physics, physics);
-            let [mine, its] = self.both(search, [&own.form, rival])?;
-            say(&format!("  {:?} in the place of {:?}: {:.0} ahead", its.0.form, own.form, its.1 - mine.1));
-            if its.1 - mine.1 > RIVAL_GAP {
-                let last = self.adopted.last_mut()?;
-                let rivals = own.rivals.iter().filter(|r| r.form != *rival).cloned().collect();
-                *last = Adopted { rivals, shares: own.shares, share: own.share, p_value: own.p_value, ..adoption };
-                return Some(());
+        if let Some(physics) = search.extend(&its.0, &adoption.mean) {
+            if noise(search) < with_own {
+                let before = (self.adopted.last_mut()?, &mut self.physics);
+                let first = (std::mem::replace(before.0, adoption.clone()), std::mem::replace(before.1, physics));
+                let again = self.both(search, [&own.form, rival]);
+                if let Some([mine, its]) = again {
+                    (ahead, down) = (mine.1 - its.1, is_down(search));
+                }
+                if down && -ahead > RIVAL_GAP {
+                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, own.form, -ahead));
+                    let last = self.adopted.last_mut()?;
+                    last.rivals = own.rivals.iter().filter(|r| r.form != *rival).cloned().collect();
+                    (last.shares, last.share, last.p_value) = (own.shares, own.share, own.p_value);
+                    return Some(true);
+                }
+                *self.adopted.last_mut()? = first.0;
+                self.physics = first.1;
             }
-            self.physics = before;
+            search.design.give_up(&adoption.mean);
         }
-        search.design.give_up(&adoption.mean);
         search.extend(candidate, &own.mean)?;
-        if down && behind < -RIVAL_GAP {
-            say(&format!("  {:?} leaves more than noise: {:.0} behind", its.0.form, -behind));
+        if down && ahead > RIVAL_GAP {
+            say(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
             self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);
         }
-        Some(())
+        Some(false)
     }
 
     /// Gains of two forms, inner values refined, where the effect that was adopted last is held at nothing.

@@ -112,7 +112,11 @@ impl Early {
             return Early { most: None, sure: None, parts: Vec::new() };
         };
         let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-        let sure = runs.iter().zip(&timings).all(|(run, timing)| timing.late < 0.0 && timing.is_off(least(run)));
+        let off = |(run, timing): &(&&Prepared, &Timing)| timing.late < 0.0 && timing.is_off(least(run));
+        // A run of one joint says nothing of the arm, but neither may it be against what the others say.
+        let (arm, few): (Vec<_>, Vec<_>) = runs.iter().zip(&timings).partition(off);
+        let along = |timing: &Timing| arm.iter().all(|(_, other)| timing.is_along(other));
+        let sure = !arm.is_empty() && few.iter().all(|(_, timing)| timing.is_of_few() && along(timing));
         let joints = || timings.iter().flat_map(|timing| &timing.joints);
         let now = nearest(0.0);
         let moved: Vec<f64> = (0..=now).map(|k| joints().map(|t| t.weight * t.moved[now - k]).sum()).collect();
@@ -161,6 +165,16 @@ impl Timing {
             && agree >= LEAST_JOINTS
             && 2 * agree > tells().count()
             && left(self.late) < (1.0 - LEAST_SHARE) * left(0.0)
+    }
+
+    /// Whether too few joints turn in it to say anything of the arm.
+    fn is_of_few(&self) -> bool {
+        self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS).count() < LEAST_JOINTS
+    }
+
+    /// Whether it is late by about the same time as another run.
+    fn is_along(&self, other: &Timing) -> bool {
+        (self.late - other.late).abs() < AGREES * other.late.abs()
     }
 
     /// Time constant \[s\] of the low-pass that explains better why torque is late than a clock does.

@@ -180,7 +180,7 @@ impl<'a> Looked<'a> {
 
     /// Gravity as it must have been, where that is far from the file's, and what is missed with it.
     fn gravity(&self) -> Option<(Otherwise, f64)> {
-        let more = self.weight.clone().svd(true, true).solve(&self.left, 1e-9 * self.weight.norm()).ok()?;
+        let more = self.weight.clone().svd_unordered(true, true).solve(&self.left, 1e-9 * self.weight.norm()).ok()?;
         let free = self.given + Vector3::from_column_slice(more.as_slice());
         let size = free.norm() / self.given.norm();
         if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < LEAST {

@@ -161,9 +161,8 @@ impl Document {
             return next;
         }
         if self.needs_other_motion() {
-            return "Give the log that was sealed before the others, or record motion that uses every joint over its range and speed, and \
-                    diagnose again."
-                .to_owned();
+            let order = if self.data.cut { "" } else { "; where one of these logs is such, give it before the others" };
+            return format!("Record a motion that uses every joint over its range and speed{order}.");
         }
         if let Some((cause, motion)) = self.causes.iter().find_map(|c| Some((c, c.separating_motion.as_ref()?))) {
             let class = !cause.indistinguishable_from.is_empty();

@@ -29,7 +29,7 @@ struct Section {
 /// The page of a diagnosis. `scores` say how good the same procedure was on cases whose answers are known.
 pub fn page(document: &Document, scores: &[Score]) -> String {
     let mut sections = Vec::new();
-    if document.remark.is_none() {
+    if document.remark.is_none() || document.needs_other_motion() {
         sections.push(Section { id: "ledger", title: "The gap, joint by joint", body: sections::ledger(document) });
         sections.push(Section {
             id: "where",

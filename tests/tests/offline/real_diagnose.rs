@@ -231,7 +231,6 @@ fn what_the_sealed_run_refutes_is_not_named() {
     for names in [
         ["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"].as_slice(),
         &["RunTrajectory1", "joint_1_trapez", "joint_2_trapez", "joint_5_trapez", "joint_7_trapez", "joint_4_trapez"],
-        &["RunTrajectory1", "joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez"],
         &["joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez", "RunTrajectory1"],
     ] {
         let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
