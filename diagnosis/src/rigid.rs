@@ -213,3 +213,21 @@ fn weighed<'a>(
     }
     DVector::from_vec(all)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The second is the first but for rounding, the third rounding alone, the fourth nothing.
+    #[test]
+    fn columns_that_are_rounding_are_no_direction() {
+        let column = |k: usize| DVector::from_fn(40, |row, _| ((row * (k + 3)) as f64).sin());
+        let columns =
+            [column(0), column(0) + 1e-9 * column(1), 1e-17 * column(2), DVector::zeros(40), 1e-3 * column(3)];
+        let basis = range(&DMatrix::from_columns(&columns), ROUNDING).expect("two directions");
+        assert_eq!(basis.ncols(), 2);
+        assert!((basis.tr_mul(&basis) - DMatrix::identity(2, 2)).norm() < 1e-12);
+        assert_eq!(range(&DMatrix::zeros(40, 3), ROUNDING), None);
+        assert_eq!(range(&DMatrix::repeat(40, 2, f64::NAN), ROUNDING), None);
+    }
+}

@@ -61,25 +61,29 @@ impl<'a> Selected<'a> {
         search.design.give_up(&own.mean);
         if let Some(physics) = search.extend(&its.0, &adoption.mean) {
             if noise(search) < with_own {
-                let before = (self.adopted.last_mut()?, &mut self.physics);
-                let first = (std::mem::replace(before.0, adoption.clone()), std::mem::replace(before.1, physics));
-                let again = self.both(search, [&own.form, rival]);
-                if let Some([mine, its]) = again {
+                self.adopted.pop();
+                self.adopted.push(adoption.clone());
+                let before = std::mem::replace(&mut self.physics, physics);
+                if let Some([mine, its]) = self.both(search, [&own.form, rival]) {
                     (ahead, down) = (mine.1 - its.1, is_down(search));
                 }
+                self.adopted.pop();
                 if down && -ahead > RIVAL_GAP {
                     say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, own.form, -ahead));
-                    let last = self.adopted.last_mut()?;
-                    last.rivals = own.rivals.iter().filter(|r| r.form != *rival).cloned().collect();
-                    (last.shares, last.share, last.p_value) = (own.shares, own.share, own.p_value);
+                    let rivals = own.rivals.into_iter().filter(|r| r.form != *rival).collect();
+                    let (shares, share, p_value) = (own.shares, own.share, own.p_value);
+                    self.adopted.push(Adopted { rivals, shares, share, p_value, ..adoption });
                     return Some(true);
                 }
-                *self.adopted.last_mut()? = first.0;
-                self.physics = first.1;
+                self.adopted.push(own.clone());
+                self.physics = before;
             }
             search.design.give_up(&adoption.mean);
         }
-        search.extend(candidate, &own.mean)?;
+        if search.extend(candidate, &own.mean).is_none() {
+            self.adopted.pop();
+            return None;
+        }
         if down && ahead > RIVAL_GAP {
             say(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
             self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);

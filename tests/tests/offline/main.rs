@@ -37,5 +37,6 @@ mod statistics;
 mod sticking;
 mod strange_torque;
 mod tracking;
+mod unseen;
 mod value_intervals;
 mod warming;
