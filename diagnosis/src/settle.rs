@@ -72,7 +72,7 @@ impl<'a> Selected<'a> {
                     say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, own.form, -ahead));
                     let rivals = own.rivals.into_iter().filter(|r| r.form != *rival).collect();
                     let (shares, share, p_value) = (own.shares, own.share, own.p_value);
-                    self.adopted.push(Adopted { rivals, shares, share, p_value, ..adoption });
+                    self.adopted.push(Adopted { shares, share, p_value, rivals, ..adoption });
                     return Some(true);
                 }
                 self.adopted.push(own.clone());
