@@ -18,7 +18,7 @@ fn diagnosed(logs: &[&Path], folder: &Path) -> (Option<i32>, String, Value) {
 /// A Manutec with viscous friction that is half as much again as its file says. Slow motion hardly shows that; fast motion does.
 #[test]
 fn what_slow_motion_does_not_show_of_values_is_asked_for() {
-    let arm = rivet_config::load(&robot("manutec-r3")).expect("a sound robot file");
+    let arm = rivet_config::load(robot("manutec-r3")).expect("a sound robot file");
     let joints: Vec<usize> = (0..arm.dof()).collect();
     let with = |coulomb: f64| -> Vec<f64> {
         let times = |parameter: &Parameter| match parameter {
