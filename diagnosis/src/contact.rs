@@ -79,9 +79,7 @@ impl Search<'_> {
         }
         cd.into()
     }
-}
 
-impl Search<'_> {
     /// Of each burst the force along the base's axes that is nearest to what was found, were it the same throughout \[N\]: instants at which
     /// joints tell little of it count little. (The largest of instants is as large as noise makes it there.)
     pub(crate) fn steady_force<'b>(

@@ -10,6 +10,9 @@ use crate::form::Form;
 use crate::search::{Candidate, Search};
 use crate::select::{AT_FLOOR, Adopted, RIVAL_GAP, Selected};
 
+/// Share of what is believed of a coefficient that holds it at nothing.
+const NOTHING: f64 = 1e-6;
+
 impl<'a> Selected<'a> {
     /// Holds the last effect against its rivals: those that are clearly behind are none, one that is clearly ahead takes its place.
     /// None where the equations have no solution.
@@ -108,6 +111,3 @@ impl<'a> Selected<'a> {
         Some([one?, other?])
     }
 }
-
-/// Share of what is believed of a coefficient that holds it at nothing.
-const NOTHING: f64 = 1e-6;

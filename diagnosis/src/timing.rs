@@ -89,6 +89,14 @@ pub(crate) fn clear(runs: &[&Prepared]) -> Vec<Part> {
     parts(runs.iter().enumerate().filter_map(|(at, run)| Some((at, Timing::within(run, CLEAR_S)?))))
 }
 
+/// Whether runs, each with the least time that counts \[s\], are sure that all of the arm is behind its torque. One in which too few joints turn
+/// says nothing of the arm, but neither may it be against what the others say.
+fn are_sure<'t>(runs: impl Iterator<Item = (&'t Timing, f64)>) -> bool {
+    let (arm, few): (Vec<_>, Vec<_>) = runs.partition(|(timing, least)| timing.late < 0.0 && timing.is_off(*least));
+    let along = |timing: &Timing| arm.iter().all(|(other, _)| timing.is_along(other));
+    !arm.is_empty() && few.iter().all(|(timing, _)| timing.is_of_few() && along(timing))
+}
+
 fn parts(timings: impl Iterator<Item = (usize, Timing)>) -> Vec<Part> {
     let of = |(run, timing): (usize, Timing)| {
         timing.joints.into_iter().map(move |t| Part { run, joint: t.joint, rows: t.rows, weight: t.weight })
@@ -112,11 +120,7 @@ impl Early {
             return Early { most: None, sure: None, parts: Vec::new() };
         };
         let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-        let off = |(run, timing): &(&&Prepared, &Timing)| timing.late < 0.0 && timing.is_off(least(run));
-        // A run of one joint says nothing of the arm, but neither may it be against what the others say.
-        let (arm, few): (Vec<_>, Vec<_>) = runs.iter().zip(&timings).partition(off);
-        let along = |timing: &Timing| arm.iter().all(|(_, other)| timing.is_along(other));
-        let sure = !arm.is_empty() && few.iter().all(|(_, timing)| timing.is_of_few() && along(timing));
+        let sure = are_sure(runs.iter().zip(&timings).map(|(run, timing)| (timing, least(run))));
         let joints = || timings.iter().flat_map(|timing| &timing.joints);
         let now = nearest(0.0);
         let moved: Vec<f64> = (0..=now).map(|k| joints().map(|t| t.weight * t.moved[now - k]).sum()).collect();
@@ -311,5 +315,32 @@ mod tests {
         assert!((at - 0.0043).abs() < 1e-9 && (bend / 10.0 - 1.0).abs() < 1e-6, "{at} {bend}");
         assert_eq!(lowest(&places, &places), None, "one that falls to its end has none");
         assert_eq!((nearest(0.0), nearest(1.0)), (50, 100));
+    }
+
+    /// A run whose first `joints` joints are all best with torque moved by `late` \[s\].
+    fn timing(joints: usize, late: f64) -> Timing {
+        let moved: Vec<f64> = moves().iter().map(|x| 1.0 + 1e5 * (x - late).powi(2)).collect();
+        let of = |joint| JointTiming {
+            joint,
+            moved: moved.clone(),
+            unfiltered: Vec::new(),
+            rows: Vec::new(),
+            weight: 100.0,
+            rms: 1.0,
+            late,
+            sigma: 1e-4,
+        };
+        Timing { late, sigma: 1e-4, joints: (0..joints).map(of).collect() }
+    }
+
+    #[test]
+    fn a_run_of_one_joint_may_not_be_against_the_others() {
+        let sure = |runs: &[(usize, f64)]| {
+            let runs: Vec<Timing> = runs.iter().map(|(joints, late)| timing(*joints, *late)).collect();
+            are_sure(runs.iter().map(|run| (run, LEAST_S)))
+        };
+        assert!(sure(&[(6, -0.012), (6, -0.0121)]) && sure(&[(1, -0.0131), (6, -0.012)]));
+        assert!(!sure(&[(1, -0.012)]), "of the arm it says nothing");
+        assert!(!sure(&[(1, 0.0), (6, -0.012)]) && !sure(&[(6, 0.0), (6, -0.012)]), "the other is against it");
     }
 }

@@ -58,8 +58,9 @@ impl Procedure<'_> {
     /// noise squared.
     fn loss(&self, together: &Search<'_>) -> Option<f64> {
         let (design, sealed) = (&together.design, self.look.len());
-        let missed = |keep: &dyn Fn(usize) -> bool, of: &dyn Fn(usize) -> bool| -> Option<f64> {
-            let blocks: Vec<usize> = (0..design.blocks.len()).filter(|b| keep(design.blocks[*b].run)).collect();
+        // What runs are missed by with values that are fitted to them.
+        let missed = |of: &dyn Fn(usize) -> bool| -> Option<f64> {
+            let blocks: Vec<usize> = (0..design.blocks.len()).filter(|b| of(design.blocks[*b].run)).collect();
             let solved = design.background.solve(&together.weights, together.scale, &blocks)?;
             let residuals = design.residuals(&solved.x, &solved.stretches);
             let square = |joints: &Vec<DVector<f64>>| -> f64 {
@@ -67,8 +68,6 @@ impl Procedure<'_> {
             };
             Some(residuals.iter().enumerate().filter(|(run, _)| of(*run)).map(|(_, joints)| square(joints)).sum())
         };
-        let (seen, hidden): (&dyn Fn(usize) -> bool, &dyn Fn(usize) -> bool) =
-            (&|run| run < sealed, &|run| run == sealed);
-        Some(missed(&|_| true, &|_| true)? - missed(seen, seen)? - missed(hidden, hidden)?)
+        Some(missed(&|_| true)? - missed(&|run| run < sealed)? - missed(&|run| run == sealed)?)
     }
 }

@@ -209,7 +209,7 @@ fn minimum_norm(blocks: &[(DMatrix<f64>, DVector<f64>)]) -> DVector<f64> {
     }
     let qr = d.qr();
     let right = qr.q().tr_mul(&tau);
-    let x = qr.r().svd_unordered(true, true).solve(&right, 1e-9).expect("both sides were asked for");
+    let x = qr.r().svd(true, true).solve(&right, 1e-9).expect("both sides were asked for");
     DVector::from_fn(k, |c, _| x[c] / scale[c])
 }
 

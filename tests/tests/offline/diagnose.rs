@@ -160,6 +160,16 @@ fn an_effect_that_values_imitate_is_a_class_with_them() {
     assert_eq!(counterbalance["indistinguishable_from"], serde_json::json!(["link_inertia"]));
 }
 
+/// A push of 38.5 N: the largest instant and what was steady are on either side of it.
+#[test]
+fn a_push_is_sized() {
+    let Some(practice) = shared("data/practice") else { return };
+    let (_, found) = diagnose(&practice.join("case-01"));
+    let push = named(&found, "external_force").unwrap_or_else(|| panic!("{:#}", found["causes"]));
+    let [steady, largest] = ["steady_N", "largest_N"].map(|key| push["magnitude"][key].as_f64().expect("a size"));
+    assert!((0.75 * 38.5..38.5).contains(&steady) && (38.5..1.3 * 38.5).contains(&largest), "{steady} {largest}");
+}
+
 /// Nothing is wrong, and something is wrong that the library does not hold: neither gets a name.
 #[test]
 fn what_is_not_there_or_not_known_is_not_named() {

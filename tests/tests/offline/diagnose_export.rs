@@ -170,7 +170,7 @@ fn with_the_exported_model_the_effect_is_gone() {
     assert!(apart.abs() < 0.01, "{before} {after}");
 }
 
-/// The corrected simulator follows the log, and for a class there is a motion within the joints' limits.
+/// The corrected simulator follows the log.
 #[test]
 fn the_simulator_comes_closer() {
     let Some((_, found)) = exported("practice", "case-16") else { return };
@@ -184,7 +184,7 @@ fn the_simulator_comes_closer() {
     assert!(!found.place.join("separating-1.csv").exists());
 }
 
-/// A spring that may be a counterbalance on its log.
+/// Of a spring that may be a counterbalance on its log: within the joints' limits.
 #[test]
 fn a_motion_is_planned() {
     let Some((_, found)) = exported("practice-wrong-nominal", "case-03") else { return };
