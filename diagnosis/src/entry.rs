@@ -17,6 +17,7 @@ use crate::signals;
 use crate::signs;
 use crate::silence;
 use crate::timing;
+use crate::units;
 use crate::upright;
 use crate::whole;
 
@@ -147,6 +148,7 @@ fn run_all(
     for run in look.iter_mut().chain([&mut sealed]) {
         log_check::distrust(run, &nominal);
     }
+    units::distrust(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal);
     let turned = signs::check(look.iter_mut().chain([&mut sealed]), &nominal);
     if !turned.is_empty() {
         let why =

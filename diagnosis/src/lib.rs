@@ -92,6 +92,7 @@ mod timing;
 mod told;
 mod tool_drag;
 mod two_mass;
+mod units;
 mod unseen;
 mod upright;
 mod values;

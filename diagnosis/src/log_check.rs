@@ -400,20 +400,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Still(top_speed(&run.motion, j)));
             continue;
         }
-        let of = |parameters: Range<usize>| {
-            let mut torque = vec![0.0; run.rows()];
-            for (x, column) in nominal.x[parameters.clone()].iter().zip(&run.standard[parameters]) {
-                if let Some(values) = &column[j] {
-                    torque.iter_mut().zip(values).for_each(|(t, v)| *t += v * x);
-                }
-            }
-            torque
-        };
         let links = 10 * run.silent.len();
-        let (bodies, mut drive) = (of(0..links), of(links..nominal.x.len()));
-        if let Some(known) = run.known_rows.get(j) {
-            drive.iter_mut().zip(known).for_each(|(d, k)| *d += k);
-        }
+        let (bodies, drive) = (of_values(run, nominal, j, 0..links), of_drive(run, nominal, j));
         // Torque of 1 kg at the flange.
         let at_flange = run.standard[links - 10][j].as_deref();
         let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
@@ -459,6 +447,30 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         }
     }
     found
+}
+
+/// Rows of joint `j`'s torque by the file's bodies, drive and known effects.
+pub(crate) fn of_file(run: &Prepared, nominal: &Nominal, j: usize) -> Vec<f64> {
+    let bodies = of_values(run, nominal, j, 0..10 * run.silent.len());
+    bodies.iter().zip(of_drive(run, nominal, j)).map(|(body, drive)| body + drive).collect()
+}
+
+fn of_drive(run: &Prepared, nominal: &Nominal, j: usize) -> Vec<f64> {
+    let mut torque = of_values(run, nominal, j, 10 * run.silent.len()..nominal.x.len());
+    if let Some(known) = run.known_rows.get(j) {
+        torque.iter_mut().zip(known).for_each(|(t, k)| *t += k);
+    }
+    torque
+}
+
+fn of_values(run: &Prepared, nominal: &Nominal, j: usize, parameters: Range<usize>) -> Vec<f64> {
+    let mut torque = vec![0.0; run.rows()];
+    for (x, column) in nominal.x[parameters.clone()].iter().zip(&run.standard[parameters]) {
+        if let Some(values) = &column[j] {
+            torque.iter_mut().zip(values).for_each(|(t, v)| *t += v * x);
+        }
+    }
+    torque
 }
 
 /// What is left of a signal where multiples of others are taken from it, one after the other.
