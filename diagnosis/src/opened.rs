@@ -498,7 +498,8 @@ fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let agreement = (shrink.predicted - shrink.measured).abs();
     let held = if agreement < 0.1 { 0.97 } else { 0.85 };
     let gains = step.adopted.iter().map(|a| a.gain);
-    let value = if is_drive(step.effect) && step.joints.len() >= SEVERAL_DRIVES { VALUES_OF_DRIVES } else { VALUE_ALONE };
+    let value =
+        if is_drive(step.effect) && step.joints.len() >= SEVERAL_DRIVES { VALUES_OF_DRIVES } else { VALUE_ALONE };
     let strong = gains.reduce(f64::max).map_or(value, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
     held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
 }

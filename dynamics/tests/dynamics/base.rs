@@ -1,8 +1,6 @@
 //! Base parameters: published counts, and the law that they lose nothing.
 
-mod common;
-
-use common::{GRAVITY, Random, distance, largest, times};
+use crate::common::{GRAVITY, Random, distance, largest, times};
 use rivet_dynamics::{
     Arm, BaseError, BaseSet, Joints, Model, Parameter, ParameterGroup, Structure, Workspace, WristCoupling, model_hash,
 };

@@ -1,8 +1,6 @@
 //! The stand-in's decisions without a bus: which commands act, when the brakes close.
 
-mod common;
-
-use common::{ideal, pendulum, truth};
+use crate::common::{ideal, pendulum, truth};
 use rivet_ipc_schema::{Command, CommandMode, MAX_JOINTS};
 use rivet_simulation::motion::{Governor, Standstill};
 use rivet_simulation::{BUILD_UP_S, Plant, PlantSettings, Sensors, StandIn};

@@ -1,8 +1,6 @@
 //! Motions: analytic derivatives, limits, rest at both ends; and the closed loop that follows them.
 
-mod common;
-
-use common::{SIX_LIMITS, six_axes, six_drives, six_model, six_sensors, truth};
+use crate::common::{SIX_LIMITS, six_axes, six_drives, six_model, six_sensors, truth};
 use rivet_dynamics::{Arm, Workspace, inverse_dynamics, mass_matrix};
 use rivet_simulation::motion::{
     Fourier, FourierSettings, Governor, MotionLimits, PaperMotion, PointToPoint, PointToPointSettings, Recorded,

@@ -1,9 +1,7 @@
 //! Every way to differentiate, on encoders as they are: read to a quantum, renewed at a slower rate than the loop's (stair
 //! cases), read late by a little that changes (jitter). Torques are always those of the instant.
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use rivet_estimation::{Differentiator, Identifier, Settings, Window};
 
 const PERIOD: f64 = 0.002;

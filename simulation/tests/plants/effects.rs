@@ -1,8 +1,6 @@
 //! Effects of a robot file act in the plant as the model says they do.
 
-mod common;
-
-use common::{SIX_LIMITS, six_drives, six_model};
+use crate::common::{SIX_LIMITS, six_drives, six_model};
 use rivet_dynamics::{EffectKind, KnownEffect, KnownEffects, Model, Workspace};
 use rivet_simulation::{Disturbances, Plant, PlantSettings, Random, Sensors, Truth};
 

@@ -1,9 +1,7 @@
 //! What the estimates are worth: bias of least squares, none with instruments, honest standard deviations, and batch
 //! solutions written out plainly beside the recursive ones.
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use nalgebra::{DMatrix, DVector};
 use rivet_estimation::{
     Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument, ParameterState,

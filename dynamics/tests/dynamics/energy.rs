@@ -1,8 +1,6 @@
 //! The energy model against the regressor: d/dt e + p = q̇ᵀY(q, q̇, q̈), column by column, for random arms and drives.
 
-mod common;
-
-use common::Random;
+use crate::common::Random;
 use rivet_dynamics::{Model, Structure, Workspace, WristCoupling};
 
 #[test]

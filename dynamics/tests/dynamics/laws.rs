@@ -1,8 +1,6 @@
 //! Laws that hold for any arm: linearity in the parameters, conservation of energy, symmetry, change of frame.
 
-mod common;
-
-use common::{Random, distance, dot, largest, times};
+use crate::common::{Random, distance, dot, largest, times};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 use rivet_dynamics::{Arm, Workspace, body_in_frame, flange_pose, inverse_dynamics, mass_matrix, regressor};

@@ -1,8 +1,6 @@
 //! The plant against closed forms and against laws that hold for any arm.
 
-mod common;
-
-use common::{GRAVITY, SIX_LIMITS, ideal, pendulum, six_axes, six_drives, six_model, six_sensors, slide, truth};
+use crate::common::{GRAVITY, SIX_LIMITS, ideal, pendulum, six_axes, six_drives, six_model, six_sensors, slide, truth};
 use rivet_dynamics::{Joints, Model, Workspace};
 use rivet_simulation::{FrictionLaw, Plant, PlantSettings, Random, Sensors, Truth};
 

@@ -1,11 +1,9 @@
 //! Equality with an independent implementation (pinocchio 4.1.0, cross-checked with MuJoCo 4.0.0 where the data was
 //! made) on the reference arms: torques, gravity, mass matrix and regressor, number by number.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{GRAVITY, robots};
+use crate::common::{GRAVITY, robots};
 use rivet_dynamics::{Arm, Workspace, inverse_dynamics, mass_matrix, regressor};
 use serde_json::Value;
 
@@ -21,7 +19,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 /// Each number to 1e-10 of itself; one that is a difference of larger ones, to 1e-13 of the largest beside it.
 fn assert_same(ours: &[f64], golden: &Value, what: &str) {
     let golden = numbers(golden);
-    let scale = common::largest(&golden);
+    let scale = crate::common::largest(&golden);
     assert_eq!(ours.len(), golden.len(), "{what}");
     for (k, (a, b)) in ours.iter().zip(&golden).enumerate() {
         assert!((a - b).abs() <= 1e-10 * b.abs() + 1e-13 * scale + 1e-14, "{what}[{k}]: {a} is not {b}");
@@ -43,7 +41,7 @@ fn golden_files(robots: &PathBuf) -> Vec<PathBuf> {
 fn equals_the_independent_implementation() {
     let Some(robots) = robots() else { return };
     let files = golden_files(&robots);
-    assert!(files.len() >= common::REFERENCE_ARMS.len(), "only {} golden files", files.len());
+    assert!(files.len() >= crate::common::REFERENCE_ARMS.len(), "only {} golden files", files.len());
     for file in files {
         let golden: Value = serde_json::from_str(&std::fs::read_to_string(&file).expect("text")).expect("json");
         let urdf = file.with_file_name(golden["urdf"].as_str().expect("urdf"));

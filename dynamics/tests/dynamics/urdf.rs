@@ -1,8 +1,6 @@
 //! Reading URDFs: merging of fixed joints, limits, and one bad file per rule.
 
-mod common;
-
-use common::GRAVITY;
+use crate::common::GRAVITY;
 use rivet_dynamics::{Arm, JointKind, UrdfError, body_from_com, body_in_frame};
 
 const BODY: &str = r#"<inertial><origin xyz="0.1 0 0"/><mass value="2"/>
@@ -176,7 +174,7 @@ const ABOUT_Z: [[f64; 3]; 3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.
 const QUARTER: &str = "1.5707963267948966";
 
 fn assert_close(a: &[f64], b: &[f64]) {
-    assert!(common::distance(a, b) <= 1e-15 * (1.0 + common::largest(b)), "{a:?} vs {b:?}");
+    assert!(crate::common::distance(a, b) <= 1e-15 * (1.0 + crate::common::largest(b)), "{a:?} vs {b:?}");
 }
 
 /// A base plate, a massless moving link that carries a bracket that carries a tool, a joint on the bracket: all equal
@@ -230,7 +228,7 @@ fn turned_inertias_are_turned_back() {
 /// A first axis along gravity has none of its torque, up or down, whatever frames the URDF has before it.
 #[test]
 fn an_arm_is_upright_where_its_first_axis_is_along_gravity() {
-    let urdf = include_str!("../../robots/manutec-r3/robot.urdf");
+    let urdf = include_str!("../../../robots/manutec-r3/robot.urdf");
     let along = |gravity| Arm::from_urdf(urdf, gravity).expect("an arm").is_upright();
     assert_eq!([[9.81, 0.0, 0.0], [0.0, 9.81, 0.0], [0.0, 0.0, 9.81]].map(along), [false, false, true]);
     let tilted = |angle: f64| along([9.81 * angle.sin(), 0.0, -9.81 * angle.cos()]);

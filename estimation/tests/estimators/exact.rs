@@ -1,8 +1,6 @@
 //! Noise-free data give exact parameters: through the filter, the decimation, the weighting and the supervision.
 
-mod common;
-
-use common::{Bench, Wave};
+use crate::common::{Bench, Wave};
 use rivet_estimation::differentiate::Weights;
 use rivet_estimation::{
     ColumnsSettings, Differentiator, EigenSettings, EstimatorKind, Filtering, Identifier, InputSignals, Instrument,

@@ -1,9 +1,7 @@
 //! A window of constant trace (Sripada & Fisher 1987): the average variance of the parameters is kept, whatever the
 //! excitation.
 
-mod common;
-
-use common::Random;
+use crate::common::Random;
 use rivet_estimation::ud::UdFilter;
 use rivet_estimation::{
     Correlation, Estimator, EstimatorKind, EstimatorSettings, Instrument, Prior, Scales, Supervision,

@@ -1,8 +1,6 @@
 //! Parameters that move: friction that warms up, a load that is grasped, joints that are identified one after the other.
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use rivet_estimation::{EigenSettings, Identifier, Motion, Settings, Supervision, TrackedSettings, Window};
 
 const PERIOD: f64 = 0.004;

@@ -1,8 +1,6 @@
 //! Least squares beside instruments: the running test of bias is silent where there is none and speaks where there is.
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use rivet_estimation::{
     Correlation, Differentiator, Estimator, EstimatorKind, EstimatorSettings, Hausman, Identifier, Instrument,
     Instruments, Motion, Prior, Scales, Settings, Skip, Supervision, Window,

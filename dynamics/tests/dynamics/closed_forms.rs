@@ -1,8 +1,6 @@
 //! Arms simple enough to be worked out by hand, and one whose authors worked it out in 1988.
 
-mod common;
-
-use common::{GRAVITY, reference_arm, robots, times};
+use crate::common::{GRAVITY, reference_arm, robots, times};
 use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::{Arm, JointKind, Workspace, body_from_com, inverse_dynamics, mass_matrix};
 
@@ -72,7 +70,10 @@ fn two_link_arm_matches_its_closed_form() {
             ];
             let tau = torque(&arm, &q, &qd, &qdd);
             // The URDF's right angles have 15 digits: 5e-15 of gravity leaks into the plane.
-            assert!(common::distance(&tau, &expected) <= 1e-12 * common::largest(&expected), "{tau:?} vs {expected:?}");
+            assert!(
+                crate::common::distance(&tau, &expected) <= 1e-12 * crate::common::largest(&expected),
+                "{tau:?} vs {expected:?}"
+            );
         }
     }
 }
@@ -103,10 +104,13 @@ fn manutec_accelerates_as_its_authors_computed() {
         let bias = torque(&loaded, &q, &qd, &[0.0; 3]);
         let left = DVector::from_iterator(3, torque_in.iter().zip(&bias).map(|(a, b)| a - b));
         let ours = DMatrix::from_row_slice(3, 3, &m).lu().solve(&left).expect("M is regular");
-        assert!(common::distance(ours.as_slice(), &qdd) <= 1e-12 * common::largest(&qdd), "{ours} vs {qdd:?}");
+        assert!(
+            crate::common::distance(ours.as_slice(), &qdd) <= 1e-12 * crate::common::largest(&qdd),
+            "{ours} vs {qdd:?}"
+        );
         // And backwards: the reference accelerations need the reference torques.
         let mut again = times(&m, &qdd);
         again.iter_mut().zip(&bias).for_each(|(sum, part)| *sum += part);
-        assert!(common::distance(&again, &torque_in) <= 1e-12 * common::largest(&torque_in));
+        assert!(crate::common::distance(&again, &torque_in) <= 1e-12 * crate::common::largest(&torque_in));
     }
 }

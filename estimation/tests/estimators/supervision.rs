@@ -1,8 +1,6 @@
 //! Poor excitation: figures 18 and 19 of the paper, long standstill, moves of one joint at a time.
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use rivet_estimation::{
     ColumnsSettings, Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument,
     Motion, ParameterState, Prior, Scales, Settings, Supervision, TrackedSettings, Window,

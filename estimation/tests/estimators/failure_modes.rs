@@ -2,9 +2,7 @@
 //! switched off, and what is left of it with the remedy. (That rounding takes the basis away from orthonormal is shown
 //! where the basis is: `supervision::rotations`.)
 
-mod common;
-
-use common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave};
 use rivet_dynamics::Parameter;
 use rivet_estimation::{
     Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Instrument, Motion, ParameterState, Prior,

@@ -1,8 +1,6 @@
 //! A bank of models that share one parameter vector.
 
-mod common;
-
-use common::{Bench, Random};
+use crate::common::{Bench, Random};
 use rivet_estimation::bank::{Bank, BankSettings, Member};
 use rivet_estimation::{Motion, Scales};
 
