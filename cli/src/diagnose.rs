@@ -18,7 +18,7 @@ use crate::outputs::Outputs;
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::progress::Progress;
-use crate::rollout::rollout;
+use crate::rollout::{rollout, undriven};
 use crate::runs;
 use crate::self_check::self_check;
 use crate::table::{Table, WIDTH, paragraph, show};
@@ -124,7 +124,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     if let (Some(patch), Some(last), false) = (&patch, used.last(), found.causes.is_empty()) {
         say("the simulator in closed loop");
-        document.rollout = rollout(&robot, patch, last);
+        let unbelieved = found.log.iter().filter(|f| f.run == last.name && f.fault.spoils());
+        let unbelieved: Vec<&str> = unbelieved.map(|f| f.joint.as_str()).collect();
+        document.rollout =
+            if unbelieved.is_empty() { rollout(&robot, patch, last) } else { Some(undriven(&unbelieved)) };
     }
     progress.done();
     // The verdict is told whatever becomes of these two.

@@ -84,6 +84,12 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     Some(Rollout { closer: closer && ran_away.is_none(), starts: starts.len(), not_simulated, points })
 }
 
+/// Of a run whose torque cannot drive a simulator: these joints' is not believed.
+pub(crate) fn undriven(joints: &[&str]) -> Rollout {
+    let why = format!("the log cannot drive a simulator, since the torque of {} is not believed", joints.join(", "));
+    Rollout { closer: false, starts: 0, not_simulated: vec![why], points: Vec::new() }
+}
+
 /// Leaves out the horizons that a simulated arm did not reach in finite numbers, and says so: a law that was found at the speeds
 /// of a log may drive an arm beyond them, as friction does that falls with speed.
 fn end_where_one_ran_away(points: &mut Vec<RolloutPoint>) -> Option<String> {

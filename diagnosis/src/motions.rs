@@ -22,6 +22,7 @@ use crate::physics::Physics;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
 use crate::select::RIVAL_GAP;
+use crate::timing::SLOW_HZ;
 
 use duel::{Duel, Record, duels};
 
@@ -305,6 +306,13 @@ pub(crate) fn best(
     bounds: &MotionBounds,
 ) -> Option<SeparatingMotion> {
     let exact = Nominal::exact(model, x);
+    // Delay and lag are told apart by slow signals alone, so no motion may be said to tell them by its fast ones.
+    let is_slow =
+        std::iter::once(class.form).chain(&class.rivals).all(|f| matches!(f, Form::Delay { .. } | Form::Lag { .. }));
+    let slow: Vec<Prepared> =
+        if is_slow { runs.iter().map(|run| run.up_to(SLOW_HZ, &exact)).collect() } else { Vec::new() };
+    let runs: Vec<&Prepared> = if is_slow { slow.iter().collect() } else { runs.to_vec() };
+    let chain = if is_slow { Chain::up_to(SLOW_HZ, COARSE_S) } else { Chain::new(COARSE_S) };
     let first = runs.first()?;
     // Where the logs were: an arm that was there before can be there again.
     let home: Vec<f64> = (0..bounds.velocity.len())
@@ -325,7 +333,6 @@ pub(crate) fn best(
                 let Some(extent) = admissible(*plan, joint, &home, bounds, (model, x), furthest) else { continue };
                 let run = planned(*plan, joint, &home, bounds, extent);
                 let motion = Motion::of(&run);
-                let chain = Chain::new(COARSE_S);
                 let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
                 let physics = Physics::new(&run, &motion, &exact, x);
                 let most = found.as_ref().map_or(0.0, |found| found.separation);

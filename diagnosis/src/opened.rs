@@ -1,5 +1,7 @@
 //! Once the seal is open: which steps are upheld as causes, and the verdict that follows.
 
+use rivet_dynamics::Parameter;
+
 use crate::class;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
@@ -370,8 +372,21 @@ impl Opened<'_> {
         })
     }
 
+    /// The step without the drives of joints whose torque is not believed in some run: what the others say of them nothing has checked.
+    fn of_believed(&self, step: &Step, judge: &Judge<'_>) -> Step {
+        let told = |j: usize| !is_drive(step.effect) || !judge.is_unbelieved(&judge.names[j]);
+        let parameters = &self.procedure.nominal.model.parameters;
+        let joint = |c: usize| parameters.get(c).and_then(Parameter::joint);
+        Step {
+            joints: step.joints.iter().copied().filter(|j| told(*j)).collect(),
+            columns: step.columns.iter().copied().filter(|c| joint(*c).is_none_or(told)).collect(),
+            ..step.clone()
+        }
+    }
+
     /// Step `k` as it is told, whether it is upheld or not.
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
+        let step = &self.of_believed(step, judge);
         let mut class = class::of(&step.adopted);
         let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
         class.extend(carries.then_some((Effect::Payload, 0.0)));

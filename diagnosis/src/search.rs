@@ -223,7 +223,12 @@ impl<'a> Search<'a> {
         if let Form::Force { windows, moment } = &form {
             return self.contact(windows, *moment, physics);
         }
-        if matches!(form, Form::Pull { joint, from, above } if !library::is_reached(physics, joint, from, above)) {
+        let is_seen = match form {
+            Form::Pull { joint, from, above } => library::is_reached(physics, joint, from, above),
+            Form::Saturation { joint, limit } => library::is_cut(physics, joint, limit),
+            _ => true,
+        };
+        if !is_seen {
             return None;
         }
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();

@@ -315,6 +315,7 @@ pub(crate) fn best(
             values.push((joints, standing.gain));
         }
         if standing.gain >= least && material && plausible && !by_chance {
+            let p_value = p_value.filter(|_| by_residual);
             accepted.push(Accepted { candidate, standing, shares, share, p_value });
         }
     }

@@ -15,6 +15,10 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
             "fast moves of the joint while those before it turn: a body has inertia where it pulls, a spring has none";
         return Some(fast.to_owned());
     }
+    // What tells them is above the frequencies at which torque can be trusted to tell: see `timing::SLOW_HZ`.
+    if both(Effect::TransportDelay, Effect::CurrentLoopLag) {
+        return None;
+    }
     if both(Effect::Payload, Effect::LinkInertia) {
         return Some(
             "the same motion with nothing at the flange: what it carries and the last link are one body".to_owned(),
@@ -72,6 +76,12 @@ mod tests {
     fn what_has_no_rival_needs_no_motion_but_a_constant_torque() {
         assert_eq!(motion(Effect::TorqueRipple, &[]), None);
         assert!(motion(Effect::FrictionAsymmetry, &[]).is_some_and(|m| m.contains("drive off")));
+    }
+
+    #[test]
+    fn no_motion_is_said_to_tell_a_delay_from_a_lag() {
+        assert_eq!(motion(Effect::TransportDelay, &[Effect::CurrentLoopLag]), None);
+        assert!(motion(Effect::TransportDelay, &[Effect::JointElasticity]).is_some_and(|m| m.contains("chirp")));
     }
 
     /// Static poses, which each of them by itself asks for, do not tell a body from a counterbalance.

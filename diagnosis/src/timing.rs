@@ -11,6 +11,8 @@ pub(crate) mod align;
 mod behind;
 pub(crate) mod late;
 
+pub(crate) use behind::SLOW_HZ;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::design::{Prepared, correlation};

@@ -169,6 +169,16 @@ impl Document {
             let how = if class { "; give that log before the others, since the last one is kept sealed" } else { "" };
             return format!("To tell causes apart, record {motion}{how}.");
         }
+        let drive = ["transport_delay", "current_loop_lag"];
+        let is_drive = |c: &Cause| {
+            let class = [c.effect.as_str()].into_iter().chain(c.indistinguishable_from.iter().map(String::as_str));
+            class.clone().count() > 1 && class.into_iter().all(|effect| drive.contains(&effect))
+        };
+        if self.causes.iter().any(is_drive) {
+            return "Add either to the simulator: at what these logs tell them by, 8 Hz at most, they are alike. No motion of one joint is expected to tell a delay from a lag; \
+                    a step of one drive's current, recorded at the drive's own rate, does (dead time, or a slope)."
+                .to_owned();
+        }
         if self.verdict == "unexplained" && self.between_runs.is_some() {
             if self.data.cut {
                 return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \

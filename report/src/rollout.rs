@@ -41,7 +41,12 @@ fn mrad(angle: f64) -> String {
 impl Rollout {
     /// In a line.
     pub fn text(&self) -> String {
-        let Some(end) = self.points.last() else { return "too short a run for a rollout".to_owned() };
+        let Some(end) = self.points.last() else {
+            return match self.not_simulated.as_slice() {
+                [] => "too short a run for a rollout".to_owned(),
+                why => format!("torque only: {}", why.join("; ")),
+            };
+        };
         let verdict = if self.closer {
             "closer to the log in closed loop"
         } else {

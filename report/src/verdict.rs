@@ -28,6 +28,8 @@ const WORTH_NAMING: f64 = 0.05;
 const CREEPING: f64 = 0.2;
 /// Times the noise that are next to it.
 const NEXT_TO_NOISE: f64 = 4.0;
+/// Times the noise that no sound joint keeps.
+const SOUND: f64 = 2.0;
 /// Times the noise that no right values leave, even where most joints keep more than it, as on measured arms.
 const FAR: f64 = 20.0;
 
@@ -102,7 +104,7 @@ impl Document {
     /// Whether the values refitted leave next to nothing in motion.
     pub(crate) fn is_fitted(&self) -> bool {
         let left: Vec<f64> = self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(1)?).collect();
-        !left.is_empty() && left.iter().all(|times| *times <= NEXT_TO_NOISE)
+        !left.is_empty() && left.iter().all(|times| *times <= SOUND)
     }
 
     fn cause_line(&self) -> String {
@@ -253,7 +255,8 @@ impl Document {
     /// keep far more than is usual on measured arms.
     pub(crate) fn left_joints(&self) -> Vec<(String, f64)> {
         let after = self.gap.per_joint.iter().filter_map(|j| Some((j.joint.clone(), (*j.in_motion.get(1)?)?)));
-        let (left, fitted): (Vec<_>, Vec<_>) = after.partition(|(_, times)| *times > NEXT_TO_NOISE);
+        let next_to_noise = if self.verdict == "unexplained" { SOUND } else { NEXT_TO_NOISE };
+        let (left, fitted): (Vec<_>, Vec<_>) = after.partition(|(_, times)| *times > next_to_noise);
         if left.len() <= fitted.len() { left } else { left.into_iter().filter(|(_, times)| *times > FAR).collect() }
     }
 
@@ -266,7 +269,12 @@ impl Document {
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
-            open.push(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share));
+            let stands = if self.is_fitted() {
+                ", where joints stand or turn round: in motion they come down to their noise"
+            } else {
+                ""
+            };
+            open.push(format!("{:.0} % of the squared gap above the noise stays unexplained{stands}", 100.0 * share));
         }
         let open_gap = self.unexplained_share.is_some_and(|share| share >= CREEPING) && !nothing_missing;
         if let Some(share) = self.creeping_share.filter(|s| open_gap && *s >= CREEPING) {
@@ -408,6 +416,32 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn a_delay_that_may_be_a_lag_sends_nobody_after_another_chirp() {
+        let next = |rivals: Value, planned: Value| {
+            let mut late = cause("transport_delay", &json!({"seconds": 0.008}));
+            (late["indistinguishable_from"], late["separating_motion"]) = (rivals, planned);
+            line(&document(&[("causes", json!([late]))]), "Next")
+        };
+        let told = next(json!(["current_loop_lag"]), json!(null));
+        assert!(told.contains("current, recorded at the drive's own rate"), "{told}");
+        assert!(next(json!(["current_loop_lag"]), json!("a chirp")).contains("record a chirp"), "one that does tell");
+        assert!(next(json!([]), json!(null)).contains("Add the effect"));
+    }
+
+    /// What is left may be where joints stand, of which no model knows more.
+    #[test]
+    fn what_is_left_at_rest_is_said_to_be_there() {
+        let told = |after: f64| {
+            let joint =
+                json!({"joint": "j", "before": 0.3, "after": 0.1, "noise_floor": 0.05, "in_motion": [9.0, after]});
+            let gap = json!({"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint": [joint]});
+            line(&document(&[("unexplained_share", json!(0.71)), ("gap", gap)]), "Not covered")
+        };
+        assert!(told(1.1).contains("unexplained, where joints stand"), "{}", told(1.1));
+        assert!(!told(2.9).contains("where joints stand"), "{}", told(2.9));
+    }
+
+    #[test]
     fn a_contact_is_nothing_to_add_to_a_simulator() {
         let touched = document(&[("causes", json!([cause("external_force", &json!({"largest_N": 80.0}))]))]);
         let next = line(&touched, "Next");
@@ -543,6 +577,13 @@ pub(crate) mod tests {
             assert!(page.contains(text), "{text}");
         }
         assert!(!crate::page(&document(&[]), &[]).contains("closed-loop"));
+        let undriven =
+            json!({"closer": false, "starts": 0, "not_simulated": ["the torque of j is not believed"], "points": []});
+        let page = crate::page(&document(&[("rollout", undriven)]), &[]);
+        assert!(
+            page.contains("Torque only: the torque of j is not believed.") && !page.contains("Position off"),
+            "{page}"
+        );
     }
 
     /// A cause on one joint says nothing of another that keeps hundreds of times its noise.

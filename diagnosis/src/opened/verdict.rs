@@ -3,6 +3,7 @@
 use crate::effect::Kind;
 use crate::procedure::Step;
 use crate::report::{Cause, JointGap, Verdict};
+use crate::sealed::SOUND;
 
 use super::{Judge, MOST_LEFT};
 
@@ -33,6 +34,7 @@ pub(super) fn verdict(
         (0, _) if per_joint.iter().enumerate().any(|(j, gap)| gap.is_left() && judge.residue.is_nameless(j)) => {
             Verdict::Unexplained
         }
+        (0, _) if keeps_more(per_joint) => Verdict::Unexplained,
         (0, _) if lacking || withdrawn_structure && !judge.residue.at_floor() => Verdict::Unexplained,
         // Values that fit, or motion of its own kind that was looked at by nobody, are no answer either.
         (0, true) if per_joint.iter().any(JointGap::is_open) => Verdict::Unexplained,
@@ -48,5 +50,32 @@ pub(super) fn verdict(
         (0, false) => Verdict::Parameter,
         (1, _) => Verdict::Effect,
         _ => Verdict::Several,
+    }
+}
+
+/// Whether a joint keeps more than a sound one does in motion, while most come down to that. (Of 186 such verdicts on arms of four programs
+/// those of sound arms keep 1.4 times the noise at most; the twelve that kept twice as much all lacked something, and three of them were told
+/// that nothing is wrong.) Where most joints keep more, as on measured arms, the signal's noise is no measure.
+fn keeps_more(per_joint: &[JointGap]) -> bool {
+    let left: Vec<f64> = per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).collect();
+    let more = left.iter().filter(|times| **times > SOUND).count();
+    more > 0 && 2 * more <= left.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gap(in_motion: Option<[f64; 2]>) -> JointGap {
+        JointGap { joint: "a".to_owned(), before: 0.1, after: 0.1, noise_floor: 0.1, repeats: None, in_motion }
+    }
+
+    #[test]
+    fn a_joint_that_keeps_more_than_noise_beside_sound_ones_keeps_a_gap() {
+        let keeps = |after: &[f64]| keeps_more(&after.iter().map(|a| gap(Some([9.0, *a]))).collect::<Vec<_>>());
+        assert!(keeps(&[1.0, 1.1, 2.9]) && keeps(&[1.0, 2.1]));
+        assert!(!keeps(&[1.0, 1.1, 1.4]), "as sound arms do");
+        assert!(!keeps(&[3.0, 1.0, 2.5]), "as measured arms do");
+        assert!(!keeps_more(&[gap(None), gap(Some([1.0, 1.0]))]), "what stands says nothing");
     }
 }

@@ -23,7 +23,7 @@ use crate::rows::Column;
 /// Fits, each with the model's torque of the one before.
 const FITS: usize = 5;
 /// Delay and lag are told apart below this \[Hz\]: further up is the noise of accelerations, of which a lag wants the rate.
-const SLOW_HZ: f64 = 8.0;
+pub(crate) const SLOW_HZ: f64 = 8.0;
 /// Columns of size 1 that are as alike as this are one.
 const RIDGE: f64 = 1e-9;
 

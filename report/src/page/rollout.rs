@@ -6,6 +6,9 @@ use crate::words::{figure, percent};
 
 pub(super) fn rollout(document: &Document) -> String {
     let Some(rollout) = &document.rollout else { return String::new() };
+    if rollout.points.is_empty() {
+        return format!("<p>{}.</p>\n", escape(&capital(&rollout.text())));
+    }
     let mut out = format!(
         "<p>Both simulators, with the model as given and with what was found, from {} instants of the sealed run: they get the \
          torque of the log and a weak position loop to its motion. {}.</p>\n",

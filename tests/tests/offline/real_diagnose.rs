@@ -79,6 +79,26 @@ fn friction_that_the_file_lacks_is_named_on_all_joints_of_a_ur10e() {
     }
 }
 
+/// The same arm with half of its friction in the file and runs of one joint each. (In three of the four the wrist's drive is at rest below
+/// its friction, so a limit of 2.8 N m, which is that friction, cut seldom and was named with 0.51.)
+#[test]
+fn friction_that_is_twice_the_files_is_no_limit_of_torque() {
+    let Some(logs) = shared("data/real/ur10e_innopolis") else { return };
+    let (_folder, file) = changed("ur10e", |text| {
+        let halved = with(text, "coulomb", "[7.45, 8.0, 3.1, 1.25, 1.55, 1.25]");
+        with(&halved, "viscous", "[10.7, 9.5, 5.35, 1.85, 1.35, 1.65]")
+    });
+    let alone = ["20_01_22-joint_1", "20_01_22-joint_2", "20_01_22-joint_4", "20_01_22-joint_5"];
+    let runs: Vec<PathBuf> =
+        alone.into_iter().chain(["20_02_10-30sec_12harm"]).map(|run| logs.join(format!("{run}.parquet"))).collect();
+    let found = diagnose(&file, &runs);
+    let causes = found["causes"].as_array().expect("causes");
+    assert!(causes.iter().all(|c| c["effect"] != "torque_saturation"), "{found:#}");
+    for effect in ["coulomb_friction", "viscous_friction"] {
+        assert!(joints(cause(&found, effect)).len() >= 3, "{effect}: {found:#}");
+    }
+}
+
 /// A TX40 as its own log identifies it, but for the rotor inertia of joint 2, which the file gives as 0: one value among right
 /// ones is wrong, and it is named alone.
 #[test]
