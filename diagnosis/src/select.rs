@@ -315,7 +315,8 @@ pub(crate) fn best(
             values.push((joints, standing.gain));
         }
         if standing.gain >= least && material && plausible && !by_chance {
-            let p_value = p_value.filter(|_| by_residual);
+            // Where values have taken it up the residual shows nothing, and its figure says nothing.
+            let p_value = p_value.filter(|p| by_residual || *p <= FALSE_ALARMS);
             accepted.push(Accepted { candidate, standing, shares, share, p_value });
         }
     }
