@@ -10,7 +10,7 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::held_load::held_load;
 use crate::lmg;
-use crate::log_check::LogFinding;
+use crate::log_check::{LogFault, LogFinding};
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step};
 use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
@@ -311,6 +311,16 @@ impl Opened<'_> {
         let between_runs = (verdict == Verdict::Unexplained)
             .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))
             .flatten();
+        // What changed may be but the scale of a signal.
+        let differs = between_runs == Some(BetweenRuns::SealedDiffers);
+        let scales = (0..names.len()).filter(|_| differs).filter_map(|j| Some((j, judge.sealed.another_scale(j)?)));
+        let scaled: Vec<LogFinding> = scales
+            .map(|(j, scale)| LogFinding {
+                run: procedure.sealed.run.name.clone(),
+                joint: names[j].clone(),
+                fault: LogFault::Scale(scale),
+            })
+            .collect();
         let diagnosis = Diagnosis {
             verdict,
             between_runs,
@@ -331,7 +341,7 @@ impl Opened<'_> {
             used: Vec::new(),
             unused: Vec::new(),
             details: None,
-            log: self.log,
+            log: self.log.into_iter().chain(scaled).collect(),
         };
         (diagnosis, upheld)
     }

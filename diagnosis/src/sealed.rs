@@ -28,6 +28,9 @@ pub(crate) const SOUND: f64 = 2.0;
 /// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
 pub(crate) const IN_MOTION: f64 = 4.0;
 
+/// A torque that is off by this share and more is in another scale.
+const SCALE: f64 = 0.1;
+
 /// Faster than this friction has turned over, however softly it does \[rad/s\]: drag is felt there.
 const FAST: f64 = 0.1;
 
@@ -82,6 +85,19 @@ impl Sealed<'_> {
         let floor = self.run.floor[j].max(f64::MIN_POSITIVE);
         let over = |stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor;
         self.moves(j).then(|| [0, self.whole()].map(over))
+    }
+
+    /// Factor that brings joint `j`, which keeps a gap with all causes, down to its noise: its torque is in another scale than on the runs
+    /// looked at.
+    pub(crate) fn another_scale(&self, j: usize) -> Option<f64> {
+        let (tau, model) = (&self.stages.tau[j], &self.stages.models[self.whole()][j]);
+        let weight = |row: usize| 1.0 / (1.0 + (self.run.doubt[j][row] / self.noise[j]).powi(2));
+        let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| weight(row) * of(row)).sum::<f64>();
+        let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
+        let left = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
+        let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
+        let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
+        (open && other && left <= SOUND * self.run.floor[j]).then_some(scale)
     }
 
     /// Whether joint `j` moves for a while.
