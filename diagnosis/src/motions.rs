@@ -141,7 +141,13 @@ impl Plan {
     fn of(class: &Class<'_>) -> &'static [Plan] {
         let is = |effect: Effect| move |form: &Form| form.effect() == effect;
         let has = |effect: Effect| is(effect)(class.form) || class.rivals.iter().any(is(effect));
-        if has(Effect::Counterbalance) && has(Effect::LinkInertia) { &[Plan::Fast] } else { &Plan::ALL }
+        if class.is_of_time() {
+            &[Plan::Chirp]
+        } else if has(Effect::Counterbalance) && has(Effect::LinkInertia) {
+            &[Plan::Fast]
+        } else {
+            &Plan::ALL
+        }
     }
 
     /// Speeds over time of a joint that moves, from rest to rest \[rad/s\]: `low..high` is its range, `start` where it
@@ -294,6 +300,14 @@ pub(crate) struct Class<'a> {
     pub(crate) rivals: Vec<Form>,
 }
 
+impl Class<'_> {
+    /// Whether all of it moves torque in time.
+    fn is_of_time(&self) -> bool {
+        let mut all = std::iter::once(self.form).chain(&self.rivals);
+        all.all(|form| matches!(form, Form::Delay { .. } | Form::Lag { .. }))
+    }
+}
+
 /// The best motion for a class. `model` and `x` are what is known of the arm, `noise` the joints' torque noise \[N·m\],
 /// `deviations` how far values of the model may still be off.
 pub(crate) fn best(
@@ -307,8 +321,7 @@ pub(crate) fn best(
 ) -> Option<SeparatingMotion> {
     let exact = Nominal::exact(model, x);
     // Delay and lag are told apart by slow signals alone, so no motion may be said to tell them by its fast ones.
-    let is_slow =
-        std::iter::once(class.form).chain(&class.rivals).all(|f| matches!(f, Form::Delay { .. } | Form::Lag { .. }));
+    let is_slow = class.is_of_time();
     let slow: Vec<Prepared> =
         if is_slow { runs.iter().map(|run| run.up_to(SLOW_HZ, &exact)).collect() } else { Vec::new() };
     let runs: Vec<&Prepared> = if is_slow { slow.iter().collect() } else { runs.to_vec() };
@@ -342,7 +355,8 @@ pub(crate) fn best(
                 }
             }
         }
-        if found.as_ref().is_some_and(|found| found.separation >= ENOUGH) {
+        // A chirp goes no further however far it may.
+        if is_slow || found.as_ref().is_some_and(|found| found.separation >= ENOUGH) {
             break;
         }
     }
