@@ -1,7 +1,5 @@
 //! Once the seal is open: which steps are upheld as causes, and the verdict that follows.
 
-use rivet_dynamics::Parameter;
-
 use crate::class;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
@@ -12,7 +10,7 @@ use crate::held_load::held_load;
 use crate::lmg;
 use crate::log_check::{LogFault, LogFinding};
 use crate::predict::Prediction;
-use crate::procedure::{Procedure, Step};
+use crate::procedure::{Procedure, Step, is_drive};
 use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::sealed::{IN_MOTION, SOUND, Sealed};
@@ -312,15 +310,13 @@ impl Opened<'_> {
             .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))
             .flatten();
         // What changed may be but the scale of a signal.
-        let differs = between_runs == Some(BetweenRuns::SealedDiffers);
-        let scales = (0..names.len()).filter(|_| differs).filter_map(|j| Some((j, judge.sealed.another_scale(j)?)));
-        let scaled: Vec<LogFinding> = scales
-            .map(|(j, scale)| LogFinding {
-                run: procedure.sealed.run.name.clone(),
-                joint: names[j].clone(),
-                fault: LogFault::Scale(scale),
-            })
-            .collect();
+        let changed = between_runs == Some(BetweenRuns::SealedDiffers);
+        let scales = if changed { judge.sealed.other_scales() } else { Vec::new() };
+        let scales = scales.into_iter().map(|(j, scale)| LogFinding {
+            run: procedure.sealed.run.name.clone(),
+            joint: names[j].clone(),
+            fault: LogFault::Scale(scale),
+        });
         let diagnosis = Diagnosis {
             verdict,
             between_runs,
@@ -341,7 +337,7 @@ impl Opened<'_> {
             used: Vec::new(),
             unused: Vec::new(),
             details: None,
-            log: self.log.into_iter().chain(scaled).collect(),
+            log: self.log.iter().cloned().chain(scales).collect(),
         };
         (diagnosis, upheld)
     }
@@ -382,21 +378,10 @@ impl Opened<'_> {
         })
     }
 
-    /// The step without the drives of joints whose torque is not believed in some run: what the others say of them nothing has checked.
-    fn of_believed(&self, step: &Step, judge: &Judge<'_>) -> Step {
-        let told = |j: usize| !is_drive(step.effect) || !judge.is_unbelieved(&judge.names[j]);
-        let parameters = &self.procedure.nominal.model.parameters;
-        let joint = |c: usize| parameters.get(c).and_then(Parameter::joint);
-        Step {
-            joints: step.joints.iter().copied().filter(|j| told(*j)).collect(),
-            columns: step.columns.iter().copied().filter(|c| joint(*c).is_none_or(told)).collect(),
-            ..step.clone()
-        }
-    }
-
     /// Step `k` as it is told, whether it is upheld or not.
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
-        let step = &self.of_believed(step, judge);
+        // What the others say of a drive whose torque is not believed in some run nothing has checked.
+        let step = &step.on_drives(&self.procedure.nominal.model.parameters, |j| !judge.is_unbelieved(&judge.names[j]));
         let mut class = class::of(&step.adopted);
         let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
         class.extend(carries.then_some((Effect::Payload, 0.0)));
@@ -486,11 +471,6 @@ pub(crate) fn creeping_share(stages: &Stages) -> f64 {
     1.0 - (left[1] / left[0]).powi(2)
 }
 
-/// Values of drives, of which few others take the place.
-fn is_drive(effect: Effect) -> bool {
-    matches!(effect, Effect::CoulombFriction | Effect::ViscousFriction | Effect::RotorInertia)
-}
-
 /// Whether step `step` takes enough to be a cause.
 fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> bool {
     let Shrink { predicted, low, high, measured } = shrink;
@@ -542,6 +522,18 @@ mod tests {
     fn step(form: Form) -> Step {
         let (effect, joints) = (form.effect(), form.joints());
         Step { effect, joints, columns: Vec::new(), adopted: vec![Adopted::alone(form)], doubtful: false }
+    }
+
+    /// Values of drives on three joints are a file that is off; one alone may be part of something else, and so may links.
+    #[test]
+    fn drives_that_are_off_together_are_surer_than_one() {
+        let said = |effect: Effect, joints: usize| {
+            let joints = (0..joints).collect();
+            let step = Step { effect, joints, columns: Vec::new(), adopted: Vec::new(), doubtful: false };
+            confidence(&step, Shrink { predicted: 0.3, low: 0.2, high: 0.4, measured: 0.3 }, 0)
+        };
+        assert!(said(Effect::CoulombFriction, 3) > 0.9 && said(Effect::RotorInertia, 5) > 0.9);
+        assert!(said(Effect::CoulombFriction, 2) < 0.5 && said(Effect::LinkInertia, 4) < 0.5);
     }
 
     /// What is beside a hose may be a part of it; what is beside a signal whose zero is off is not.

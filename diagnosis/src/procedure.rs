@@ -59,6 +59,24 @@ pub(crate) struct Step {
     pub(crate) doubtful: bool,
 }
 
+impl Step {
+    /// The step without values of drives on joints that are not `told`.
+    pub(crate) fn on_drives(&self, parameters: &[Parameter], told: impl Fn(usize) -> bool) -> Step {
+        let stays = |j: usize| !is_drive(self.effect) || told(j);
+        let joint = |c: usize| parameters.get(c).and_then(Parameter::joint);
+        Step {
+            joints: self.joints.iter().copied().filter(|j| stays(*j)).collect(),
+            columns: self.columns.iter().copied().filter(|c| joint(*c).is_none_or(stays)).collect(),
+            ..self.clone()
+        }
+    }
+}
+
+/// Values of drives, of which few others take the place.
+pub(crate) fn is_drive(effect: Effect) -> bool {
+    matches!(effect, Effect::CoulombFriction | Effect::ViscousFriction | Effect::RotorInertia)
+}
+
 impl Procedure<'_> {
     /// None where the equations have no solution.
     pub(crate) fn run(

@@ -57,6 +57,11 @@ impl Sealed<'_> {
         self.stages.models.len() - 1
     }
 
+    /// What a row of joint `j` counts: less where friction's direction is in doubt.
+    fn weight(&self, j: usize, row: usize) -> f64 {
+        1.0 / (1.0 + (self.run.doubt[j][row] / self.noise[j]).powi(2))
+    }
+
     /// Mean square over the rows of joint `j`, weighed.
     fn mean_square(&self, j: usize, of: impl Fn(usize) -> f64) -> f64 {
         self.mean_square_in(j, |_| true, of)
@@ -65,8 +70,8 @@ impl Sealed<'_> {
     /// The same over those rows that are `within`.
     fn mean_square_in(&self, j: usize, within: impl Fn(usize) -> bool, of: impl Fn(usize) -> f64) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
-        for (row, doubt) in self.run.doubt[j].iter().enumerate().filter(|(row, _)| within(*row)) {
-            let weight = 1.0 / (1.0 + (doubt / self.noise[j]).powi(2));
+        for row in (0..self.run.doubt[j].len()).filter(|row| within(*row)) {
+            let weight = self.weight(j, row);
             sum += weight * of(row).powi(2);
             total += weight;
         }
@@ -87,17 +92,19 @@ impl Sealed<'_> {
         self.moves(j).then(|| [0, self.whole()].map(over))
     }
 
-    /// Factor that brings joint `j`, which keeps a gap with all causes, down to its noise: its torque is in another scale than on the runs
-    /// looked at.
-    pub(crate) fn another_scale(&self, j: usize) -> Option<f64> {
-        let (tau, model) = (&self.stages.tau[j], &self.stages.models[self.whole()][j]);
-        let weight = |row: usize| 1.0 / (1.0 + (self.run.doubt[j][row] / self.noise[j]).powi(2));
-        let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| weight(row) * of(row)).sum::<f64>();
-        let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
-        let left = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
-        let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
-        let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
-        (open && other && left <= SOUND * self.run.floor[j]).then_some(scale)
+    /// Joints that keep a gap with all causes and come down to their noise times a factor, which is told: their torque is in another scale than
+    /// on the runs looked at.
+    pub(crate) fn other_scales(&self) -> Vec<(usize, f64)> {
+        let scale = |j: usize| {
+            let (tau, model) = (&self.stages.tau[j], &self.stages.models[self.whole()][j]);
+            let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| self.weight(j, row) * of(row)).sum::<f64>();
+            let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
+            let left = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
+            let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
+            let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
+            (open && other && left <= SOUND * self.run.floor[j]).then_some((j, scale))
+        };
+        self.heard().filter_map(scale).collect()
     }
 
     /// Whether joint `j` moves for a while.

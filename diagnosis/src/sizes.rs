@@ -2,7 +2,6 @@
 //! and values that were are held as the file has them. What comes out as no arm has it loses its name and is held as well.
 
 use nalgebra::DVector;
-use rivet_dynamics::Parameter;
 
 use crate::contact::numbers;
 use crate::effect::{Effect, Kind};
@@ -67,13 +66,8 @@ impl Procedure<'_> {
         };
         let names = self.names();
         for (cause, step) in report.causes.iter_mut().zip(&standing) {
-            // Of a joint whose torque is not believed in some run no drive is told.
-            let is_told = |c: &usize| {
-                let drive = self.nominal.model.parameters.get(*c).filter(|p| possible::is_drive(**p));
-                drive.and_then(Parameter::joint).is_none_or(|j| cause.joints.contains(&names[j]))
-            };
-            let columns = step.columns.iter().copied().filter(is_told).collect();
-            cause.magnitude = self.magnitude(search, &Step { columns, ..step.clone() }, &solved);
+            let told = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
+            cause.magnitude = self.magnitude(search, &told, &solved);
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);

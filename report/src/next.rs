@@ -169,16 +169,6 @@ impl Document {
             let how = if class { "; give that log before the others, since the last one is kept sealed" } else { "" };
             return format!("To tell causes apart, record {motion}{how}.");
         }
-        let drive = ["transport_delay", "current_loop_lag"];
-        let is_drive = |c: &Cause| {
-            let class = [c.effect.as_str()].into_iter().chain(c.indistinguishable_from.iter().map(String::as_str));
-            class.clone().count() > 1 && class.into_iter().all(|effect| drive.contains(&effect))
-        };
-        if self.causes.iter().any(is_drive) {
-            return "Add either to the simulator: at what these logs tell them by, 8 Hz at most, they are alike. No motion of one joint is expected to tell a delay from a lag; \
-                    a step of one drive's current, recorded at the drive's own rate, does (dead time, or a slope)."
-                .to_owned();
-        }
         if self.verdict == "unexplained" && self.between_runs.is_some() {
             if self.data.cut {
                 return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \
@@ -228,14 +218,103 @@ impl Document {
                 } else {
                     format!("; on {} something else is missing that nothing here names", list(&left))
                 };
-                let late = |c: &Cause| ["current_loop_lag", "transport_delay"].contains(&c.effect.as_str());
-                let logged = if self.causes.iter().any(late) {
+                let is_late = |effect: &String| ["current_loop_lag", "transport_delay"].contains(&effect.as_str());
+                let late: Vec<&Cause> = self.causes.iter().filter(|c| is_late(&c.effect)).collect();
+                let logged = if late.is_empty() {
+                    ""
+                } else {
                     "See that positions are logged as they are measured (a low-pass or a delay of theirs looks like one of the drive). "
+                };
+                let either = if late.iter().any(|c| c.indistinguishable_from.iter().any(is_late)) {
+                    "No motion of one joint is expected to tell a delay from a lag: a step of one drive's current, recorded at the drive's own \
+                     rate, does (dead time, or a slope), and either does for motion. "
                 } else {
                     ""
                 };
-                format!("{logged}Add the effect to the simulator and diagnose a new run{then}.")
+                format!("{logged}{either}Add the effect to the simulator and diagnose a new run{then}.")
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use crate::verdict::tests::{cause, document, line};
+
+    #[test]
+    fn what_would_separate_a_class_comes_before_the_logs_that_do_not() {
+        let next = |rivals: Value| {
+            let mut spring = cause("joint_spring", &json!({"stiffness_Nm_rad": 120.0}));
+            spring["indistinguishable_from"] = rivals;
+            spring["separating_motion"] = json!("the whole range");
+            line(&document(&[("causes", json!([spring]))]), "Next")
+        };
+        assert!(next(json!(["counterbalance"])).contains("the whole range; give that log before the others"));
+        assert_eq!(next(json!([])), "To tell causes apart, record the whole range.");
+    }
+
+    #[test]
+    fn a_delay_that_may_be_a_lag_sends_nobody_after_another_chirp() {
+        let next = |rivals: Value, planned: Value| {
+            let mut late = cause("transport_delay", &json!({"seconds": 0.008}));
+            (late["indistinguishable_from"], late["separating_motion"]) = (rivals, planned);
+            line(&document(&[("causes", json!([late]))]), "Next")
+        };
+        let told = next(json!(["current_loop_lag"]), json!(null));
+        assert!(told.contains("current, recorded at the drive's own rate"), "{told}");
+        assert!(told.contains("positions are logged as they are measured"), "{told}");
+        assert!(next(json!(["current_loop_lag"]), json!("a chirp")).contains("record a chirp"), "one that does tell");
+        assert!(!next(json!([]), json!(null)).contains("own rate"), "what is told apart");
+    }
+
+    #[test]
+    fn another_mounting_says_what_to_write() {
+        let found = json!({"turned_rad": 3.1, "gravity_x_m_s2": -0.0, "gravity_y_m_s2": 0.0, "gravity_z_m_s2": 9.81});
+        let document =
+            document(&[("verdict", json!("parameter")), ("causes", json!([cause("gravity_direction", &found)]))]);
+        let (gap, next) = (line(&document, "Gap"), line(&document, "Next"));
+        assert!(gap.contains("all else as given") && next.contains("gravity = [0, 0, 9.81]"), "{gap} {next}");
+    }
+
+    #[test]
+    fn parts_of_one_run_are_no_runs_to_swap() {
+        let data = json!({"runs": 2, "cut": true, "fit_seconds": 10.0, "sealed_seconds": 5.0});
+        for (refuted, between) in [(false, "sealed_differs"), (true, "sealed_as_given")] {
+            let document = document(&[
+                ("verdict", json!("unexplained")),
+                ("refuted", json!(refuted)),
+                ("between_runs", json!(between)),
+                ("data", data.clone()),
+            ]);
+            let (cause, next) = (line(&document, "Cause"), line(&document, "Next"));
+            assert!(cause.contains("omething changed on the way") && !cause.contains("between"), "{cause}");
+            assert!(next.contains("during the run") && !next.contains("swap"), "{next}");
+        }
+    }
+
+    #[test]
+    fn a_zero_that_is_another_says_what_to_add_and_what_else_it_may_be() {
+        let size = json!({"offset_rad": -std::f64::consts::FRAC_PI_2, "turned_rad": std::f64::consts::FRAC_PI_2});
+        let mut zero = cause("encoder_offset", &size);
+        zero["joints"] = json!(["shoulder"]);
+        let next = |zero: &serde_json::Value| {
+            line(&document(&[("verdict", json!("parameter")), ("causes", json!([zero]))]), "Next")
+        };
+        let alone = next(&zero);
+        assert!(alone.starts_with("Add -1.5708 rad (-90.0 degrees) to joint_zero of shoulder in [log]"), "{alone}");
+        assert!(!alone.contains("mounted"), "{alone}");
+        zero["indistinguishable_from"] = json!(["gravity_direction"]);
+        assert!(next(&zero).contains("mounted otherwise"), "{}", next(&zero));
+        zero["magnitude"] = json!({"offset_rad": 0.05});
+        assert!(!next(&zero).contains("joint_zero"), "a small one is a value among others: {}", next(&zero));
+    }
+
+    #[test]
+    fn a_position_of_the_wrong_sign_says_what_to_do() {
+        let fault = json!({"run": "a", "joint": "j", "fault": "position_sign", "value": 2.6, "text": ""});
+        let told = document(&[("remark", json!("why")), ("log", json!([fault]))]);
+        assert!(line(&told, "Next").starts_with("Turn the sign of the position of j"), "{}", line(&told, "Next"));
     }
 }

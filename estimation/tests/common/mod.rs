@@ -3,10 +3,28 @@
 
 use rivet_dynamics::parameters::{LINK_PARAMETERS, body_from_com};
 use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, Workspace, WristCoupling};
-use rivet_estimation::Motion;
+use rivet_estimation::{Correlation, EstimatorKind, EstimatorSettings, Motion, Prior, Supervision};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// Settings for white rows whose noise is known, a hundred in the window.
+pub fn known_noise(kind: EstimatorKind, supervision: Supervision) -> EstimatorSettings {
+    EstimatorSettings {
+        kind,
+        forgetting: 0.99,
+        deviation: None,
+        supervision,
+        prior: Prior { relative_std: 1.0 },
+        noise_known: true,
+        noise_memory: 100.0,
+        outlier: f64::INFINITY,
+        residual_memory: 100.0,
+        change_row_s: None,
+        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
+        block: 100,
+    }
+}
 
 /// A model with true and nominal base parameters.
 pub struct Bench {

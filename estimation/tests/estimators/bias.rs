@@ -1,9 +1,9 @@
 //! Least squares beside instruments: the running test of bias is silent where there is none and speaks where there is.
 
-use crate::common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave, known_noise};
 use rivet_estimation::{
-    Correlation, Differentiator, Estimator, EstimatorKind, EstimatorSettings, Hausman, Identifier, Instrument,
-    Instruments, Motion, Prior, Scales, Settings, Skip, Supervision, Window,
+    Differentiator, Estimator, EstimatorKind, EstimatorSettings, Hausman, Identifier, Instrument, Instruments, Motion,
+    Prior, Scales, Settings, Skip, Supervision, Window,
 };
 
 const LEVEL: f64 = 0.05;
@@ -21,18 +21,13 @@ fn size(name: &str, rejected: usize, of: usize) {
 
 fn settings(forgetting: f64) -> EstimatorSettings {
     EstimatorSettings {
-        kind: EstimatorKind::Riv,
         forgetting,
-        deviation: None,
-        supervision: Supervision::Off,
         prior: Prior { relative_std: 1e3 },
         noise_known: false,
         noise_memory: 300.0,
-        outlier: f64::INFINITY,
         residual_memory: 300.0,
-        change_row_s: None,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
         block: 50,
+        ..known_noise(EstimatorKind::Riv, Supervision::Off)
     }
 }
 

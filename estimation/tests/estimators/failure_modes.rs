@@ -2,10 +2,10 @@
 //! switched off, and what is left of it with the remedy. (That rounding takes the basis away from orthonormal is shown
 //! where the basis is: `supervision::rotations`.)
 
-use crate::common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave, known_noise};
 use rivet_dynamics::Parameter;
 use rivet_estimation::{
-    Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Instrument, Motion, ParameterState, Prior,
+    Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Instrument, Motion, ParameterState,
     Scales, Supervision, TrackedSettings,
 };
 
@@ -13,20 +13,7 @@ use rivet_estimation::{
 const PERIODS: usize = 12;
 
 fn settings(supervision: Supervision, forgetting: f64) -> EstimatorSettings {
-    EstimatorSettings {
-        kind: EstimatorKind::Riv,
-        forgetting,
-        deviation: None,
-        supervision,
-        prior: Prior { relative_std: 1.0 },
-        noise_known: true,
-        noise_memory: 200.0,
-        outlier: f64::INFINITY,
-        residual_memory: 100.0,
-        change_row_s: None,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-        block: 100,
-    }
+    EstimatorSettings { forgetting, noise_memory: 200.0, ..known_noise(EstimatorKind::Riv, supervision) }
 }
 
 fn eigen(change: impl Fn(&mut EigenSettings)) -> Supervision {

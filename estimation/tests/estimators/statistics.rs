@@ -1,28 +1,15 @@
 //! What the estimates are worth: bias of least squares, none with instruments, honest standard deviations, and batch
 //! solutions written out plainly beside the recursive ones.
 
-use crate::common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave, known_noise};
 use nalgebra::{DMatrix, DVector};
 use rivet_estimation::{
-    Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument, ParameterState,
-    Prior, Scales, Settings, Supervision, Window,
+    EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument, ParameterState, Prior, Scales,
+    Settings, Supervision, Window,
 };
 
 fn settings(kind: EstimatorKind, supervision: Supervision) -> EstimatorSettings {
-    EstimatorSettings {
-        kind,
-        forgetting: 1.0,
-        deviation: None,
-        supervision,
-        prior: Prior { relative_std: 1e4 },
-        noise_known: true,
-        noise_memory: 1000.0,
-        outlier: f64::INFINITY,
-        residual_memory: 1000.0,
-        change_row_s: None,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-        block: 100,
-    }
+    EstimatorSettings { forgetting: 1.0, prior: Prior { relative_std: 1e4 }, ..known_noise(kind, supervision) }
 }
 
 /// One regressor with noise/signal ratio r (paper, eq. 13): least squares ends at x/(1 + r²), a bias of −r²/(1 + r²);

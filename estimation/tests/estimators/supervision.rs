@@ -1,9 +1,9 @@
 //! Poor excitation: figures 18 and 19 of the paper, long standstill, moves of one joint at a time.
 
-use crate::common::{Bench, Random, Wave};
+use crate::common::{Bench, Random, Wave, known_noise};
 use rivet_estimation::{
-    ColumnsSettings, Correlation, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument,
-    Motion, ParameterState, Prior, Scales, Settings, Supervision, TrackedSettings, Window,
+    ColumnsSettings, EigenSettings, Estimator, EstimatorKind, EstimatorSettings, Identifier, Instrument, Motion,
+    ParameterState, Scales, Settings, Supervision, TrackedSettings, Window,
 };
 
 const EIGEN: Supervision = Supervision::Eigen(EigenSettings { tolerance: 0.5, hysteresis: 0.7, relevance: 0.3 });
@@ -26,20 +26,7 @@ fn columns() -> Supervision {
 }
 
 fn settings(supervision: Supervision) -> EstimatorSettings {
-    EstimatorSettings {
-        kind: EstimatorKind::Riv,
-        forgetting: 0.99,
-        deviation: None,
-        supervision,
-        prior: Prior { relative_std: 1.0 },
-        noise_known: true,
-        noise_memory: 100.0,
-        outlier: f64::INFINITY,
-        residual_memory: 100.0,
-        change_row_s: None,
-        correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-        block: 100,
-    }
+    known_noise(EstimatorKind::Riv, supervision)
 }
 
 /// One row with noise `sigma`; columns are of size one.

@@ -1,11 +1,9 @@
 //! A window of constant trace (Sripada & Fisher 1987): the average variance of the parameters is kept, whatever the
 //! excitation.
 
-use crate::common::Random;
+use crate::common::{Random, known_noise};
 use rivet_estimation::ud::UdFilter;
-use rivet_estimation::{
-    Correlation, Estimator, EstimatorKind, EstimatorSettings, Instrument, Prior, Scales, Supervision,
-};
+use rivet_estimation::{Estimator, EstimatorKind, EstimatorSettings, Instrument, Prior, Scales, Supervision};
 
 const N: usize = 6;
 const DEVIATION: f64 = 0.1;
@@ -17,18 +15,12 @@ fn estimator() -> Estimator {
         &[1.0; N],
         &Scales::unit(1, N),
         &EstimatorSettings {
-            kind: EstimatorKind::Rls,
             forgetting: (-1.0 / SHORTEST).exp(),
             deviation: Some(DEVIATION),
-            supervision: Supervision::Off,
             prior: Prior { relative_std: 10.0 },
-            noise_known: true,
             noise_memory: 1000.0,
-            outlier: f64::INFINITY,
             residual_memory: 1000.0,
-            change_row_s: None,
-            correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-            block: 100,
+            ..known_noise(EstimatorKind::Rls, Supervision::Off)
         },
     )
 }

@@ -41,3 +41,29 @@ fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use crate::verdict::tests::document;
+
+    #[test]
+    fn the_page_shows_the_rollout() {
+        let point = json!({"horizon_s": 1.0, "position_before_rad": 0.04321, "position_after_rad": 0.00123,
+            "torque_before": 0.2, "torque_after": 0.012});
+        let rollout = json!({"closer": true, "starts": 12, "not_simulated": [], "points": [point]});
+        let page = crate::page(&document(&[("rollout", rollout)]), &[]);
+        for text in ["<section id=\"closed-loop\"", "43.2", "1.23", "Closer to the log in closed loop"] {
+            assert!(page.contains(text), "{text}");
+        }
+        assert!(!crate::page(&document(&[]), &[]).contains("closed-loop"));
+        let undriven =
+            json!({"closer": false, "starts": 0, "not_simulated": ["the torque of j is not believed"], "points": []});
+        let page = crate::page(&document(&[("rollout", undriven)]), &[]);
+        assert!(
+            page.contains("Torque only: the torque of j is not believed.") && !page.contains("Position off"),
+            "{page}"
+        );
+    }
+}

@@ -197,6 +197,29 @@ fn a_motion_is_planned() {
     }
 }
 
+/// Of a delay of 5 ms that may be a lag: a chirp, by its fast part, was said to tell and did not. Nor has a name that values have all but taken
+/// up the chance with which the residual that they leave shows it (0.49).
+#[test]
+fn no_motion_is_planned_that_does_not_tell() {
+    let Some(case) = shared("data/practice/case-22") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let (json, place) = (folder.path().join("found.json"), folder.path().join("out"));
+    let mut diagnose = rivet();
+    diagnose
+        .arg("diagnose")
+        .arg(case.join("robot.toml"))
+        .args(["log-a.parquet", "log-b.parquet"].map(|l| case.join(l)));
+    let output = diagnose.arg("--json").arg(&json).arg("--export").arg(&place).output().expect("the program starts");
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(json).expect("a verdict")).expect("JSON");
+    let late = &found["causes"][0];
+    assert_eq!(late["effect"], "transport_delay", "{found:#}");
+    assert_eq!(late["indistinguishable_from"], serde_json::json!(["current_loop_lag"]));
+    assert!(late["separating_motion"].is_null() && late["p_value"].is_null(), "{late:#}");
+    assert!(place.join("model.toml").exists() && !place.join("separating-1.csv").exists());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("no motion of one joint within its limits is expected to tell"), "{told}");
+}
+
 /// Another program reads the MJCF and needs the torque that we read out of it. Runs where a Python with MuJoCo is
 /// (`RIVET_MUJOCO_PYTHON`, or `python3`).
 #[test]
