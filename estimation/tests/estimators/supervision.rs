@@ -222,6 +222,8 @@ fn standstill_winds_nothing_up() {
             sum.iter().map(|s| s.sqrt()).collect()
         };
         let zeros = vec![0.0; n];
+        let home = wave.at(0.0).q.to_vec();
+        let held = bench.torque(Motion { q: &home, qd: &zeros, qdd: &zeros }, &truth);
         let mut go = |identifier: &mut Identifier, bench: &mut Bench, from: u32, to: u32, moving: bool| {
             for k in from..to {
                 let t = f64::from(k) * 0.001;
@@ -229,7 +231,7 @@ fn standstill_winds_nothing_up() {
                 let (qd, qdd) =
                     if moving { (wave.qd.clone(), wave.qdd.clone()) } else { (zeros.clone(), zeros.clone()) };
                 let desired = Motion { q: &q, qd: &qd, qdd: &qdd };
-                let mut tau = bench.torque(desired, &truth);
+                let mut tau = if moving { bench.torque(desired, &truth) } else { held.clone() };
                 tau.iter_mut().zip(&rms).for_each(|(tau, rms)| *tau += 0.005 * rms * random.normal());
                 // Position noise of an encoder: the measured regressor is never quite at rest.
                 let noisy: Vec<f64> = q.iter().map(|q| q + 2e-6 * random.normal()).collect();

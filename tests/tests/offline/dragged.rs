@@ -12,9 +12,7 @@ use crate::otherwise::{causes, told, told_by_file};
 fn a_hysteresis_beside_friction_is_none_of_bristles() {
     let cases = [
         ("practice/case-24", 2, 0.08, 0.3),
-        ("practice/case-18", 1, 0.08, 0.3),
         ("practice-wrong-nominal/case-06", 4, 0.08, 0.3),
-        ("practice/case-24", 2, 0.004, 0.04),
         ("practice/case-18", 1, 0.01, 0.04),
         ("practice-wrong-nominal/case-06", 4, 0.003, 0.04),
     ];

@@ -57,7 +57,7 @@ struct Victim(Child);
 impl Victim {
     fn start(role: &str, config: &BusConfig) -> Self {
         let mut child = std::process::Command::new(std::env::current_exe().expect("this binary"))
-            .args(["--exact", "child", "--nocapture"])
+            .args(["--exact", "recovery::child", "--nocapture"])
             .env(ROLE, format!("{role} {} {}", config.prefix, config.root.display()))
             .stdout(Stdio::piped())
             .spawn()

@@ -1,0 +1,6 @@
+//! Logs as they are read and put on an even clock. One program, so that it is linked once:
+//! `cargo test --release --package rivet-logs --test logs read::` runs one file of it.
+
+mod read;
+mod resample;
+mod stamps;
