@@ -78,7 +78,7 @@ struct Timing {
 
 /// What rows in which joints turn say of how much the arm follows its torque late.
 pub(crate) struct Early {
-    /// By how much at most \[s\], as sure as may be; none where a run says nothing.
+    /// By how much at most \[s\], as sure as all runs together are; none where a run says nothing.
     pub(crate) most: Option<f64>,
     /// By how much \[s\], where all runs are sure that all of the arm is.
     pub(crate) sure: Option<f64>,
@@ -127,7 +127,10 @@ impl Early {
         let now = nearest(0.0);
         let moved: Vec<f64> = (0..=now).map(|k| joints().map(|t| t.weight * t.moved[now - k]).sum()).collect();
         let places: Vec<f64> = (0..=now).map(|k| k as f64 * STEP_S).collect();
-        let most = timings.iter().map(|timing| SURE * timing.sigma - timing.late).fold(f64::NEG_INFINITY, f64::max);
+        // They are of one arm.
+        let told = timings.iter().fold(0.0, |sum, timing| sum + timing.sigma.powi(-2));
+        let late = timings.iter().map(|timing| timing.sigma.powi(-2) * timing.late).sum::<f64>() / told;
+        let most = SURE / told.sqrt() - late;
         let sure = lowest(&places, &moved).map(|(early, _)| early).filter(|_| sure);
         Early { most: Some(most), sure, parts: parts(timings.into_iter().enumerate()) }
     }
