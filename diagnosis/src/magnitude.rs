@@ -107,7 +107,9 @@ impl Form {
                 ("com_z_m", c[3] / c[0]),
             ]),
             Form::LinkScale { .. } => named(&[("mass_gain", 1.0 + c[0])]),
-            Form::RotorInertia { joint } => named(&[("gain", 1.0 + c[0] / nominal[10 * joints + joint].max(1e-12))]),
+            Form::RotorInertia { joint } => {
+                named(&[("inertia_gain", 1.0 + c[0] / nominal[10 * joints + joint].max(1e-12))])
+            }
             Form::Coulomb { .. } => named(&[("change_Nm", c[0])]),
             Form::Viscous { .. } => named(&[("change_Nms_rad", c[0])]),
         }

@@ -23,6 +23,11 @@ const AGAINST: f64 = 0.75;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
+/// Whether rows in motion, by which the arm is behind its torque by so much at `most`, are against a delay or lag of `seconds`.
+pub(super) fn is_against(most: f64, seconds: f64) -> bool {
+    most < AGAINST * seconds
+}
+
 /// A candidate of a size; none where rows in motion rule it out.
 pub(crate) type Sized = Option<(Candidate, Standing)>;
 /// What else it may be; none where it is told from that.
@@ -98,7 +103,7 @@ impl<'a> Search<'a> {
                     Form::Delay { seconds } => seconds * standing.added.c[0],
                     _ => standing.added.c[0],
                 };
-                let against = most.is_some_and(|most| most < AGAINST * seconds);
+                let against = most.is_some_and(|most| is_against(most, seconds));
                 Some((!against).then_some((candidate, standing)))
             }
         }

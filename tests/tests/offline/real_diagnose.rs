@@ -484,7 +484,9 @@ fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
     assert_eq!(unit["verdict"], "not_evaluated", "{unit:#}");
 
     let spiked = judge(&|q, tau| {
-        tau.iter_mut().for_each(|t| t[6000] = 200.0);
+        for tau in tau.iter_mut() {
+            tau[6000] = 200.0;
+        }
         every(q, &|q| q.rem_euclid(std::f64::consts::TAU));
     });
     is_said(&spiked, "torque_spikes");
