@@ -359,12 +359,14 @@ mod tests {
             ([[-1.25, 0.35], [-2.45, 0.65]], 5.8),
             ([[-1.87, 0.47], [-1.98, 0.63]], 5.9),
         ] {
-            assert!(late::is_against(most(runs), 1e-3 * ms), "{runs:?}");
+            assert!(late::is_against(most(runs), 1e-3 * ms, false), "{runs:?}");
         }
         for runs in [[[-6.98, 0.21], [-3.96, 0.63]], [[-5.94, 0.47], [-7.33, 0.56]]] {
             // What is left at reversals may say a half more than there is.
-            assert!(!late::is_against(most(runs), 6e-3) && !late::is_against(most(runs), 9e-3), "{runs:?}");
+            assert!([6e-3, 9e-3].iter().all(|s| !late::is_against(most(runs), *s, false)), "{runs:?}");
         }
+        // A measured UR10e without its friction, which keeps 3 to 11 times its noise: 5.9 ms by rows in motion, 18.8 refined.
+        assert!(!late::is_against(most([[-5.9, 0.36], [-5.9, 0.36]]), 18.8e-3, true));
     }
 
     #[test]

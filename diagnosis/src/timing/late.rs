@@ -12,6 +12,7 @@ use super::behind::Behind;
 use crate::evidence::Belief;
 use crate::form::{Form, HELD};
 use crate::physics::Physics;
+use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
 use crate::select::{Adopted, RIVAL_GAP, Rival};
 
@@ -20,12 +21,15 @@ const SIZED: f64 = 0.02;
 /// What rows in motion surely are below this share of is no size. A joint that truly sticks has torque ahead of motion wherever it breaks away,
 /// which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
 const AGAINST: f64 = 0.75;
+/// The same where a joint keeps several times its noise, as on measured arms: what else is missing there moves the time of these rows as well.
+const AGAINST_BESIDE_MORE: f64 = 0.2;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
-/// Whether rows in motion, by which the arm is behind its torque by so much at `most`, are against a delay or lag of `seconds`.
-pub(super) fn is_against(most: f64, seconds: f64) -> bool {
-    most < AGAINST * seconds
+/// Whether rows in motion, by which the arm is behind its torque by so much at `most`, are against a delay or lag of `seconds`; `noisy`: a
+/// joint keeps several times its noise.
+pub(super) fn is_against(most: f64, seconds: f64, noisy: bool) -> bool {
+    most < seconds * if noisy { AGAINST_BESIDE_MORE } else { AGAINST }
 }
 
 /// A candidate of a size; none where rows in motion rule it out.
@@ -103,7 +107,8 @@ impl<'a> Search<'a> {
                     Form::Delay { seconds } => seconds * standing.added.c[0],
                     _ => standing.added.c[0],
                 };
-                let against = most.is_some_and(|most| is_against(most, seconds));
+                let noisy = Residue::of(self).any_noisy();
+                let against = most.is_some_and(|most| is_against(most, seconds, noisy));
                 Some((!against).then_some((candidate, standing)))
             }
         }
