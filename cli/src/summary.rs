@@ -70,7 +70,10 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
     let said = match (refused, met.is_empty()) {
         (0, true) => return None,
         (0, false) => format!("not all samples could be learnt from; {met}"),
-        _ if times <= refused => format!("{refused} of {samples} samples were refused; {met}"),
+        // Of more, a publisher that was gone for a while, say, there are no others where all were refused.
+        _ if times <= refused || refused >= samples as u64 => {
+            format!("{refused} of {samples} samples were refused; {met}")
+        }
         // What is met may as well have been looked at and not learnt from.
         _ => format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"),
     };
