@@ -419,3 +419,19 @@ impl fmt::Display for Summary<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A publisher that is gone for a while beside samples that are all refused, or beside others that may have been learnt from.
+    #[test]
+    fn where_all_samples_were_refused_there_are_no_others() {
+        let mut health = Health { rejected_faults: 30, ..Health::default() };
+        health.input_faults[InputFault::Implausible as usize] = 30;
+        health.input_faults[InputFault::PublisherGone as usize] = 1;
+        let said = |samples| unused(&health, samples, None).expect("something was wrong");
+        assert!(said(30).starts_with("30 of 30 samples were refused; met: "), "{}", said(30));
+        assert!(said(40).contains("not all others could be learnt from"), "{}", said(40));
+    }
+}

@@ -251,8 +251,8 @@ impl Document {
         format!("Shrink of the gap, predicted before the sealed torque was read: {each}{more}.{kind}{contact}")
     }
 
-    /// Joints that keep a gap in motion with all that is named, in times of their noise (of an unexplained arm from twice on); where more of them do than do not, those that
-    /// keep far more than is usual on measured arms.
+    /// Joints that keep a gap in motion with all that is named, in times of their noise (of an unexplained arm from twice on); where more
+    /// of them do than do not, those that keep far more than is usual on measured arms.
     pub(crate) fn left_joints(&self) -> Vec<(String, f64)> {
         let after = self.gap.per_joint.iter().filter_map(|j| Some((j.joint.clone(), (*j.in_motion.get(1)?)?)));
         let next_to_noise = if self.verdict == "unexplained" { SOUND } else { NEXT_TO_NOISE };
