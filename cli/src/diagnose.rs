@@ -279,12 +279,12 @@ fn power(found: &Document, check: &SelfCheck) -> String {
         "  ",
         &format!(
             "weakest effect that {:.0} s of these logs would have shown (a dash: not even the strongest tried; \
-             \"there\": found in them as they are); {} false alarms in {} resamplings",
+             \"found\": in them as they are); {} false alarms in {} resamplings",
             check.seconds, check.false_alarms, check.resamplings
         ),
     );
     let said = |power: &Power| match (power.named_already, power.smallest) {
-        (true, _) => "there".to_owned(),
+        (true, _) => "found".to_owned(),
         (false, Some(size)) => figure(size, 2),
         (false, None) => "-".to_owned(),
     };

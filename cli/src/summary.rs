@@ -70,7 +70,7 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
     let said = match (refused, met.is_empty()) {
         (0, true) => return None,
         (0, false) => format!("not all samples could be learnt from; {met}"),
-        // Of more, a publisher that was gone for a while, say, there are no others where all were refused.
+        // Where all were refused there are no others, even if more was met (a publisher that was gone for a while).
         _ if times <= refused || refused >= samples as u64 => {
             format!("{refused} of {samples} samples were refused; {met}")
         }

@@ -470,7 +470,7 @@ fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
 }
 
 /// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
-fn is_part(form: &Form, standing: &Standing) -> bool {
+pub(crate) fn is_part(form: &Form, standing: &Standing) -> bool {
     let least = match form {
         Form::TwoMass { .. } => 1.0 - OFF_GRID,
         Form::Delay { .. } => LATE_IN_FULL,

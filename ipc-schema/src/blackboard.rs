@@ -43,7 +43,7 @@ pub struct BlackboardWriter<T: Stamped> {
     _factory: Factory,
     _removed: Option<(Factory, Node<ipc::Service>)>,
     _node: Node<ipc::Service>,
-    _lock: File,
+    _lock: Lock,
 }
 
 impl<T: Stamped> BlackboardWriter<T> {
@@ -55,7 +55,7 @@ impl<T: Stamped> BlackboardWriter<T> {
         service: Service,
         role: &str,
     ) -> Result<Self, BusError> {
-        let lock = lock(bus, name, robot, service)?;
+        let lock = Lock::take(bus, name, robot, service)?;
         let node = bus.join(config, role)?;
         let fail = |why: String| BusError::Open { service: name.to_string(), role: "writer", why };
 
@@ -97,18 +97,32 @@ impl<T: Stamped> fmt::Debug for BlackboardWriter<T> {
     }
 }
 
-/// Takes the exclusive lock that makes this program the writer; the kernel frees it when the process dies.
-fn lock(bus: &BusConfig, name: &ServiceName, robot: &RobotName, service: Service) -> Result<File, BusError> {
-    let directory = bus.root.join(LOCK_DIRECTORY);
-    let path = directory.join(format!("{}.{robot}.{service}.lock", bus.prefix));
-    let fail = |source| BusError::File { path: path.clone(), source };
-    // As closed to others as the bus's own files: who can open the lock can hold it.
-    DirBuilder::new().recursive(true).mode(0o750).create(&directory).map_err(fail)?;
-    let file = File::options().create(true).truncate(false).write(true).mode(0o600).open(&path).map_err(fail)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(BusError::WriterAlive { service: name.to_string(), lock: path.clone() }),
-        Err(TryLockError::Error(e)) => Err(fail(e)),
+/// The exclusive lock that makes this program the writer; the kernel frees it when the process dies.
+struct Lock(File);
+
+impl Lock {
+    fn take(bus: &BusConfig, name: &ServiceName, robot: &RobotName, service: Service) -> Result<Self, BusError> {
+        let directory = bus.root.join(LOCK_DIRECTORY);
+        let path = directory.join(format!("{}.{robot}.{service}.lock", bus.prefix));
+        let fail = |source| BusError::File { path: path.clone(), source };
+        // As closed to others as the bus's own files: who can open the lock can hold it.
+        DirBuilder::new().recursive(true).mode(0o750).create(&directory).map_err(fail)?;
+        let file = File::options().create(true).truncate(false).write(true).mode(0o600).open(&path).map_err(fail)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self(file)),
+            Err(TryLockError::WouldBlock) => {
+                Err(BusError::WriterAlive { service: name.to_string(), lock: path.clone() })
+            }
+            Err(TryLockError::Error(e)) => Err(fail(e)),
+        }
+    }
+}
+
+impl Drop for Lock {
+    /// A child that this process has forked and that has not replaced its image yet holds the file open as well: closing would not free it.
+    fn drop(&mut self) {
+        // Where the kernel cannot free it now, it does with the last copy.
+        drop(self.0.unlock());
     }
 }
 

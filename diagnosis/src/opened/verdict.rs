@@ -53,7 +53,7 @@ pub(super) fn verdict(
     }
 }
 
-/// Whether a joint keeps more than a sound one does in motion, while most come down to that. (Of 186 such verdicts on arms of four programs
+/// Whether a joint keeps more than a sound one does in motion, while half of them or more come down to that. (Of 186 such verdicts on arms of four programs
 /// those of sound arms keep 1.4 times the noise at most; the twelve that kept twice as much all lacked something, and three of them were told
 /// that nothing is wrong.) Where most joints keep more, as on measured arms, the signal's noise is no measure.
 fn keeps_more(per_joint: &[JointGap]) -> bool {

@@ -7,30 +7,25 @@ use std::cell::OnceCell;
 
 use nalgebra::DVector;
 
-use super::Early;
 use super::behind::Behind;
+use super::{Early, Pooled};
 use crate::evidence::Belief;
 use crate::form::{Form, HELD};
 use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
-use crate::select::{Adopted, RIVAL_GAP, Rival};
+use crate::select::{Adopted, RIVAL_GAP, Rival, is_part};
 
 /// How surely it is as large as rows in motion have it, as a share of that.
 const SIZED: f64 = 0.02;
-/// What rows in motion surely are below this share of is no size. A joint that truly sticks has torque ahead of motion wherever it breaks away,
-/// which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
-const AGAINST: f64 = 0.75;
-/// The same where a joint keeps several times its noise, as on measured arms: what else is missing there moves the time of these rows as well.
-const AGAINST_BESIDE_MORE: f64 = 0.2;
+/// A size is none where rows in motion surely allow less than this share of it. A joint that truly sticks has torque ahead of motion wherever it
+/// breaks away, which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
+const ALLOWED: f64 = 0.75;
+/// The same where a joint keeps more than noise, as on measured arms: what else is missing there moves the time of these rows as well, and what a
+/// size of theirs left was the elastic gears of two joints.
+const ALLOWED_BESIDE_MORE: f64 = 0.2;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
-
-/// Whether rows in motion, by which the arm is behind its torque by so much at `most`, are against a delay or lag of `seconds`; `noisy`: a
-/// joint keeps several times its noise.
-pub(super) fn is_against(most: f64, seconds: f64, noisy: bool) -> bool {
-    most < seconds * if noisy { AGAINST_BESIDE_MORE } else { AGAINST }
-}
 
 /// A candidate of a size; none where rows in motion rule it out.
 pub(crate) type Sized = Option<(Candidate, Standing)>;
@@ -40,17 +35,36 @@ pub(crate) type Other = Option<Rival>;
 /// What rows in motion say; looked up once it is needed.
 #[derive(Default)]
 pub(crate) struct Clock {
-    told: OnceCell<(Option<f64>, Option<Behind>)>,
+    told: OnceCell<(Option<Pooled>, Option<Behind>)>,
 }
 
 impl Clock {
-    fn told(&self, search: &Search<'_>) -> &(Option<f64>, Option<Behind>) {
+    fn told(&self, search: &Search<'_>) -> &(Option<Pooled>, Option<Behind>) {
         self.told.get_or_init(|| {
             let early = Early::of(&search.runs);
             let behind = Behind::of(&search.runs, search.nominal, &early);
-            (early.most, behind)
+            (early.pooled, behind)
         })
     }
+}
+
+impl Pooled {
+    /// Whether these rows are against `seconds`; `noisy`: a joint keeps more than noise.
+    pub(super) fn is_against(&self, seconds: f64, noisy: bool) -> bool {
+        self.most() < seconds * if noisy { ALLOWED_BESIDE_MORE } else { ALLOWED }
+    }
+
+    /// What rows in motion have, where they are sure that there is something.
+    pub(super) fn size(&self) -> Option<Size> {
+        self.is_sure().then_some(Size { seconds: self.behind, std: self.apart })
+    }
+}
+
+/// By how much the arm is behind its torque \[s\].
+#[derive(Clone, Copy)]
+pub(super) struct Size {
+    pub(super) seconds: f64,
+    std: f64,
 }
 
 impl Behind {
@@ -61,11 +75,21 @@ impl Behind {
             _ => self.ahead > RIVAL_GAP,
         }
     }
+
+    fn size(&self, form: &Form) -> Size {
+        let seconds = if let Form::Delay { .. } = form { self.delay } else { self.lag };
+        Size { seconds, std: SIZED * seconds }
+    }
 }
 
 /// The other of the two, of a size that is still to be found.
 fn other(form: &Form) -> Form {
     if let Form::Delay { .. } = form { Form::Lag { stands: true } } else { Form::Delay { seconds: 0.0 } }
+}
+
+/// Time by which a command that stands for its sample is late beside a lag \[s\]; a delay has it in its own.
+fn held(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
+    Some(if let Form::Lag { stands: true } = form { HELD * physics.first()?.period_s() } else { 0.0 })
 }
 
 impl<'a> Search<'a> {
@@ -94,39 +118,43 @@ impl<'a> Search<'a> {
         Some(physics)
     }
 
-    /// A delay or lag of the size that rows in motion have, where they tell, and the other where they rule it out; else refined as any form.
-    /// Nothing where the size makes no sense.
+    /// A delay or lag of the size that rows in motion have, where they tell, and the other where they rule it out; else refined as any form, but
+    /// where rows in motion are against that size of theirs. Nothing where the size makes no sense.
     pub(crate) fn late(&self, form: &Form, clock: &Clock, physics: &[Physics<'_>]) -> Option<Sized> {
-        let (most, behind) = clock.told(self);
-        match behind {
-            Some(behind) if behind.rules_out(form) => Some(self.of_size(&other(form), behind, physics)),
-            Some(behind) => Some(self.of_size(form, behind, physics)),
-            None => {
+        match clock.told(self) {
+            (_, Some(behind)) => {
+                let form = if behind.rules_out(form) { other(form) } else { form.clone() };
+                Some(self.of_size(&form, behind.size(&form), physics))
+            }
+            (None, None) => Some(Some(self.refine(form, physics)?)),
+            (Some(pooled), None) => {
                 let (candidate, standing) = self.refine(form, physics)?;
+                let c = standing.added.c[0];
                 let seconds = match candidate.form {
-                    Form::Delay { seconds } => seconds * standing.added.c[0],
-                    _ => standing.added.c[0],
+                    Form::Delay { seconds } => seconds * c,
+                    _ => c + held(form, physics)?,
                 };
-                let noisy = Residue::of(self).any_noisy();
-                let against = most.is_some_and(|most| is_against(most, seconds, noisy));
-                Some((!against).then_some((candidate, standing)))
+                // A part of a longer delay is a lag's curve, and no size.
+                if !pooled.is_against(seconds, Residue::of(self).any_noisy()) && !is_part(&candidate.form, &standing) {
+                    return Some(Some((candidate, standing)));
+                }
+                Some(pooled.size().and_then(|size| self.of_size(form, size, physics)))
             }
         }
     }
 
-    /// A candidate of the size that `behind` has.
-    fn of_size(&self, form: &Form, behind: &Behind, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
+    /// A candidate that has the arm so far behind its torque.
+    fn of_size(&self, form: &Form, size: Size, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
         let sized = match form {
-            Form::Delay { .. } => Form::Delay { seconds: behind.delay },
+            Form::Delay { .. } => Form::Delay { seconds: size.seconds },
             other => other.clone(),
         };
         let mut candidate = self.candidate(sized, physics)?;
-        let mean = match candidate.form {
-            Form::Lag { stands: true } => behind.lag - HELD * physics.first()?.period_s(),
-            Form::Lag { .. } => behind.lag,
-            _ => 1.0,
+        let (mean, unit) = match candidate.form {
+            Form::Delay { seconds } => (1.0, seconds),
+            _ => (size.seconds - held(form, physics)?, 1.0),
         };
-        candidate.belief = Belief { mean: DVector::repeat(1, mean), std: DVector::repeat(1, SIZED * mean.abs()) };
+        candidate.belief = Belief { mean: DVector::repeat(1, mean), std: DVector::repeat(1, size.std / unit) };
         let standing = self.standing(0, &candidate, &self.scales())?;
         Some((candidate, standing))
     }
@@ -144,8 +172,7 @@ impl<'a> Search<'a> {
         };
         let (other, standing) = match &clock.told(self).1 {
             Some(behind) if behind.rules_out(&other) => return None,
-            Some(behind) => self.of_size(&other, behind, physics)?,
-            None => self.refine(&other, physics)?,
+            _ => self.late(&other, clock, physics)??,
         };
         let cosine = self.cosine(&self.solved(self.scale)?, (one, &its.added.c), (&other, &standing.added.c))?;
         Some(Rival { form: other.form, cosine })

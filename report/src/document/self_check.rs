@@ -37,6 +37,6 @@ pub struct Power {
     pub strongest: f64,
     /// What was named instead at the strongest, where that was something else.
     pub instead: Option<String>,
-    /// Whether it is named in these runs without being added, so that nothing could be asked.
+    /// Whether the probe finds it in these runs without its being added, so that nothing could be asked.
     pub named_already: bool,
 }

@@ -56,7 +56,7 @@ fn names(powers: &[Power], on_joints: bool) -> Vec<&str> {
 
 fn said(power: &Power) -> String {
     match (power.smallest, power.named_already) {
-        (_, true) => "named already".to_owned(),
+        (_, true) => "found".to_owned(),
         (Some(size), false) => {
             let over = power.over_noise.map_or_else(String::new, |o| format!(" ({})", figure(o, 2)));
             format!("{}{over}", figure(size, 2))

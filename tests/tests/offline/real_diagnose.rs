@@ -244,12 +244,18 @@ fn a_torque_that_was_computed_is_a_fault_of_the_log() {
 fn what_the_sealed_run_refutes_is_not_named() {
     let Some(logs) = shared("data/real/kinova_gen3") else { return };
     let file = rivet_tests::root().join("tests/robots/kinova-gen3/robot.toml");
-    let names = ["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"];
-    let found = diagnose(&file, &names.map(|name| logs.join(format!("{name}.parquet"))));
-    assert_eq!(found["verdict"], "unexplained", "{found:#}");
-    // A joint's own run tells its friction, of which the file has a guess, but nothing of bodies.
-    let friction = |c: &Value| ["coulomb_friction", "viscous_friction"].contains(&c["effect"].as_str().unwrap_or(""));
-    assert!(found["causes"].as_array().expect("causes").iter().all(friction), "{found:#}");
+    for names in [
+        ["joint_2_trapez", "joint_4_trapez", "RunTrajectory1"].as_slice(),
+        &["joint_1_trapez", "joint_2_trapez", "joint_4_trapez", "joint_5_trapez", "joint_7_trapez", "RunTrajectory1"],
+    ] {
+        let runs: Vec<PathBuf> = names.iter().map(|name| logs.join(format!("{name}.parquet"))).collect();
+        let found = diagnose(&file, &runs);
+        assert_eq!(found["verdict"], "unexplained", "{found:#}");
+        // A joint's own run tells its friction, of which the file has a guess, but nothing of bodies.
+        let friction =
+            |c: &Value| ["coulomb_friction", "viscous_friction"].contains(&c["effect"].as_str().unwrap_or(""));
+        assert!(found["causes"].as_array().expect("causes").iter().all(friction), "{found:#}");
+    }
 }
 
 /// The other pair of runs without and with a load, whose mass nobody states.
@@ -483,14 +489,14 @@ fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
     is_said(&unit, "torque_scale");
     assert_eq!(unit["verdict"], "not_evaluated", "{unit:#}");
 
-    let spiked = judge(&|q, tau| {
+    let spiked_and_wrapped = judge(&|q, tau| {
         for tau in tau.iter_mut() {
             tau[6000] = 200.0;
         }
         every(q, &|q| q.rem_euclid(std::f64::consts::TAU));
     });
-    is_said(&spiked, "torque_spikes");
-    is_said(&spiked, "position_wrapped");
+    is_said(&spiked_and_wrapped, "torque_spikes");
+    is_said(&spiked_and_wrapped, "position_wrapped");
     let held = judge(&|q, _| {
         for q in q {
             *q = (0..q.len()).map(|k| q[k / 8 * 8]).collect();
@@ -504,7 +510,7 @@ fn what_is_wrong_with_a_log_is_said_and_no_effect_is_named_for_it() {
         }
     });
     is_said(&stood, "frozen");
-    for found in [&spiked, &held, &stood] {
+    for found in [&spiked_and_wrapped, &held, &stood] {
         assert_eq!(found["verdict"], "no_gap", "{found:#}");
     }
     for step in [1e-4, 4e-4] {
