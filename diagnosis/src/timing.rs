@@ -414,6 +414,19 @@ mod tests {
         assert!(Pooled::of([].iter(), LEAST_S).is_none());
     }
 
+    /// A practice log moved by 5 ms, and a simulated arm whose bristles bend 20 to 60 µrad.
+    #[test]
+    fn a_clock_has_one_time_and_friction_each_joints_own() {
+        let arm = |ms: f64, joints: [f64; 6]| {
+            let joints = joints.iter().map(|own| timing(1, 1e-3 * own).joints.remove(0)).collect();
+            Timing { late: 1e-3 * ms, sigma: 1e-4, joints }
+        };
+        let clock = arm(4.7, [4.8, 4.7, 4.7, 4.7, 4.6, 5.6]);
+        assert!(clock.is_agreed(ONE_CLOCK));
+        let bristles = arm(1.86, [2.3, 2.6, 2.0, 1.7, 1.6, 2.0]);
+        assert!(bristles.is_agreed(AGREES) && !bristles.is_agreed(ONE_CLOCK));
+    }
+
     #[test]
     fn runs_that_differ_are_not_sure_together() {
         let pooled = |runs: [(f64, f64); 2]| {
