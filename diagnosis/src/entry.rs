@@ -10,7 +10,6 @@ use crate::log_check::{self, LogFinding};
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
 use crate::procedure::Procedure;
-use crate::repeats;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
@@ -188,9 +187,7 @@ fn run_all(
     first_fit::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
     let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
-    // The seal is open: motion that it has in common with the others counts as well.
-    let scatter = repeats::scatter(&look.iter().chain([&sealed]).collect::<Vec<_>>());
-    found.know_repeats(&scatter, &sealed.tau);
+    found.know_repeats(&sealed.tau);
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
 }
 

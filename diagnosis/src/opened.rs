@@ -11,7 +11,8 @@ use crate::lmg;
 use crate::log_check::{LogFault, LogFinding};
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step, is_drive};
-use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::repeats;
+use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict, pooled};
 use crate::residue::Residue;
 use crate::sealed::{IN_MOTION, SOUND, Sealed};
 use crate::search::{Bursts, Search};
@@ -203,14 +204,14 @@ impl Judge<'_> {
     }
 
     /// Figures of the joints.
-    fn per_joint(&self, floors: &[f64]) -> Vec<JointGap> {
+    fn per_joint(&self, floors: &[f64], scatter: &[Option<Scatter>]) -> Vec<JointGap> {
         let (before, after) = (&self.gaps[0], &self.gaps[self.gaps.len() - 1]);
         let joint = |(j, name): (usize, &String)| JointGap {
             joint: name.clone(),
             before: before.per_joint[j],
             after: after.per_joint[j],
             noise_floor: floors[j],
-            repeats: None,
+            repeats: scatter[j],
             in_motion: self.sealed.in_motion(j),
         };
         self.names.iter().enumerate().map(joint).collect()
@@ -289,7 +290,9 @@ impl Opened<'_> {
         }
         let floors = judge.sealed.floor();
         let floor = pooled(&floors);
-        let per_joint = judge.per_joint(&floors);
+        // The seal is open: motion that it has in common with the others counts as well.
+        let scatter = repeats::scatter(&procedure.look.iter().chain([procedure.sealed]).collect::<Vec<_>>());
+        let per_joint = judge.per_joint(&floors, &scatter);
         let (before, after) = (&judge.gaps[0], &judge.gaps[judge.gaps.len() - 1]);
         let unexplained_share = share_left(before, after, floor);
         let undone = open || refuted && shrink::is_plain(before.all, floor);

@@ -256,11 +256,11 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Takes what repeated motion says of noise into what is told. Nothing is decided by it: between two runs load may differ, and
+    /// Takes what repeated motion says of noise into what is told. No name is decided by it: between two runs load may differ, and
     /// friction with it, which is no noise.
-    pub(crate) fn know_repeats(&mut self, scatter: &[Option<Scatter>], tau: &[Vec<f64>]) {
-        for (j, (gap, scatter)) in self.per_joint.iter_mut().zip(scatter).enumerate() {
-            let Some(scatter) = scatter.filter(|_| gap.noise_floor.is_finite()) else { continue };
+    pub(crate) fn know_repeats(&mut self, tau: &[Vec<f64>]) {
+        for (j, gap) in self.per_joint.iter_mut().enumerate() {
+            let Some(scatter) = gap.repeats.take().filter(|_| gap.noise_floor.is_finite()) else { continue };
             let rms = (tau[j].iter().map(|t| t * t).sum::<f64>() / tau[j].len().max(1) as f64).sqrt();
             let relative = scatter.torque / rms.max(f64::MIN_POSITIVE);
             let decides = relative > gap.noise_floor;
