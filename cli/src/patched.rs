@@ -245,7 +245,7 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     }
     let plain = |rms: &[f64]| cells(rms).replace(" | ", " ");
     let _ = writeln!(out, "\nMeasured torque: {} N m rms.", plain(&patch.torque_rms));
-    // Half a sample is free whatever has a name, and what is left of it may have the other sign.
+    // Every fit has half a sample of time free, whatever is named beside it, and that may have the other sign.
     let shifts_time = patch
         .model
         .effects()
@@ -255,7 +255,7 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let _ = writeln!(
         out,
         "\n{} {} ms {} position in the logs ({} N m rms): a property of the recording, in none of the files.",
-        if shifts_time { "Beside what shifts it in time above, torque is" } else { "Torque is" },
+        if shifts_time { "Beside the delay or lag of the model, torque is" } else { "Torque is" },
         number(1e3 * patch.timing_s.abs(), 2),
         if patch.timing_s < 0.0 { "after" } else { "before" },
         plain(&patch.timing_rms)

@@ -130,7 +130,8 @@ impl Judge<'_> {
         let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
         let settled = || own().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
         let drive = is_drive(step.effect) && settled();
-        let plain = self.sealed.is_plain(k, own()) && (!value || drive || self.sealed.mostly_stands());
+        let seen = self.sealed.is_plain(k, own());
+        let plain = seen && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
@@ -141,8 +142,9 @@ impl Judge<'_> {
         let needed_there = law && self.sealed.is_needed(k, own());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
-        let plain_everywhere =
-            everywhere && !step.adopted.is_empty() && step.effect != Effect::Payload && self.sealed.is_plain(k, own());
+        let tilt_or_time =
+            matches!(step.effect, Effect::GravityDirection | Effect::TransportDelay | Effect::CurrentLoopLag);
+        let plain_everywhere = tilt_or_time && !step.adopted.is_empty() && seen;
         // Two wrong values of a drive that make up for each other are each the worse for being right alone.
         let material =
             (drive && plain) || needed_there || plain_everywhere || is_material(step, shrink, plain, predictable);
@@ -497,7 +499,7 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
         _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => low > 0.0 && measured > LEAST,
         // A load pulls in every pose: one that may as well take nothing is none.
         Effect::Payload => measured > 0.0 && low > 0.0,
-        // A tilt or a load is on every joint: what it gains on some it must not lose on others.
+        // A tilt or a load is on every joint: what it gains on some it must not lose on others, unless it is plain in motion.
         _ if value && everywhere => measured > 0.0,
         _ if value || !everywhere && plain => predicted.max(measured) > 0.0,
         _ => predicted.min(measured) > LEAST,

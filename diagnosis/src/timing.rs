@@ -112,19 +112,22 @@ pub(crate) struct Pooled {
     apart: f64,
     /// What counts at least \[s\].
     least: f64,
+    /// Whether in one run at least the joints that tell agree: else it is one joint's time, and not the arm's.
+    agreed: bool,
 }
 
 impl Pooled {
     /// Of runs that say something; none where there are none. Runs are of one arm, so the surer of them say more. `least` counts \[s\].
     fn of<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
+        let others = runs.clone().count().checked_sub(1)?;
+        let agreed = runs.clone().any(|run| run.is_agreed(AGREES));
         let weight = |run: &Timing| run.sigma.powi(-2);
         let weights: f64 = runs.clone().map(weight).sum();
         let behind = -runs.clone().map(|run| weight(run) * run.late).sum::<f64>() / weights;
-        let squares: f64 = runs.clone().map(|run| weight(run) * (run.late + behind).powi(2)).sum();
-        let others = runs.count().checked_sub(1)?;
+        let squares: f64 = runs.map(|run| weight(run) * (run.late + behind).powi(2)).sum();
         let sigma = weights.sqrt().recip();
         let apart = if others == 0 { sigma } else { sigma * (squares / others as f64).sqrt().max(1.0) };
-        Some(Pooled { behind, sigma, apart, least })
+        Some(Pooled { behind, sigma, apart, least, agreed })
     }
 
     /// By how much at most \[s\]. Runs that differ are no reason to allow more: a name that is not there is worse than one that is missed.
@@ -134,7 +137,7 @@ impl Pooled {
 
     /// Whether it surely is, by so much that it counts.
     fn is_sure(&self) -> bool {
-        self.behind - SURE * self.apart > self.least
+        self.agreed && self.behind - SURE * self.apart > self.least
     }
 }
 
@@ -180,7 +183,11 @@ impl Timing {
         let all = Self::within(run, 0.0);
         let Some(clear) = Self::within(run, REVERSAL_S) else { return all };
         let half = |all: &Timing| all.late.abs() < LEAST_S || clear.late / all.late > 0.5;
-        let told = |all: &Timing| all.late < LEAST_S || clear.is_agreed(AGREES) || all.is_agreed(ONE_CLOCK);
+        let told = |all: &Timing| {
+            // Joints that do not agree say nothing of the arm, whichever rows they have.
+            let arm = all.late > LEAST_S && all.is_agreed(AGREES);
+            !arm || clear.is_agreed(AGREES) || all.is_agreed(ONE_CLOCK)
+        };
         let near =
             |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S && half(all) && told(all);
         // Behind a slow filter they are late as well, by another time.
@@ -386,7 +393,7 @@ mod tests {
     /// 4.7 to 5.9 ms, and two whose torque is behind by 6 ms.
     #[test]
     fn what_reversals_alone_show_is_no_delay() {
-        let run = |[late, sigma]: &[f64; 2]| Timing { late: 1e-3 * late, sigma: 1e-3 * sigma, joints: Vec::new() };
+        let run = |[late, sigma]: &[f64; 2]| Timing { sigma: 1e-3 * sigma, ..timing(6, 1e-3 * late) };
         let pooled = |runs: &[[f64; 2]]| {
             let runs: Vec<Timing> = runs.iter().map(run).collect();
             Pooled::of(runs.iter(), LEAST_S).expect("runs")
@@ -430,11 +437,16 @@ mod tests {
     #[test]
     fn runs_that_differ_are_not_sure_together() {
         let pooled = |runs: [(f64, f64); 2]| {
-            let runs = runs.map(|(late, sigma)| Timing { late, sigma, joints: Vec::new() });
+            let runs = runs.map(|(late, sigma)| Timing { sigma, ..timing(6, late) });
             Pooled::of(runs.iter(), LEAST_S).expect("runs")
         };
         let agree = pooled([(-4e-3, 1e-4), (-4.1e-3, 1e-4)]);
         assert!((agree.apart - 1e-4 / 2f64.sqrt()).abs() < 1e-9 && agree.size().is_some());
+        let of_one = [timing(1, -4e-3), timing(1, -4.1e-3)];
+        assert!(
+            Pooled::of(of_one.iter(), LEAST_S).expect("runs").size().is_none(),
+            "one joint's time is not the arm's"
+        );
         // 11.8 deviations apart, with one degree of freedom.
         let differ = pooled([(-2e-3, 1e-4), (-8e-3, 5e-4)]);
         assert!((differ.apart / differ.sigma - 6e-3 / 26e-8f64.sqrt()).abs() < 1e-6 && differ.size().is_none());

@@ -278,3 +278,24 @@ impl<T: Stamped> BlackboardReader<T> {
         Ok(true)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cleanup::PrivateBus;
+
+    /// What a child holds between fork and exec: the same open file.
+    #[test]
+    fn a_copy_of_the_lock_does_not_hold_it() {
+        let private = PrivateBus::new("lock");
+        let robot = RobotName::new("arm-1").expect("a good name");
+        let name = ServiceName::new("lock").expect("a good name");
+        let take = || Lock::take(private.config(), &name, &robot, Service::Command);
+        let lock = take().expect("free");
+        let copy = lock.0.try_clone().expect("a copy");
+        assert!(matches!(take().err(), Some(BusError::WriterAlive { .. })));
+        drop(lock);
+        assert!(take().is_ok(), "given up, though the copy is open");
+        drop(copy);
+    }
+}

@@ -21,7 +21,7 @@ const SIZED: f64 = 0.02;
 /// A size is none where rows in motion surely allow less than this share of it. A joint that truly sticks has torque ahead of motion wherever it
 /// breaks away, which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
 const ALLOWED: f64 = 0.75;
-/// The same where a joint keeps more than noise, as on measured arms: what else is missing there moves the time of these rows as well, and what a
+/// The same where a joint keeps several times its noise, as on measured arms: what else is missing there moves the time of these rows as well, and what a
 /// size of theirs left was the elastic gears of two joints.
 const ALLOWED_BESIDE_MORE: f64 = 0.2;
 /// Times that what was adopted is made anew.
@@ -49,7 +49,7 @@ impl Clock {
 }
 
 impl Pooled {
-    /// Whether these rows are against `seconds`; `noisy`: a joint keeps more than noise.
+    /// Whether these rows are against `seconds`; `noisy`: a joint keeps several times its noise.
     pub(super) fn is_against(&self, seconds: f64, noisy: bool) -> bool {
         self.most() < seconds * if noisy { ALLOWED_BESIDE_MORE } else { ALLOWED }
     }
@@ -118,8 +118,9 @@ impl<'a> Search<'a> {
         Some(physics)
     }
 
-    /// A delay or lag of the size that rows in motion have, where they tell, and the other where they rule it out; else refined as any form, but
-    /// where rows in motion are against that size of theirs. Nothing where the size makes no sense.
+    /// A delay or lag of the size that rows in motion have, where they tell, and the other where they rule it out; else refined as any form, and
+    /// where rows in motion are against that size, or a delay is wanted in part only, of the size that they have, if they are sure of one.
+    /// `Some(None)`: no size makes sense; `None`: the equations have no solution.
     pub(crate) fn late(&self, form: &Form, clock: &Clock, physics: &[Physics<'_>]) -> Option<Sized> {
         match clock.told(self) {
             (_, Some(behind)) => {
@@ -172,7 +173,11 @@ impl<'a> Search<'a> {
         };
         let (other, standing) = match &clock.told(self).1 {
             Some(behind) if behind.rules_out(&other) => return None,
-            _ => self.late(&other, clock, physics)??,
+            // Rows in motion that have no size tell nothing of the kind: the two stay one class.
+            _ => match self.late(&other, clock, physics)? {
+                Some(sized) => sized,
+                None => self.refine(&other, physics)?,
+            },
         };
         let cosine = self.cosine(&self.solved(self.scale)?, (one, &its.added.c), (&other, &standing.added.c))?;
         Some(Rival { form: other.form, cosine })

@@ -11,7 +11,7 @@ pub(super) fn power(document: &Document) -> String {
     let mut out = format!(
         "<p>Effects of graded strength, made by a simulated arm's physics along the motion of these logs, were added to the \
          measured torque of {} s. Below is the weakest that is then named first on its joint; strengths stand a factor of two \
-         apart; \u{201c}as\u{201d} tells what the strongest was taken for. With nothing added and the residual's sign changed block by block, {} of {} resamplings were given a name \
+         apart; \u{201c}found\u{201d} means in these logs as they are, so that nothing could be added; \u{201c}as\u{201d} tells what the strongest was taken for. With nothing added and the residual's sign changed block by block, {} of {} resamplings were given a name \
          (false alarms).</p>\n",
         figure(check.seconds, 3),
         check.false_alarms,
