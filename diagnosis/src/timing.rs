@@ -112,22 +112,22 @@ pub(crate) struct Pooled {
     apart: f64,
     /// What counts at least \[s\].
     least: f64,
-    /// Whether in one run at least the joints that tell agree: else it is one joint's time, and not the arm's.
-    agreed: bool,
+    /// Whether in one run at least more than one joint tells: else it is that joint's time, and not the arm's.
+    of_arm: bool,
 }
 
 impl Pooled {
     /// Of runs that say something; none where there are none. Runs are of one arm, so the surer of them say more. `least` counts \[s\].
     fn of<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
         let others = runs.clone().count().checked_sub(1)?;
-        let agreed = runs.clone().any(|run| run.is_agreed(AGREES));
+        let of_arm = runs.clone().any(|run| !run.is_of_few());
         let weight = |run: &Timing| run.sigma.powi(-2);
         let weights: f64 = runs.clone().map(weight).sum();
         let behind = -runs.clone().map(|run| weight(run) * run.late).sum::<f64>() / weights;
         let squares: f64 = runs.map(|run| weight(run) * (run.late + behind).powi(2)).sum();
         let sigma = weights.sqrt().recip();
         let apart = if others == 0 { sigma } else { sigma * (squares / others as f64).sqrt().max(1.0) };
-        Some(Pooled { behind, sigma, apart, least, agreed })
+        Some(Pooled { behind, sigma, apart, least, of_arm })
     }
 
     /// By how much at most \[s\]. Runs that differ are no reason to allow more: a name that is not there is worse than one that is missed.
@@ -137,7 +137,7 @@ impl Pooled {
 
     /// Whether it surely is, by so much that it counts.
     fn is_sure(&self) -> bool {
-        self.agreed && self.behind - SURE * self.apart > self.least
+        self.of_arm && self.behind - SURE * self.apart > self.least
     }
 }
 
