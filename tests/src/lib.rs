@@ -76,7 +76,7 @@ fn is_newer_than_its_sources(program: &Path) -> bool {
         let Ok(entries) = std::fs::read_dir(&folder) else { return false };
         for path in entries.flatten().map(|entry| entry.path()) {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            // What cargo makes, what git keeps, and what no program is made of (nor is any file beside the crates, but for Cargo's).
+            // What cargo makes, what git keeps, and what no program is made of; of files beside the crates only Cargo's are looked at.
             if name.starts_with('.') || ["target", "tests", "docs"].contains(&&*name) {
                 continue;
             }
