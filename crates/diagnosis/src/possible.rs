@@ -1,0 +1,187 @@
+//! What a value of an arm can be. A fit knows no bounds: where the model lacks something, a value takes it up as far as it must,
+//! and comes out as an inertia below zero. Such a value is no finding, it stands for something else.
+
+use nalgebra::DVector;
+use rivet_dynamics::{Arm, Parameter};
+
+use crate::background::Nominal;
+use crate::form::Form;
+use crate::known::Carried;
+use crate::select::Adopted;
+use crate::values::Group;
+
+/// A value so little below zero, as a share of the one given, is next to nothing: what the file has is not there.
+const NEXT_TO_NOTHING: f64 = 0.1;
+/// How far a payload's centre may be from the last link's origin, as a share of the arm's reach. The largest of the measured arms
+/// is at 0.11.
+const FAR: f64 = 0.35;
+
+/// A value that no arm has.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Impossible {
+    /// Its name.
+    pub(crate) name: String,
+    /// As it came out.
+    pub(crate) value: f64,
+    pub(crate) unit: &'static str,
+}
+
+/// What a person would say of some.
+pub(crate) fn said(what: &[Impossible]) -> String {
+    let each =
+        |Impossible { name, value, unit }: &Impossible| format!("{name} {value:.3} {unit}").trim_end().to_owned();
+    let all: Vec<String> = what.iter().map(each).collect();
+    match all.as_slice() {
+        [one] => format!("{one} is beyond what is possible: it stands for something else"),
+        _ => format!("{} are beyond what is possible: they stand for something else", all.join(", ")),
+    }
+}
+
+/// The standard vector with values `x` of the background and values that were adopted as forms of their own.
+pub(crate) fn standard<'a>(
+    nominal: &Nominal,
+    x: &DVector<f64>,
+    adopted: impl IntoIterator<Item = &'a Adopted>,
+) -> Vec<f64> {
+    let mut standard: Vec<f64> = nominal.x.iter().zip(x.iter()).map(|(given, change)| given + change).collect();
+    for a in adopted.into_iter().filter(|a| is_value(&a.form)) {
+        let c = a.coefficients(x);
+        if let (Carried::Values(changes), _) = a.form.carried(&c, &a.values, nominal.model.arm.dof(), None) {
+            for (at, change) in changes {
+                standard[at] += change;
+            }
+        }
+    }
+    standard
+}
+
+fn is_value(form: &Form) -> bool {
+    use Form::{Coulomb, LinkScale, Payload, RotorInertia, Viscous};
+    matches!(form, Payload | LinkScale { .. } | RotorInertia { .. } | Coulomb { .. } | Viscous { .. })
+}
+
+/// The value of a group that no arm has, if one is. Values of which an adopted effect has a column of its own are judged by nobody:
+/// only their sum with it means anything.
+pub(crate) fn of_group(group: &Group, nominal: &Nominal, standard: &[f64], adopted: &[Adopted]) -> Option<Impossible> {
+    let shared = |a: &Adopted| match (&a.form, nominal.model.parameters[group.columns[0]]) {
+        (Form::PositionFriction { joint, .. }, Parameter::Coulomb(j))
+        | (Form::ViscousNonlinearity { joint }, Parameter::Viscous(j)) => *joint == j,
+        (Form::Coupling { driving, driven, .. }, Parameter::RotorInertia(j)) => [*driving, *driven].contains(&j),
+        (Form::Payload, Parameter::Link { link, .. }) => link + 1 == nominal.model.arm.dof(),
+        _ => false,
+    };
+    let judged = !adopted.iter().any(shared);
+    group.columns.iter().filter(|_| judged).find_map(|c| of_value(*c, nominal, standard))
+}
+
+/// The value of a form that no arm has, if one is.
+pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64]) -> Option<Impossible> {
+    let n = nominal.model.arm.dof();
+    let at = |at: usize| of_value(at, nominal, standard);
+    match *form {
+        Form::Payload => of_payload(c, &nominal.model.arm),
+        Form::LinkScale { link } => (10 * link..10 * link + 10).find_map(at),
+        Form::Gain { joint } if 1.0 + c[0] <= 0.0 => {
+            let name = format!("gain of {}", nominal.model.arm.joints[joint].name);
+            Some(Impossible { name, value: 1.0 / (1.0 + c[0]), unit: "" })
+        }
+        // As they were adopted they had the right sign; what was fitted beside them since may have turned it.
+        Form::Stribeck { joint, .. } | Form::Load { joint, .. } | Form::Spring { joint, .. } if !form.plausible(c) => {
+            let name = format!("its size on {}", nominal.model.arm.joints[joint].name);
+            Some(Impossible { name, value: c[0], unit: "" })
+        }
+        _ => place(form, n).and_then(at),
+    }
+}
+
+/// The standard parameter that a form changes, where that is one.
+pub(crate) fn place(form: &Form, joints: usize) -> Option<usize> {
+    match *form {
+        Form::RotorInertia { joint } => Some(10 * joints + joint),
+        Form::Viscous { joint } => Some(11 * joints + joint),
+        Form::Coulomb { joint } => Some(12 * joints + joint),
+        _ => None,
+    }
+}
+
+/// A body at the flange of an arm. Where the flange is the model does not say: about as far beyond the last link's centre as that is beyond its
+/// joint, or as far as links of this arm are long.
+pub(crate) fn of_payload(c: &[f64], arm: &Arm) -> Option<Impossible> {
+    let far =
+        |body: &[f64]| body[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / body[0].abs().max(f64::MIN_POSITIVE);
+    let named = |name: &str, value, unit| Some(Impossible { name: name.to_owned(), value, unit });
+    let reach = reach(arm);
+    let flange = arm.links.last().map_or(0.0, |link| 2.0 * far(link));
+    let most = (FAR * reach + flange).max(reach / arm.dof().saturating_sub(1).max(1) as f64);
+    match () {
+        () if c[0] <= 0.0 => named("mass at the flange", c[0], "kg"),
+        () if reach > 0.0 && far(c) > most => named("distance of the load from the flange", far(c), "m"),
+        () => None,
+    }
+}
+
+/// Whether a value of a drive is none below zero.
+pub(crate) fn is_drive(parameter: Parameter) -> bool {
+    matches!(parameter, Parameter::RotorInertia(_) | Parameter::Viscous(_) | Parameter::Coulomb(_))
+}
+
+/// Sum of the distances between the arm's joints \[m\].
+pub(crate) fn reach(arm: &Arm) -> f64 {
+    let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
+    arm.joints.iter().skip(1).map(|joint| length(joint.translation)).sum()
+}
+
+fn of_value(at: usize, nominal: &Nominal, standard: &[f64]) -> Option<Impossible> {
+    let (model, value) = (&nominal.model, standard[at]);
+    let parameter = model.parameters[at];
+    let impossible = match parameter {
+        // Of a body the runs tell sums over links; its own moments one by one mean little.
+        Parameter::Link { entry: 0, .. } => value <= 0.0,
+        Parameter::Link { entry: 4, .. } => value + standard[at + 2] + standard[at + 5] <= 0.0,
+        _ => is_drive(parameter) && value < -NEXT_TO_NOTHING * nominal.x[at].abs(),
+    };
+    impossible.then(|| Impossible { name: parameter.name(&model.arm), value, unit: parameter.unit(&model.arm) })
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::{Arm, Model, Structure};
+
+    use super::*;
+    use crate::effect::Effect;
+
+    #[test]
+    fn what_no_arm_has_is_told_from_next_to_nothing() {
+        let text = include_str!("../../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
+        let mut x = model.arm.links.concat();
+        x.extend(vec![2.0; model.len() - x.len()]);
+        let nominal = Nominal::exact(&model, &x);
+        let rotor = Group { effect: Effect::RotorInertia, joint: 1, columns: vec![10 * n + 1] };
+        let link = Group { effect: Effect::LinkInertia, joint: 2, columns: (20..30).collect() };
+        let with = |group: &Group, at: usize, value: f64| {
+            let mut standard = x.clone();
+            standard[at] = value;
+            of_group(group, &nominal, &standard, &[])
+        };
+        assert_eq!(with(&rotor, 10 * n + 1, 0.1), None);
+        assert_eq!(with(&rotor, 10 * n + 1, -0.1), None, "a twentieth of what is given");
+        let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
+        assert_eq!(
+            said(&[found]),
+            "j2.rotor_inertia -0.500 kg m^2 is beyond what is possible: it stands for something else"
+        );
+        assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));
+        assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");
+        let stribeck = Form::Stribeck { joint: 0, velocity: 0.1 };
+        assert_eq!(of_form(&stribeck, &[1.0], &nominal, &x), None);
+        assert!(of_form(&stribeck, &[-1.0], &nominal, &x).is_some_and(|what| what.value == -1.0));
+        // A third of a kilogram a hand's breadth off the flange, then further off than the arm is long.
+        let body = |x: f64| [0.3, 0.3 * x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(of_payload(&body(0.1), &nominal.model.arm), None);
+        assert!(of_payload(&body(2.0), &nominal.model.arm).is_some_and(|what| what.unit == "m"));
+        assert!(of_payload(&body(0.1).map(|v| -v), &nominal.model.arm).is_some_and(|what| what.unit == "kg"));
+    }
+}

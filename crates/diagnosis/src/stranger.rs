@@ -1,0 +1,109 @@
+//! Whether the robot file is that of another arm. Bodies and rotors of a CAD model or a data sheet are off by a tenth or so; where
+//! most joints want several times what they have, a list of causes says nothing, however well it fits.
+
+use nalgebra::DVector;
+use rivet_dynamics::Parameter;
+
+use crate::background::Nominal;
+use crate::form::Form;
+use crate::possible;
+use crate::select::Adopted;
+
+/// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of measured arms with files of
+/// their own this is met on three of six joints at most; with another arm's on four of six.
+const FAR_OFF: f64 = 8.0;
+/// So many joints at least, and two thirds of those that can be heard.
+const JOINTS: usize = 3;
+
+/// A model that misses so many times a joint's torque is of a stronger arm.
+const SEVERAL: f64 = 2.0;
+
+/// Joints whose body or rotor is far off or came out as none that can be (`impossible`; on two joints at most of a measured or sound arm, on
+/// all six with another arm's file), where that is most of them. `heard`: joints whose torque is believed. Friction and torque
+/// constants are in no CAD model, and a body at the flange is none of the arm's.
+pub(crate) fn joints(
+    nominal: &Nominal,
+    x: &DVector<f64>,
+    adopted: &[Adopted],
+    impossible: &[usize],
+    heard: &[usize],
+) -> Option<Vec<usize>> {
+    let own = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
+    let values = possible::standard(nominal, x, own);
+    let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
+    let of = |is: &dyn Fn(Parameter) -> bool| -> f64 {
+        let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));
+        all.map(|(at, _)| off(at)).sum::<f64>().sqrt()
+    };
+    let far = |j: &usize| {
+        let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
+        impossible.contains(j) || body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
+    };
+    let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
+    (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
+}
+
+/// Joints of which the model as given misses several times the torque that they have, where that is most of them: friction and loads that no
+/// file has leave all of it at most, some more where they have the other sign (1.05 on measured arms whose friction was left out).
+/// Of several that are heard, and where no values of drives bring all of them down to `fitted`: friction of a file may be far too large.
+pub(crate) fn far_too_strong(as_given: &[f64], fitted: &[bool], heard: &[usize]) -> Option<Vec<usize>> {
+    let joints: Vec<usize> = heard.iter().copied().filter(|j| as_given[*j] > SEVERAL).collect();
+    let open = heard.iter().any(|j| !fitted[*j]);
+    (open && heard.len() > 1 && 2 * joints.len() > heard.len()).then_some(joints)
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::{Arm, Model, Structure};
+
+    use super::*;
+
+    /// Rotors that are twice what the file says, a payload's worth on the last link, and friction that is nothing like the file's.
+    #[test]
+    fn values_far_off_on_most_joints_are_another_arms() {
+        let text = include_str!("../../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
+        let mut given = model.arm.links.concat();
+        given.extend(vec![2.0; model.len() - given.len()]);
+        let std = given.iter().map(|v| 0.1 * v.abs().max(1e-3)).collect();
+        let nominal = Nominal { near: given.clone(), x: given, std, model };
+        let heard: Vec<usize> = (0..n).collect();
+        let with = |changes: &[(usize, f64)]| {
+            let mut x = DVector::zeros(nominal.x.len());
+            for (at, change) in changes {
+                x[*at] += change;
+            }
+            joints(&nominal, &x, &[], &[], &heard)
+        };
+        let rotors = |count: usize| -> Vec<(usize, f64)> { (0..count).map(|j| (10 * n + j, 2.0)).collect() };
+        assert_eq!(with(&rotors(4)), Some(vec![0, 1, 2, 3]));
+        assert_eq!(with(&rotors(3)), None, "three of six may be placeholders");
+        assert_eq!(
+            with(&(0..n).map(|j| (10 * n + j, 0.5)).collect::<Vec<_>>()),
+            None,
+            "a quarter is a poor data sheet"
+        );
+        assert_eq!(with(&(0..n).map(|j| (12 * n + j, 50.0)).collect::<Vec<_>>()), None, "friction is in no data sheet");
+        assert_eq!(with(&[(10 * (n - 1), 50.0)]), None, "one body");
+        // Values that cannot be are put back as given.
+        let put_back =
+            |impossible: &[usize]| joints(&nominal, &DVector::zeros(nominal.x.len()), &[], impossible, &heard);
+        assert_eq!((put_back(&[1, 2, 3, 5]), put_back(&[1, 5])), (Some(vec![1, 2, 3, 5]), None));
+    }
+
+    #[test]
+    fn a_model_of_a_much_stronger_arm_is_another_arms() {
+        let heard = [0, 2, 3];
+        let open = [true, false, false, true];
+        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &open, &heard), Some(vec![0, 2]));
+        assert_eq!(far_too_strong(&[5.2, f64::NAN, 10.1, 1.0], &[true; 4], &heard), None, "friction alone, say");
+        assert_eq!(
+            far_too_strong(&[1.0, 9.0, 1.05, 7.0], &open, &heard),
+            None,
+            "one of three; the second says nothing"
+        );
+        assert_eq!(far_too_strong(&[5.2; 4], &open, &[2]), None, "one joint says nothing of an arm");
+    }
+}

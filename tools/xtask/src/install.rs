@@ -1,0 +1,158 @@
+//! `cargo xtask install`: programs, units, user, directories, robots, headers.
+
+use anyhow::{Context as _, Result, ensure};
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Programs of the workspace that are installed, the package and the profile that each is built from.
+const PROGRAMS: [(&str, &str, &str); 4] = [
+    ("rivet", "rivet", "release"),
+    ("rivetd", "rivet-daemon", "service"),
+    ("rivet-controller", "rivet-controller", "service"),
+    ("rivet-sim", "rivet-simulation", "release"),
+];
+/// Where the units in the source say that the programs and their documents are.
+const UNIT_PREFIXES: [&str; 2] = ["/usr/bin/", "/usr/share/"];
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Where the programs will run from; units, sysusers.d and tmpfiles.d go to its lib folder.
+    #[arg(long, default_value = "/usr/local")]
+    prefix: PathBuf,
+    /// Puts everything below this folder instead of the root: a package's, or a container's.
+    #[arg(long, value_name = "DIR", default_value = "/")]
+    destdir: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    ensure!(args.prefix.is_absolute(), "--prefix {}: it must be absolute", args.prefix.display());
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).context("xtask lies in the workspace")?;
+    let target = build(source)?;
+    let installed = install(source, &target, &args.destdir, &args.prefix)?;
+    println!("{installed} files below {}", below(&args.destdir, &args.prefix).display());
+    if args.destdir == Path::new("/") {
+        println!("next, as root: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload");
+    }
+    println!("then a robot:  /etc/rivet/<robot>/robot.toml, and systemctl enable --now rivetd@<robot>");
+    Ok(())
+}
+
+/// Builds the programs; returns the folder that has one for each profile.
+fn build(source: &Path) -> Result<PathBuf> {
+    for profile in ["release", "service"] {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.current_dir(source).args(["build", "--locked", "--profile", profile]);
+        for (_, package, _) in PROGRAMS.iter().filter(|(_, _, its)| *its == profile) {
+            cargo.args(["--package", package]);
+        }
+        ensure!(cargo.status().context("cargo cannot be started")?.success(), "the programs do not build");
+    }
+    // This program was built beside them.
+    let this = std::env::current_exe().context("this program cannot find itself")?;
+    Ok(this.ancestors().nth(2).context("a program lies in its profile's folder")?.to_owned())
+}
+
+/// `path` as it is called before the root is put in front.
+fn below(destdir: &Path, path: &Path) -> PathBuf {
+    destdir.join(path.strip_prefix("/").unwrap_or(path))
+}
+
+/// `target` has a folder of programs for each profile.
+fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Result<usize> {
+    let to = |inner: &str| below(destdir, &prefix.join(inner));
+    let mut files = 0;
+    for (program, _, profile) in PROGRAMS {
+        let path = target.join(profile).join(program);
+        let bytes = fs::read(&path).with_context(|| format!("{}: not built?", path.display()))?;
+        files += put(&to("bin").join(program), &bytes, 0o755)?;
+    }
+    let here = ["bin", "share"].map(|inner| format!("{}/", prefix.join(inner).display()));
+    for (folder, inner) in
+        [("system", "lib/systemd/system"), ("sysusers.d", "lib/sysusers.d"), ("tmpfiles.d", "lib/tmpfiles.d")]
+    {
+        for path in listed(&source.join("systemd").join(folder))? {
+            let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            let text = UNIT_PREFIXES.iter().zip(&here).fold(text, |text, (from, to)| text.replace(from, to));
+            let name = path.file_name().context("a listed file has a name")?;
+            files += put(&to(inner).join(name), text.as_bytes(), 0o644)?;
+        }
+    }
+    for (file, inner) in [
+        ("ipc-schema/include/rivet.h", "include/rivet.h"),
+        ("ipc-schema/python/rivet_ipc.py", "share/rivet/rivet_ipc.py"),
+        ("docs/operating.md", "share/doc/rivet/operating.md"),
+        ("docs/robot-toml.md", "share/doc/rivet/robot-toml.md"),
+    ] {
+        let path = source.join(file);
+        let bytes = fs::read(&path).with_context(|| path.display().to_string())?;
+        files += put(&to(inner), &bytes, 0o644)?;
+    }
+    for robot in listed(&source.join("robots"))?.iter().filter(|path| path.is_dir()) {
+        let name = robot.file_name().context("a listed folder has a name")?;
+        for path in listed(robot)?.iter().filter(|path| path.is_file()) {
+            let bytes = fs::read(path).with_context(|| path.display().to_string())?;
+            let file = path.file_name().context("a listed file has a name")?;
+            files += put(&to("share/rivet/robots").join(name).join(file), &bytes, 0o644)?;
+        }
+    }
+    Ok(files)
+}
+
+/// What lies in a folder, in the order of names.
+pub(crate) fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Writes a file beside its place and renames it: a program that is running keeps the file that it runs from.
+fn put(path: &Path, bytes: &[u8], mode: u32) -> Result<usize> {
+    let name = path.file_name().context("what is installed has a name")?.to_string_lossy();
+    let part = path.with_file_name(format!(".{name}.new"));
+    let write = || -> std::io::Result<()> {
+        fs::create_dir_all(path.parent().unwrap_or(path))?;
+        fs::write(&part, bytes)?;
+        fs::set_permissions(&part, fs::Permissions::from_mode(mode))?;
+        fs::rename(&part, path)
+    };
+    write().with_context(|| path.display().to_string())?;
+    Ok(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn everything_is_put_where_the_units_say() {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).expect("the workspace");
+        let (programs, destdir) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        for (program, _, profile) in PROGRAMS {
+            fs::create_dir_all(programs.path().join(profile)).expect("made");
+            fs::write(programs.path().join(profile).join(program), profile).expect("written");
+        }
+        // Twice: over itself it installs as well.
+        for _ in 0..2 {
+            install(source, programs.path(), destdir.path(), Path::new("/opt/rivet")).expect("installed");
+        }
+        // What runs for months is what unwinds nothing.
+        let daemon = fs::read_to_string(destdir.path().join("opt/rivet/bin/rivetd")).expect("installed");
+        assert_eq!(daemon, "service");
+        let unit = destdir.path().join("opt/rivet/lib/systemd/system/rivetd@.service");
+        let unit = fs::read_to_string(unit).expect("the unit is there");
+        let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=")).expect("it starts something");
+        let program = command.split_whitespace().next().expect("a word");
+        assert_eq!(program, "/opt/rivet/bin/rivetd");
+        let documents = unit.lines().find_map(|line| line.strip_prefix("Documentation=file://")).expect("it has some");
+        assert!(documents.starts_with("/opt/rivet/"), "{documents}");
+        assert!(below(destdir.path(), Path::new(documents)).is_file(), "{documents}");
+        assert!(!unit.contains("/usr/"), "{unit}");
+        let mode = fs::metadata(below(destdir.path(), Path::new(program))).expect("it is there").permissions().mode();
+        assert_eq!(mode & 0o777, 0o755);
+        assert!(destdir.path().join("opt/rivet/lib/sysusers.d/rivet.conf").is_file());
+        assert!(destdir.path().join("opt/rivet/share/rivet/robots/dd2/robot.toml").is_file());
+    }
+}
