@@ -22,6 +22,8 @@ pub(crate) struct Pulse {
     pub(crate) commands: AtomicU64,
     /// Whether a sample has been answered in time.
     pub(crate) met: AtomicBool,
+    /// Whether samples come without the robot's notifications, so that the loop polls.
+    pub(crate) polls: AtomicBool,
 }
 
 /// What the loop hands over.
@@ -74,7 +76,7 @@ pub(crate) fn start(
         let _ = ready.send(Ok(()));
         let mut service = Service { health, flight, name: name.clone(), said: None, named: [false; 3] };
         let mut manager = Manager::new();
-        let (mut watch, mut turns) = (BusWatch::default(), 0_u32);
+        let (mut watch, mut turns, mut polled) = (BusWatch::default(), 0_u32, false);
         loop {
             let stopping = shutdown.is_requested();
             while let Ok(message) = inbound.pop() {
@@ -107,6 +109,11 @@ pub(crate) fn start(
                     }
                 }
             }
+            let polls = pulse.polls.load(Ordering::Relaxed);
+            if polls && !polled {
+                log::warn!(rivet_event = "not-notified"; "{}", rivet_service::NOT_NOTIFIED);
+            }
+            polled |= polls;
             if pulse.met.load(Ordering::Relaxed) {
                 manager.ready();
             }

@@ -7,8 +7,8 @@ use crate::law::Desired;
 use crate::service_thread::{self, Outbound, Pulse};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, Listener, OneSource,
-    ParameterSource, Parameters, RobotName, Setpoint,
+    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, OneSource, ParameterSource,
+    Parameters, RobotName, SampleWait, Setpoint,
 };
 use rivet_realtime::{Hangup, RealTimeSettings, Scheduling, Shutdown, now_ns};
 use rivet_service::Flight;
@@ -71,7 +71,7 @@ const SUCCESSION: Duration = Duration::from_secs(1);
 
 struct Ports {
     states: OneSource<JointState>,
-    arrival: Listener,
+    arrival: SampleWait,
     setpoints: OneSource<Setpoint>,
     parameters: OneSource<Parameters>,
     command: BlackboardWriter<Command>,
@@ -84,7 +84,7 @@ fn open(bus: &Bus, robot: &Robot, lockstep: bool) -> Result<Ports, BusError> {
     let timeout = Duration::from_secs_f64(robot.config.controller.parameter_timeout_s);
     Ok(Ports {
         states: OneSource::new(bus.joint_state_subscriber()?, robots),
-        arrival: bus.joint_state_listener()?,
+        arrival: SampleWait::new(bus.joint_state_listener()?, Duration::from_secs_f64(robot.config.sample_period_s)),
         setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
         parameters: OneSource::new(bus.parameters_subscriber()?, timeout),
         command: bus.command_writer()?,
@@ -249,6 +249,9 @@ impl Loop {
         }
         let now = now_ns();
         let sample = self.newest_sample(now);
+        if sample.is_some() {
+            self.ports.arrival.received_sample();
+        }
         let counts = self.core.counts();
         let samples_ns = (counts.commands + counts.passed_over).saturating_mul(self.period.as_nanos() as u64);
         // Heard in every period, or a publisher would seem silent that is not. A plan comes before its sample.
@@ -265,6 +268,7 @@ impl Loop {
                 self.pulse.met.store(true, Ordering::Relaxed);
             }
         }
+        self.pulse.polls.store(self.ports.arrival.polls(), Ordering::Relaxed);
         self.pulse.periods.fetch_add(1, Ordering::Relaxed);
         if !answered && !self.lockstep {
             self.react(now);

@@ -13,8 +13,8 @@ use crate::streams::Streams;
 use crate::timing::Timing;
 use rivet_config::Trigger;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, Listener, LoopPhase, Parameters,
-    RobotName, Timing as TimingMessage, parameter_flags,
+    Bus, BusConfig, BusError, ControlCommand, DaemonMode, Drift, Health, InputFault, LoopPhase, Parameters, RobotName,
+    SampleWait, Timing as TimingMessage, parameter_flags,
 };
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension, now_ns};
 use rivet_service::Flight;
@@ -55,7 +55,7 @@ const QUIET_PERIODS: u64 = 3;
 
 enum Pace {
     Timer(PeriodTimer),
-    Sample(Box<Listener>),
+    Sample(Box<SampleWait>),
 }
 
 /// What the loop reads from, and what starts its periods.
@@ -69,7 +69,7 @@ impl Ports {
         let input = Streams::open(bus)?;
         let pace = match settings.trigger {
             Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
-            Trigger::Sample => Pace::Sample(Box::new(bus.joint_state_listener()?)),
+            Trigger::Sample => Pace::Sample(Box::new(SampleWait::new(bus.joint_state_listener()?, settings.period))),
         };
         Ok(Ports { input, pace })
     }
@@ -85,15 +85,25 @@ pub struct Wake {
 }
 
 impl Pace {
+    fn received_sample(&mut self) {
+        if let Pace::Sample(arrival) = self {
+            arrival.received_sample();
+        }
+    }
+
+    fn polls(&self) -> bool {
+        matches!(self, Pace::Sample(arrival) if arrival.polls())
+    }
+
     fn wait(&mut self) -> Wake {
         match self {
             Pace::Timer(timer) => {
                 let tick = timer.wait();
                 Wake { lateness_ns: tick.lateness_ns, missed: tick.missed }
             }
-            Pace::Sample(listener) => {
+            Pace::Sample(arrival) => {
                 // A listener that fails must not make the loop spin.
-                if listener.wait(SAMPLE_PATIENCE).is_err() {
+                if arrival.wait(SAMPLE_PATIENCE).is_err() {
                     std::thread::sleep(Duration::from_millis(1));
                 }
                 Wake { lateness_ns: 0, missed: 0 }
@@ -276,6 +286,7 @@ impl RealTimeLoop {
         self.timing.catch_up_limited += u64::from(taken == self.settings.catch_up);
         self.since_health += taken as u64;
         if taken > 0 {
+            self.pace.received_sample();
             self.last_sample_ns = Some(start);
             self.gone = false;
         }
@@ -303,6 +314,7 @@ impl RealTimeLoop {
             lost: counts.lost,
             epoch: self.core.epoch(),
             met: self.met,
+            polls: self.pace.polls(),
             wrong_period_ns: self.core.wrong_period_s().map_or(0, |period| (period * 1e9) as u64),
         });
         self.channels.snapshots.serve(&mut self.core);

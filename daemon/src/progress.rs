@@ -11,6 +11,7 @@ pub struct Progress {
     epoch: AtomicU64,
     wrong_period_ns: AtomicU64,
     met: AtomicBool,
+    polls: AtomicBool,
     no_room: AtomicBool,
     bus_turns: AtomicU64,
     store_turns: AtomicU64,
@@ -31,6 +32,8 @@ pub struct Snapshot {
     pub wrong_period_ns: u64,
     /// Whether a period has used samples and ended in time.
     pub met: bool,
+    /// Whether samples come without the robot's notifications, so that a loop triggered by samples polls.
+    pub polls: bool,
 }
 
 impl Progress {
@@ -66,6 +69,7 @@ impl Progress {
         self.epoch.store(now.epoch, Ordering::Relaxed);
         self.wrong_period_ns.store(now.wrong_period_ns, Ordering::Relaxed);
         self.met.store(now.met, Ordering::Relaxed);
+        self.polls.store(now.polls, Ordering::Relaxed);
         self.periods.store(now.periods, Ordering::Relaxed);
     }
 
@@ -77,6 +81,7 @@ impl Progress {
             lost: self.lost.load(Ordering::Relaxed),
             epoch: self.epoch.load(Ordering::Relaxed),
             met: self.met.load(Ordering::Relaxed),
+            polls: self.polls.load(Ordering::Relaxed),
             wrong_period_ns: self.wrong_period_ns.load(Ordering::Relaxed),
         }
     }

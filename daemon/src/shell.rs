@@ -319,7 +319,7 @@ impl Round {
 fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], stores: bool, flight: Option<&Flight>) {
     let mut manager = Manager::new();
     let (mut seen, mut moved, mut stuck) = (0, Instant::now(), false);
-    let (mut flowing, mut complained) = (false, false);
+    let (mut flowing, mut complained, mut polled) = (false, false, false);
     let mut bus = Round::new("rivetd-bus", BUS_STUCK, moved);
     let mut store = stores.then(|| Round::new("rivetd-store", STORE_STUCK, moved));
     let mut fed = 0;
@@ -330,6 +330,10 @@ fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], s
             flowing = true;
             log::info!(rivet_event = "ready"; "samples are flowing");
             manager.ready();
+        }
+        if now.polls && !polled {
+            polled = true;
+            log::warn!(rivet_event = "not-notified"; "{}", rivet_service::NOT_NOTIFIED);
         }
         if now.periods != seen {
             (seen, moved, stuck) = (now.periods, Instant::now(), false);

@@ -4,7 +4,8 @@
  * Services: rivet/<robot>/joint-state, setpoint, link-state, parameters, parameters-consistent, health,
  * controller-health (publish-subscribe), command and parameters
  * (blackboards with one entry, key uint64_t 0, and the attribute rivet.type that names the type), control
- * (request-response). Stamps are CLOCK_MONOTONIC [ns]. */
+ * (request-response). After each joint-state the robot controller notifies the event service of the same name,
+ * rivet/<robot>/joint-state, with event id 0: it wakes rivet-controller. Stamps are CLOCK_MONOTONIC [ns]. */
 #ifndef RIVET_H
 #define RIVET_H
 

@@ -1,4 +1,7 @@
-//! The event beside `joint-state`: wakes whoever works sample by sample.
+//! The wake-up event of `joint-state`: wakes the processes that work sample by sample.
+//!
+//! It has the name of the service (`rivet/<robot>/joint-state`, messaging pattern *event*). A robot controller notifies
+//! it after each published joint state, with event id 0. [`SampleWait`] polls for the samples of a robot that does not.
 
 use std::time::Duration;
 
@@ -118,5 +121,54 @@ impl Listener {
             Err(ListenerWaitError::InterruptSignal) => Ok(false),
             Err(_) => Err(PortError { service: self.service, what: "wait", why: "internal error of the bus" }),
         }
+    }
+}
+
+/// Samples in a row that come without a notification before [`SampleWait`] polls. More than the one that a sample
+/// between `send` and `notify` can explain, and still a small part of a second.
+const UNANNOUNCED_SAMPLES: u32 = 16;
+
+/// Polls in a sample period while the robot does not notify: a sample waits at most this part of its period.
+const POLLS_PER_PERIOD: u32 = 8;
+
+/// Waits for joint states: until the robot's notification, or by polling as long as the robot sends none.
+#[derive(Debug)]
+pub struct SampleWait {
+    listener: Listener,
+    poll: Duration,
+    unannounced: u32,
+    notified: bool,
+}
+
+impl SampleWait {
+    /// Waits on `listener`; `period` is the sample period.
+    pub fn new(listener: Listener, period: Duration) -> SampleWait {
+        SampleWait { listener, poll: period / POLLS_PER_PERIOD, unannounced: 0, notified: false }
+    }
+
+    /// Sleeps until notified, at most `timeout`, or an eighth of the sample period while [`polls`](Self::polls).
+    ///
+    /// # Errors
+    /// As [`Listener::wait`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<(), PortError> {
+        let timeout = if self.polls() { timeout.min(self.poll) } else { timeout };
+        self.notified = false;
+        self.notified = self.listener.wait(timeout)?;
+        if self.notified {
+            self.unannounced = 0;
+        }
+        Ok(())
+    }
+
+    /// To be called when the last [`wait`](Self::wait) was followed by a sample.
+    pub fn received_sample(&mut self) {
+        if !self.notified {
+            self.unannounced = self.unannounced.saturating_add(1);
+        }
+    }
+
+    /// Whether samples come without notifications, so that waiting polls.
+    pub fn polls(&self) -> bool {
+        self.unannounced >= UNANNOUNCED_SAMPLES
     }
 }

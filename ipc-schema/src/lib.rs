@@ -44,7 +44,7 @@ pub use bus::{Bus, BusConfig, LEAST_ROOM};
 pub use cleanup::{BusWatch, Leftovers, PrivateBus, cleanup, ensure_room, purge};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
-pub use event::{Listener, Notifier};
+pub use event::{Listener, Notifier, SampleWait};
 pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
 pub use messages::{
     BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,

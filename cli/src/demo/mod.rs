@@ -6,6 +6,7 @@ mod table;
 mod tracking;
 
 use crate::children::Children;
+use crate::exit::Fault;
 use anyhow::{Context, Result, bail};
 use reference::Reference;
 use rivet_config::Robot;
@@ -26,6 +27,9 @@ pub(crate) struct Args {
     /// Decides the true arm and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Prints every friction, rotor and offset parameter at the end, beside the truth
+    #[arg(long)]
+    parameters: bool,
     /// Keeps the working folder (logs of the processes, truth) here.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -117,6 +121,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     children.end();
     let result =
         table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
+    if args.parameters {
+        print!("{}", result.parameters());
+    }
     println!("{result}");
     Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -168,7 +175,7 @@ fn start(
 
 fn check(children: &mut Children, shutdown: &Shutdown, begin: Instant) -> Result<()> {
     if shutdown.is_requested() {
-        bail!("interrupted; everything it started has been ended");
+        return Err(Fault::Interrupted.into());
     }
     if let Some((name, status)) = children.ended() {
         bail!("rivet {name} ended early ({status}); --keep DIR keeps what it said");
@@ -224,9 +231,9 @@ fn watch(
             errors: heard.parameters.as_ref().map(|p| reference.errors(&p.values[..p.len()])),
             health: heard.health.as_ref(),
             tracking: &heard.tracking,
-        });
+        })?;
     }
-    screen.end();
+    screen.end()?;
     Ok(heard)
 }
 

@@ -2,11 +2,12 @@
 
 use super::reference::GROUPS;
 use super::tracking::Tracking;
+use ratatui::crossterm::terminal;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
 use rivet_realtime::LogHistogram;
 use std::fmt::Write as _;
-use std::io::{IsTerminal, Write as _};
+use std::io::{self, IsTerminal, Write as _};
 use std::time::{Duration, Instant};
 
 /// What one look shows.
@@ -31,7 +32,20 @@ pub(crate) struct Screen {
     next: Instant,
 }
 
-const WIDTH: usize = 40;
+/// Columns and rows of a terminal whose size is unknown.
+const USUAL_SIZE: (u16, u16) = (80, 24);
+
+/// Columns of the names in front of a row's cells.
+const LABEL_WIDTH: usize = 21;
+
+/// Narrowest and widest cell of a joint \[columns\].
+const CELL_WIDTH: (usize, usize) = (7, 11);
+
+/// Shortest and longest bar \[columns\].
+const BAR_WIDTH: (usize, usize) = (10, 40);
+
+/// Columns of a bar's line beside the bar: its name and its two numbers.
+const BESIDE_BAR: usize = 46;
 
 impl Screen {
     pub(crate) fn new(robot: &Robot) -> Screen {
@@ -45,61 +59,86 @@ impl Screen {
         }
     }
 
-    pub(crate) fn show(&mut self, frame: &Frame<'_>) {
+    /// Draws, if it is time for that.
+    ///
+    /// # Errors
+    /// The output is closed.
+    pub(crate) fn show(&mut self, frame: &Frame<'_>) -> io::Result<()> {
         if Instant::now() < self.next {
-            return;
+            return Ok(());
         }
         let pause = if self.terminal { 150 } else { 3000 };
         self.next = Instant::now() + Duration::from_millis(pause);
         if self.first.is_none() {
             self.first.clone_from(&frame.errors);
         }
-        let text = if self.terminal { self.draw(frame) } else { line(frame) };
+        let text = if self.terminal { self.fitted(frame, terminal::size().unwrap_or(USUAL_SIZE)) } else { line(frame) };
         let up = if self.lines > 0 { format!("\x1b[{}A\x1b[J", self.lines) } else { String::new() };
         self.lines = if self.terminal { text.lines().count() } else { 0 };
-        print!("{up}{text}");
-        // A terminal that is gone does not stop the demonstration's exit code from being made.
-        let _ = std::io::stdout().flush();
+        let mut out = io::stdout().lock();
+        out.write_all(up.as_bytes())?;
+        out.write_all(text.as_bytes())?;
+        out.flush()
     }
 
-    pub(crate) fn end(&mut self) {
-        if self.lines > 0 {
-            println!();
+    /// Takes the picture away, so that what follows has the screen.
+    ///
+    /// # Errors
+    /// The output is closed.
+    pub(crate) fn end(&mut self) -> io::Result<()> {
+        let up = std::mem::take(&mut self.lines);
+        if up > 0 {
+            write!(io::stdout(), "\x1b[{up}A\x1b[J")?;
         }
-        self.lines = 0;
+        Ok(())
     }
 
-    fn draw(&self, frame: &Frame<'_>) -> String {
+    /// The picture in at most `columns` by `rows`: a line that wraps would not be drawn over by the next picture.
+    fn fitted(&self, frame: &Frame<'_>, (columns, rows): (u16, u16)) -> String {
+        // A terminal wraps, or waits with it, when the last column is filled; the cursor stands below the last row.
+        let (columns, rows) = (usize::from(columns).max(2) - 1, usize::from(rows).max(2) - 1);
+        let mut text = String::new();
+        for line in self.draw(frame, columns).lines().take(rows) {
+            text.extend(line.chars().take(columns));
+            text.push('\n');
+        }
+        text
+    }
+
+    fn draw(&self, frame: &Frame<'_>, columns: usize) -> String {
         let mut out = Vec::new();
-        let phase = if frame.identified { "IDENTIFIED parameters" } else { "NOMINAL parameters (the daemon listens)" };
-        out.push(format!(
-            "rivet demo · {} · {:4.1} of {:.0} s of motion · the controller uses {phase}",
-            self.robot, frame.motion_s, frame.total_s
-        ));
+        let phase = if frame.identified { "IDENTIFIED" } else { "NOMINAL" };
+        out.push(format!("rivet demo · {} · {:4.1} of {:.0} s of motion", self.robot, frame.motion_s, frame.total_s));
+        out.push(format!("the controller uses {phase} parameters"));
         out.push(String::new());
         out.push("torque error caused by wrong parameters [% of the torque limits]".to_owned());
+        let bar_width = columns.saturating_sub(BESIDE_BAR).clamp(BAR_WIDTH.0, BAR_WIDTH.1);
+        let cell_width = columns.saturating_sub(LABEL_WIDTH) / self.joints.len().max(1);
+        let cell_width = cell_width.clamp(CELL_WIDTH.0, CELL_WIDTH.1);
         match (&frame.errors, &self.first) {
             (Some(errors), Some(first)) => {
                 for (g, (_, name)) in GROUPS.iter().enumerate().filter(|(g, _)| first[*g] > 0.0) {
-                    out.push(bar(name, errors[g], first[g]));
+                    out.push(bar(name, errors[g], first[g], bar_width));
                 }
                 let all = errors.len() - 1;
-                out.push(bar("all together", errors[all], first[all]));
+                out.push(bar("all together", errors[all], first[all], bar_width));
             }
             _ => out.push("  waiting for the first parameter set".to_owned()),
         }
         out.push(String::new());
-        out.push(format!("{:<22}{}", "", cells(self.joints.iter().map(|joint| shorten(joint)))));
+        // One column stays free between two names.
+        let names = self.joints.iter().map(|joint| joint.chars().take(cell_width - 1).collect());
+        out.push(format!("{:<LABEL_WIDTH$}{}", "", cells(names, cell_width)));
         if let Some(health) = frame.health {
             let row = |what: &str, values: &[f64]| {
-                let cells = cells(values[..self.joints.len()].iter().map(|v| format!("{v:.3}")));
-                format!("{what:<22}{cells}")
+                let cells = cells(values[..self.joints.len()].iter().map(|v| format!("{v:.3}")), cell_width);
+                format!("{what:<LABEL_WIDTH$}{cells}")
             };
             out.push(row("residual nominal [Nm]", &health.nominal_residual_rms));
             out.push(row("residual now     [Nm]", &health.residual_rms));
         }
-        let tracking: String = cells((0..self.joints.len()).map(|j| format!("{:.3}", 1e3 * frame.tracking.now.rms(j))));
-        out.push(format!("{:<22}{tracking}", "tracking error [mrad]"));
+        let errors = (0..self.joints.len()).map(|j| format!("{:.3}", 1e3 * frame.tracking.now.rms(j)));
+        out.push(format!("{:<LABEL_WIDTH$}{}", "tracking error [mrad]", cells(errors, cell_width)));
         out.push(String::new());
         out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
         let mut text = out.join("\n");
@@ -109,23 +148,19 @@ impl Screen {
 }
 
 /// One right-aligned cell a joint.
-fn cells(values: impl Iterator<Item = String>) -> String {
+fn cells(values: impl Iterator<Item = String>, width: usize) -> String {
     let mut line = String::new();
     for value in values {
         // Writing to a string cannot fail.
-        let _ = write!(line, "{value:>11}");
+        let _ = write!(line, "{value:>width$}");
     }
     line
 }
 
-fn shorten(joint: &str) -> String {
-    joint.chars().take(10).collect()
-}
-
-fn bar(name: &str, now: f64, first: f64) -> String {
+fn bar(name: &str, now: f64, first: f64, width: usize) -> String {
     let share = (now / first).clamp(0.0, 1.0);
-    let full = (share * WIDTH as f64).round() as usize;
-    format!("  {name:<16} {}{} {now:7.3}  (was {first:.3})", "█".repeat(full), "·".repeat(WIDTH - full))
+    let full = (share * width as f64).round() as usize;
+    format!("  {name:<18} {}{} {now:7.3}  (was {first:.3})", "█".repeat(full), "·".repeat(width - full))
 }
 
 fn timing(health: &Health) -> String {
@@ -134,7 +169,8 @@ fn timing(health: &Health) -> String {
     let work = LogHistogram::from_counts(health.work_histogram, health.worst_work_ns);
     format!(
         "rivetd: {} samples, {} lost · {} of {} directions active\n\
-         work per period p50 {:.0} us, p99 {:.0} us, worst {:.0} us · wake-up late p50 {:.0} us, p99 {:.0} us",
+         work per period p50 {:.0} us, p99 {:.0} us, worst {:.0} us\n\
+         wake-up late p50 {:.0} us, p99 {:.0} us",
         health.samples,
         health.lost,
         health.active,

@@ -60,15 +60,23 @@ impl<'a> Table<'a> {
             && self.health.is_some_and(|health| health.lost == 0)
     }
 
-    fn write_parameters(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// Every friction, rotor and offset parameter: robot file, truth, estimate and its standard deviation.
+    pub(crate) fn parameters(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write_parameters(&mut text);
+        text
+    }
+
+    fn write_parameters(&self, f: &mut impl fmt::Write) -> fmt::Result {
         let Some(p) = self.parameters else {
             return writeln!(f, "rivetd published no parameters");
         };
         let (model, base) = (&self.robot.model, &self.robot.base);
         writeln!(
             f,
-            "{:<24} {:>11} {:>11} {:>11} {:>11} {:>8}  unit",
-            "parameter", "robot file", "truth", "identified", "std", "off/std"
+            "{:<18} {:>10} {:>9} {:>10} {:>8} {:>5}  unit",
+            "parameter", "robot file", "truth", "identified", "std", "off/σ"
         )?;
         for i in 0..p.len() {
             let parameter = base.parameter(model, i);
@@ -79,7 +87,7 @@ impl<'a> Table<'a> {
             let held = ParameterState::try_from(p.state[i]) != Ok(ParameterState::Active);
             writeln!(
                 f,
-                "{:<24} {:>11.4} {:>11.4} {:>11.4} {:>11.4} {:>8.1}  {}{}",
+                "{:<18} {:>10.4} {:>9.4} {:>10.4} {:>8.4} {:>5.1}  {}{}",
                 base.name(model, i),
                 self.robot.nominal_base[i],
                 truth,
@@ -90,21 +98,26 @@ impl<'a> Table<'a> {
                 if held { ", held" } else { "" }
             )?;
         }
+        Ok(())
+    }
+
+    /// One line: how many identified parameters lie within their stated deviation of the truth.
+    fn write_coverage(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(p) = self.parameters else {
+            return writeln!(f, "rivetd published no parameters");
+        };
         let active = (0..p.len()).filter(|&i| ParameterState::try_from(p.state[i]) == Ok(ParameterState::Active));
         let (mut within, mut all) = (0, 0);
         for i in active {
             all += 1;
             within += usize::from((p.values[i] - self.reference.truth[i]).abs() <= 2.0 * p.std[i]);
         }
-        writeln!(f, "{within} of {all} active base parameters (inertial ones too) lie within 2 std of the truth")
+        writeln!(f, "{within} of {all} active base parameters lie within 2 standard deviations of the truth")
     }
 }
 
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f)?;
-        self.write_parameters(f)?;
-        writeln!(f)?;
         if let Some(p) = self.parameters {
             writeln!(f, "{:<34} {:>12} {:>12}", "torque error from parameters [%]", "robot file", "identified")?;
             let (before, after) =
@@ -113,7 +126,7 @@ impl fmt::Display for Table<'_> {
                 writeln!(f, "  {:<32} {:>12.3} {:>12.3}", name, before[g], after[g])?;
             }
             let all = before.len() - 1;
-            writeln!(f, "  {:<32} {:>12.3} {:>12.3}\n", "all together", before[all], after[all])?;
+            writeln!(f, "  {:<32} {:>12.3} {:>12.3}", "all together", before[all], after[all])?;
         }
         writeln!(f, "{:<34} {:>12} {:>12} {:>8}", "with", "robot file", "identified", "ratio")?;
         let mut row = |what: &str, pair: Option<(f64, f64)>| match pair {
@@ -126,7 +139,8 @@ impl fmt::Display for Table<'_> {
             let pair = (1e3 * self.tracking.nominal.rms(j), 1e3 * self.tracking.identified.rms(j));
             row(&format!("  tracking, {} [mrad]", joint.name), Some(pair))?;
         }
+        self.write_coverage(f)?;
         let verdict = if self.improved() { "improved" } else { "NOT improved" };
-        write!(f, "\ntorque error, tracking error and parameter error: {verdict}")
+        write!(f, "torque error, tracking error and parameter error: {verdict}")
     }
 }

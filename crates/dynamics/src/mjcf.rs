@@ -1,4 +1,7 @@
-//! MJCF: what MuJoCo 4 can hold of an arm and its drives, written and read back.
+//! MJCF: what MuJoCo can hold of an arm and its drives, written and read back.
+//!
+//! What MuJoCo 3 reads is written in its form. Damping with speed squared or cubed, and delays, need MuJoCo 4; the file's
+//! first line then says so.
 //!
 //! Joint torque τ that MuJoCo needs for a motion, as its file says it:
 //!
@@ -94,7 +97,7 @@ pub enum MjcfError {
 impl Mjcf {
     /// The file's text.
     pub fn text(&self) -> String {
-        let mut out = String::from("<!-- written by rivet; beside it: not-expressible.md -->\n");
+        let mut out = format!("<!-- written by rivet; beside it: not-expressible.md{} -->\n", self.version_note());
         let g = self.arm.gravity;
         // Writing to a String cannot fail. `{:?}` gives the shortest text that reads back as the same number.
         let _ = writeln!(out, "<mujoco model=\"{}\">", escaped(&self.arm.name));
@@ -148,6 +151,17 @@ impl Mjcf {
         out + "  </actuator>\n</mujoco>\n"
     }
 
+    /// What in the file MuJoCo 3 does not read.
+    fn version_note(&self) -> &'static str {
+        let (damping, delay) = (self.drives.iter().any(|d| d.bends()), self.drives.iter().any(|d| d.delay > 0.0));
+        match (damping, delay) {
+            (false, false) => "",
+            (true, false) => "; needs MuJoCo 4 for damping with several coefficients",
+            (false, true) => "; needs MuJoCo 4 for delay",
+            (true, true) => "; needs MuJoCo 4 for damping with several coefficients and for delay",
+        }
+    }
+
     fn body(&self, out: &mut String, j: usize, joint: &Joint, d: &MjcfDrive) {
         let indent = "  ".repeat(j + 2);
         let (p, a) = (joint.translation, joint.axis);
@@ -162,10 +176,13 @@ impl Mjcf {
         let name = escaped(&joint.name);
         let _ = write!(
             out,
-            "{indent}  <joint name=\"{name}\" type=\"{kind}\" axis=\"{:?} {:?} {:?}\" armature=\"{:?}\" damping=\"{:?} {:?} {:?}\" \
-             frictionloss=\"{:?}\"",
-            a[0], a[1], a[2], d.armature, d.damping[0], d.damping[1], d.damping[2], d.frictionloss
+            "{indent}  <joint name=\"{name}\" type=\"{kind}\" axis=\"{:?} {:?} {:?}\" armature=\"{:?}\" damping=\"{:?}",
+            a[0], a[1], a[2], d.armature, d.damping[0]
         );
+        if d.bends() {
+            let _ = write!(out, " {:?} {:?}", d.damping[1], d.damping[2]);
+        }
+        let _ = write!(out, "\" frictionloss=\"{:?}\"", d.frictionloss);
         if d.stiffness != 0.0 {
             let _ = write!(out, " stiffness=\"{:?}\"", d.stiffness);
         }
@@ -246,7 +263,7 @@ impl Mjcf {
                 }
                 self.drives.push(MjcfDrive {
                     armature: element.numbers::<1>("armature")?[0],
-                    damping: element.numbers("damping")?,
+                    damping: element.damping()?,
                     frictionloss: element.numbers::<1>("frictionloss")?[0],
                     stiffness: element.number_or("stiffness", 0.0)?,
                     zero: element.number_or("ref", 0.0)?,
@@ -346,6 +363,12 @@ impl Element {
         numbers.ok().and_then(|n| n.try_into().ok()).ok_or_else(|| self.lacks(attribute))
     }
 
+    /// One coefficient (MuJoCo 3) or three.
+    fn damping(&self) -> Result<[f64; 3], MjcfError> {
+        let single = self.numbers::<1>("damping").map(|[linear]| [linear, 0.0, 0.0]);
+        single.or_else(|_| self.numbers::<3>("damping"))
+    }
+
     fn number_or(&self, attribute: &'static str, default: f64) -> Result<f64, MjcfError> {
         if self.text(attribute).is_none() { Ok(default) } else { Ok(self.numbers::<1>(attribute)?[0]) }
     }
@@ -385,6 +408,11 @@ fn rotation([w, x, y, z]: &[f64; 4]) -> Mat3 {
 }
 
 impl MjcfDrive {
+    /// Whether friction grows otherwise than with speed itself.
+    fn bends(&self) -> bool {
+        self.damping[1] != 0.0 || self.damping[2] != 0.0
+    }
+
     /// A drive that only gives its torque.
     pub fn plain(limit: f64) -> MjcfDrive {
         MjcfDrive {

@@ -10,3 +10,7 @@ mod manager;
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;
+
+/// The warning of a process that polls for samples, since the robot controller does not send the wake-up event.
+pub const NOT_NOTIFIED: &str = "joint states arrive without the wake-up event, so this process polls for them; the robot controller is to \
+                                notify the event service rivet/<robot>/joint-state after each joint state";

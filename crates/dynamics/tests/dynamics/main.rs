@@ -7,6 +7,7 @@ mod energy;
 mod friction;
 mod golden;
 mod laws;
+mod mjcf;
 mod urdf;
 mod write_urdf;
 
