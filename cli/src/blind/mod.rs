@@ -34,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
 }
 
-/// Scores of this version on the cases with answers, as `rivet blind score --json` wrote them (`docs/diagnosis.md`).
+/// Scores of this version on the cases with answers, as `rivet blind score --json` wrote them (`docs/validation.md`).
 pub(crate) fn scores() -> Result<Vec<Score>> {
     serde_json::from_str(include_str!("scores.json")).context("the scores that are part of this program")
 }
