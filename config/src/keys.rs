@@ -46,7 +46,7 @@ pub const SECTIONS: &[(&str, &str)] = &[
     ),
     (
         "effects.temperature_dependent_friction",
-        "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`. T is the temperature of the log; with a `time_constant` it is the power of `[friction]` through a first-order lag, `reference` where a log begins, and all that is per K is per W.",
+        "Friction that changes as the joint warms up: adds `(viscous*qd + coulomb*s(qd))*(T - reference)`. T is the temperature of the log. With a `time_constant`, T is the power of `[friction]` through a first-order lag, `reference` where a log begins, and all that is per K is per W.",
     ),
     (
         "effects.presliding_friction",
@@ -170,24 +170,23 @@ pub const KEYS: &[Key] = &[
     key("log", "joint_zero", PerJointOrOne, "rad", Magnitude(10.0), Fallback::Number(0.0),
         "Added to the position columns (`q`, `q_des`, `q_link`) of log files to reach the zero of the URDF. Live samples are never shifted."),
     key("log", "torque_from", Choice(&["tau", "current"]), "", Bounds::None, Fallback::Text("tau"),
-        "Where a log carries both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns (a sensor behind the gear does not feel the drive; some controllers log a torque that they computed)."),
+        "Where a log has both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns. \
+         A sensor behind the gear does not feel the drive, and some controllers log a computed torque; use `current` then."),
 
     key("signal", "differentiator", Choice(&["savitzky-golay", "central", "state-filter"]), "", Bounds::None, Fallback::Text("savitzky-golay"),
-        "How velocity and acceleration come from positions: local cubic (`savitzky-golay`), differences of three samples (`central`), or the states of a triple low-pass that positions, torques and setpoints all pass (`state-filter`: the direction of motion is then \
-         that of what was filtered, which bends friction where joints reverse; of simulated arms with a Fourier motion 56 to 92 % of the values \
-         lie within two standard deviations, 91 to 98 with `savitzky-golay`). \
-         On line only: off line (`rivet identify`) it is central differences through the zero-phase model filter, whatever stands here."),
+        "How velocity and acceleration come from positions. `savitzky-golay`: local cubic. `central`: differences of three samples. `state-filter`: the states of a triple low-pass that positions, torques and setpoints all pass. \
+         `state-filter` takes the direction of motion from filtered signals, which distorts friction at reversals: on simulated arms 56 to 92 % of the values lie within two standard deviations, with `savitzky-golay` 91 to 98 %. \
+         On line only. Off line (`rivet identify`) it is always central differences through the zero-phase model filter."),
     key("signal", "half_width", Integer, "samples", Within(2.0, 200.0), Derived("10 ms, at least 2"),
-        "Samples on each side of the centre of the Savitzky-Golay window; everything is delayed by as many. Unused by `central` (1) and off line. \
-         What reverses within the window is rounded off, friction above all: the regressor, and not the setpoint's, which the test of bias \
-         then takes for noise. Where it rejects (`operating.md`), try a shorter one, or `central`. \
-         It does not always: a window of 0.2 s leaves 59 to 64 % of the values of simulated arms within two standard deviations, and the test \
-         silent on a UR10e; `rivet check` says so from 0.12 s on."),
+        "Samples on each side of the centre of the Savitzky-Golay window. Everything is delayed by as many. Unused by `central` (1) and off line. \
+         Reversals within the window are rounded off, friction above all, in the regressor and not in the setpoint's. The bias test then rejects (`operating.md`): try a shorter window, or `central`. \
+         The test can miss it: with 0.2 s, 59 to 64 % of the values of simulated arms lie within two standard deviations, without a rejection on a UR10e. `rivet check` warns from 0.12 s on."),
     key("signal", "state_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("60 Hz, at most 0.2 of the sample rate"),
-        "Corner of each of the three sections of the `state-filter`; everything is delayed by 3/(2 pi) of its period (8 ms at 60 Hz). At most 0.2 of the sample rate; well above the motion, below the rate of stair-case positions."),
+        "Corner of each of the three sections of the `state-filter`. Everything is delayed by 3/(2 pi) of its period (8 ms at 60 Hz). \
+         At most 0.2 of the sample rate; well above the motion, below the rate of stair-case positions."),
     key("signal", "filtering", Choice(&["model", "input", "none"]), "", Bounds::None, Fallback::Text("model"),
-        "What the daemon's low-pass is applied to: every regressor and instrument column and the torque (`model`), the signals before the \
-         model, which changes the equation (`input`; for comparison), or nothing (`none`). On line only: off line it is always `model`, forwards and backwards."),
+        "What the daemon's low-pass filters. `model`: every regressor and instrument column and the torque. `input`: the signals before the model, which changes the equation; for comparison. `none`: nothing. \
+         On line only. Off line it is always `model`, forwards and backwards."),
     key("signal", "input_signals", Choice(&["all", "motion", "acceleration"]), "", Bounds::None, Fallback::Text("all"),
         "`input`: filters positions with their derivatives and torques (`all`), all but the torques (`motion`), or accelerations alone."),
     key("signal", "model_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("20 Hz, at most 0.2 of the sample rate"),
@@ -195,42 +194,39 @@ pub const KEYS: &[Key] = &[
     key("signal", "model_filter_order", Integer, "-", Within(2.0, 8.0), Fallback::Integer(4),
         "Order of that Butterworth filter; even."),
     key("signal", "decimation", Integer, "samples", Within(1.0, 1000.0), Derived("5 samples per period of the cut-off"),
-        "Every how manieth filtered sample reaches the estimator."),
+        "Every n-th filtered sample reaches the estimator."),
     key("signal", "friction_velocity", Number, "rad/s", Within(0.0, 1.0), Fallback::Number(0.004),
         "v0 of the friction sign tanh(qd/v0); 0 is a hard sign."),
     key("signal", "dead_zone", PerJointOrOne, "rad/s", Within(0.0, 1.0), Fallback::Number(0.01),
-        "A joint's equation is left out while the joint is slower than this: its friction is then not known. As long as the model filter still holds some of that, the equation counts for less. 0 uses all."),
+        "A joint's equation is not used while the joint is slower than this, because its friction is then unknown. Rows in which the model filter still holds such motion count for less. 0 uses all."),
     key("signal", "torque_noise", PerJointOrOne, "N m", Within(1e-9, 1e5), Absent,
         "Standard deviation of the torque residual after the model filter; weighs the joints against each other. Without it, it is \
          estimated while running. On line only: off line it is estimated from the whole log."),
 
     key("estimator", "kind", Choice(&["riv", "rls", "energy", "rls-energy"]), "", Bounds::None, Fallback::Text("riv"),
-        "Recursive instrumental variables, or recursive least squares (biased by position noise; for comparison). `energy` and \
-         `rls-energy` are the two on energies instead of torques: no acceleration is needed, but slow disturbances add up. \
-         They are for simulated arms and comparison, not for measured ones: a row is the energy of the whole arm, one equation for all joints \
-         where torques give one each, so what the model lacks at one joint (friction beyond the law, a counterbalance) goes into the \
-         parameters of others. Supervised on measured arms, `energy` moved 0 to 2 parameters and left more than the nominal values do: KUKA \
-         joint 1 68.1 % against 25.9, joint 6 26.4 against 13.9; UR10e wrist 1 16.3 against 5.9, wrist 2 21.8 against 6.7. Nor are they for supervised use on simulated ones: on rich motion \
-         `energy` moves 6 of 52 directions, and unsupervised it leaves j2.rotor_inertia \
-         at -74 +- 48 kg m^2 where 57.8 is true."),
+        "Recursive instrumental variables (`riv`), or recursive least squares (`rls`; biased by position noise; for comparison). \
+         `energy` and `rls-energy` use energies instead of torques. They need no acceleration, but slow disturbances accumulate. They are for simulation and comparison, not for measured arms. \
+         A row is the energy of the whole arm: one equation for all joints. An unmodelled torque of one joint then biases the parameters of others. \
+         Supervised on measured arms, `energy` moved 0 to 2 parameters and had a larger residual than the nominal values (KUKA joint 1: 68.1 % against 25.9; UR10e wrist 2: 21.8 against 6.7). \
+         On simulated rich motion it moves 6 of 52 directions. Unsupervised it leaves j2.rotor_inertia at -74 +- 48 kg m^2 (true: 57.8)."),
     key("estimator", "energy_span_s", Number, "s", Within(0.0, 60.0), Fallback::Number(1.0),
         "`energy`, `rls-energy`: time whose work an equation compares with energies; 0 counts from the start. At most 4096 samples after \
          decimation."),
     key("estimator", "offsets", Bool, "", Bounds::None, Derived("true where friction.offset is not all 0"),
         "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
     key("estimator", "window", Choice(&["exponential", "constant-trace", "none"]), "", Bounds::None, Fallback::Text("exponential"),
-        "Forget old samples exponentially; as much as keeps the average variance of the parameters (Sripada & Fisher 1987: little \
-         excitation makes the window long, but one direction that is not excited makes it long for all); or never. On line only: off line (`rivet identify`) all rows count alike."),
+        "`exponential`: old samples are forgotten with a time constant. `none`: never. \
+         `constant-trace`: the window keeps the average variance of the parameters (Sripada & Fisher 1987). Little excitation makes it long, but one direction without excitation makes it long for all. \
+         On line only. Off line (`rivet identify`) all rows count alike."),
     key("estimator", "window_s", Number, "s", Within(0.05, 3600.0), Fallback::Number(10.0),
         "Time constant of the exponential window; the shortest of `constant-trace`. At least 20 samples after decimation. On line only."),
     key("estimator", "window_deviation", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.1),
         "`constant-trace`: standard deviation that parameters are kept at, rms over all of them, of each one's torque on the reference \
          workload [torque-noise sigma]. Nothing is forgotten until it is reached."),
     key("estimator", "instruments", Choice(&["auto", "setpoint-through-loop", "setpoint", "second-encoder", "previous-cycle", "delayed"]), "", Bounds::None, Fallback::Text("auto"),
-        "Motion that instruments are made of: the desired one as the arm follows it, by a model of each joint's position loop identified \
-         while running (`setpoint-through-loop`); the desired one as it is; that of second encoders (service `link-state`, log columns \
-         `q_link`); the same phase of the previous cycle of repetitive work, delayed while none is found; the measured one `delay_s` ago. \
-         `auto` takes the first of them that is at hand, in this order, the raw setpoint only until the loop is known, and health says which."),
+        "Motion that the instruments are computed from. `setpoint-through-loop`: the desired motion as the arm follows it, by a model of each joint's position loop identified while running. `setpoint`: the desired motion as it is. \
+         `second-encoder`: the motion of second encoders (service `link-state`, log columns `q_link`). `previous-cycle`: the same phase of the previous cycle of repetitive work; delayed while none is found. `delayed`: the measured motion `delay_s` ago. \
+         `auto` takes the first of them that is available, in this order, and the raw setpoint only until the loop is known. Health reports which."),
     key("estimator", "delay_s", Number, "s", Within(0.001, 1.0), Derived("20 ms, at least 2 sample periods"),
         "Age of delayed instruments. At least one sample period, at most 4096 samples after decimation. Off line it acts where a log has no desired \
          motion that the joints follow."),
@@ -240,17 +236,14 @@ pub const KEYS: &[Key] = &[
         "Relative standard deviation of the nominal parameters at the start; large is weak. Off line ten times as much."),
 
     key("supervision", "kind", Choice(&["tracked", "eigen", "columns", "off"]), "", Bounds::None, Fallback::Text("eigen"),
-        "By directions that follow the information from sample to sample; by the eigenvalues and eigenvectors of the information; by its \
-         column norms, angles, trace and condition number; or not at all. All of `[supervision]` acts on line only: off line the prior settles what \
-         the motion leaves open."),
+        "`tracked`: directions that follow the information from sample to sample. `eigen`: its eigenvalues and eigenvectors. `columns`: its column norms, angles, trace and condition number. `off`: no supervision. \
+         All of `[supervision]` acts on line only. Off line the prior decides what the motion leaves open."),
     key("supervision", "tolerance", Number, "sigma", Above(0.0, 100.0), Fallback::Number(0.5),
-        "`tracked`, `eigen`, `columns`: a direction moves once its standard deviation, as torque on a reference workload, is below this many \
-         standard deviations of the torque noise; with `tracked` and `eigen`, one that is known less well than that already moves as soon as \
-         the window knows it better."),
+        "`tracked`, `eigen`, `columns`: a direction moves once its standard deviation is below this many standard deviations of the torque noise. Its deviation is measured as torque on a reference workload. \
+         With `tracked` and `eigen`, a direction that is already known less well than that moves as soon as the window knows it better."),
     key("supervision", "workload", Choice(&["one-way", "both-ways"]), "", Bounds::None, Fallback::Text("one-way"),
-        "The reference workload: 300 random states of the arm, or each of them passed in both directions. Both ways, friction and bodies have \
-         nothing in common on it by chance, so that what is held stays itself, to rounding, and not only its torque together with another's \
-         (figure 18). On short measured logs one way left a little less (docs/figures.md)."),
+        "The reference workload: 300 random states of the arm, or each of them in both directions. With both directions, friction and bodies are not correlated by chance. A held value then stays itself, not only its torque together with another's (figure 18). \
+         On short measured logs `one-way` had a slightly smaller residual (docs/figures.md)."),
     key("supervision", "hysteresis", Number, "-", Above(0.0, 1.0), Fallback::Number(0.7),
         "`tracked`, `eigen`: a moving direction is held again below this share of the eigenvalue that made it move."),
     key("supervision", "relevance", Number, "-", Within(0.0, 0.99), Fallback::Number(0.3),
@@ -258,7 +251,8 @@ pub const KEYS: &[Key] = &[
     key("supervision", "dwell", Integer, "samples", Within(0.0, 100_000.0), Fallback::Integer(20),
         "`tracked`: a direction that has come to be held stays so for at least this many samples after decimation."),
     key("supervision", "rounds", Integer, "-", Within(1.0, 64.0), Fallback::Integer(10),
-        "`tracked`: rounds of rotations from one decision to the next (every thousandth of the window, at least one row and at most five; where more come within 8 ms as many as do, up to ten, with as many more rounds); as many as there are parameters turn the directions after any change."),
+        "`tracked`: rounds of rotations between two decisions. Decisions come at every thousandth of the window, after at least one row and at most five. Where more rows come within 8 ms, up to ten rows share a decision, with as many more rounds. \
+         As many rounds as there are parameters turn the directions after any change."),
     key("supervision", "min_angle", Number, "rad", Within(0.0, 1.5), Fallback::Number(0.0873),
         "`columns`: two parameters whose columns enclose less than this angle do not both move."),
     key("supervision", "max_condition", Number, "-", Within(100.0, 1e16), Fallback::Number(1e8),
@@ -270,8 +264,8 @@ pub const KEYS: &[Key] = &[
         "How often the latest parameters are projected onto an arm that can be built and published as `parameters-consistent`, by a \
          thread that is not real-time; 0 switches it off."),
     key("publish", "health_every", Integer, "samples", Within(1.0, 1_000_000.0), Derived("1 s"),
-        "Samples from one health message to the next, of daemon and controller. Where samples come too slowly, or not at all, time makes up for them; \
-         a fault that begins or ends does not wait for the next."),
+        "Samples from one health message to the next, of daemon and controller. Where samples come too slowly, or not at all, time replaces the count. \
+         A fault that begins or ends is reported at once."),
 
     key("realtime", "trigger", Choice(&["timer", "sample"]), "", Bounds::None, Fallback::Text("timer"),
         "What starts a period: an absolute timer, or the arrival of a sample. The timer makes one system call a period; waiting for a sample makes several, and can allocate."),
@@ -288,26 +282,28 @@ pub const KEYS: &[Key] = &[
     key("realtime", "lock_memory", Bool, "", Bounds::None, Fallback::Bool(true),
         "Lock all memory, so that no page fault reaches the loop."),
     key("realtime", "required", Bool, "", Bounds::None, Fallback::Bool(false),
-        "Refuse to start where priority, processor or locking are denied; otherwise say so and run without."),
+        "Refuse to start where priority, processor or locking are denied. Otherwise warn and run without them."),
     key("realtime", "catch_up", Integer, "samples", Within(1.0, 1000.0), Fallback::Integer(16),
         "Most queued samples the daemon takes in one period after a delay."),
     key("realtime", "stale_periods", Integer, "periods", Within(1.0, 100_000.0), Fallback::Integer(20),
         "Periods without a new sample after which the daemon reports the input as stale."),
 
     key("controller", "law", Shape::Choice(&["computed-torque", "feed-forward-pd"]), "", Bounds::None, Fallback::Text("computed-torque"),
-        "`computed-torque`: feedback through the inertia matrix of the acting parameters. `feed-forward-pd`: torque of the planned motion, and constant PD gains (bandwidth times the nominal inertia in the middle of the joint ranges); for arms whose drives close a position or velocity loop of their own."),
+        "`computed-torque`: feedback through the inertia matrix of the acting parameters. `feed-forward-pd`: torque of the planned motion plus constant PD gains (bandwidth times the nominal inertia in the middle of the joint ranges). \
+         Use the second where the drives close their own position or velocity loop."),
     key("controller", "bandwidth_hz", PerJointOrOne, "Hz", Within(0.01, 200.0), Derived("5 Hz, at most 0.02 of the sample rate"),
         "Bandwidth of the closed position loop: gains are w^2 and 2*damping*w with w = 2*pi*bandwidth. At most a tenth of the sample rate."),
     key("controller", "damping", Number, "-", Within(0.1, 5.0), Fallback::Number(1.0),
         "Damping ratio of the closed position loop."),
     key("controller", "integral_hz", Number, "Hz", Within(0.0, 100.0), Fallback::Number(0.0),
-        "Corner of the integral action: its gain is the proportional gain times 2*pi*this. 0 is none. At most damping times the lowest bandwidth."),
+        "Corner of the integral action: its gain is the proportional gain times 2*pi*this. 0 switches it off. At most damping times the lowest bandwidth."),
     key("controller", "velocity_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("100 Hz, at most 0.2 of the sample rate"),
         "Cut-off of the low-pass over the velocity that the controller differentiates from the positions."),
     key("controller", "rate_limit", PerJointOrOne, "N m/s", Within(0.01, 1e9), Absent,
         "Fastest change of the commanded torque. Without it: full torque in 0.1 s, 10*torque_limit a second."),
     key("controller", "stale_periods", Integer, "periods", Within(1.0, 1000.0), Fallback::Integer(10),
-        "Periods without a usable joint state after which the stop reaction acts; also the age at which a setpoint is no longer followed and the arm is held where it is."),
+        "Periods without a usable joint state after which the stop reaction acts. \
+         Also the age at which a setpoint is no longer followed and the arm is held where it is."),
     key("controller", "stop_reaction", Shape::Choice(&["damp", "hold", "ramp"]), "", Bounds::None, Fallback::Text("damp"),
         "When joint states stop: `damp` brakes the last known motion by the model, then holds; `hold` gives the torque that holds the last known pose; `ramp` lets the last torque go to zero."),
     key("controller", "stop_time_s", Number, "s", Within(0.01, 10.0), Fallback::Number(0.2),
@@ -413,7 +409,7 @@ pub const KEYS: &[Key] = &[
     key("effects.current_loop_lag", "time_constant", Number, "s", Within(0.0, 1.0), Fallback::Number(0.0),
         "Of the lag."),
     key("effects.torque_saturation", "limit", PerJointOrOne, "N m", Within(0.0, 1e6), Fallback::Number(0.0),
-        "0 is none."),
+        "0 means no limit."),
     key("effects.encoder_offset", "offset", PerJointOrOne, "rad", Magnitude(1.0), Fallback::Number(0.0),
         "What the encoder leaves out."),
     key("effects.encoder_eccentricity", "cosine", PerJointOrOne, "rad", Magnitude(0.1), Fallback::Number(0.0),

@@ -199,7 +199,7 @@ pub struct Estimator {
 pub struct Publish {
     /// Samples between parameter messages.
     pub every: usize,
-    /// Projections onto an arm that can be built, a second; 0 is none.
+    /// Projections onto a consistent arm per second; 0 switches them off.
     pub consistent_hz: f64,
     /// Samples between health messages.
     pub health_every: usize,
@@ -286,7 +286,7 @@ pub struct Controller {
     pub bandwidth_hz: Vec<f64>,
     /// Damping ratio.
     pub damping: f64,
-    /// Corner of the integral action \[Hz\]; 0 is none.
+    /// Corner of the integral action \[Hz\]; 0 switches it off.
     pub integral_hz: f64,
     /// Cut-off of the velocity's low-pass \[Hz\].
     pub velocity_filter_hz: f64,

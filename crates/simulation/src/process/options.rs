@@ -106,7 +106,7 @@ pub struct Options {
     /// Centre of the payload in the frame of the last joint (m)
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0.1", value_parser = point, allow_hyphen_values = true)]
     pub payload_com: [f64; 3],
-    /// Factor on the measurement noise of the robot file; 0 is none (encoders still count whole steps)
+    /// Factor on the measurement noise of the robot file; 0 switches it off (encoders still count whole steps)
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative)]
     pub noise: f64,
     /// Friction as tanh(v/V) with this V (rad/s), instead of Coulomb's law with exact sticking
