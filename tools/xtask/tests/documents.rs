@@ -1,0 +1,139 @@
+//! Every link and every file path of the documents leads somewhere.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where documents without a path of their own look for sources of the diagnosis.
+const RULES: &str = "crates/diagnosis/src";
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    entries.map(|entry| entry.expect("a readable folder").path()).collect()
+}
+
+/// README, ARCHITECTURE and CHANGELOG, all of `docs/`, and the README of every robot.
+fn documents() -> Vec<PathBuf> {
+    let root = root();
+    let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|d| root.join(d)).to_vec();
+    documents.extend(files(&root.join("docs")));
+    documents.extend(files(&root.join("robots")).iter().map(|robot| robot.join("README.md")));
+    documents.retain(|d| d.extension().is_some_and(|e| e == "md") && d.exists());
+    documents
+}
+
+/// Text without fenced blocks: what they show are commands and equations.
+fn without_fences(text: &str) -> String {
+    text.split("```").step_by(2).collect()
+}
+
+/// `target` of every `[text](target)`.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](").skip(1).filter_map(|rest| rest.split(')').next())
+}
+
+/// What stands between backticks.
+fn code(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().flat_map(|line| line.split('`').skip(1).step_by(2))
+}
+
+/// Fragment by which a heading is linked.
+fn fragment(heading: &str) -> String {
+    let kept = heading.trim_start_matches('#').trim().to_lowercase();
+    kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+/// Whether a word names a file or a folder of the workspace: from the root on, without placeholders.
+fn is_path(word: &str) -> bool {
+    const TOP: [&str; 11] = [
+        "crates",
+        "tools",
+        "docs",
+        "config",
+        "daemon",
+        "controller",
+        "ipc-schema",
+        "cli",
+        "tests",
+        "robots",
+        "systemd",
+    ];
+    let plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "./_-".contains(c));
+    plain && word.split_once('/').is_some_and(|(first, _)| TOP.contains(&first))
+}
+
+/// What is wrong with a link of the document at `path`.
+fn broken_link(path: &Path, link: &str) -> Option<String> {
+    if link.starts_with("http") {
+        return None;
+    }
+    let (file, wanted) = link.split_once('#').map_or((link, None), |(file, wanted)| (file, Some(wanted)));
+    let target = if file.is_empty() { path.to_path_buf() } else { path.parent()?.join(file) };
+    if !target.exists() {
+        return Some(format!("{}: no {link}", path.display()));
+    }
+    let headings = wanted.map(|wanted| (wanted, read(&target)));
+    let missing = headings.filter(|(wanted, text)| {
+        !without_fences(text).lines().filter(|l| l.starts_with('#')).any(|heading| fragment(heading) == *wanted)
+    });
+    missing.map(|_| format!("{}: no heading {link}", path.display()))
+}
+
+#[test]
+fn every_link_of_a_document_leads_to_a_file_and_a_heading() {
+    let (mut seen, mut broken) = (0, Vec::new());
+    for document in documents() {
+        let text = without_fences(&read(&document));
+        seen += links(&text).count();
+        broken.extend(links(&text).filter_map(|link| broken_link(&document, link)));
+    }
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+    assert!(seen > 20, "only {seen} links were found");
+}
+
+#[test]
+fn every_path_that_a_document_names_exists() {
+    let root = root();
+    let (mut seen, mut missing) = (0, Vec::new());
+    for document in documents() {
+        // Other people's repositories have a `config` as well.
+        let is_robot = document.starts_with(root.join("robots"));
+        let text = without_fences(&read(&document));
+        for word in code(&text).filter(|word| is_path(word) && !(is_robot && word.starts_with("config/"))) {
+            seen += 1;
+            if !root.join(word).exists() {
+                missing.push(format!("{}: no {word}", document.display()));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{}", missing.join("\n"));
+    assert!(seen > 50, "only {seen} paths were found");
+}
+
+#[test]
+fn every_source_that_the_rules_name_exists() {
+    let root = root();
+    let text = read(&root.join("docs/rules.md"));
+    let exists = |name: &str| root.join(RULES).join(name).exists() || root.join(name).exists();
+    let sources: Vec<&str> = code(&text).filter(|word| word.ends_with(".rs")).collect();
+    let missing: Vec<&str> = sources.iter().copied().filter(|name| !exists(name)).collect();
+    assert!(missing.is_empty(), "no {}", missing.join(", "));
+    assert!(sources.len() > 50, "only {} sources were found", sources.len());
+}
+
+#[test]
+fn broken_links_are_found() {
+    let readme = root().join("README.md");
+    assert_eq!(broken_link(&readme, "docs/method.md"), None);
+    assert!(broken_link(&readme, "docs/none.md").is_some());
+    assert!(broken_link(&readme, "docs/method.md#none").is_some());
+    assert_eq!(fragment("## `a_b`: what, why?"), "a_b-what-why");
+    assert!(is_path("docs/method.md") && !is_path("target/x") && !is_path("config/src/*.rs"));
+}
