@@ -27,10 +27,10 @@ pub(crate) struct Args {
     /// Length of each measurement [s].
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: u64,
-    /// The processor of both, over the robot file's; the last one there is where neither says.
+    /// Processor of both [default: the robot file's, else the last one].
     #[arg(long)]
     cpu: Option<usize>,
-    /// What else the machine does.
+    /// Load on the machine during the measurement.
     #[arg(long, value_enum, default_values_t = [Load::Idle, Load::Stress])]
     load: Vec<Load>,
 }
@@ -38,9 +38,9 @@ pub(crate) struct Args {
 /// What runs beside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Load {
-    /// Nothing of ours.
+    /// No additional load.
     Idle,
-    /// stress-ng where it is installed, else as many busy processes as there are processors, twice.
+    /// stress-ng where it is installed, else two busy processes per processor.
     Stress,
 }
 
@@ -77,7 +77,7 @@ impl Stress {
             let average = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
             let average =
                 average.split_whitespace().next().map_or_else(String::new, |one| format!(" (load average {one})"));
-            return Ok(Stress { children: Vec::new(), what: format!("nothing started beside it{average}") });
+            return Ok(Stress { children: Vec::new(), what: format!("no additional load{average}") });
         }
         let quiet = |command: &mut Command| command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
         let timeout = format!("{}s", seconds + 30);

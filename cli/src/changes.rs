@@ -17,7 +17,7 @@ pub(crate) struct Args {
     /// A diagnosis, as `rivet diagnose --json` wrote it.
     #[arg(value_name = "A.json")]
     a: PathBuf,
-    /// A later one.
+    /// A later diagnosis.
     #[arg(value_name = "B.json")]
     b: PathBuf,
     /// Write the changes as JSON.
@@ -62,10 +62,8 @@ fn as_text(changes: &Changes, a: &Document) -> String {
         format!("compare {}: {} became {}", a.robot, verdict.a, verdict.b)
     };
     let mut out = paragraph("", &head);
-    out += &paragraph(
-        "  ",
-        &format!("gap as given {} %, with causes {} %", arrow(&changes.before), arrow(&changes.after)),
-    );
+    out +=
+        &paragraph("  ", &format!("gap nominal {} %, with causes {} %", arrow(&changes.before), arrow(&changes.after)));
     for (what, causes) in [("named now: ", &changes.appeared), ("no longer named: ", &changes.gone)] {
         for (name, on) in causes {
             out += &paragraph("  ", &format!("{what}{} on {}", effect(name), joints(on, all)));
@@ -92,7 +90,7 @@ fn as_text(changes: &Changes, a: &Document) -> String {
         out += &paragraph("  ", &text);
     }
     if !changes.joints.is_empty() {
-        let mut table = Table::new(["gap by joint [%]", "as given", "with causes"]);
+        let mut table = Table::new(["gap by joint [%]", "nominal", "with causes"]);
         for j in &changes.joints {
             table.row([j.joint.clone(), arrow(&j.before), arrow(&j.after)]);
         }

@@ -173,9 +173,9 @@ pub(crate) fn that_matter<'a>(steps: &'a [TorqueSteps], left: &[f64]) -> Vec<&'a
 /// What is known of the errors of rounding: off line, off line where they cannot be made again, and on line.
 pub(crate) const ROUNDED_AGAIN: &str =
     "Standard deviations hold what torque that is rounded so does to the values, where the model fits";
-pub(crate) const NOT_ROUNDED_AGAIN: &str = "Standard deviations do not know that, and may be told too small";
+pub(crate) const NOT_ROUNDED_AGAIN: &str = "Standard deviations do not include that and may be too small";
 pub(crate) const ROUNDED_ON_LINE: &str =
-    "On line standard deviations do not know that, and may be told too small (rivet identify without --online does)";
+    "On line, standard deviations do not include that and may be too small (off line they include it)";
 
 /// The same for people, with what standard deviations `know` of it.
 pub(crate) fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {

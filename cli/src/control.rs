@@ -12,10 +12,10 @@ pub(crate) struct OnBus {
     /// The robot file.
     #[arg(value_name = "ROBOT.toml")]
     pub(crate) robot: PathBuf,
-    /// Overrides `[bus] prefix`.
+    /// Override `[bus] prefix`.
     #[arg(long)]
     pub(crate) prefix: Option<String>,
-    /// Overrides `[bus] root`.
+    /// Override `[bus] root`.
     #[arg(long)]
     pub(crate) root: Option<PathBuf>,
 }
@@ -40,22 +40,22 @@ pub(crate) fn bus_of(bus: &rivet_config::Bus, prefix: Option<&str>, root: Option
 pub(crate) struct Args {
     #[command(flatten)]
     bus: OnBus,
-    /// What.
+    /// Command.
     #[arg(value_enum)]
     command: Word,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Word {
-    /// Keep the parameters as they are
+    /// Stop the adaptation
     Freeze,
-    /// Learn again
+    /// Continue the adaptation
     Resume,
-    /// Forget everything: the robot file's parameters, an empty window
+    /// Restart from the robot file's parameters with an empty window; discard the stored state
     Reset,
     /// Write the parameters to the store now
     Save,
-    /// Read the robot file anew: filters, window and thresholds change between two samples
+    /// Read the robot file again; filters, window and thresholds change between two samples
     Reload,
 }
 

@@ -56,7 +56,8 @@ fn common(delays: &[Delay], dry: &[f64]) -> Option<Common> {
     Some(Common { seconds, std: sum.sqrt().recip(), joints, others })
 }
 
-const BY_JOINT: &str = "not that of the joints that tell it best; whether friction that the model lacks or a channel of its own makes it so, cannot be told";
+const BY_JOINT: &str =
+    "not that of the best determined joints; unmodelled friction and a delay of this channel are confounded";
 
 pub(crate) fn named(names: &[String], joints: &[usize]) -> String {
     joints.iter().map(|j| names[*j].as_str()).collect::<Vec<_>>().join(", ")

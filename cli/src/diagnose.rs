@@ -31,39 +31,39 @@ const JOINTS_WIDTH: usize = 24;
 /// Arguments of `rivet diagnose`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Robot file: what the simulator knows.
+    /// Robot file with the nominal model.
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// What the arm did. With several logs the last stays sealed until it is predicted; a single one is cut.
+    /// Logs of the arm. With several logs the last is held out; a single log is cut at 60 %.
     #[arg(required_unless_present = "live", value_name = "LOG")]
     logs: Vec<PathBuf>,
-    /// Listens to the arm on the bus for so many seconds; this window stands behind the logs, if there are any.
+    /// Record the arm on the bus for this time, as the last log [s].
     #[arg(long, value_name = "SECONDS")]
     live: Option<f64>,
-    /// Keeps the window of --live as a Parquet log.
+    /// Store the recording of --live as a Parquet log.
     #[arg(long, value_name = "FILE", requires = "live")]
     keep: Option<PathBuf>,
-    /// Overrides `[bus] prefix` for --live.
+    /// Override `[bus] prefix` for --live.
     #[arg(long, requires = "live")]
     prefix: Option<String>,
-    /// Overrides `[bus] root` for --live.
+    /// Override `[bus] root` for --live.
     #[arg(long, requires = "live")]
     root: Option<PathBuf>,
     /// Write the verdict as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a page for people: one file, nothing to load.
+    /// Write the verdict as an HTML page without external parts.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Write model.toml (robot file with the values and effects found), robot.urdf, robot.xml (MJCF) and not-expressible.md
-    /// (what each cannot carry, in N m) into this folder; and separating-N.csv for each cause that cannot be told from others:
-    /// setpoints for `rivet sim --setpoints` or a robot, whose surroundings nobody here knows.
+    /// (what each format lacks, in N m) into this folder. For each confounded cause, also write separating-N.csv:
+    /// setpoints for `rivet sim --setpoints` or a robot. They know no obstacles.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
-    /// Add effects of graded strength to the logs and tell which would have been found (at most the first minute).
+    /// Add effects of graded strength to the logs and report which are found (at most the first minute).
     #[arg(long)]
     self_check: bool,
-    /// Tell what is considered.
+    /// Report the candidates that are considered.
     #[arg(long, short)]
     verbose: bool,
 }
@@ -237,12 +237,12 @@ fn as_text(found: &Document) -> String {
     if found.verdict == "unexplained" && !found.hints.is_empty() {
         let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
         hints.dedup();
-        out += &paragraph("  ", &format!("considered and not upheld: {}", hints.join(", ")));
+        out += &paragraph("  ", &format!("considered, not supported: {}", hints.join(", ")));
     }
     if found.gap.per_joint.is_empty() {
         return out;
     }
-    let heads = ["gap by joint [%]", "as given", "with causes", "noise", "moving, as given [x noise]", "with causes"];
+    let heads = ["gap by joint [%]", "nominal", "with causes", "noise", "in motion, nominal [x noise]", "with causes"];
     let mut table = Table::new(heads);
     let times = |j: &JointGap, at: usize| match j.in_motion.get(at) {
         Some(Some(times)) => figure(*times, 2),

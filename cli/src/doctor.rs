@@ -25,10 +25,10 @@ pub(crate) struct Args {
     /// bus.
     #[arg(value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
-    /// How long wake-ups are measured [s]; 0 leaves them out.
+    /// Duration of the wake-up measurement [s]; 0 skips it.
     #[arg(long, default_value_t = 5.0, value_parser = crate::number::seconds)]
     seconds: f64,
-    /// The processor that is to be looked at, over the robot file's.
+    /// Processor to check, instead of the robot file's.
     #[arg(long)]
     cpu: Option<usize>,
     /// Overrides `[bus] prefix`.
@@ -37,10 +37,10 @@ pub(crate) struct Args {
     /// Overrides `[bus] root`.
     #[arg(long)]
     root: Option<PathBuf>,
-    /// First frees what dead processes have left on the bus; where no process is on it, removes all of its files.
+    /// First free what dead processes left on the bus. If no process uses the bus, remove all its files.
     #[arg(long)]
     clean: bool,
-    /// The findings as JSON.
+    /// Print the findings as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -179,7 +179,7 @@ pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
         name: BRIEF_NAME,
         text: format!(
             "moves for {} s only, too briefly beside the others to tell its noise: its rows are not learnt from, rotor inertia and \
-             friction stay as given",
+             friction stay nominal",
             number(rows.iter().map(|r| r.seconds_of(j)).sum(), 2)
         ),
     };
@@ -207,7 +207,7 @@ pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Dis
         log: None,
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: STILL_NAME,
-        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay as given".to_owned(),
+        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay nominal".to_owned(),
     };
     joints.iter().map(of)
 }

@@ -467,7 +467,7 @@ pub(crate) fn beside_text(names: &[String], fit: &Fit) -> String {
         return String::new();
     }
     let why = "the model misses them by more than others, as it does where friction sticks: they count by what the fit leaves of them";
-    paragraph("rows beside a stop: ", &format!("{} ({why})", each.join("; ")))
+    paragraph("rows next to a stop: ", &format!("{} ({why})", each.join("; ")))
 }
 
 /// The same of one joint; null where they count like any other.

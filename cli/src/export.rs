@@ -138,11 +138,11 @@ fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, ref
         );
     }
     if !written.merged.is_empty() {
-        out += "\nA torque tells only the mass of all that moves as one. So these links lost their own `<inertial>` to the\n\
+        out += "\nA torque determines only the mass of all that moves as one. So these links lost their own `<inertial>` to the\n\
                 moving link that carries them:\n\n";
         for (link, carrier) in &written.merged {
             let _ = writeln!(out, "* `{link}` into `{carrier}`");
         }
     }
-    out + "\nWhat torque cannot tell (mass of the first link, splits between neighbouring links) comes from the nominal URDF.\n"
+    out + "\nWhat torque does not determine (mass of the first link, splits between neighbouring links) comes from the nominal URDF.\n"
 }

@@ -13,10 +13,10 @@ use crate::table::{paragraph, show};
 /// Arguments of `rivet figures`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Numbers in the paper; all of them without a number.
+    /// Figure numbers of the paper [default: all].
     #[arg(value_name = "N")]
     numbers: Vec<u32>,
-    /// Where the page goes.
+    /// File for the page.
     #[arg(long, value_name = "FILE.html", default_value = "figures.html")]
     out: PathBuf,
 }

@@ -52,10 +52,10 @@ pub(crate) struct Args {
     /// Robot file: kinematics, nominal parameters, [signal] and [estimator].
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Logs with positions and torque or current (Parquet or CSV). Each keeps its own edges.
+    /// Logs with positions and torque or current (Parquet or CSV). Filters start anew in each.
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
-    /// A log that is not learnt from, on which the result is judged; may be given several times.
+    /// Held-out log, on which the result is evaluated; may be given several times.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["online", "compare"])]
     hold_out: Vec<PathBuf>,
     /// Also write the result as JSON.
@@ -65,14 +65,13 @@ pub(crate) struct Args {
     /// not-expressible.md into this folder.
     #[arg(long, value_name = "DIR")]
     export: Option<PathBuf>,
-    /// Replay one log through the daemon's estimator instead, sample by sample: what `rivet replay` gives.
+    /// Run one log through the daemon's estimator, sample by sample, as `rivet replay` does.
     #[arg(long, conflicts_with = "export")]
     online: bool,
-    /// Choose instruments or least squares and the law of friction first: what predicts best the parts of the logs that it
-    /// was not fitted to.
+    /// First choose instruments or least squares and the friction law by cross-validation on parts of the logs.
     #[arg(long, conflicts_with_all = ["online", "compare"])]
     refine: bool,
-    /// Fit every log on its own and tell whether they agree within their standard deviations.
+    /// Fit every log separately and report whether they agree within their standard deviations.
     #[arg(long, conflicts_with_all = ["export", "online"])]
     compare: bool,
     /// With --online: write every published parameter set (CSV).

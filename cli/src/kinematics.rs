@@ -222,7 +222,7 @@ fn said(robot: &Robot, found: &[Better]) -> Option<Distrust> {
             readings.join(", or "),
             number(first.fit, 2),
             number(first.nominal, 2),
-            if several { "; this motion does not tell which of these it is" } else { "" }
+            if several { "; this motion does not separate these" } else { "" }
         ),
     })
 }

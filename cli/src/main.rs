@@ -60,40 +60,40 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Plant, daemon and controller at work on this machine, half a minute
+    /// Run a simulated arm, the daemon and the controller on this machine, for half a minute
     Demo(demo::Args),
-    /// A log through shared memory into rivetd, as if live
+    /// Play a log through shared memory into rivetd
     Replay(replay::Args),
-    /// Base parameters from logs
+    /// Identify base parameters from logs
     Identify(identify::Args),
-    /// Where the simulator differs from the arm, which effect causes it, how far the gap shrinks
+    /// Diagnose the gap between simulator and arm: joint, effect, shrink of the gap
     Diagnose(diagnose::Args),
-    /// What changed between two diagnoses
+    /// Compare two diagnoses
     Compare(changes::Args),
-    /// Diagnoses of cases whose answers are withheld, and how good they were
+    /// Draw, diagnose and score simulated cases whose answers are withheld
     Blind(blind::Args),
-    /// Torque that a model predicts for a log
+    /// Predict the torque of a log
     Predict(predict::Args),
-    /// The paper's figures, computed anew, with the numbers that must hold
+    /// Compute the figures of the paper, with the numbers that must hold
     Figures(figures::Args),
-    /// Whether a robot file is sound, and what it says
+    /// Check a robot file and print its values
     Check(check::Args),
-    /// What a running rivetd and rivet-controller say of themselves, live or once
+    /// Show the state of a running rivetd and rivet-controller, live or once
     Monitor(monitor::Args),
-    /// Asks a running rivetd: freeze, resume, reset, save, reload
+    /// Send a command to a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
-    /// Whether this machine is fit for real time, and what to change
+    /// Check this machine for real time, and print what to change
     Doctor(doctor::Args),
-    /// What the daemon's loop adds to wake-ups as cyclictest measures them
+    /// Measure what the daemon's loop adds to the wake-up latency of cyclictest
     BenchLoop(bench_loop::Args),
-    /// Tables computed anew from seeds
+    /// Compute tables from seeds and measured logs
     #[command(subcommand)]
     Study(study::Args),
-    /// The daemon, as rivetd
+    /// Run the daemon, as rivetd
     Daemon(rivet_daemon::Options),
-    /// The controller, as rivet-controller
+    /// Run the controller, as rivet-controller
     Controller(rivet_controller::Options),
-    /// A simulated robot, as rivet-sim
+    /// Run a simulated robot, as rivet-sim
     Sim(Box<rivet_simulation::process::Options>),
 }
 

@@ -20,8 +20,8 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     #[command(flatten)]
     bus: OnBus,
-    /// Prints what is known now as text and ends; so it does where standard output is no terminal. Exit code 0: rivetd was
-    /// heard; 1: rivet-controller alone
+    /// Print one report as text and end (default without a terminal). Exit code 0: rivetd reported; 1: rivet-controller
+    /// only; 70: neither
     #[arg(long)]
     once: bool,
     /// Seconds to wait for the first report with --once

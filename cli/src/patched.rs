@@ -48,15 +48,17 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     for (k, motion) in patch.motions.iter().enumerate() {
         let rivals = motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", ");
         if !motion.tells() {
-            let text =
-                format!("no motion of one joint within its limits is expected to tell {} from {rivals}", motion.effect);
+            let text = format!(
+                "no motion of one joint within its limits is expected to separate {} from {rivals}",
+                motion.effect
+            );
             eprint!("{}", paragraph("rivet: ", &text));
             continue;
         }
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
         rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
-        eprintln!("rivet: {} tells {} from {rivals}: {}", path.display(), motion.effect, motion.text);
+        eprintln!("rivet: {} separates {} from {rivals}: {}", path.display(), motion.effect, motion.text);
     }
     rivet_files::write_whole(&notes, not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
@@ -65,7 +67,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     for report in &patch.formats {
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
             let text = format!(
-                "{} is further from the logs than the model as given on {joints}: it cannot hold what was found (see {})",
+                "{} has a larger residual than the nominal model on {joints}: its format cannot express what was found (see {})",
                 folder.join(report.format.file()).display(),
                 notes.display()
             );
@@ -181,12 +183,12 @@ fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
     let names = |joints: &[usize]| joints.iter().map(|j| all[*j].as_str()).collect::<Vec<_>>().join(", ");
     let mut lines = Vec::new();
     if stays.as_given {
-        lines.push("all files hold the model as given: with what was found it is further from the logs".to_owned());
+        lines.push("all files hold the nominal model: the corrected one has a larger residual".to_owned());
         return lines;
     }
     if !stays.worse.is_empty() {
         lines.push(format!(
-            "with what the files hold {} is further from the logs than as given, by up to a quarter, and the other joints are much nearer",
+            "in the files {} has up to a quarter more residual than in the nominal model, and the other joints have much less",
             names(&stays.worse)
         ));
     }
@@ -195,16 +197,16 @@ fn staying(robot: &Robot, patch: &Patch) -> Vec<String> {
             "bodies and drives of all files are those given: no arm that can be built is near the values found ({why})"
         )),
         (Ok(_), true) => lines.push(
-            "bodies and drives of all files are those given: the nearest arm that can be built is further from the logs".to_owned(),
+            "bodies and drives of all files stay nominal: the nearest consistent arm has a larger residual".to_owned(),
         ),
         (Ok(_), false) if !stays.joints.is_empty() => lines.push(format!(
-            "drive values of {} stay as given: with those of the nearest arm that can be built they are further from the logs",
+            "drive values of {} stay nominal: with those of the nearest consistent arm their residual is larger",
             names(&stays.joints)
         )),
         _ => {}
     }
     if !stays.bodies && !stays.unheard.is_empty() {
-        lines.push(format!("drive values of {} stay as given: their torque is not believed", names(&stays.unheard)));
+        lines.push(format!("drive values of {} stay nominal: their torque is untrusted", names(&stays.unheard)));
     }
     lines
 }
@@ -234,11 +236,11 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
         }
         let _ = writeln!(out, "| **all that is missing together** | | | {} |", cells(&report.missed));
         let _ = writeln!(out, "| **gap left to a reader of this file** | | | {} |", cells(&report.gap));
-        let _ = writeln!(out, "| gap of the model as given, in this format | | | {} |", cells(&report.gap_before));
+        let _ = writeln!(out, "| gap of the nominal model, in this format | | | {} |", cells(&report.gap_before));
         if let Some(joints) = worse(report, &names) {
             let _ = writeln!(
                 out,
-                "\n**Worse than the model as given on {joints}**: what this file cannot hold goes with values that were found beside \
+                "\n**Worse than the nominal model on {joints}**: what this file cannot hold goes with values that were found beside \
                  it."
             );
         }
@@ -273,7 +275,7 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let mut stay = staying(robot, patch);
     let stays = &patch.stays;
     if !stays.bodies && !stays.as_given && !stays.unpinned.is_empty() {
-        stay.push(format!("as given, since the logs do not pin them: {}", stays.unpinned.join(", ")));
+        stay.push(format!("nominal, since the logs do not determine them: {}", stays.unpinned.join(", ")));
     }
     if stays.free {
         stay.push(

@@ -29,12 +29,12 @@ const BAND: f64 = 0.35;
 /// Arguments of `rivet predict`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Robot file; its identified parameters are used where it has some, the nominal ones otherwise.
+    /// Robot file; its identified parameters are used, else the nominal ones.
     #[arg(value_name = "MODEL.toml")]
     model: PathBuf,
     /// Log with positions (Parquet or CSV); torque is needed only to print errors.
     log: PathBuf,
-    /// Where to write columns t and tau_pred1..N, one row each row of the log (Parquet).
+    /// File for the columns t and tau_pred1..N, one row per row of the log (Parquet).
     #[arg(long, value_name = "PRED.parquet")]
     out: PathBuf,
 }

@@ -21,16 +21,16 @@ pub(crate) struct Args {
     robot: PathBuf,
     /// The log (Parquet or CSV; t, q1..N, tau1..N, optional q_des1..N, qd_des1..N, qdd_des1..N, q_link1..N).
     log: PathBuf,
-    /// How many times faster than it was recorded, or max: as fast as the daemon takes it.
+    /// Speed-up over the recording, or max: as fast as the daemon accepts samples.
     #[arg(long, default_value = "max", value_parser = parse_speed)]
     speed: Speed,
-    /// Writes every published parameter set to this CSV file.
+    /// Write every published parameter set to this CSV file.
     #[arg(long, value_name = "FILE")]
     stream: Option<PathBuf>,
-    /// Writes the last parameter set and the counts to this JSON file.
+    /// Write the last parameter set and the counts to this JSON file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Sends to the rivetd that already runs on the robot's bus instead of starting one.
+    /// Send to the rivetd that already runs on the robot's bus instead of starting one.
     #[arg(long)]
     attach: bool,
 }

@@ -100,7 +100,7 @@ fn end_where_one_ran_away(points: &mut Vec<RolloutPoint>) -> Option<String> {
     let lost = points.get(kept)?.horizon_s;
     points.truncate(kept);
     let from = points.last().map_or(0.0, |last| last.horizon_s);
-    Some(format!("between {from} and {lost} s a simulated arm ran away: what is told ends before"))
+    Some(format!("between {from} and {lost} s a simulated arm diverged: the figures end before that"))
 }
 
 /// Position gain \[N·m/rad\] and velocity gain \[N·m·s/rad\] of each joint: a critically damped loop on its mean inertia.

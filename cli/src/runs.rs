@@ -63,7 +63,7 @@ const DEGREES: f64 = 0.05;
 
 /// Every speed, and every acceleration twice, would be wrong by the factor: rotors and friction that no arm has.
 fn wrong_clock(clock: &OtherClock) -> String {
-    let pairs: Vec<String> = clock.columns.iter().map(|[q, qd]| format!("{q} beside {qd}")).collect();
+    let pairs: Vec<String> = clock.columns.iter().map(|[q, qd]| format!("{q} with {qd}")).collect();
     if (clock.factor.to_radians() - 1.0).abs() < DEGREES {
         return format!(
             "positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}); both are in radians: are \

@@ -21,7 +21,7 @@ pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
         let Some(rows) = rows else { continue };
         let text = format!(
             "the desired motion is held, {rows} rows as a rule: it is drawn through the rows at which a new one came (cubic). Logged at \
-             its own rate, or with its speeds, it tells the tracking lag better"
+             its own rate, or with its speeds, it determines the tracking lag better"
         );
         sound.found.push(Distrust {
             log: Some(name.clone()),
@@ -60,9 +60,9 @@ fn take_out_holds(robot: &Robot, sound: &mut Sound<'_>, least_s: f64) {
 fn text_of_holds(holds: &Holds, first_s: f64) -> String {
     let Holds { rows, times, longest, left_out, .. } = holds;
     let what = match left_out {
-        0 => "drawn anew through the rows beside".to_owned(),
+        0 => "interpolated from the neighbouring rows".to_owned(),
         all if all == rows => "left out".to_owned(),
-        some => format!("drawn anew through the rows beside, or left out ({some}, of stretches too long to draw)"),
+        some => format!("interpolated from the neighbouring rows, or left out ({some}, of stretches too long to draw)"),
     };
     format!(
         "position stands while the joint moves, {times} times for up to {longest} rows (first at {} s): samples that were lost and repeated; \
@@ -82,7 +82,7 @@ fn text(stairs: &Stairs) -> String {
     format!(
         "{torque} are held: {:.0} % of the rows in motion repeat the one before, stairs are {} rows long as a rule. Differences of stairs \
          are no speed: {late} drawn through the rows at which a new sample came (cubic), as far as off-line work goes. A log at the rate \
-         of its source is better; on line nothing is drawn anew",
+         of its source is better; on line nothing is interpolated",
         100.0 * stairs.share,
         stairs.rows,
     )

@@ -15,34 +15,34 @@ use std::process::ExitCode;
 /// Which study.
 #[derive(clap::Subcommand)]
 pub(crate) enum Args {
-    /// Tracking error with wrong, live and true parameters, with an unknown payload and after it is let go of
+    /// Tracking error with wrong, live and true parameters, with an unknown payload and after its release
     Tracking(TrackingArgs),
-    /// Supervision schemes side by side on a staged workload
+    /// Compare supervision schemes on a staged workload
     Supervision(supervision::Args),
-    /// Measured arms: trained on one motion, judged on another, beside plain least squares
+    /// Measured arms: held-out prediction, compared with plain least squares
     Real(measured::Args),
-    /// Laws of friction, judged by motion that they were not fitted to
+    /// Friction laws, compared on held-out logs
     Friction(friction::Args),
-    /// Measured arms from whose identified model one known part is taken away: does the diagnosis name it?
+    /// Measured arms: does the diagnosis name a part that was removed from the model?
     Withheld(measured::Args),
 }
 
 /// Without a robot file the arms of the table, from `robots/`.
 #[derive(clap::Args)]
 pub(crate) struct TrackingArgs {
-    /// A robot file of your own, instead of the arms of the table
+    /// Robot file [default: the arms of the table]
     #[arg(requires = "payload")]
     robot: Option<PathBuf>,
-    /// What that arm carries unknown to its robot file (kg)
+    /// Payload of that arm that its robot file does not contain (kg)
     #[arg(long, value_name = "KG", value_parser = |text: &str| crate::number::within(text, 0.0..=10_000.0))]
     payload: Option<f64>,
     /// Folder of the table's arms
     #[arg(long, value_name = "DIR", default_value = "robots")]
     robots: PathBuf,
-    /// Decides the motion, the noise and which bodies are too heavy
+    /// Seed of motion, noise and body errors
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// So many seeds one after the other, and a line for each at the end
+    /// Number of seeds, with one line each at the end
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
 }

@@ -26,22 +26,22 @@ const KEPT: [&str; 5] = ["name", "gravity", "drive", "friction", "coupling"];
 /// Arguments of `rivet blind make`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Decides everything that is drawn.
+    /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Cases to draw.
     #[arg(long, default_value_t = 20)]
     count: u64,
-    /// Folder for the cases; it must not exist or be empty.
+    /// Folder for the cases; it must be empty or not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// File for the answers; DIR with -answers.json at its end otherwise. It must not exist.
+    /// File for the answers [default: DIR-answers.json]; it must not exist.
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
-    /// Arms to draw from [robots/{ur10e,staubli-tx40,manutec-r3}/robot.toml otherwise]
+    /// Arms to draw from [default: robots/{ur10e,staubli-tx40,manutec-r3}/robot.toml]
     #[arg(value_name = "ROBOT.toml")]
     robots: Vec<PathBuf>,
-    /// Cases at a time.
+    /// Cases in parallel.
     #[arg(long, default_value_t = thread::available_parallelism().map_or(1, usize::from))]
     jobs: usize,
 }

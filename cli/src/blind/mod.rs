@@ -18,11 +18,11 @@ pub(crate) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
-    /// Draw cases: arms that differ from their robot files by withheld effects; the answers are sealed
+    /// Draw cases: arms that differ from their robot files by withheld effects
     Make(make::Args),
-    /// Diagnose every case of a folder (each a folder with robot.toml and logs) in a process of its own
+    /// Diagnose every case of a folder (robot.toml and logs in each), each in its own process
     Run(run::Args),
-    /// Open the answers and count
+    /// Score verdicts against the answers
     Score(score::Args),
 }
 

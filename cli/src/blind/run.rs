@@ -17,13 +17,13 @@ use crate::table::show;
 /// Arguments of `rivet blind run`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Folder with one folder a case: robot.toml and logs (.parquet or .csv). The last log in the order of names is sealed.
+    /// Folder with one folder per case: robot.toml and logs (.parquet or .csv). The last log by name is held out.
     #[arg(value_name = "DIR")]
     cases: PathBuf,
-    /// Where the verdicts go: one JSON object, the case's name to its diagnosis.
+    /// File for the verdicts: one JSON object from case names to diagnoses.
     #[arg(long, value_name = "VERDICTS.json")]
     out: PathBuf,
-    /// Cases at a time.
+    /// Cases in parallel.
     #[arg(long, default_value_t = thread::available_parallelism().map_or(1, usize::from))]
     jobs: usize,
 }

@@ -22,16 +22,16 @@ const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", 
 /// Arguments of `rivet blind score`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Written by `rivet blind run`.
+    /// Verdicts of `rivet blind run`.
     #[arg(value_name = "VERDICTS.json")]
     verdicts: PathBuf,
-    /// The sealed answers.
+    /// Answers of `rivet blind make`.
     #[arg(value_name = "ANSWERS.json")]
     answers: PathBuf,
-    /// Write the scores as JSON. Several sets in one array are what `rivet diagnose --html` shows.
+    /// Write the scores as JSON. The page of `rivet diagnose --html` shows an array of several sets.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// What the set is called; the name of its folder otherwise.
+    /// Name of the set [default: name of its folder].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
 }
@@ -288,7 +288,7 @@ impl Tally {
         let lines = [
             format!("visible effects named, or in a class that holds them: {}", share(score.named(), score.visible())),
             format!("right joint, of those: {}", share(score.right_joint, score.named())),
-            format!("names beside the truth: {}", score.beside),
+            format!("false names: {}", score.beside),
             format!(
                 "names that stand for a class: {}, with {} others in all",
                 share(score.classes, score.names),
@@ -304,7 +304,8 @@ impl Tally {
             format!("shrink within its 90 % interval: {}", share(score.covered, score.predictions)),
         ];
         let mut out: String = lines.iter().map(|line| paragraph("  ", line)).collect();
-        let mut table = Table::new(["nominal", "effects", "cases", "visible", "named", "right joint", "beside", "F1"]);
+        let mut table =
+            Table::new(["nominal", "effects", "cases", "visible", "named", "right joint", "false names", "F1"]);
         for g in &score.groups {
             table.row([
                 if g.wrong_nominal { "wrong" } else { "exact" }.to_owned(),

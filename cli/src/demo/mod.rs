@@ -22,15 +22,15 @@ use tracking::Tracking;
 /// Shows the whole loop on this machine: no robot, no privileges, half a minute.
 #[derive(clap::Args, Default)]
 pub(crate) struct Args {
-    /// The robot file; without one the Manutec r3 that is built in.
+    /// Robot file [default: the built-in Manutec r3].
     robot: Option<PathBuf>,
-    /// Decides the true arm and the noise.
+    /// Seed of the true arm and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Prints every friction, rotor and offset parameter at the end, beside the truth
+    /// Prints every friction, rotor and offset parameter at the end, next to the true value
     #[arg(long)]
     parameters: bool,
-    /// Keeps the working folder (logs of the processes, truth) here.
+    /// Keep the working folder (logs of the processes, true values) here.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }

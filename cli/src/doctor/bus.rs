@@ -87,8 +87,7 @@ impl Seen {
         }
         match self.whose.other_than(&self.me) {
             Some(owner) => {
-                let found =
-                    format!("{place}: of {owner}, {} parties at work; looked at as {}", at_work(survey), self.me);
+                let found = format!("{place}: of {owner}, {} parties at work; checked as {}", at_work(survey), self.me);
                 Finding::change(check, Severity::Note, found, self.look_as_owner())
             }
             None if survey.inaccessible > 0 => {
@@ -102,7 +101,7 @@ impl Seen {
     /// The bus cannot be looked at.
     fn closed(&self, why: &BusError) -> Finding {
         if let Some(owner) = self.whose.other_than(&self.me) {
-            let found = format!("{}: of {owner}, closed to {}, not looked at", self.place(), self.me);
+            let found = format!("{}: of {owner}, closed to {}, not checked", self.place(), self.me);
             return Finding::change("bus", Severity::Warning, found, self.look_as_owner());
         }
         let change = if self.whose.strays.is_empty() {

@@ -24,9 +24,11 @@ fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
             let untold: Vec<usize> = (0..lags.len()).filter(|j| !rows.lags[*j].told).collect();
             let untold = match &untold[..] {
                 [] => String::new(),
-                all if all.len() == lags.len() => "; this motion tells it of no joint, so none is taken".to_owned(),
+                all if all.len() == lags.len() => {
+                    "; this motion determines it for no joint, so none is used".to_owned()
+                }
                 some => format!(
-                    "; of {} this motion does not tell it, so the others' is taken",
+                    "; for {} this motion does not determine it, so that of the others is used",
                     delays::named(&names, some)
                 ),
             };

@@ -23,7 +23,7 @@ const SURE: f64 = 2.0;
 pub(crate) struct Args {
     /// The robot file
     robot: PathBuf,
-    /// Logs that are left out together, commas between them: of one gain, load or motion, say; two or more folds
+    /// Logs of one fold, separated by commas, for example of one gain, load or motion; two or more folds
     #[arg(long = "fold", value_name = "LOG,LOG...", value_parser = parse_fold, required = true)]
     folds: Vec<Fold>,
     /// Also write the figures as JSON

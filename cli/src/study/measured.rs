@@ -13,10 +13,10 @@ use crate::table::show;
 /// Arguments of `rivet study real` and `rivet study withheld`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Folder with one folder a data set.
+    /// Folder with one folder per data set.
     #[arg(long, value_name = "DIR", default_value = "../shared/data/real")]
     pub(crate) data: PathBuf,
-    /// The checkout, whose robots/ and tests/robots/ are used.
+    /// Checkout whose robots/ and tests/robots/ are used.
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub(crate) root: PathBuf,
     /// Also write the figures as JSON.

@@ -12,7 +12,7 @@ use crate::table::show;
 /// Arguments of `rivet study supervision`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Robot file; may be given more than once.
+    /// Robot file; may be given several times.
     #[arg(
         long = "arm",
         value_name = "ROBOT.toml",
@@ -22,25 +22,25 @@ pub(crate) struct Args {
     /// Number of seeds.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
-    /// Time from row to row \[ms\]: 10 is the daemon's; with 1 the oracle decomposes at every tick.
+    /// Time between rows \[ms\]: 10 is the daemon's; with 1 the oracle decomposes at every tick.
     #[arg(long, value_name = "MS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=50))]
     row_ms: u16,
-    /// Rounds of rotations of the tracked scheme from one decision to the next.
+    /// Rounds of rotations of the tracked scheme between two decisions.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=64))]
     rounds: u16,
     /// Hysteresis of the tracked scheme.
     #[arg(long, default_value_t = 0.7, value_parser = |text: &str| crate::number::within(text, 0.0..=1.0))]
     hysteresis: f64,
-    /// Rows for which the tracked scheme holds what it has come to hold.
+    /// Rows for which the tracked scheme keeps a direction held.
     #[arg(long, default_value_t = 20)]
     dwell: u32,
-    /// Judge by the plain diagonal, as if the basis never lagged.
+    /// Decide by the plain diagonal, without deflation.
     #[arg(long)]
     no_deflation: bool,
     /// Factor on all durations.
     #[arg(long, default_value_t = 1.0, value_parser = |text: &str| crate::number::within(text, 0.01..=100.0))]
     length: f64,
-    /// Writes the figures as JSON.
+    /// Write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -124,7 +124,7 @@ fn identified(arm: &str, file: &Path, how: &str) -> (usize, usize, Value) {
     let parameters = list(&found["parameters"]);
     let held = parameters.iter().filter(within).count();
     println!("{arm}: {held} of {} within two deviations", parameters.len());
-    let told = String::from_utf8_lossy(&said.stdout).contains("rows beside a stop: ");
+    let told = String::from_utf8_lossy(&said.stdout).contains("rows next to a stop: ");
     let beside = list(&found["joints"]).iter().any(|joint| !joint["beside_stop"].is_null());
     assert_eq!(told, beside, "the text says what the file says");
     (held, parameters.len(), found)

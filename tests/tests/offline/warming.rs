@@ -327,7 +327,7 @@ fn what_is_handed_on_warms_up_along_a_log() {
         let text = std::fs::read_to_string(place(json))
             .unwrap_or_else(|why| panic!("{why}\n{}", String::from_utf8_lossy(&output.stderr)));
         let said =
-            String::from_utf8_lossy(&output.stderr).matches("further from the logs than the model as given").count();
+            String::from_utf8_lossy(&output.stderr).matches("has a larger residual than the nominal model").count();
         assert_eq!(said, if export.is_some() { 2 } else { 0 }, "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_str(&text).expect("JSON")
     };
@@ -341,7 +341,7 @@ fn what_is_handed_on_warms_up_along_a_log() {
         assert!(if file["file"] == "model.toml" { gap < 0.1 * before } else { gap > 1.05 * before }, "{file:#}");
     }
     let notes = std::fs::read_to_string(place("found").join("not-expressible.md")).expect("notes");
-    assert_eq!(notes.matches("**Worse than the model as given on joint_1**").count(), 2, "{notes}");
+    assert_eq!(notes.matches("**Worse than the nominal model on joint_1**").count(), 2, "{notes}");
     let model = place("found").join("model.toml");
     let output = rivet()
         .arg("predict")
