@@ -59,6 +59,10 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// Samples taken in per period; more would be an unbounded loop.
 const CATCH_UP: usize = 32;
 
+/// Looks for a sample in each sample period while the robot does not notify: the most that polling delays an answer is this
+/// part of a period.
+const POLLS_PER_PERIOD: u32 = 8;
+
 /// Without samples for this long health is said, and then this often \[ns\].
 const QUIET_NS: u64 = 500_000_000;
 
@@ -82,9 +86,10 @@ fn open(bus: &Bus, robot: &Robot, lockstep: bool) -> Result<Ports, BusError> {
     let robots = if lockstep { Duration::MAX } else { SUCCESSION };
     // A daemon is silent when its sets are no longer live.
     let timeout = Duration::from_secs_f64(robot.config.controller.parameter_timeout_s);
+    let period = Duration::from_secs_f64(robot.config.sample_period_s);
     Ok(Ports {
         states: OneSource::new(bus.joint_state_subscriber()?, robots),
-        arrival: SampleWait::new(bus.joint_state_listener()?, Duration::from_secs_f64(robot.config.sample_period_s)),
+        arrival: SampleWait::new(bus.joint_state_listener()?, period / POLLS_PER_PERIOD),
         setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
         parameters: OneSource::new(bus.parameters_subscriber()?, timeout),
         command: bus.command_writer()?,

@@ -7,6 +7,7 @@ mod tracking;
 
 use crate::children::Children;
 use crate::exit::Fault;
+use crate::table::show;
 use anyhow::{Context, Result, bail};
 use reference::Reference;
 use rivet_config::Robot;
@@ -122,9 +123,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let result =
         table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
     if args.parameters {
-        print!("{}", result.parameters());
+        show(&result.parameters())?;
     }
-    println!("{result}");
+    show(&format!("{result}\n"))?;
     Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -224,7 +225,7 @@ fn watch(
         std::thread::sleep(Duration::from_millis(20));
         check(children, shutdown, begin)?;
         heard.take(ports)?;
-        screen.show(&Frame {
+        screen.draw_if_due(&Frame {
             motion_s: heard.samples as f64 * period,
             total_s: total,
             identified: heard.samples as f64 * period >= switch,
