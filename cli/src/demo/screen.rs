@@ -74,9 +74,12 @@ impl Screen {
             self.first.clone_from(&frame.errors);
         }
         let text = if self.terminal { self.fitted(frame, terminal::size().unwrap_or(USUAL_SIZE)) } else { line(frame) };
-        let up = if self.lines > 0 { format!("\x1b[{}A\x1b[J", self.lines) } else { String::new() };
-        self.lines = if self.terminal { text.lines().count() } else { 0 };
-        show(&format!("{up}{text}"))
+        if !self.terminal {
+            return show(&text);
+        }
+        let redrawn = redrawn(&text, self.lines);
+        self.lines = text.lines().count();
+        show(&redrawn)
     }
 
     /// Takes the picture away, so that what follows has the screen.
@@ -132,7 +135,7 @@ impl Screen {
             out.push(row("residual nominal [Nm]", &health.nominal_residual_rms));
             out.push(row("residual now     [Nm]", &health.residual_rms));
         }
-        let errors = (0..self.joints.len()).map(|j| format!("{:.3}", 1e3 * frame.tracking.now.rms(j)));
+        let errors = (0..self.joints.len()).map(|j| mrad(frame.tracking.now.rms(j)));
         out.push(format!("{:<LABEL_WIDTH$}{}", "tracking error [mrad]", cells(errors, cell_width)));
         out.push(String::new());
         out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
@@ -140,6 +143,18 @@ impl Screen {
         text.push('\n');
         text
     }
+}
+
+/// `text` over the picture of `lines` lines above the cursor. Each line is erased as it is written, and the rest at the end:
+/// erasing all from the first line on makes some terminals keep every picture in their history.
+fn redrawn(text: &str, lines: usize) -> String {
+    let up = if lines > 0 { format!("\x1b[{lines}A") } else { String::new() };
+    format!("{up}{}\x1b[J", text.replace('\n', "\x1b[K\n"))
+}
+
+/// Milliradians of an angle \[rad\]; a dash before the first sample.
+fn mrad(angle: f64) -> String {
+    if angle.is_nan() { "-".to_owned() } else { format!("{:.3}", 1e3 * angle) }
 }
 
 /// One right-aligned cell a joint.
@@ -181,9 +196,9 @@ fn timing(health: &Health) -> String {
 fn line(frame: &Frame<'_>) -> String {
     let all = frame.errors.as_ref().and_then(|errors| errors.last().copied());
     let all = all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of limits"));
-    let tracking = 1e3 * frame.tracking.now.rms_all(frame.tracking.dof);
+    let tracking = mrad(frame.tracking.now.rms_all(frame.tracking.dof));
     let phase = if frame.identified { "identified" } else { "nominal" };
-    format!("{:5.1} s  {phase:<10}  {all}  tracking {tracking:.3} mrad rms\n", frame.motion_s)
+    format!("{:5.1} s  {phase:<10}  {all}  tracking {tracking} mrad rms\n", frame.motion_s)
 }
 
 #[cfg(test)]
@@ -213,6 +228,9 @@ mod tests {
             assert!(widest < usize::from(columns).max(2), "{columns} columns:\n{text}");
             assert!(text.lines().count() < usize::from(rows).max(2), "{rows} rows:\n{text}");
         }
+        // Only the rest below the last line is erased as a whole.
+        let again = redrawn(&screen.fitted(&frame, USUAL_SIZE), 5);
+        assert!(again.starts_with("\x1b[5A") && again.find("\x1b[J") == Some(again.len() - 3), "{again:?}");
         // Nothing is cut off on the usual terminal.
         let usual = screen.fitted(&frame, USUAL_SIZE);
         assert_eq!(usual.trim_end(), screen.draw(&frame, usize::from(USUAL_SIZE.0) - 1).trim_end());
