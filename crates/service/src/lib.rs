@@ -6,7 +6,9 @@
 mod flight;
 mod journal;
 mod manager;
+mod state_folder;
 
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;
+pub use state_folder::{StateFolder, Storage};
