@@ -33,6 +33,9 @@ pub struct Options {
     /// Folder of the daemon's store, for the last good parameters, and of flight records; without it there are neither.
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,
+    /// State folder of an earlier installation: read where --state has nothing of this robot.
+    #[arg(long, value_name = "DIR", requires = "state")]
+    pub state_before: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
@@ -125,7 +128,12 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     };
     let mut core = Core::new(&robot, if options.nominal { u64::MAX } else { options.adopt_from })?;
     if let Some(folder) = options.state.as_ref().filter(|_| !options.nominal) {
-        recall(&mut core, &Store::reader(folder, name.as_str()), robot.hash);
+        let mut store = Store::reader(folder, name.as_str());
+        // Who starts first: the daemon copies it.
+        if let Some(before) = options.state_before.as_deref().filter(|_| !store.has_files()) {
+            store = Store::reader(before, name.as_str());
+        }
+        recall(&mut core, &store, robot.hash);
     }
     let bus = Bus::open(&config, &name, "rivet-controller")?;
     let ports = open(&bus, &robot, options.lockstep)?;
