@@ -4,6 +4,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+mod printable;
+
+pub use printable::{Printable, is_unsafe, printable};
+
 /// Where bytes meant for `path` go: the file that it links to, if it is a link.
 fn target(path: &Path) -> PathBuf {
     let mut at = path.to_owned();
