@@ -145,7 +145,7 @@ fn main() -> ExitCode {
         Command::Sim(options) => return rivet_simulation::process::main(options),
     };
     result.unwrap_or_else(|why| {
-        eprintln!("rivet: {why:#}");
+        eprintln!("rivet: {}", rivet_files::Printable(format!("{why:#}")));
         // A robot file that cannot be used is told apart, as by the daemon; so is a log.
         ExitCode::from(exit::code(&why))
     })

@@ -78,6 +78,9 @@ pub enum MjcfError {
     /// Not XML.
     #[error("is no XML: {0}")]
     Xml(String),
+    /// Too deep, too many or too long for any arm.
+    #[error("cannot be read: {0}")]
+    Excess(#[from] crate::xml_limits::XmlExcess),
     /// An attribute that must be there.
     #[error("<{element}> has no usable `{attribute}`")]
     Attribute {
@@ -207,6 +210,7 @@ impl Mjcf {
     /// # Errors
     /// [`MjcfError`].
     pub fn read(text: &str) -> Result<Mjcf, MjcfError> {
+        crate::xml_limits::ensure_bounded(text)?;
         let mut reader = Reader::from_str(text);
         let mut found = Mjcf {
             arm: Arm { name: String::new(), joints: Vec::new(), links: Vec::new(), gravity: [0.0; 3] },

@@ -6,11 +6,13 @@
 mod destination;
 mod draft;
 mod lock;
+mod printable;
 mod sweep;
 
 use destination::Destination;
 pub use draft::Draft;
 pub use lock::open_lock;
+pub use printable::{Printable, is_unsafe, printable};
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
