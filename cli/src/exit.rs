@@ -17,8 +17,6 @@ const DATA: u8 = 65;
 const INPUT_OUTPUT: u8 = 74;
 /// Ended by Ctrl-C or SIGTERM, as a shell counts SIGINT.
 const INTERRUPTED: u8 = 130;
-/// Nobody reads the output any more (`| head`), as a shell counts SIGPIPE.
-pub(crate) const CLOSED_OUTPUT: u8 = 141;
 /// Whatever has no code of its own.
 const OTHER: u8 = 70;
 /// Bad configuration; systemd does not restart on it.
@@ -43,7 +41,7 @@ pub(crate) enum Fault {
 
 /// The exit code of a failure: 64 for the command line, 78 for a robot file, 65 for a log, runs that cannot be
 /// diagnosed or identified or files that are no diagnoses or do not compare, 74 for a file
-/// that cannot be read or written, 70 for the rest.
+/// that cannot be read or written, 130 for the user's Ctrl-C, 70 for the rest.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     if let Some(fault) = error.chain().find_map(|e| e.downcast_ref::<Fault>()) {
         return match fault {
@@ -52,9 +50,6 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
             Fault::Config(_) => CONFIG,
             Fault::Interrupted => INTERRUPTED,
         };
-    }
-    if closed_output(error) {
-        return CLOSED_OUTPUT;
     }
     let of_data = |e: &(dyn Error + 'static)| {
         e.downcast_ref::<LogError>().is_some_and(|e| !matches!(e.fault, LogFault::Io(_)))
@@ -72,17 +67,4 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     } else {
         OTHER
     }
-}
-
-/// Whether a command failed since nobody reads its output any more: that needs no message.
-pub(crate) fn closed_output(error: &anyhow::Error) -> bool {
-    let mut sources = error.chain().filter_map(|e| e.downcast_ref::<std::io::Error>());
-    sources.any(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-}
-
-/// Whether a panic is that of `println!` on an output that nobody reads any more.
-pub(crate) fn is_closed_output(payload: &dyn std::any::Any) -> bool {
-    let closed = |text: &str| text.starts_with("failed printing to std") && text.contains("Broken pipe");
-    payload.downcast_ref::<String>().is_some_and(|text| closed(text))
-        || payload.downcast_ref::<&str>().is_some_and(|text| closed(text))
 }

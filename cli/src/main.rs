@@ -117,27 +117,10 @@ fn main() -> ExitCode {
         }
     };
     let command = arguments.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
-    // `println!` panics where nobody reads any more (`| head`). Unwinding ends children and removes temporary folders;
-    // the user sees no message.
-    let usual = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |info| {
-        if !exit::is_closed_output(info.payload()) {
-            usual(info);
-        }
-    }));
-    match std::panic::catch_unwind(|| run(&command)) {
-        Ok(code) => code,
-        Err(payload) if exit::is_closed_output(payload.as_ref()) => ExitCode::from(exit::CLOSED_OUTPUT),
-        Err(payload) => std::panic::resume_unwind(payload),
-    }
-}
-
-/// Runs a command; an error is printed once, here.
-fn run(command: &Command) -> ExitCode {
     if command.works_through_logs() {
         rivet_realtime::keep_freed_memory();
     }
-    let result = match command {
+    let result = match &command {
         Command::Demo(args) => demo::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Identify(args) => identify::run(args),
@@ -162,9 +145,7 @@ fn run(command: &Command) -> ExitCode {
         Command::Sim(options) => return rivet_simulation::process::main(options),
     };
     result.unwrap_or_else(|why| {
-        if !exit::closed_output(&why) {
-            eprintln!("rivet: {why:#}");
-        }
+        eprintln!("rivet: {}", rivet_files::Printable(format!("{why:#}")));
         // A robot file that cannot be used is told apart, as by the daemon; so is a log.
         ExitCode::from(exit::code(&why))
     })

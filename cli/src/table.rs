@@ -9,7 +9,7 @@ pub(crate) const WIDTH: usize = 100;
 /// Writes to standard output. A reader that has seen enough (`| head`) is no failure.
 pub(crate) fn show(text: &str) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match write!(out, "{}", rivet_files::Printable(text)).and_then(|()| out.flush()) {
         Err(why) if why.kind() == ErrorKind::BrokenPipe => Ok(()),
         done => done,
     }

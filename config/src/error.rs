@@ -4,11 +4,18 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use rivet_files::is_unsafe;
+
 /// Longest value or source line shown in a message \[characters\].
 const LONGEST_VALUE: usize = 48;
 const LONGEST_LINE: usize = 96;
 /// Most mistakes shown of one file: of text that is no robot file every line is one.
 const MOST_SHOWN: usize = 200;
+
+/// Most mistakes kept of one file: the time that each takes grows with the length of the file.
+pub(crate) const MOST_KEPT: usize = 400;
+/// Longest word that is compared with known names \[bytes\].
+const LONGEST_WORD: usize = 64;
 
 /// One mistake, at one place of one file.
 ///
@@ -58,10 +65,7 @@ impl ConfigError {
             value: shorten(value),
             rule: rule.into(),
             hint: hint.into(),
-            snippet: Some((
-                text[line_start..line_end].trim_end_matches('\r').to_owned(),
-                column - 1..column - 1 + marked,
-            )),
+            snippet: Some(window(text[line_start..line_end].trim_end_matches('\r'), column - 1..column - 1 + marked)),
         }
     }
 
@@ -93,14 +97,15 @@ impl ConfigError {
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}:{}: ", self.file.display(), self.line, self.column)?;
+        let escape = rivet_files::printable;
+        write!(f, "{}:{}:{}: ", escape(&self.file.to_string_lossy()), self.line, self.column)?;
         match (self.key.is_empty(), self.value.is_empty()) {
-            (false, false) => write!(f, "{} = {}: ", self.key, self.value)?,
-            (false, true) => write!(f, "{}: ", self.key)?,
-            (true, false) => write!(f, "{}: ", self.value)?,
+            (false, false) => write!(f, "{} = {}: ", escape(&self.key), escape(&self.value))?,
+            (false, true) => write!(f, "{}: ", escape(&self.key))?,
+            (true, false) => write!(f, "{}: ", escape(&self.value))?,
             (true, true) => {}
         }
-        write!(f, "{}; {}", self.rule, self.hint)
+        write!(f, "{}; {}", escape(&self.rule), escape(&self.hint))
     }
 }
 
@@ -132,17 +137,15 @@ impl fmt::Display for ConfigErrors {
         for error in self.errors.iter().take(MOST_SHOWN) {
             writeln!(f, "{error}")?;
             let Some((line, marked)) = &error.snippet else { continue };
-            // A long array is shown around the marked entry only.
-            let first = if marked.end > LONGEST_LINE { marked.start.saturating_sub(LONGEST_LINE / 2) } else { 0 };
-            let shown: String =
-                line.chars().skip(first).take(LONGEST_LINE).map(|c| if c.is_control() { ' ' } else { c }).collect();
+            let shown: String = line.chars().map(|c| if is_unsafe(c) { ' ' } else { c }).collect();
             let number = error.line.to_string();
-            let carets = marked.len().min(LONGEST_LINE.saturating_sub(marked.start - first)).max(1);
+            let carets = marked.len().min(LONGEST_LINE.saturating_sub(marked.start)).max(1);
             writeln!(f, " {number} | {shown}")?;
-            writeln!(f, " {:1$} | {2:3$}{4}", "", number.len(), "", marked.start - first, "^".repeat(carets))?;
+            writeln!(f, " {:1$} | {2:3$}{4}", "", number.len(), "", marked.start, "^".repeat(carets))?;
         }
         match self.errors.len() {
             1 => write!(f, "1 mistake"),
+            n if n >= MOST_KEPT => write!(f, "{n} mistakes or more, of which the first {MOST_SHOWN} are shown"),
             n if n > MOST_SHOWN => write!(f, "{n} mistakes, of which the first {MOST_SHOWN} are shown"),
             n => write!(f, "{n} mistakes"),
         }
@@ -150,6 +153,13 @@ impl fmt::Display for ConfigErrors {
 }
 
 impl std::error::Error for ConfigErrors {}
+
+/// What is shown of a line: a long array is shown around the marked entry only.
+fn window(line: &str, marked: Range<usize>) -> (String, Range<usize>) {
+    let first = if marked.end > LONGEST_LINE { marked.start.saturating_sub(LONGEST_LINE / 2) } else { 0 };
+    let shown = line.chars().skip(first).take(LONGEST_LINE).collect();
+    (shown, marked.start - first..marked.end - first)
+}
 
 /// The last character boundary at or before byte `i`.
 fn floor_boundary(text: &str, i: usize) -> usize {
@@ -171,6 +181,9 @@ fn shorten(value: &str) -> String {
 
 /// The candidate nearest to `word`, if it is near enough to be what was meant.
 pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    if word.len() > LONGEST_WORD {
+        return None;
+    }
     candidates
         .into_iter()
         .map(|c| (edit_distance(&word.to_lowercase(), &c.to_lowercase()), c))

@@ -325,7 +325,7 @@ pub const KEYS: &[Key] = &[
     key("bus", "prefix", Text, "", Bounds::None, Fallback::Text("rivet_"),
         "Beginning of every shared-memory name. 3 to 32 characters of a-z, A-Z, 0-9, `-`, `_`."),
     key("bus", "root", Text, "", Bounds::None, Fallback::Text("/tmp/rivet"),
-        "Directory of the bus's management files; absolute, at most 120 bytes. Under systemd: `/run/rivet`."),
+        "Directory of the bus's management files; absolute, at most 120 bytes. Under systemd: `/run/rivet/<robot>`."),
 
     // Effects of known size: all keys are 0 where they are not given.
     key("effects.friction_asymmetry", "coulomb", PerJointOrOne, "N m", Magnitude(1e5), Fallback::Number(0.0),

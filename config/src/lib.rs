@@ -12,6 +12,7 @@ mod load;
 mod reader;
 mod sections;
 mod supervision;
+mod toml_limits;
 mod write;
 
 pub use error::{ConfigError, ConfigErrors};

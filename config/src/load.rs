@@ -8,10 +8,11 @@ use std::sync::Arc;
 use rivet_dynamics::{Arm, BaseSet, Joints, KnownEffects, LinkParameters, Model, Structure, WristCoupling, model_hash};
 use toml::de::DeTable;
 
-use crate::error::{ConfigError, ConfigErrors};
+use crate::error::{ConfigError, ConfigErrors, MOST_KEPT};
 use crate::reader::{RawParameter, Reader};
 use crate::sections::{self, Bus, RobotConfig, read};
 use crate::supervision::{supervision, workload};
+use crate::toml_limits;
 
 /// A robot file with the model it describes.
 #[derive(Clone, Debug)]
@@ -77,6 +78,9 @@ fn text_of(path: &Path) -> Result<String, ConfigErrors> {
 pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
     let path = path.as_ref();
     let text = text_of(path)?;
+    if toml_limits::ensure_bounded(&text).is_err() {
+        return parse(path, &text).map(|robot| (robot.config.name, robot.config.bus));
+    }
     let (root, _) = DeTable::parse_recoverable(&text);
     let mut reader = Reader::new(path, &text, &root, Vec::new());
     let found = (read::name(&mut reader), read::bus(&mut reader));
@@ -110,8 +114,12 @@ fn read_file(path: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Every mistake in the text, not only the first.
 pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
+    if let Err((at, rule)) = toml_limits::ensure_bounded(text) {
+        let hint = "give the path of a robot.toml";
+        return Err(ConfigErrors::new(vec![ConfigError::at(path, text, &(at..at + 1), "", "", rule, hint)]));
+    }
     let (root, syntax) = DeTable::parse_recoverable(text);
-    let syntax = syntax.iter().map(|e| syntax_error(path, text, e)).collect();
+    let syntax = syntax.iter().take(MOST_KEPT).map(|e| syntax_error(path, text, e)).collect();
     let mut reader = Reader::new(path, text, &root, syntax);
 
     let name = read::name(&mut reader);

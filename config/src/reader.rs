@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{ConfigError, nearest};
+use crate::error::{ConfigError, MOST_KEPT, nearest};
 use crate::keys::{self, Bounds, Fallback, Key, SECTIONS, Shape};
 
 /// A value as it holds after reading.
@@ -122,6 +122,7 @@ impl<'a> Reader<'a> {
                     let hint = format!("write it as a table: `[{section}]` and its keys below");
                     reader.fail(&value.span(), section, &written, "must be a section", hint);
                 }
+                (None, _) if path.starts_with(EFFECTS) && reader.full() => {}
                 (None, _) if path.starts_with(EFFECTS) => {
                     let effects = SECTIONS.iter().filter_map(|(s, _)| s.strip_prefix("effects."));
                     let hint = match nearest(name.get_ref(), effects) {
@@ -147,6 +148,9 @@ impl<'a> Reader<'a> {
             self.values.insert((section, key.name), value);
             return;
         }
+        if self.full() {
+            return;
+        }
         let hint = unknown_hint(section, word);
         let path = if section.is_empty() { word.to_owned() } else { format!("{section}.{word}") };
         let (rule, written) = if matches!(value.get_ref(), DeValue::Table(_)) && section.is_empty() {
@@ -170,11 +174,19 @@ impl<'a> Reader<'a> {
         rule: impl Into<String>,
         hint: impl Into<String>,
     ) {
+        if self.full() {
+            return;
+        }
         let error = ConfigError::at(self.file, self.text, span, key, value, rule, hint);
         let last = error.line + self.written(span).matches('\n').count();
         if !(error.line..=last).any(|line| self.broken.contains(&line)) {
             self.errors.push(error);
         }
+    }
+
+    /// Whether further mistakes are left out.
+    fn full(&self) -> bool {
+        self.errors.len() >= MOST_KEPT
     }
 
     /// A mistake of one key's value, at its place (at the section where the key is missing).

@@ -4,10 +4,10 @@ use crate::error::StartError;
 use crate::gate::refusal_text;
 use rivet_ipc_schema::{
     Bus, BusConfig, BusError, BusWatch, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName,
-    SourceReason,
+    SourceReason, StateFolder,
 };
 use rivet_realtime::{Hangup, Shutdown};
-use rivet_service::{Flight, Manager};
+use rivet_service::{Flight, Manager, Storage};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
@@ -44,6 +44,7 @@ const TURNS_PER_LOOK: u32 = 100;
 struct Service {
     health: Publisher<ControllerHealth>,
     flight: Option<Arc<Flight>>,
+    state_folder: Option<rivet_service::StateFolder>,
     name: RobotName,
     said: Option<(u32, u32, u32)>,
     /// Of which services a second publisher has been named.
@@ -74,7 +75,8 @@ pub(crate) fn start(
             }
         };
         let _ = ready.send(Ok(()));
-        let mut service = Service { health, flight, name: name.clone(), said: None, named: [false; 3] };
+        let state_folder = flight.as_ref().map(|flight| rivet_service::StateFolder::new(flight.folder()));
+        let mut service = Service { health, flight, state_folder, name: name.clone(), said: None, named: [false; 3] };
         let mut manager = Manager::new();
         let (mut watch, mut turns, mut polled) = (BusWatch::default(), 0_u32, false);
         loop {
@@ -134,8 +136,9 @@ impl Service {
         match message {
             Outbound::Health(health) => {
                 self.say(health);
+                let state_folder = u32::from(self.state_folder());
                 // A subscriber that cannot be reached is not the controller's concern.
-                let _ = self.health.send(health);
+                let _ = self.health.send(&ControllerHealth { state_folder, ..*health });
             }
             Outbound::Stopped => match self.flight.as_ref().map(|flight| flight.write(self.name.as_str())) {
                 None => log::error!(rivet_event = "stop"; "joint states stopped; no --state DIR, no flight record"),
@@ -144,6 +147,15 @@ impl Service {
                 }
                 Some(Err(why)) => log::error!(rivet_event = "stop"; "joint states stopped; no flight record: {why}"),
             },
+        }
+    }
+
+    fn state_folder(&mut self) -> StateFolder {
+        match self.state_folder.as_mut().map(|folder| folder.look(Instant::now())) {
+            None => StateFolder::None,
+            Some(Storage::Writable) => StateFolder::Writable,
+            Some(Storage::Full) => StateFolder::Full,
+            Some(Storage::Unwritable) => StateFolder::Unwritable,
         }
     }
 

@@ -33,6 +33,9 @@ pub struct Options {
     /// Folder of the daemon's store, for the last good parameters, and of flight records; without it there are neither.
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,
+    /// State folder of an earlier installation: read where --state has nothing of this robot.
+    #[arg(long, value_name = "DIR", requires = "state")]
+    pub state_before: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
@@ -59,6 +62,10 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// Samples taken in per period; more would be an unbounded loop.
 const CATCH_UP: usize = 32;
 
+/// Looks for a sample in each sample period while the robot does not notify: the most that polling delays an answer is this
+/// part of a period.
+const POLLS_PER_PERIOD: u32 = 8;
+
 /// Without samples for this long health is said, and then this often \[ns\].
 const QUIET_NS: u64 = 500_000_000;
 
@@ -82,9 +89,10 @@ fn open(bus: &Bus, robot: &Robot, lockstep: bool) -> Result<Ports, BusError> {
     let robots = if lockstep { Duration::MAX } else { SUCCESSION };
     // A daemon is silent when its sets are no longer live.
     let timeout = Duration::from_secs_f64(robot.config.controller.parameter_timeout_s);
+    let period = Duration::from_secs_f64(robot.config.sample_period_s);
     Ok(Ports {
         states: OneSource::new(bus.joint_state_subscriber()?, robots),
-        arrival: SampleWait::new(bus.joint_state_listener()?, Duration::from_secs_f64(robot.config.sample_period_s)),
+        arrival: SampleWait::new(bus.joint_state_listener()?, period / POLLS_PER_PERIOD),
         setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
         parameters: OneSource::new(bus.parameters_subscriber()?, timeout),
         command: bus.command_writer()?,
@@ -120,7 +128,12 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     };
     let mut core = Core::new(&robot, if options.nominal { u64::MAX } else { options.adopt_from })?;
     if let Some(folder) = options.state.as_ref().filter(|_| !options.nominal) {
-        recall(&mut core, &Store::reader(folder, name.as_str()), robot.hash);
+        let mut store = Store::reader(folder, name.as_str());
+        // Who starts first: the daemon copies it.
+        if let Some(before) = options.state_before.as_deref().filter(|_| !store.has_files()) {
+            store = Store::reader(before, name.as_str());
+        }
+        recall(&mut core, &store, robot.hash);
     }
     let bus = Bus::open(&config, &name, "rivet-controller")?;
     let ports = open(&bus, &robot, options.lockstep)?;

@@ -142,7 +142,8 @@ fn turn(
                 waiting.put(&parameters);
                 ports.parameters.send(&parameters)?;
             }
-            Outbound::Health(health) => {
+            Outbound::Health(mut health) => {
+                health.state_folder = progress.state_folder();
                 said.take(&health, Instant::now());
                 ports.health.send(&health)?;
             }

@@ -6,11 +6,11 @@ use crate::progress::Progress;
 use crate::reload::Outcome;
 use crate::snapshot::{Asking, Snapshot};
 use rivet_config::Robot;
-use rivet_ipc_schema::{ControlStatus, ParameterState, Parameters, RobotName, parameter_flags};
+use rivet_ipc_schema::{ControlStatus, ParameterState, Parameters, RobotName, StateFolder, parameter_flags};
 use rivet_realtime::Shutdown;
-use rivet_service::{Flight, Reason};
+use rivet_service::{Flight, Reason, Storage};
 use rivet_store::{Knowledge, Memory, Store, Supervision};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -100,6 +100,7 @@ fn accepted(set: &Parameters) -> bool {
 pub(crate) struct Keeper {
     store: Store,
     hash: u64,
+    folder: PathBuf,
 }
 
 /// How long the loop may take to hand over what it knows before the parameters alone are stored.
@@ -109,8 +110,20 @@ const LAST_WORDS: Duration = Duration::from_millis(300);
 
 impl Keeper {
     /// Opens the store and lets `core` go on from what it holds; files of another model are set aside.
-    pub(crate) fn open(folder: &Path, name: &RobotName, robot: &Robot, core: &mut Core) -> Result<Keeper, StartError> {
+    /// `before`: the folder of an earlier installation.
+    pub(crate) fn open(
+        folder: &Path,
+        before: Option<&Path>,
+        name: &RobotName,
+        robot: &Robot,
+        core: &mut Core,
+    ) -> Result<Keeper, StartError> {
         let store = Store::open(folder, name.as_str())?;
+        if let Some(before) = before {
+            for path in store.copy_from(before)? {
+                log::info!(rivet_event = "state-copied"; "copied from {} to {}", before.display(), path.display());
+            }
+        }
         let mut loaded = store.load(robot.hash);
         for (path, problem) in &loaded.problems {
             log::warn!(rivet_event = "state-refused"; "{} {problem}", path.display());
@@ -139,7 +152,7 @@ impl Keeper {
             }
             None => log::info!(rivet_event = "state-none"; "no stored parameters: starts from the robot file's"),
         }
-        Ok(Keeper { store, hash: robot.hash })
+        Ok(Keeper { store, hash: robot.hash, folder: folder.to_owned() })
     }
 
     /// Stores what comes until shut down, then what is left.
@@ -156,10 +169,12 @@ impl Keeper {
         // Since when the loop has been asked, and whether someone waits for an answer.
         let (mut asked, mut owed) = (None, false);
         let mut complained = false;
+        let mut folder = rivet_service::StateFolder::new(&self.folder);
         // What a reset could not move.
         let mut remains = false;
         loop {
             progress.store_turned();
+            progress.set_state_folder(state_folder(folder.look(Instant::now())));
             let stopping = shutdown.is_requested();
             if stopping {
                 // The bus thread hands over what the loop left behind in its last turn.
@@ -213,6 +228,8 @@ impl Keeper {
                     news.map(|set| (set, whole.unwrap_or_else(|| knowledge(&set, self.hash))))
                 {
                     let saved = self.store.save(&knowledge);
+                    folder
+                        .note(saved.as_ref().map_or_else(|why| Storage::because(&why.source), |()| Storage::Writable));
                     if saved.is_err() {
                         latest.put_back(&news);
                     }
@@ -274,6 +291,15 @@ impl Keeper {
             let memory = Memory { fingerprint: snapshot.fingerprint, numbers: snapshot.memory.clone() };
             Knowledge { memory: whole.then_some(memory), ..knowledge(&snapshot.parameters, self.hash) }
         })
+    }
+}
+
+/// As it stands in health.
+fn state_folder(storage: Storage) -> StateFolder {
+    match storage {
+        Storage::Writable => StateFolder::Writable,
+        Storage::Full => StateFolder::Full,
+        Storage::Unwritable => StateFolder::Unwritable,
     }
 }
 

@@ -69,6 +69,7 @@ impl Ports {
         let input = Streams::open(bus)?;
         let pace = match settings.trigger {
             Trigger::Timer => Pace::Timer(PeriodTimer::new(settings.period).with_overrun(settings.overrun)),
+            // Polled, it turns once a period, as with the timer.
             Trigger::Sample => Pace::Sample(Box::new(SampleWait::new(bus.joint_state_listener()?, settings.period))),
         };
         Ok(Ports { input, pace })

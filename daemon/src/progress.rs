@@ -1,6 +1,7 @@
 //! How far the loop is, for threads that must not disturb it.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use rivet_ipc_schema::StateFolder;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 /// Counters that the loop stores and others read; each is its own truth, they are not one snapshot.
 #[derive(Debug, Default)]
@@ -13,6 +14,7 @@ pub struct Progress {
     met: AtomicBool,
     polls: AtomicBool,
     no_room: AtomicBool,
+    state_folder: AtomicU32,
     bus_turns: AtomicU64,
     store_turns: AtomicU64,
 }
@@ -60,6 +62,16 @@ impl Progress {
     /// Whether shared memory is full.
     pub(crate) fn no_room(&self) -> bool {
         self.no_room.load(Ordering::Relaxed)
+    }
+
+    /// Stores whether the state folder can be written, which the store's thread looks after.
+    pub(crate) fn set_state_folder(&self, state: StateFolder) {
+        self.state_folder.store(state.into(), Ordering::Relaxed);
+    }
+
+    /// A [`StateFolder`].
+    pub(crate) fn state_folder(&self) -> u32 {
+        self.state_folder.load(Ordering::Relaxed)
     }
 
     /// Stores; wait-free.

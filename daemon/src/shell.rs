@@ -38,6 +38,9 @@ pub struct Options {
     /// Folder of the store: accepted parameters are kept there, and taken up at the next start; without it nothing is kept.
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,
+    /// State folder of an earlier installation: what it has of this robot is copied into --state, where that has nothing of it.
+    #[arg(long, value_name = "DIR", requires = "state")]
+    pub state_before: Option<PathBuf>,
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
@@ -106,7 +109,10 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     rivet_ipc_schema::ensure_room(SHARED_MEMORY)?;
     rivet_ipc_schema::cleanup(&bus)?;
     let keeper = match &options.state {
-        Some(folder) => Some(Keeper::open(folder, &name, &robot, &mut core)?),
+        Some(folder) => {
+            let before = options.state_before.as_deref();
+            Some(Keeper::open(folder, before, &name, &robot, &mut core)?)
+        }
         None => None,
     };
     run_threads(&robot, core, &bus, &name, options, keeper, hangup, &shutdown)

@@ -161,6 +161,18 @@ enum {
     RIVET_INPUT_FAULT_SHARED_MEMORY_FULL = 20,
 };
 
+/* Whether a process can write its state folder (Health::state_folder, ControllerHealth::state_folder). */
+enum {
+    /* It has none: nothing is stored or recorded. */
+    RIVET_STATE_FOLDER_NONE = 0,
+    /* It can be written. */
+    RIVET_STATE_FOLDER_WRITABLE = 1,
+    /* It is missing or cannot be written. */
+    RIVET_STATE_FOLDER_UNWRITABLE = 2,
+    /* It has no room. */
+    RIVET_STATE_FOLDER_FULL = 3,
+};
+
 /* What is left out because periods have become too short for the work, each level beside those before it. */
 enum {
     /* Nothing. */
@@ -550,7 +562,7 @@ RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, smallest_eigenvalue) == 17
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v5"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v6"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -644,51 +656,57 @@ typedef struct {
     uint64_t samples_held;
     /* Rows that were not learnt from because their torques are in doubt: signs, stuck sensors. */
     uint64_t rows_doubted;
-} rivet_health_v5;
-RIVET_ASSERT(sizeof(rivet_health_v5) == 1008);
-RIVET_ASSERT(offsetof(rivet_health_v5, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v5, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v5, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v5, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v5, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v5, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v5, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v5, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v5, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v5, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v5, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v5, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v5, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v5, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v5, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v5, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v5, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v5, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v5, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v5, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v5, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v5, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v5, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v5, worst_work_ns) == 576);
-RIVET_ASSERT(offsetof(rivet_health_v5, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v5, cycle_s) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v5, window_s) == 656);
-RIVET_ASSERT(offsetof(rivet_health_v5, hausman) == 664);
-RIVET_ASSERT(offsetof(rivet_health_v5, hausman_p_value) == 672);
-RIVET_ASSERT(offsetof(rivet_health_v5, instrument_ratio) == 680);
-RIVET_ASSERT(offsetof(rivet_health_v5, hausman_degrees) == 744);
-RIVET_ASSERT(offsetof(rivet_health_v5, input_fault) == 748);
-RIVET_ASSERT(offsetof(rivet_health_v5, input_joints) == 752);
-RIVET_ASSERT(offsetof(rivet_health_v5, last_input_fault) == 756);
-RIVET_ASSERT(offsetof(rivet_health_v5, load_level) == 760);
-RIVET_ASSERT(offsetof(rivet_health_v5, publishers) == 764);
-RIVET_ASSERT(offsetof(rivet_health_v5, input_faults) == 768);
-RIVET_ASSERT(offsetof(rivet_health_v5, recovery_s) == 960);
-RIVET_ASSERT(offsetof(rivet_health_v5, load_changes) == 968);
-RIVET_ASSERT(offsetof(rivet_health_v5, load_seq) == 976);
-RIVET_ASSERT(offsetof(rivet_health_v5, late_sets) == 984);
-RIVET_ASSERT(offsetof(rivet_health_v5, samples_held) == 992);
-RIVET_ASSERT(offsetof(rivet_health_v5, rows_doubted) == 1000);
+    /* A RIVET_STATE_FOLDER_*: whether parameters and flight records can be written. */
+    uint32_t state_folder;
+    /* Zero. */
+    uint32_t reserved;
+} rivet_health_v6;
+RIVET_ASSERT(sizeof(rivet_health_v6) == 1016);
+RIVET_ASSERT(offsetof(rivet_health_v6, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v6, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v6, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v6, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v6, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v6, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v6, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v6, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v6, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v6, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v6, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v6, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v6, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v6, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v6, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v6, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v6, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v6, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v6, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v6, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v6, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v6, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v6, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v6, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v6, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v6, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v6, window_s) == 656);
+RIVET_ASSERT(offsetof(rivet_health_v6, hausman) == 664);
+RIVET_ASSERT(offsetof(rivet_health_v6, hausman_p_value) == 672);
+RIVET_ASSERT(offsetof(rivet_health_v6, instrument_ratio) == 680);
+RIVET_ASSERT(offsetof(rivet_health_v6, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v6, input_fault) == 748);
+RIVET_ASSERT(offsetof(rivet_health_v6, input_joints) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v6, last_input_fault) == 756);
+RIVET_ASSERT(offsetof(rivet_health_v6, load_level) == 760);
+RIVET_ASSERT(offsetof(rivet_health_v6, publishers) == 764);
+RIVET_ASSERT(offsetof(rivet_health_v6, input_faults) == 768);
+RIVET_ASSERT(offsetof(rivet_health_v6, recovery_s) == 960);
+RIVET_ASSERT(offsetof(rivet_health_v6, load_changes) == 968);
+RIVET_ASSERT(offsetof(rivet_health_v6, load_seq) == 976);
+RIVET_ASSERT(offsetof(rivet_health_v6, late_sets) == 984);
+RIVET_ASSERT(offsetof(rivet_health_v6, samples_held) == 992);
+RIVET_ASSERT(offsetof(rivet_health_v6, rows_doubted) == 1000);
+RIVET_ASSERT(offsetof(rivet_health_v6, state_folder) == 1008);
+RIVET_ASSERT(offsetof(rivet_health_v6, reserved) == 1012);
 
 /* Where the daemon's real-time thread spends its time, with every health message, on service
  * `rivet/<robot>/timing`. Counts run since the daemon's start. */
@@ -770,7 +788,7 @@ RIVET_ASSERT(offsetof(rivet_drift_v1, reference_rms) == 448);
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.
  * Counters run since the controller's start and never go back. */
-#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v2"
+#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v3"
 typedef struct {
     /* seq of the last joint state answered. */
     uint64_t seq;
@@ -821,8 +839,8 @@ typedef struct {
     uint32_t state;
     /* How many entries of the joint arrays are in use, 1..=8. */
     uint32_t joints;
-    /* Zero. Padding is spelt out, so the layout can be read off the source. */
-    uint32_t reserved;
+    /* A RIVET_STATE_FOLDER_*: whether flight records can be written. */
+    uint32_t state_folder;
     /* RMS of planned minus measured position over about the last second [rad, or m]. */
     double tracking_rms[RIVET_MAX_JOINTS];
     /* RMS error of the acting parameters on the recent torques of each joint [N m, or N]; NaN where it did not move.
@@ -832,37 +850,37 @@ typedef struct {
     double nominal_prediction_rms[RIVET_MAX_JOINTS];
     /* Largest step of the command from one period to the next [N m, or N]. */
     double largest_step[RIVET_MAX_JOINTS];
-} rivet_controller_health_v2;
-RIVET_ASSERT(sizeof(rivet_controller_health_v2) == 552);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, commands) == 16);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, passed_over) == 24);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, stops) == 48);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, broken) == 56);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, saturated) == 64);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, rate_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, setpoints_limited) == 80);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, accepted) == 88);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, switches) == 96);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, epoch) == 104);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, parameters_seq) == 112);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_joint_states) == 120);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_setpoints) == 128);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, foreign_parameters) == 136);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, refusals) == 144);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, source) == 272);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, source_reason) == 276);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, last_refusal) == 280);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, state) == 284);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, joints) == 288);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, reserved) == 292);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, tracking_rms) == 296);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, prediction_rms) == 360);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, nominal_prediction_rms) == 424);
-RIVET_ASSERT(offsetof(rivet_controller_health_v2, largest_step) == 488);
+} rivet_controller_health_v3;
+RIVET_ASSERT(sizeof(rivet_controller_health_v3) == 552);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, commands) == 16);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, passed_over) == 24);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, stops) == 48);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, broken) == 56);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, saturated) == 64);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, rate_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, setpoints_limited) == 80);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, accepted) == 88);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, switches) == 96);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, epoch) == 104);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, parameters_seq) == 112);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_joint_states) == 120);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_setpoints) == 128);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_parameters) == 136);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, refusals) == 144);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, source) == 272);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, source_reason) == 276);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, last_refusal) == 280);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, state) == 284);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, joints) == 288);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, state_folder) == 292);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, tracking_rms) == 296);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, prediction_rms) == 360);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, nominal_prediction_rms) == 424);
+RIVET_ASSERT(offsetof(rivet_controller_health_v3, largest_step) == 488);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

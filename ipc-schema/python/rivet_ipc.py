@@ -71,6 +71,8 @@ PARAMETER_STATE = {"unidentified": 0, "active": 1, "held": 2}
 DAEMON_MODE = {"starting": 0, "estimating": 1, "suspended": 2, "frozen": 3, "stale": 4, "wrong_period": 5, "bad_input": 6}
 #: What is wrong with the samples.
 INPUT_FAULT = {"none": 0, "lost": 1, "duplicate": 2, "reordered": 3, "frozen": 4, "not_finite": 5, "saturated": 6, "sign_flipped": 7, "time_jump": 8, "encoder_jump": 9, "torque_stuck": 10, "publisher_gone": 11, "publisher_restarted": 12, "second_publisher": 13, "clock_suspended": 14, "robot_fault": 15, "wrong_period": 16, "wrong_shape": 17, "implausible": 18, "wrong_version": 19, "shared_memory_full": 20}
+#: Whether a process can write its state folder (Health::state_folder, ControllerHealth::state_folder).
+STATE_FOLDER = {"none": 0, "writable": 1, "unwritable": 2, "full": 3}
 #: What is left out because periods have become too short for the work, each level beside those before it.
 LOAD_LEVEL = {"normal": 0, "publish_less": 1, "decimate": 2, "hold": 3}
 #: A part of a period.
@@ -285,7 +287,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v5"
+    TYPE_NAME = "rivet.Health.v6"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -379,6 +381,10 @@ class Health(_Message):
         ("samples_held", ctypes.c_uint64),
         # Rows that were not learnt from because their torques are in doubt: signs, stuck sensors.
         ("rows_doubted", ctypes.c_uint64),
+        # A STATE_FOLDER: whether parameters and flight records can be written.
+        ("state_folder", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
     ]
 
 
@@ -451,7 +457,7 @@ class ControllerHealth(_Message):
     health`. Counters run since the controller's start and never go back.
     """
 
-    TYPE_NAME = "rivet.ControllerHealth.v2"
+    TYPE_NAME = "rivet.ControllerHealth.v3"
     _fields_ = [
         # seq of the last joint state answered.
         ("seq", ctypes.c_uint64),
@@ -502,8 +508,8 @@ class ControllerHealth(_Message):
         ("state", ctypes.c_uint32),
         # How many entries of the joint arrays are in use, 1..=8.
         ("joints", ctypes.c_uint32),
-        # Zero. Padding is spelt out, so the layout can be read off the source.
-        ("reserved", ctypes.c_uint32),
+        # A STATE_FOLDER: whether flight records can be written.
+        ("state_folder", ctypes.c_uint32),
         # RMS of planned minus measured position over about the last second [rad, or m].
         ("tracking_rms", ctypes.c_double * MAX_JOINTS),
         # RMS error of the acting parameters on the recent torques of each joint [N m, or N]; NaN where it
@@ -611,7 +617,7 @@ LAYOUT = {
         "torque_percent": 1776,
         "smallest_eigenvalue": 1784,
     }),
-    Health: (1008, {
+    Health: (1016, {
         "seq": 0,
         "stamp_ns": 8,
         "samples": 16,
@@ -655,6 +661,8 @@ LAYOUT = {
         "late_sets": 984,
         "samples_held": 992,
         "rows_doubted": 1000,
+        "state_folder": 1008,
+        "reserved": 1012,
     }),
     Timing: (2264, {
         "stamp_ns": 0,
@@ -705,7 +713,7 @@ LAYOUT = {
         "last_refusal": 280,
         "state": 284,
         "joints": 288,
-        "reserved": 292,
+        "state_folder": 292,
         "tracking_rms": 296,
         "prediction_rms": 360,
         "nominal_prediction_rms": 424,

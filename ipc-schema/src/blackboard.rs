@@ -6,7 +6,7 @@
 
 use core::fmt;
 use std::fs::{DirBuilder, File, TryLockError};
-use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::os::unix::fs::DirBuilderExt as _;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
@@ -107,7 +107,7 @@ impl Lock {
         let fail = |source| BusError::File { path: path.clone(), source };
         // As closed to others as the bus's own files: who can open the lock can hold it.
         DirBuilder::new().recursive(true).mode(0o750).create(&directory).map_err(fail)?;
-        let file = File::options().create(true).truncate(false).write(true).mode(0o600).open(&path).map_err(fail)?;
+        let file = rivet_files::open_lock(&path).map_err(fail)?;
         match file.try_lock() {
             Ok(()) => Ok(Self(file)),
             Err(TryLockError::WouldBlock) => {

@@ -19,7 +19,7 @@ use crate::messages::{
     Setpoint, Stamped, Timing,
 };
 use crate::name::{RobotName, Service};
-use crate::owner::{cannot_join, ensure_own};
+use crate::owner::{cannot_join, ensure_own, in_shared_memory};
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
 use crate::version;
 
@@ -209,22 +209,34 @@ impl Bus {
 
     fn publisher<T: Message>(&self, service: Service) -> Result<Publisher<T>, BusError> {
         let name = self.name(service)?;
-        let factory = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "publisher")?;
-        Publisher::new(factory, service)
+        let opened = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "publisher");
+        let factory = opened.map_err(|why| self.explained(why))?;
+        Publisher::new(factory, service).map_err(|why| self.explained(why))
+    }
+
+    /// An opening that failed, with what of another user's may be in the way.
+    fn explained(&self, why: BusError) -> BusError {
+        let BusError::Open { service, role, why } = why else { return why };
+        let theirs = in_shared_memory(&self.config).map_or_else(String::new, |theirs| format!(" ({theirs})"));
+        BusError::Open { service, role, why: format!("{why}{theirs}") }
     }
 
     fn subscriber<T: Message>(&self, service: Service) -> Result<Subscriber<T>, BusError> {
         let name = self.name(service)?;
-        let factory = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "subscriber")?;
-        Subscriber::new(factory, service, Quality::of(service).buffer)
+        let opened = pubsub::open_service(&self.node, &self.iceoryx, &name, service, "subscriber");
+        let factory = opened.map_err(|why| self.explained(why))?;
+        Subscriber::new(factory, service, Quality::of(service).buffer).map_err(|why| self.explained(why))
     }
 
     fn writer<T: Stamped>(&self, service: Service) -> Result<BlackboardWriter<T>, BusError> {
-        BlackboardWriter::open(&self.config, &self.iceoryx, &self.name(service)?, &self.robot, service, &self.role)
+        let name = self.name(service)?;
+        BlackboardWriter::open(&self.config, &self.iceoryx, &name, &self.robot, service, &self.role)
+            .map_err(|why| self.explained(why))
     }
 
     fn reader<T: Stamped>(&self, service: Service) -> Result<BlackboardReader<T>, BusError> {
         BlackboardReader::open(&self.config, &self.iceoryx, &self.name(service)?, &self.role)
+            .map_err(|why| self.explained(why))
     }
 
     /// Whether what a daemon reads is spoken in this program's versions, as far as it is there. Opens nothing, so that it can be
@@ -261,13 +273,17 @@ impl Bus {
     /// Robot controller: wakes who waits for a joint state.
     pub fn joint_state_notifier(&self) -> Result<Notifier, BusError> {
         let name = self.name(Service::JointState)?;
-        Notifier::new(&event::open_service(&self.node, &self.iceoryx, &name, "notifier")?, &name, Service::JointState)
+        event::open_service(&self.node, &self.iceoryx, &name, "notifier")
+            .and_then(|factory| Notifier::new(&factory, &name, Service::JointState))
+            .map_err(|why| self.explained(why))
     }
 
     /// Sleeps until a joint state has come.
     pub fn joint_state_listener(&self) -> Result<Listener, BusError> {
         let name = self.name(Service::JointState)?;
-        Listener::new(&event::open_service(&self.node, &self.iceoryx, &name, "listener")?, &name, Service::JointState)
+        event::open_service(&self.node, &self.iceoryx, &name, "listener")
+            .and_then(|factory| Listener::new(&factory, &name, Service::JointState))
+            .map_err(|why| self.explained(why))
     }
 
     /// Planner: publishes the plan of each period, before the joint state of that period.
@@ -373,12 +389,16 @@ impl Bus {
     /// Daemon: answers control requests.
     pub fn control_server(&self) -> Result<ControlServer, BusError> {
         let name = self.name(Service::Control)?;
-        ControlServer::new(control::open_service(&self.node, &self.iceoryx, &name, "server")?, &name)
+        control::open_service(&self.node, &self.iceoryx, &name, "server")
+            .and_then(|factory| ControlServer::new(factory, &name))
+            .map_err(|why| self.explained(why))
     }
 
     /// Asks the daemon for something.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
         let name = self.name(Service::Control)?;
-        ControlClient::new(control::open_service(&self.node, &self.iceoryx, &name, "client")?, &name)
+        control::open_service(&self.node, &self.iceoryx, &name, "client")
+            .and_then(|factory| ControlClient::new(factory, &name))
+            .map_err(|why| self.explained(why))
     }
 }

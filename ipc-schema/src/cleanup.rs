@@ -1,10 +1,10 @@
 //! What dead processes leave behind.
 
-use std::fs;
-use std::io;
-use std::os::unix::fs::PermissionsExt as _;
+use std::fs::{self, File};
+use std::hash::{BuildHasher as _, RandomState};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::{Node, NodeState};
@@ -57,7 +57,45 @@ fn sweep(config: &BusConfig) -> Result<(usize, usize), BusError> {
         CallbackProgression::Continue
     });
     listed.map_err(|e| cannot_join(config, &e))?;
-    Ok((alive, freed))
+    Ok((alive, freed + remove_unlisted(config, false)))
+}
+
+/// Removes the folders of parties that were killed between making their folder and their entry in the list of parties: no listing
+/// shows them. Returns how many. A folder of another prefix stays, as does one that may still be under way. `unused`: no process uses the
+/// prefix, so that nothing of it is under way, and it is waited for the rest.
+fn remove_unlisted(config: &BusConfig, unused: bool) -> usize {
+    let nodes = config.root.join("nodes");
+    let entries: Vec<fs::DirEntry> = fs::read_dir(&nodes).into_iter().flatten().flatten().collect();
+    let names: Vec<String> = entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    let is_party = |name: &str| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+    let is_listed = |id: &str| names.iter().any(|name| name != id && name.contains(id));
+    let unlisted = entries.iter().zip(&names).filter(|(entry, name)| {
+        is_party(name) && !is_listed(name) && entry.file_type().is_ok_and(|kind| kind.is_dir())
+    });
+    unlisted
+        .filter(|(entry, _)| is_abandoned(config, &entry.path(), unused) && remove_party(config, &entry.path()))
+        .count()
+}
+
+/// Whether nobody is at work on a party's folder.
+fn is_abandoned(config: &BusConfig, folder: &Path, unused: bool) -> bool {
+    let old = || fs::metadata(folder).map_or(true, |data| is_old(&data));
+    if unused {
+        let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let has_ours = entries.any(|entry| entry.file_name().as_encoded_bytes().starts_with(config.prefix.as_bytes()));
+        // An empty one may be of another prefix.
+        while !has_ours && !old() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        return true;
+    }
+    old()
+}
+
+/// Removes a party's folder with what bears the prefix in it; whether it is gone.
+fn remove_party(config: &BusConfig, folder: &Path) -> bool {
+    let ours = |name: &[u8]| name.starts_with(config.prefix.as_bytes());
+    unlink_below(folder, ours).is_ok() && fs::remove_dir(folder).is_ok()
 }
 
 /// Frees what killed processes left on the bus. Safe while others use it; 2 to 14 ms a dead party.
@@ -246,6 +284,7 @@ fn unlink_all(config: &BusConfig) -> Result<usize, BusError> {
     for directory in [config.root.join("nodes"), config.root.join("services"), config.root.clone()] {
         files += unlink_below(&directory, |name| belongs(name, &config.prefix))?;
     }
+    remove_unlisted(config, true);
     files += unlink_below(&locks, |name| name.starts_with(lock_prefix.as_bytes()))?;
     // Root cleans up for another user, who may be unable to make the directory again.
     let keep_root = ownership(config).other_than(&User::me()).is_some();
@@ -284,18 +323,41 @@ fn unlink_below(directory: &Path, wanted: impl Fn(&[u8]) -> bool) -> Result<usiz
 #[derive(Debug)]
 pub struct PrivateBus {
     config: BusConfig,
+    /// Held as long as this lives, beside the root: shows that the bus is not abandoned.
+    _lock: Option<File>,
 }
+
+/// Folder of private buses. Not the temporary directory of the environment: it may be longer than a socket's path allows.
+const PRIVATE_FOLDER: &str = "/tmp";
+/// How names of private buses' roots and prefixes begin.
+const PRIVATE_ROOT: &str = "rivet-";
+const PRIVATE_PREFIX: &str = "rvt_";
+/// Ending of a private bus's lock, after the name of its root.
+const PRIVATE_LOCK: &str = ".lock";
+/// Letters and digits that nobody can guess, of a private bus's name.
+const PRIVATE_RANDOM: usize = 8;
 
 impl PrivateBus {
     /// A bus that no other process or test has. `label` (letters and digits) tells leftovers apart.
     pub fn new(label: &str) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
         let label: String = label.chars().filter(char::is_ascii_alphanumeric).take(8).collect();
-        let unique = format!("{}_{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let prefix = format!("rvt_{unique}_");
-        // Not the temporary directory of the environment: it may be longer than a socket's path allows.
-        let root = PathBuf::from(format!("/tmp/rivet-{label}{unique}"));
-        Self { config: BusConfig { prefix, root } }
+        let unique = format!("{}_{}", std::process::id(), random_letters());
+        let prefix = format!("{PRIVATE_PREFIX}{unique}_");
+        let root = Path::new(PRIVATE_FOLDER).join(format!("{PRIVATE_ROOT}{label}{unique}"));
+        let lock = private_lock(&root, &prefix).ok();
+        Self { config: BusConfig { prefix, root }, _lock: lock }
+    }
+
+    /// A folder of the bus's for other files of its owner, closed to other users; gone with it.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn folder(&self) -> Result<PathBuf, BusError> {
+        let folder = self.config.root.join("files");
+        let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(&folder);
+        made.map_err(|source| BusError::File { path: folder.clone(), source })?;
+        ensure_own(&self.config)?;
+        Ok(folder)
     }
 
     /// Values to open it with, here or in a child process.
@@ -310,7 +372,69 @@ impl Drop for PrivateBus {
         let _ = sweep(&self.config);
         let _ = unlink_all(&self.config);
         let _ = fs::remove_dir_all(&self.config.root);
+        let _ = fs::remove_file(lock_of(&self.config.root));
     }
+}
+
+fn random_letters() -> String {
+    const LETTERS: &[u8; 36] = b"0123456789abcdefghijklmnopqrstuvwxyz";
+    // Keyed by the system's random numbers, anew for each process, and changed for each call.
+    let mut number = RandomState::new().hash_one(std::process::id());
+    let letter = |_| {
+        let letter = LETTERS[(number % 36) as usize];
+        number /= 36;
+        char::from(letter)
+    };
+    (0..PRIVATE_RANDOM).map(letter).collect()
+}
+
+fn lock_of(root: &Path) -> PathBuf {
+    let mut path = root.as_os_str().to_owned();
+    path.push(PRIVATE_LOCK);
+    PathBuf::from(path)
+}
+
+fn private_lock(root: &Path, prefix: &str) -> io::Result<File> {
+    let mut file = rivet_files::open_lock(&lock_of(root))?;
+    file.try_lock()?;
+    file.write_all(prefix.as_bytes())?;
+    Ok(file)
+}
+
+/// Removes private buses of this user whose processes were killed: demonstrations, replays, tests. Returns how many.
+pub fn sweep_private() -> usize {
+    let entries = fs::read_dir(PRIVATE_FOLDER).into_iter().flatten().flatten();
+    entries.filter(|entry| abandoned(&entry.path()).is_some_and(|(config, lock)| remove_private(&config, lock))).count()
+}
+
+/// The bus whose lock this is, if nobody holds it.
+fn abandoned(path: &Path) -> Option<(BusConfig, File)> {
+    let root = Path::new(PRIVATE_FOLDER).join(path.file_name()?.to_str()?.strip_suffix(PRIVATE_LOCK)?);
+    let name = root.file_name()?.to_str()?.strip_prefix(PRIVATE_ROOT)?.to_owned();
+    let data = fs::symlink_metadata(path).ok().filter(|data| data.is_file() && is_old(data))?;
+    if data.uid() != User::me().uid {
+        return None;
+    }
+    let mut lock = rivet_files::open_lock(path).ok()?;
+    lock.try_lock().ok()?;
+    let mut prefix = String::new();
+    (&mut lock).take(64).read_to_string(&mut prefix).ok()?;
+    // What the lock says must be what its name says. An empty one was killed before anything else was made.
+    let unique = prefix.strip_prefix(PRIVATE_PREFIX).and_then(|rest| rest.strip_suffix('_'));
+    let fits = prefix.is_empty() || unique.is_some_and(|unique| name.ends_with(unique));
+    fits.then_some((BusConfig { prefix, root }, lock))
+}
+
+fn remove_private(config: &BusConfig, lock: File) -> bool {
+    let is_empty = config.prefix.is_empty();
+    // Its children may live a moment longer; the next sweep comes.
+    if !is_empty && purge(config).is_err() {
+        return false;
+    }
+    let _ = fs::remove_dir_all(&config.root);
+    let removed = fs::remove_file(lock_of(&config.root)).is_ok();
+    drop(lock);
+    removed
 }
 
 #[cfg(test)]

@@ -71,6 +71,18 @@ pub enum BusError {
         /// The command to use.
         change: String,
     },
+    /// Other users could replace what is in the bus's directory.
+    #[error("{}: {why}, so another user could replace the files of the bus {}; {change}", path.display(), root.display())]
+    Exposed {
+        /// The bus's directory or one above it.
+        path: PathBuf,
+        /// Root path of the bus.
+        root: PathBuf,
+        /// What makes it so.
+        why: String,
+        /// What to do.
+        change: String,
+    },
     /// Another version of the message is spoken on the service.
     #[error("{0}")]
     Version(VersionMismatch),

@@ -111,6 +111,15 @@ impl Listener {
         Ok(Self { port, service })
     }
 
+    /// Takes the notifications that have arrived, without waiting; whether there were any.
+    fn take(&self) -> Result<bool, PortError> {
+        match self.port.try_wait(|_| {}) {
+            Ok(notifications) => Ok(notifications > 0),
+            Err(ListenerWaitError::InterruptSignal) => Ok(false),
+            Err(_) => Err(PortError { service: self.service, what: "wait", why: "internal error of the bus" }),
+        }
+    }
+
     /// Sleeps until notified, at most `timeout`; true if notified. A notification sent before the call counts;
     /// several are one. A signal ends the sleep early with false.
     pub fn wait(&self, timeout: Duration) -> Result<bool, PortError> {
@@ -124,12 +133,9 @@ impl Listener {
     }
 }
 
-/// Samples in a row that come without a notification before [`SampleWait`] polls. More than the one that a sample
-/// between `send` and `notify` can explain, and still a small part of a second.
+/// Samples in a row without a notification after which [`SampleWait`] polls. A sample taken between `send` and `notify`
+/// explains one; sixteen are still a small part of a second.
 const UNANNOUNCED_SAMPLES: u32 = 16;
-
-/// Polls in a sample period while the robot does not notify: a sample waits at most this part of its period.
-const POLLS_PER_PERIOD: u32 = 8;
 
 /// Waits for joint states: until the robot's notification, or by polling as long as the robot sends none.
 #[derive(Debug)]
@@ -141,26 +147,31 @@ pub struct SampleWait {
 }
 
 impl SampleWait {
-    /// Waits on `listener`; `period` is the sample period.
-    pub fn new(listener: Listener, period: Duration) -> SampleWait {
-        SampleWait { listener, poll: period / POLLS_PER_PERIOD, unannounced: 0, notified: false }
+    /// Waits on `listener`; `poll` is the time between two looks while the robot does not notify.
+    pub fn new(listener: Listener, poll: Duration) -> SampleWait {
+        SampleWait { listener, poll, unannounced: 0, notified: false }
     }
 
-    /// Sleeps until notified, at most `timeout`, or an eighth of the sample period while [`polls`](Self::polls).
+    /// Sleeps until notified, at most `timeout`; for the time between two looks while [`polls`](Self::polls).
     ///
     /// # Errors
     /// As [`Listener::wait`].
     pub fn wait(&mut self, timeout: Duration) -> Result<(), PortError> {
-        let timeout = if self.polls() { timeout.min(self.poll) } else { timeout };
         self.notified = false;
-        self.notified = self.listener.wait(timeout)?;
+        self.notified = if self.polls() {
+            // A socket's timeout is rounded up to the kernel's tick (1 to 10 ms), which is longer than a period; a sleep is not.
+            std::thread::sleep(timeout.min(self.poll));
+            self.listener.take()?
+        } else {
+            self.listener.wait(timeout)?
+        };
         if self.notified {
             self.unannounced = 0;
         }
         Ok(())
     }
 
-    /// To be called when the last [`wait`](Self::wait) was followed by a sample.
+    /// Counts a sample; to be called when the last [`wait`](Self::wait) was followed by a sample.
     pub fn received_sample(&mut self) {
         if !self.notified {
             self.unannounced = self.unannounced.saturating_add(1);

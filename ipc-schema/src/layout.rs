@@ -4,7 +4,7 @@ use crate::messages::{
     Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest, ControlStatus,
     ControllerHealth, ControllerState, DaemonMode, Drift, DriftRegime, DriftVerdict, Health, InputFault,
     InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase, ParameterRefusal, ParameterSource, ParameterState,
-    Parameters, PeriodCause, Setpoint, SourceReason, Timing,
+    Parameters, PeriodCause, Setpoint, SourceReason, StateFolder, Timing,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -48,12 +48,13 @@ pub const MESSAGES: [Layout; 12] = [
 ];
 
 /// All enumerations.
-pub const ENUMERATIONS: [Enumeration; 16] = [
+pub const ENUMERATIONS: [Enumeration; 17] = [
     CommandMode::TABLE,
     ParameterState::TABLE,
     InstrumentSource::TABLE,
     DaemonMode::TABLE,
     InputFault::TABLE,
+    StateFolder::TABLE,
     LoadLevel::TABLE,
     LoopPhase::TABLE,
     PeriodCause::TABLE,

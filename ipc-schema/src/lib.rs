@@ -41,7 +41,7 @@ mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
 pub use bus::{Bus, BusConfig, LEAST_ROOM};
-pub use cleanup::{BusWatch, Leftovers, PrivateBus, cleanup, ensure_room, purge};
+pub use cleanup::{BusWatch, Leftovers, PrivateBus, cleanup, ensure_room, purge, sweep_private};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier, SampleWait};
@@ -51,8 +51,8 @@ pub use messages::{
     ControlStatus, ControllerHealth, ControllerState, DRIFT_REGIMES, DaemonMode, Drift, DriftRegime, DriftVerdict,
     HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase,
     MAX_JOINTS, MAX_PARAMETERS, Message, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, Timing, UnknownValue, WORST_PERIODS, faults,
-    parameter_flags,
+    PeriodCause, REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, StateFolder, Timing, UnknownValue,
+    WORST_PERIODS, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use old_numbers::OldNumbers;

@@ -3,7 +3,7 @@
 
 use std::fmt;
 use std::fs;
-use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 use crate::blackboard::LOCK_DIRECTORY;
@@ -126,18 +126,72 @@ pub(crate) fn ensure_own(config: &BusConfig) -> Result<(), BusError> {
     if let Some(owner) = owner(config).filter(|owner| *owner != me.uid).map(User::of) {
         return refuse(config.root.clone(), &owner, format!("{} rivet ...", owner.run_as()));
     }
-    // Root gets past what is another's.
-    if me.uid == 0 {
-        return Ok(());
-    }
+    ensure_guarded(&config.root, me.uid)?;
     match in_the_way(&everything(config), config, me.uid) {
         Some(Owned { path, uid }) => {
             let other = User::of(uid);
-            let change = format!("once nothing of theirs uses this prefix, as root: {}", config.clean_command());
+            let change = format!(
+                "once nothing of theirs uses this prefix, as root: {}; or choose another prefix (--prefix)",
+                config.clean_command()
+            );
             refuse(path, &other, change)
         }
         None => Ok(()),
     }
+}
+
+/// Write permission of the group and of all others.
+const OTHERS_WRITE: u32 = 0o022;
+/// In a directory with this bit only a file's owner, the directory's owner and root rename or remove it.
+const STICKY: u32 = 0o1000;
+
+/// Makes the bus's directory when it is absent, and fails where another user could replace it or what is in it. It has to be this
+/// user's, and nobody else's to write. Each directory above it has to be this user's or root's; others may write there only under the
+/// sticky bit, which keeps them from what is not theirs. Links on the way have to be this user's or root's.
+///
+/// # Errors
+/// [`BusError::Exposed`]; it cannot be made.
+fn ensure_guarded(root: &Path, me: u32) -> Result<(), BusError> {
+    // What is there first: nothing is made where somebody else has a say.
+    let there = root.ancestors().find(|folder| fs::symlink_metadata(folder).is_ok()).unwrap_or(root);
+    ensure_guarded_folder(there, root, me)?;
+    let made = fs::DirBuilder::new().recursive(true).mode(0o750).create(root);
+    made.map_err(|source| BusError::File { path: root.to_owned(), source })?;
+    ensure_guarded_folder(root, root, me)
+}
+
+/// The same for a directory on the way that is there: `there` is `root` or above it.
+fn ensure_guarded_folder(there: &Path, root: &Path, me: u32) -> Result<(), BusError> {
+    let exposed = |path: &Path, why: String, change: String| {
+        Err(BusError::Exposed { path: path.to_owned(), root: root.to_owned(), why, change })
+    };
+    let fail = |path: &Path, source| BusError::File { path: path.to_owned(), source };
+    // Also says whose a link on the way is.
+    let resolved = rivet_files::resolve_folder(there).map_err(|source| fail(there, source))?;
+    for folder in resolved.ancestors() {
+        let data = fs::symlink_metadata(folder).map_err(|source| fail(folder, source))?;
+        let is_root = there == root && folder == resolved;
+        if data.uid() != me && (is_root || data.uid() != 0) {
+            let owner = User::of(data.uid());
+            return exposed(folder, format!("belongs to the user {owner}"), "choose another root (--root)".to_owned());
+        }
+        let guarded = data.mode() & OTHERS_WRITE == 0 || (!is_root && data.mode() & STICKY != 0);
+        if !guarded {
+            let why = format!("can be written by others (mode {:o})", data.mode() & 0o7777);
+            let change = format!("use: chmod go-w {}, or another root (--root)", folder.display());
+            return exposed(folder, why, change);
+        }
+    }
+    Ok(())
+}
+
+/// What of another user's there is in shared memory under the bus's prefix, in words, for an opening that failed.
+pub(crate) fn in_shared_memory(config: &BusConfig) -> Option<String> {
+    let me = User::me();
+    let theirs = everything(config).into_iter().find(|owned| owned.uid != me.uid)?;
+    let (path, owner) = (theirs.path.display(), User::of(theirs.uid));
+    let clean = config.clean_command();
+    Some(format!("{path} belongs to the user {owner}; as root: {clean}, or choose another prefix (--prefix)"))
 }
 
 /// What keeps the user `me` from joining: a directory in which parties are listed, or the counter from which their ids
@@ -167,7 +221,7 @@ mod tests {
     use super::*;
     use crate::{Bus, PrivateBus, RobotName};
     use std::io::Write as _;
-    use std::os::unix::fs::{DirBuilderExt as _, chown};
+    use std::os::unix::fs::{PermissionsExt as _, chown};
 
     const NOBODY: u32 = 65534;
 
@@ -225,5 +279,72 @@ mod tests {
         assert_eq!(ownership(config).strays, [Owned { path: nodes, uid: NOBODY }]);
         let why = cannot_join(config, &"no").to_string();
         assert!(why.contains("nodes belongs to the user"), "{why}");
+    }
+
+    /// Whoever may write to a directory on the way can put another one in its place; under the sticky bit nobody can.
+    #[test]
+    fn a_bus_that_others_could_replace_is_refused() {
+        let private = PrivateBus::new("guard");
+        let above = private.config().root.clone();
+        let config = BusConfig { root: above.join("bus"), ..private.config().clone() };
+        let robot = RobotName::new("arm").unwrap();
+        let set = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+        drop(Bus::open(&config, &robot, "owner").unwrap());
+        let refused = |path: &Path| {
+            let why = Bus::open(&config, &robot, "owner").unwrap_err();
+            assert!(matches!(&why, BusError::Exposed { path: exposed, .. } if exposed == path), "{why}");
+            assert!(why.to_string().contains(&format!("chmod go-w {}", path.display())), "{why}");
+        };
+        for mode in [0o770, 0o702, 0o1777] {
+            set(&config.root, mode);
+            refused(&config.root);
+        }
+        set(&config.root, 0o750);
+        for mode in [0o770, 0o777] {
+            set(&above, mode);
+            refused(&above);
+        }
+        for mode in [0o1777, 0o755] {
+            set(&above, mode);
+            drop(Bus::open(&config, &robot, "owner").unwrap());
+        }
+    }
+
+    #[test]
+    fn a_bus_below_another_users_directory_or_link_is_refused() {
+        if !rustix::process::geteuid().is_root() {
+            let _ = writeln!(std::io::stderr(), "SKIPPED: to be two users this needs root");
+            return;
+        }
+        let private = PrivateBus::new("below");
+        let (above, robot) = (private.config().root.clone(), RobotName::new("arm").unwrap());
+        let at = |root: PathBuf| BusConfig { root, ..private.config().clone() };
+        let (theirs, link) = (above.join("theirs"), above.join("link"));
+        fs::create_dir_all(&theirs).unwrap();
+        chown(&theirs, Some(NOBODY), Some(NOBODY)).unwrap();
+        let why = Bus::open(&at(theirs.join("bus")), &robot, "owner").unwrap_err().to_string();
+        assert!(why.contains("theirs: belongs to the user"), "{why}");
+        std::os::unix::fs::symlink(&above, &link).unwrap();
+        std::os::unix::fs::lchown(&link, Some(NOBODY), Some(NOBODY)).unwrap();
+        let why = Bus::open(&at(link.join("bus")), &robot, "owner").unwrap_err().to_string();
+        assert!(why.contains("is a link of user 65534"), "{why}");
+    }
+
+    /// Root too: a counter that somebody else may change gives ids twice.
+    #[test]
+    fn a_counter_that_another_user_made_first_is_named() {
+        if !rustix::process::geteuid().is_root() {
+            let _ = writeln!(std::io::stderr(), "SKIPPED: to be two users this needs root");
+            return;
+        }
+        let private = PrivateBus::new("first");
+        let (config, robot) = (private.config(), RobotName::new("arm").unwrap());
+        drop(Bus::open(config, &robot, "owner").unwrap());
+        let counter = everything(config).into_iter().find(|owned| is_counter(&owned.path)).unwrap().path;
+        chown(&counter, Some(NOBODY), Some(NOBODY)).unwrap();
+        let why = Bus::open(config, &robot, "owner").unwrap_err().to_string();
+        for part in [counter.to_str().unwrap(), &User::of(NOBODY).to_string(), &config.clean_command(), "--prefix"] {
+            assert!(why.contains(part), "{part}: {why}");
+        }
     }
 }

@@ -129,6 +129,45 @@ fn the_stop_reaction_comes_within_a_period_of_its_time() {
     assert!((STALE - 0.1..STALE + 1.0).contains(&quickest), "{late:?}");
 }
 
+/// A robot controller that publishes joint states and never notifies the wake-up event is answered as one that does: the
+/// controller polls. Compared within one run, since both halves meet the same busy machine.
+#[test]
+fn answers_a_robot_that_does_not_notify() {
+    const SAMPLES: u64 = 500;
+    let _turn = turn();
+    let private = PrivateBus::new("unnotified");
+    let folder = tempfile::tempdir().expect("a folder");
+    let stage = Stage::new(private.config(), folder.path(), "kuka-kr300-r2500", "stale_periods = 500");
+    let robot = rivet_config::load(&stage.file).expect("sound");
+    let period = Duration::from_secs_f64(robot.config.sample_period_s);
+    let states = stage.bus.joint_state_publisher().expect("a port");
+    let arrival = stage.bus.joint_state_notifier().expect("a port");
+    let _controller = stage.controller(&[]);
+    let commands =
+        eventually("a controller", || stage.bus.command_reader().ok().filter(BlackboardReader::is_connected));
+    let mut state = JointState { joints: robot.dof() as u32, ..JointState::default() };
+    let mut answered = |notifies: bool| {
+        let (mut count, mut last) = (0, None);
+        for _ in 0..SAMPLES {
+            state.seq += 1;
+            state.stamp_ns = state.seq * period.as_nanos() as u64;
+            states.send(&state).expect("sent");
+            if notifies {
+                arrival.notify().expect("notified");
+            }
+            std::thread::sleep(period);
+            let answer = commands.latest().map(|command| command.seq);
+            count += u64::from(answer.is_some() && answer != last);
+            last = answer;
+        }
+        count
+    };
+    let (notified, polled) = (answered(true), answered(false));
+    println!("of {SAMPLES} samples answered: {notified} with the event, {polled} without");
+    assert!(notified > SAMPLES / 2, "{notified}");
+    assert!(polled as f64 > 0.9 * notified as f64, "{polled} without the event, {notified} with it");
+}
+
 /// A second robot controller, a second planner and a second daemon on the bus of an arm in motion: each is named, and nothing
 /// that they send moves the arm.
 #[test]

@@ -6,7 +6,9 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, SystemTime};
 
-use rivet_ipc_schema::{Bus, BusConfig, ControlClient, ControlCommand, ControlStatus, PrivateBus, RobotName};
+use rivet_ipc_schema::{
+    Bus, BusConfig, ControlClient, ControlCommand, ControlStatus, PrivateBus, RobotName, StateFolder,
+};
 use rivet_store::Store;
 use rivet_tests::process::{Process, eventually};
 use rivet_tests::side::{Arm, daemon};
@@ -58,6 +60,198 @@ fn what_a_killed_process_left_half_made_keeps_nobody_from_starting() {
         half_made(&counter[0], content, mode);
         assert!(comes_up(config).end("-TERM").success());
     }
+}
+
+/// Kills of a test run; `RIVET_KILLS` asks for another number.
+const KILLS: u64 = 25;
+
+/// Every entry below a folder, and every file of the bus in shared memory.
+fn remains(config: &BusConfig) -> Vec<std::path::PathBuf> {
+    let mut found = names(Path::new("/dev/shm"), "", &config.prefix);
+    let mut folders = vec![config.root.clone()];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = std::fs::read_dir(&folder) else { continue };
+        found.push(folder);
+        for entry in entries.flatten() {
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                folders.push(entry.path());
+            } else {
+                found.push(entry.path());
+            }
+        }
+    }
+    found
+}
+
+fn clean(config: &BusConfig) {
+    let mut doctor = rivet();
+    doctor.args(["doctor", "--seconds", "0", "--clean", "--json", "--prefix", &config.prefix, "--root"]);
+    let output = doctor.arg(&config.root).output().expect("the program starts");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let clean = found["findings"].as_array().expect("a list").iter().find(|finding| finding["check"] == "clean");
+    assert_eq!(clean.expect("cleaned")["severity"], "ok", "{found}");
+}
+
+/// Daemons and controllers that are killed at any instant of their start: afterwards `rivet doctor --clean` leaves nothing of the bus,
+/// and the next daemon nothing half written in the state folder.
+#[test]
+fn processes_killed_while_they_start_leave_nothing_that_is_not_cleaned() {
+    let kills = std::env::var("RIVET_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, said) = (folder.path().join("state"), folder.path().join("said"));
+    let private = PrivateBus::new("kills");
+    let config = private.config();
+    // A start takes some tens of milliseconds: the kills are spread over it, each kind of process at each instant.
+    let start = {
+        let begin = std::time::Instant::now();
+        let mut first = comes_up(config);
+        let took = begin.elapsed();
+        assert!(first.end("-TERM").success());
+        took
+    };
+    let mut left_folders = false;
+    for kill in 0..kills {
+        let mut command = if kill % 2 == 0 {
+            daemon(&robot("dd2"), config, &said)
+        } else {
+            let mut controller = rivet();
+            controller.arg("controller").arg(robot("dd2")).args([
+                "--best-effort",
+                "--prefix",
+                &config.prefix,
+                "--root",
+            ]);
+            controller.arg(&config.root).stderr(Stdio::null());
+            controller
+        };
+        let mut process = Process::start(command.arg("--state").arg(&state));
+        std::thread::sleep(start.mul_f64(kill as f64 / kills as f64));
+        process.0.kill().and_then(|()| process.0.wait()).expect("killed");
+        left_folders |= config.root.join("nodes").read_dir().is_ok_and(|mut entries| entries.next().is_some());
+    }
+    assert!(left_folders, "the kills fell into the starts");
+    // As a writer that was killed leaves it.
+    std::fs::write(state.join(".rivet-0123456789ab.part"), "half").expect("written");
+    clean(config);
+    assert_eq!(remains(config), Vec::<std::path::PathBuf>::new());
+    let mut next = Process::start(daemon(&robot("dd2"), config, &said).arg("--state").arg(&state));
+    let health = eventually("the bus", || two_link::bus(config, "test-onlooker").health_subscriber().ok());
+    eventually("it reports", || health.receive().expect("received"));
+    assert_eq!(names(&state, ".part", "."), Vec::<std::path::PathBuf>::new(), "its start swept");
+    assert!(next.end("-TERM").success());
+}
+
+/// A demonstration that is killed leaves its bus and its files; the next one, or the doctor, removes them.
+#[test]
+fn a_killed_demonstration_is_cleaned_away() {
+    let mut demo = rivet().arg("demo").stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts");
+    let begins = format!("rivet-demo{}_", demo.id());
+    eventually("its folder", || (names(Path::new("/tmp"), "", &begins).len() > 1).then_some(()));
+    demo.kill().and_then(|()| demo.wait()).expect("killed");
+    assert!(!names(Path::new("/tmp"), "", &begins).is_empty(), "it was killed before it could");
+    let private = PrivateBus::new("doctor");
+    eventually("nothing is left", || {
+        clean(private.config());
+        names(Path::new("/tmp"), "", &begins).is_empty().then_some(())
+    });
+}
+
+/// A state folder that cannot be written shows in the health of both programs and in the monitor, and that it can again.
+#[test]
+fn a_state_folder_that_cannot_be_written_shows_in_health_and_monitor() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, said) = (folder.path().join("state"), folder.path().join("said"));
+    let private = PrivateBus::new("unwrit");
+    let config = private.config();
+    let mut side = Side::new(config);
+    let mut process = Process::start(daemon(&robot("dd2"), config, &said).arg("--state").arg(&state));
+    let mut controller = rivet();
+    controller.arg("controller").arg(robot("dd2")).args(["--best-effort", "--die-with-parent", "--prefix"]);
+    controller.arg(&config.prefix).arg("--root").arg(&config.root).arg("--state").arg(&state);
+    let mut controller = Process::start(controller.stderr(Stdio::null()));
+    eventually("both listen", || (side.states.subscribers() > 1).then_some(()));
+    let onlooker = two_link::bus(config, "test-onlooker");
+    let (daemons, controllers) =
+        (onlooker.health_subscriber().expect("a port"), onlooker.controller_health_subscriber().expect("a port"));
+    let mut shows = |wanted: StateFolder| {
+        let (mut of_daemon, mut of_controller) = (None, None);
+        eventually("both say so", || {
+            side.go(50);
+            of_daemon = daemons.receive_newest().expect("received").map(|h| h.state_folder).or(of_daemon);
+            of_controller = controllers.receive_newest().expect("received").map(|h| h.state_folder).or(of_controller);
+            ([of_daemon, of_controller] == [Some(u32::from(wanted)); 2]).then_some(())
+        });
+        let mut monitor = rivet();
+        monitor.args(["monitor", "--once", "--prefix", &config.prefix, "--root"]).arg(&config.root).arg(robot("dd2"));
+        String::from_utf8(monitor.output().expect("the program starts").stdout).expect("text")
+    };
+    let text = shows(StateFolder::Writable);
+    assert_eq!(text.matches("folder can be written").count(), 2, "{text}");
+    let aside = folder.path().join("aside");
+    std::fs::rename(&state, &aside).expect("moved");
+    std::fs::write(&state, "a file in its place").expect("written");
+    let text = shows(StateFolder::Unwritable);
+    assert_eq!(text.matches("FOLDER CANNOT BE WRITTEN").count(), 2, "{text}");
+    std::fs::remove_file(&state).and_then(|()| std::fs::rename(&aside, &state)).expect("moved back");
+    shows(StateFolder::Writable);
+    assert!(process.end("-TERM").success() && controller.end("-TERM").success());
+    let said = std::fs::read_to_string(&said).expect("it said something");
+    assert_eq!(said.matches("nothing can be stored or recorded").count(), 1, "once: {said}");
+}
+
+/// Where each robot has a folder of its own now, what an earlier installation stored in one for all is taken up once.
+#[test]
+fn state_of_an_earlier_installation_is_taken_up_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (before, state, said) = (folder.path().join("all"), folder.path().join("all/dd2"), folder.path().join("said"));
+    let private = PrivateBus::new("before");
+    let config = private.config();
+    let hash = rivet_config::load(robot("dd2")).expect("the arm is there").hash;
+    let mut side = Side::new(config);
+    let stored = |at: &Path| Store::reader(at, "dd2").load(hash).knowledge;
+    let mut old = Process::start(daemon(&robot("dd2"), config, &said).arg("--state").arg(&before));
+    eventually("it listens", || (side.states.subscribers() > 0).then_some(()));
+    eventually("something is stored", || {
+        side.go(500);
+        stored(&before)
+    });
+    assert!(old.end("-TERM").success());
+    // The bytes of the files: numbers that are none, as a memory has some, are not equal to themselves.
+    let files = |at: &Path| -> Vec<_> {
+        let mut paths = if at.is_dir() { names(at, ".state", "dd2.") } else { Vec::new() };
+        paths.sort();
+        let named = |path: &std::path::PathBuf| path.file_name().expect("a name").to_owned();
+        paths.iter().map(|path| (named(path), std::fs::read(path).expect("read"))).collect()
+    };
+    let expected = files(&before);
+    assert!(!expected.is_empty(), "stored");
+    let with_both = |command: &mut Command| {
+        command.arg("--state").arg(&state).arg("--state-before").arg(&before);
+    };
+    let mut command = daemon(&robot("dd2"), config, &said);
+    with_both(&mut command);
+    let mut new = Process::start(&mut command);
+    eventually("it is copied", || (files(&state).len() == expected.len()).then_some(()));
+    assert!(files(&state) == expected, "copied byte for byte");
+    assert!(files(&before) == expected, "what was there stays");
+    let bus = two_link::bus(config, "test-other");
+    let client = bus.control_client().expect("a client");
+    let reset = || {
+        let reply = client.ask(ControlCommand::Reset, Duration::from_secs(30)).expect("asked").expect("answered");
+        (ControlStatus::try_from(reply.status) == Ok(ControlStatus::Done)).then_some(())
+    };
+    eventually("the reset is done", reset);
+    assert!(new.end("-TERM").success());
+    let mut command = daemon(&robot("dd2"), config, &said);
+    with_both(&mut command);
+    let mut again = Process::start(&mut command);
+    eventually("it says what it found", || {
+        let said = std::fs::read_to_string(&said).expect("it said something");
+        // The first daemon, with no state yet, has said so as well.
+        (said.matches("starts from the robot file's").count() == 2).then_some(())
+    });
+    assert_eq!(stored(&state), None, "what was forgotten stays forgotten");
+    assert!(again.end("-TERM").success());
 }
 
 /// The arm `dd2` on its bus, for as long as a test moves it.

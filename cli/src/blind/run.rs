@@ -90,11 +90,8 @@ fn logs(folder: &Path) -> Result<Vec<PathBuf>> {
 
 fn diagnose(program: &Path, folder: &Path) -> Result<Value> {
     let logs = logs(folder)?;
-    let scratch = std::env::temp_dir().join(format!(
-        "rivet-blind-{}-{}.json",
-        std::process::id(),
-        folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-    ));
+    let temporary = tempfile::tempdir().context("a folder for the verdict")?;
+    let scratch = temporary.path().join("verdict.json");
     let output = Command::new(program)
         .arg("diagnose")
         .arg(folder.join("robot.toml"))
@@ -105,8 +102,6 @@ fn diagnose(program: &Path, folder: &Path) -> Result<Value> {
         .output()
         .context("starting rivet diagnose")?;
     let text = std::fs::read_to_string(&scratch);
-    // Gone or not, the verdict is in memory or will be an error.
-    let _ = std::fs::remove_file(&scratch);
     let Ok(text) = text else { bail!("{}", String::from_utf8_lossy(&output.stderr).trim().to_owned()) };
     let document: Document = serde_json::from_str(&text)?;
     Ok(serde_json::to_value(document.brief())?)

@@ -7,9 +7,11 @@ mod tracking;
 
 use crate::children::Children;
 use crate::exit::Fault;
+use crate::table::show;
 use anyhow::{Context, Result, bail};
 use reference::Reference;
 use rivet_config::Robot;
+use rivet_files::Draft;
 use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};
 use rivet_realtime::Shutdown;
 use screen::{Frame, Screen};
@@ -63,44 +65,26 @@ struct Heard {
     samples: u64,
 }
 
-/// A folder for the run's files that is gone afterwards, unless it is to be kept.
-struct Folder {
-    path: PathBuf,
-    keep: bool,
-}
-
-impl Folder {
-    fn new(keep: Option<&Path>) -> Result<Folder> {
-        let path = match keep {
-            Some(path) => path.to_owned(),
-            None => std::env::temp_dir().join(format!("rivet-demo-{}", std::process::id())),
-        };
-        std::fs::create_dir_all(&path).with_context(|| format!("cannot make {}", path.display()))?;
-        Ok(Folder { path, keep: keep.is_some() })
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if !self.keep {
-            // Left-over files in the temporary folder are not worth an error at the very end.
-            let _ = std::fs::remove_dir_all(&self.path);
-        }
-    }
+/// The folder for the run's files: gone with the bus, unless it is to be kept.
+fn folder(keep: Option<&Path>, private: &PrivateBus) -> Result<PathBuf> {
+    let Some(path) = keep else { return Ok(private.folder()?) };
+    std::fs::create_dir_all(path).with_context(|| format!("cannot make {}", path.display()))?;
+    Ok(path.to_owned())
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
-    let folder = Folder::new(args.keep.as_deref())?;
-    let robot_file = match &args.robot {
-        Some(path) => path.clone(),
-        None => unpack(&folder.path)?,
-    };
-    let robot = rivet_config::load(&robot_file)?;
-    let name = RobotName::new(&robot.config.name)?;
+    rivet_ipc_schema::sweep_private();
     // Declared in this order, so that children end before their bus is swept away.
     let private = PrivateBus::new("demo");
     let mut children = Children::default();
+    let folder = folder(args.keep.as_deref(), &private)?;
+    let robot_file = match &args.robot {
+        Some(path) => path.clone(),
+        None => unpack(&folder)?,
+    };
+    let robot = rivet_config::load(&robot_file)?;
+    let name = RobotName::new(&robot.config.name)?;
     let bus = Bus::open(private.config(), &name, "rivet-demo")?;
     let ports = Ports {
         states: bus.joint_state_subscriber()?,
@@ -108,12 +92,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         parameters: bus.parameters_subscriber()?,
         health: bus.health_subscriber()?,
     };
-    let truth_file = folder.path.join("truth.json");
+    let truth_file = folder.join("truth.json");
     // A kept folder may hold the truth of an earlier run.
     if truth_file.exists() {
         std::fs::remove_file(&truth_file).with_context(|| format!("cannot remove {}", truth_file.display()))?;
     }
-    start(&mut children, args, &robot, &robot_file, private.config(), &folder.path)?;
+    start(&mut children, args, &robot, &robot_file, private.config(), &folder)?;
 
     let truth = wait_for_truth(&truth_file, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
@@ -122,16 +106,16 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let result =
         table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
     if args.parameters {
-        print!("{}", result.parameters());
+        show(&result.parameters())?;
     }
-    println!("{result}");
+    show(&format!("{result}\n"))?;
     Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn unpack(folder: &Path) -> Result<PathBuf> {
     let robot = folder.join("robot.toml");
-    std::fs::write(&robot, BUILT_IN_ROBOT)
-        .and_then(|()| std::fs::write(folder.join("robot.urdf"), BUILT_IN_URDF))
+    rivet_files::write_whole(&robot, BUILT_IN_ROBOT)
+        .and_then(|()| rivet_files::write_whole(&folder.join("robot.urdf"), BUILT_IN_URDF))
         .with_context(|| format!("cannot write to {}", folder.display()))?;
     Ok(robot)
 }
@@ -151,7 +135,9 @@ fn start(
     };
     let log = |name: &str| -> Result<Option<File>> {
         let path = folder.join(name);
-        Ok(Some(File::create(&path).with_context(|| format!("cannot write {}", path.display()))?))
+        Ok(Some(
+            Draft::new(&path).and_then(Draft::publish).with_context(|| format!("cannot write {}", path.display()))?,
+        ))
     };
     let switch = ((PHASE_S + SETTLE_S) / robot.config.sample_period_s).round() as u64;
 
@@ -224,7 +210,7 @@ fn watch(
         std::thread::sleep(Duration::from_millis(20));
         check(children, shutdown, begin)?;
         heard.take(ports)?;
-        screen.show(&Frame {
+        screen.draw_if_due(&Frame {
             motion_s: heard.samples as f64 * period,
             total_s: total,
             identified: heard.samples as f64 * period >= switch,

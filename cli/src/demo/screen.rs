@@ -2,12 +2,13 @@
 
 use super::reference::GROUPS;
 use super::tracking::Tracking;
+use crate::table::show;
 use ratatui::crossterm::terminal;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
 use rivet_realtime::LogHistogram;
 use std::fmt::Write as _;
-use std::io::{self, IsTerminal, Write as _};
+use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 /// What one look shows.
@@ -44,8 +45,8 @@ const CELL_WIDTH: (usize, usize) = (7, 11);
 /// Shortest and longest bar \[columns\].
 const BAR_WIDTH: (usize, usize) = (10, 40);
 
-/// Columns of a bar's line beside the bar: its name and its two numbers.
-const BESIDE_BAR: usize = 46;
+/// Columns of a bar's line without the bar: its name and its two numbers.
+const BAR_TEXT_WIDTH: usize = 46;
 
 impl Screen {
     pub(crate) fn new(robot: &Robot) -> Screen {
@@ -59,11 +60,11 @@ impl Screen {
         }
     }
 
-    /// Draws, if it is time for that.
+    /// Draws, if it is time for that. A terminal that is gone is no error: the demonstration still has its exit code.
     ///
     /// # Errors
-    /// The output is closed.
-    pub(crate) fn show(&mut self, frame: &Frame<'_>) -> io::Result<()> {
+    /// The output cannot be written for another reason.
+    pub(crate) fn draw_if_due(&mut self, frame: &Frame<'_>) -> io::Result<()> {
         if Instant::now() < self.next {
             return Ok(());
         }
@@ -73,24 +74,21 @@ impl Screen {
             self.first.clone_from(&frame.errors);
         }
         let text = if self.terminal { self.fitted(frame, terminal::size().unwrap_or(USUAL_SIZE)) } else { line(frame) };
-        let up = if self.lines > 0 { format!("\x1b[{}A\x1b[J", self.lines) } else { String::new() };
-        self.lines = if self.terminal { text.lines().count() } else { 0 };
-        let mut out = io::stdout().lock();
-        out.write_all(up.as_bytes())?;
-        out.write_all(text.as_bytes())?;
-        out.flush()
+        if !self.terminal {
+            return show(&text);
+        }
+        let redrawn = redrawn(&text, self.lines);
+        self.lines = text.lines().count();
+        show(&redrawn)
     }
 
     /// Takes the picture away, so that what follows has the screen.
     ///
     /// # Errors
-    /// The output is closed.
+    /// As of [`draw_if_due`](Self::draw_if_due).
     pub(crate) fn end(&mut self) -> io::Result<()> {
         let up = std::mem::take(&mut self.lines);
-        if up > 0 {
-            write!(io::stdout(), "\x1b[{up}A\x1b[J")?;
-        }
-        Ok(())
+        if up > 0 { show(&format!("\x1b[{up}A\x1b[J")) } else { Ok(()) }
     }
 
     /// The picture in at most `columns` by `rows`: a line that wraps would not be drawn over by the next picture.
@@ -112,7 +110,7 @@ impl Screen {
         out.push(format!("the controller uses {phase} parameters"));
         out.push(String::new());
         out.push("torque error caused by wrong parameters [% of the torque limits]".to_owned());
-        let bar_width = columns.saturating_sub(BESIDE_BAR).clamp(BAR_WIDTH.0, BAR_WIDTH.1);
+        let bar_width = columns.saturating_sub(BAR_TEXT_WIDTH).clamp(BAR_WIDTH.0, BAR_WIDTH.1);
         let cell_width = columns.saturating_sub(LABEL_WIDTH) / self.joints.len().max(1);
         let cell_width = cell_width.clamp(CELL_WIDTH.0, CELL_WIDTH.1);
         match (&frame.errors, &self.first) {
@@ -137,7 +135,7 @@ impl Screen {
             out.push(row("residual nominal [Nm]", &health.nominal_residual_rms));
             out.push(row("residual now     [Nm]", &health.residual_rms));
         }
-        let errors = (0..self.joints.len()).map(|j| format!("{:.3}", 1e3 * frame.tracking.now.rms(j)));
+        let errors = (0..self.joints.len()).map(|j| mrad(frame.tracking.now.rms(j)));
         out.push(format!("{:<LABEL_WIDTH$}{}", "tracking error [mrad]", cells(errors, cell_width)));
         out.push(String::new());
         out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
@@ -145,6 +143,18 @@ impl Screen {
         text.push('\n');
         text
     }
+}
+
+/// `text` over the picture of `lines` lines above the cursor. Each line is erased as it is written, and the rest at the end:
+/// erasing all from the first line on makes some terminals keep every picture in their history.
+fn redrawn(text: &str, lines: usize) -> String {
+    let up = if lines > 0 { format!("\x1b[{lines}A") } else { String::new() };
+    format!("{up}{}\x1b[J", text.replace('\n', "\x1b[K\n"))
+}
+
+/// Milliradians of an angle \[rad\]; a dash before the first sample.
+fn mrad(angle: f64) -> String {
+    if angle.is_nan() { "-".to_owned() } else { format!("{:.3}", 1e3 * angle) }
 }
 
 /// One right-aligned cell a joint.
@@ -185,9 +195,45 @@ fn timing(health: &Health) -> String {
 
 fn line(frame: &Frame<'_>) -> String {
     let all = frame.errors.as_ref().and_then(|errors| errors.last().copied());
-    let all =
-        all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of torque limits"));
-    let tracking = 1e3 * frame.tracking.now.rms_all(frame.tracking.dof);
+    let all = all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of limits"));
+    let tracking = mrad(frame.tracking.now.rms_all(frame.tracking.dof));
     let phase = if frame.identified { "identified" } else { "nominal" };
-    format!("{:5.1} s  {phase:<10}  {all}  tracking error {tracking:.3} mrad rms\n", frame.motion_s)
+    format!("{:5.1} s  {phase:<10}  {all}  tracking {tracking} mrad rms\n", frame.motion_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line that wraps leaves its rest behind when the next picture is drawn over it, and so floods the terminal.
+    #[test]
+    fn picture_fits_the_terminal() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let robot = crate::demo::unpack(folder.path()).expect("the built-in robot");
+        let robot = rivet_config::load(&robot).expect("it is sound");
+        let screen = Screen { first: Some(vec![1.0; GROUPS.len() + 1]), ..Screen::new(&robot) };
+        let (health, tracking) = (Health::default(), Tracking::new(6, 0..10, 10..20));
+        let errors = Some(vec![100.0; GROUPS.len() + 1]);
+        let frame = Frame {
+            motion_s: 1.0,
+            total_s: 24.0,
+            identified: false,
+            errors,
+            health: Some(&health),
+            tracking: &tracking,
+        };
+        for (columns, rows) in [(80, 24), (100, 30), (60, 24), (40, 10), (1, 1)] {
+            let text = screen.fitted(&frame, (columns, rows));
+            let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
+            assert!(widest < usize::from(columns).max(2), "{columns} columns:\n{text}");
+            assert!(text.lines().count() < usize::from(rows).max(2), "{rows} rows:\n{text}");
+        }
+        // Only the rest below the last line is erased as a whole.
+        let again = redrawn(&screen.fitted(&frame, USUAL_SIZE), 5);
+        assert!(again.starts_with("\x1b[5A") && again.find("\x1b[J") == Some(again.len() - 3), "{again:?}");
+        // Nothing is cut off on the usual terminal.
+        let usual = screen.fitted(&frame, USUAL_SIZE);
+        assert_eq!(usual.trim_end(), screen.draw(&frame, usize::from(USUAL_SIZE.0) - 1).trim_end());
+        assert!(usual.contains("wake-up late"), "{usual}");
+    }
 }

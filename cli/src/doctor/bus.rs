@@ -3,7 +3,9 @@
 use super::Args;
 use crate::control::bus_of;
 use rivet_config::{Bus, Robot};
-use rivet_ipc_schema::{BusConfig, BusError, Ownership, RobotName, Survey, User, cleanup, ownership, purge, survey};
+use rivet_ipc_schema::{
+    BusConfig, BusError, Ownership, RobotName, Survey, User, cleanup, ownership, purge, survey, sweep_private,
+};
 use rivet_realtime::{Finding, Severity};
 
 /// What lies on the bus; with `--clean`, what of it was freed first.
@@ -32,7 +34,11 @@ fn clean(config: &BusConfig, seen: Result<Survey, BusError>) -> Finding {
     let cleaned = seen.and_then(|survey| if at_work(&survey) == 0 { purge(config) } else { cleanup(config) });
     match cleaned {
         Ok(freed) => {
-            let done = format!("{} dead parties freed, {} files removed", freed.dead_nodes, freed.files);
+            let private = match sweep_private() {
+                0 => String::new(),
+                count => format!("; {count} abandoned private buses removed (demonstrations, replays)"),
+            };
+            let done = format!("{} dead parties freed, {} files removed{private}", freed.dead_nodes, freed.files);
             Finding::fine("clean", Severity::Ok, done)
         }
         Err(why) => Finding::fine("clean", Severity::Failure, why.to_string()),
@@ -76,7 +82,7 @@ impl Seen {
                 // Files of the prefix, and no directory: whoever made them has another.
                 let found = format!("{place}: not there, but {path} of the user {theirs} has this prefix");
                 let change =
-                    "look as their user, with their --root (the units: rivet, /run/rivet); or another --prefix";
+                    "look as their user, with their --root (the units: rivet, /run/rivet/<robot>); or another --prefix";
                 return Finding::change(check, Severity::Warning, found, change);
             };
             let count = self.whose.strays.len();

@@ -19,6 +19,7 @@ mod rigid;
 mod slip;
 mod spatial;
 mod urdf;
+mod xml_limits;
 
 pub use arm::{Arm, Joint, JointKind, MAX_JOINTS, flange_pose};
 pub use base::{BaseError, BaseSet, RankGap};
@@ -31,3 +32,4 @@ pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia
 pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
 pub use slip::Slip;
 pub use urdf::{UrdfError, WrittenUrdf, write_urdf};
+pub use xml_limits::XmlExcess;

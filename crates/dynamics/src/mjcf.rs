@@ -1,7 +1,7 @@
 //! MJCF: what MuJoCo can hold of an arm and its drives, written and read back.
 //!
-//! What MuJoCo 3 reads is written in its form. Damping with speed squared or cubed, and delays, need MuJoCo 4; the file's
-//! first line then says so.
+//! What MuJoCo 3 reads is written in its form. Damping with speed squared or cubed, and delays, need MuJoCo 4; the first
+//! line of the file then names them.
 //!
 //! Joint torque τ that MuJoCo needs for a motion, as its file says it:
 //!
@@ -78,6 +78,9 @@ pub enum MjcfError {
     /// Not XML.
     #[error("is no XML: {0}")]
     Xml(String),
+    /// Too deep, too many or too long for any arm.
+    #[error("cannot be read: {0}")]
+    Excess(#[from] crate::xml_limits::XmlExcess),
     /// An attribute that must be there.
     #[error("<{element}> has no usable `{attribute}`")]
     Attribute {
@@ -153,7 +156,8 @@ impl Mjcf {
 
     /// What in the file MuJoCo 3 does not read.
     fn version_note(&self) -> &'static str {
-        let (damping, delay) = (self.drives.iter().any(|d| d.bends()), self.drives.iter().any(|d| d.delay > 0.0));
+        let (damping, delay) =
+            (self.drives.iter().any(MjcfDrive::has_nonlinear_damping), self.drives.iter().any(|d| d.delay > 0.0));
         match (damping, delay) {
             (false, false) => "",
             (true, false) => "; needs MuJoCo 4 for damping with several coefficients",
@@ -179,7 +183,7 @@ impl Mjcf {
             "{indent}  <joint name=\"{name}\" type=\"{kind}\" axis=\"{:?} {:?} {:?}\" armature=\"{:?}\" damping=\"{:?}",
             a[0], a[1], a[2], d.armature, d.damping[0]
         );
-        if d.bends() {
+        if d.has_nonlinear_damping() {
             let _ = write!(out, " {:?} {:?}", d.damping[1], d.damping[2]);
         }
         let _ = write!(out, "\" frictionloss=\"{:?}\"", d.frictionloss);
@@ -206,6 +210,7 @@ impl Mjcf {
     /// # Errors
     /// [`MjcfError`].
     pub fn read(text: &str) -> Result<Mjcf, MjcfError> {
+        crate::xml_limits::ensure_bounded(text)?;
         let mut reader = Reader::from_str(text);
         let mut found = Mjcf {
             arm: Arm { name: String::new(), joints: Vec::new(), links: Vec::new(), gravity: [0.0; 3] },
@@ -408,8 +413,8 @@ fn rotation([w, x, y, z]: &[f64; 4]) -> Mat3 {
 }
 
 impl MjcfDrive {
-    /// Whether friction grows otherwise than with speed itself.
-    fn bends(&self) -> bool {
+    /// Whether damping has a term of second or third order in speed.
+    fn has_nonlinear_damping(&self) -> bool {
         self.damping[1] != 0.0 || self.damping[2] != 0.0
     }
 

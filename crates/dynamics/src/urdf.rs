@@ -24,6 +24,9 @@ pub enum UrdfError {
     /// Not XML, or not a URDF.
     #[error("cannot be read as a URDF: {0}")]
     Unreadable(#[source] Box<urdf_rs::UrdfError>),
+    /// Too deep, too many or too long for any arm.
+    #[error("cannot be read as a URDF: {0}")]
+    Excess(#[from] crate::xml_limits::XmlExcess),
     /// Nothing moves.
     #[error("has no revolute, continuous or prismatic joint")]
     NoJoints,
@@ -189,6 +192,7 @@ impl Arm {
     /// # Errors
     /// The first thing found that keeps the file from being a chain of 1 to [`MAX_JOINTS`] physical bodies.
     pub fn from_urdf(text: &str, gravity: [f64; 3]) -> Result<Arm, UrdfError> {
+        crate::xml_limits::ensure_bounded(text)?;
         let robot = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Unreadable(Box::new(e)))?;
         let tree = Tree::new(&robot)?;
         let mut joints: Vec<Joint> = Vec::new();
@@ -256,13 +260,16 @@ impl<'a> Tree<'a> {
             parent[below] = Some((joint, above));
             children[above].push(joint);
         }
+        let mut walk: Vec<Option<usize>> = vec![None; robot.links.len()];
         for start in 0..robot.links.len() {
+            // No link is passed twice in all: a walk ends where an earlier one has been.
             let mut link = start;
-            for _ in 0..robot.links.len() {
+            while walk[link].is_none() {
+                walk[link] = Some(start);
                 let Some((_, above)) = parent[link] else { break };
                 link = above;
             }
-            if parent[link].is_some() {
+            if walk[link] == Some(start) && parent[link].is_some() {
                 return Err(UrdfError::Loop { link: robot.links[link].name.clone() });
             }
         }

@@ -40,10 +40,12 @@ mod holds;
 mod log;
 mod overlap;
 mod parquet_file;
+mod parquet_limits;
 mod resample;
 mod signal;
 mod stairs;
 mod stamps;
+mod thrift;
 
 pub use clock::{ClockRate, OtherClock};
 pub use error::{LogError, LogFault};

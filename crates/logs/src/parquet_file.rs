@@ -19,6 +19,7 @@ use rayon::prelude::*;
 
 use crate::columns::Table;
 use crate::error::{LogError, LogFault};
+use crate::parquet_limits;
 
 /// Reads the columns that `wanted` picks by name from a Parquet file.
 ///
@@ -33,14 +34,16 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
     // Whole, since columns are read side by side and a file has one cursor; what is made of it is larger.
     let file = Bytes::from(std::fs::read(path).map_err(|e| LogFault::Io(e).at(path))?);
     let bytes = file.len() as u64;
-    let reader = SerializedFileReader::new(file).map_err(|e| fault(&e).at(path))?;
+    let why = |why| fault(&ParquetError::General(why)).at(path);
+    parquet_limits::ensure_footer(&file).map_err(why)?;
+    let reader = SerializedFileReader::new(file.clone()).map_err(|e| fault(&e).at(path))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     ensure_plausible(reader.metadata(), bytes).map_err(|e| fault(&e).at(path))?;
     let (picked, unused): (Vec<_>, Vec<_>) =
         schema.columns().iter().enumerate().partition(|(_, column)| wanted(&column.path().string()));
     let mut table = Table { unused: unused.iter().map(|(_, c)| c.path().string()).collect(), ..Table::default() };
     // All of them first: which error is told does not depend on who is done first.
-    let read: Vec<_> = picked.par_iter().map(|(k, _)| read_column(path, &reader, *k)).collect();
+    let read: Vec<_> = picked.par_iter().map(|(k, _)| read_column(path, &file, &reader, *k)).collect();
     for ((_, column), values) in picked.iter().zip(read) {
         let name = column.path().string();
         if table.columns.insert(name.clone(), values?).is_some() {
@@ -51,7 +54,7 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
 }
 
 /// Column `k` of all row groups.
-fn read_column(path: &Path, reader: &SerializedFileReader<Bytes>, k: usize) -> Result<Vec<f64>, LogError> {
+fn read_column(path: &Path, file: &[u8], reader: &SerializedFileReader<Bytes>, k: usize) -> Result<Vec<f64>, LogError> {
     let column = reader.metadata().file_metadata().schema_descr().column(k);
     let name = column.path().string();
     let mut values = Vec::new();
@@ -65,6 +68,9 @@ fn read_column(path: &Path, reader: &SerializedFileReader<Bytes>, k: usize) -> R
             let why = format!("column \"{name}\" lies before the beginning of the file");
             return Err(fault(&ParquetError::General(why)).at(path));
         }
+        let (from, size) = (begin as usize, chunk.compressed_size() as usize);
+        parquet_limits::ensure_pages(file, (from, size), (chunk.num_values(), group.metadata().num_rows()))
+            .map_err(|why| fault(&ParquetError::General(format!("column \"{name}\": {why}"))).at(path))?;
         let pages = group.get_column_page_reader(k).map_err(|e| fault(&e).at(path))?;
         let size = if matches!(column.physical_type(), PhysicalType::FLOAT | PhysicalType::INT32) { 4 } else { 8 };
         let cells = get_column_reader(column.clone(), Box::new(Checked { pages, size }));
@@ -85,8 +91,10 @@ fn read_column(path: &Path, reader: &SerializedFileReader<Bytes>, k: usize) -> R
     Ok(values)
 }
 
-/// Cells that a byte of the file may stand for. Values that never change take next to none, but time goes on.
-const CELLS_A_BYTE: u64 = 4096;
+/// Cells that a byte of the file may stand for. Positions and time change from row to row, so that of 20 columns some bytes a row are left.
+const CELLS_A_BYTE: u64 = 64;
+/// Cells that every file may have: 32 MiB of values.
+const CELLS_OF_ANY_FILE: u64 = 4 << 20;
 
 /// Rows are claimed by a few bytes, and may be of values that repeat: without a limit a small file fills all memory.
 fn ensure_plausible(metadata: &ParquetMetaData, bytes: u64) -> Result<(), ParquetError> {
@@ -94,8 +102,15 @@ fn ensure_plausible(metadata: &ParquetMetaData, bytes: u64) -> Result<(), Parque
         let cells = u64::try_from(group.num_rows()).unwrap_or(0).saturating_mul(group.num_columns() as u64);
         sum.saturating_add(cells)
     });
-    if claimed > bytes.saturating_mul(CELLS_A_BYTE) {
+    if claimed > bytes.saturating_mul(CELLS_A_BYTE).saturating_add(CELLS_OF_ANY_FILE) {
         return Err(ParquetError::General(format!("it claims {claimed} cells and has {bytes} bytes")));
+    }
+    // Columns that share their bytes would let a second row group go around every limit of the first.
+    let chunks = metadata.row_groups().iter().flat_map(parquet::file::metadata::RowGroupMetaData::columns);
+    let stored =
+        chunks.fold(0_u64, |sum, c| sum.saturating_add(u64::try_from(c.compressed_size()).unwrap_or(u64::MAX)));
+    if stored > bytes {
+        return Err(ParquetError::General(format!("its columns claim {stored} of its {bytes} bytes")));
     }
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! The live view.
 
 use crate::snapshot::{
-    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
-    phases, quantiles, refusals, source, worst,
+    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, is_state_lost, load,
+    parameter_state, phases, quantiles, refusals, source, state_folder, worst,
 };
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -106,9 +106,14 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         let style = if good.contains(&text.as_str()) { GOOD } else { BAD };
         Line::from(vec![Span::styled(label, STRONG), Span::styled(text, style)])
     };
+    let lost = |state: u32| {
+        let text = Span::styled(state_folder(state), BAD);
+        is_state_lost(state).then(|| Line::from(vec![Span::styled("state       ", STRONG), text]))
+    };
     lines.push(state("daemon      ", s.mode(), &["estimating", "frozen"]));
     if let Some(report) = s.health {
         let h = report.message;
+        lines.extend(lost(h.state_folder));
         let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
         lines.push(plain("supervision ", format!("{} move, {} held; window {window}", h.active, h.held)));
         lines.push(plain("instruments ", instruments(h.instruments)));
@@ -122,6 +127,7 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     lines.push(state("controller  ", s.state(), &["following", "holding"]));
     if let Some(report) = s.controller {
         let c = report.message;
+        lines.extend(lost(c.state_folder));
         let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
         lines.push(plain("parameters  ", format!("{}; {} sets accepted{refused}", source(&c), c.accepted)));
         lines.push(labelled("faults      ", &controller_faults(&c)));
@@ -240,7 +246,7 @@ mod tests {
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use rivet_ipc_schema::{
-        BusConfig, ControllerHealth, HISTOGRAM_BINS, Health, PHASES, Parameters, Timing, WORST_PERIODS,
+        BusConfig, ControllerHealth, HISTOGRAM_BINS, Health, PHASES, Parameters, StateFolder, Timing, WORST_PERIODS,
     };
     use std::path::Path;
 
@@ -272,6 +278,7 @@ mod tests {
         health.residual_rms[0] = 8.0;
         (health.input_fault, health.input_joints, health.load_level) = (9, 2, 2);
         (health.load_changes, health.load_seq, health.rows_doubted) = (2, 777, 5);
+        health.state_folder = StateFolder::Full.into();
         let mut timing = Timing { count: 2, ..Timing::default() };
         timing.phase_histogram[3 * HISTOGRAM_BINS + 13] = 100;
         timing.phase_max_ns[3] = 9_000;
@@ -291,6 +298,7 @@ mod tests {
             "decimate since sample 777; 2 changes",
             "model 9",
             "pub 0",
+            "FOLDER IS FULL",
             "1.3 ms, late wake up",
             "estimating",
             "3 periods missed",

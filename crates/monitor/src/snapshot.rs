@@ -5,7 +5,7 @@ use rivet_config::Robot;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
     InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, SourceReason, Subscriber, Timing, parameter_flags,
+    PeriodCause, SourceReason, StateFolder, Subscriber, Timing, parameter_flags,
 };
 use rivet_realtime::{LogHistogram, now_ns};
 use std::fmt::Debug;
@@ -278,6 +278,22 @@ pub(crate) fn parameter_state(state: u8) -> &'static str {
         Ok(ParameterState::Unidentified) => "open",
         Err(_) => "unknown",
     }
+}
+
+/// Whether a process can write its state folder.
+pub(crate) fn state_folder(state: u32) -> String {
+    match StateFolder::try_from(state) {
+        Ok(StateFolder::None) => "no folder: nothing is stored or recorded".to_owned(),
+        Ok(StateFolder::Writable) => "folder can be written".to_owned(),
+        Ok(StateFolder::Unwritable) => "FOLDER CANNOT BE WRITTEN: nothing is stored or recorded".to_owned(),
+        Ok(StateFolder::Full) => "FOLDER IS FULL: nothing is stored or recorded".to_owned(),
+        Err(_) => format!("state of the folder {state}"),
+    }
+}
+
+/// Whether something is wrong with a state folder, which has to be looked after.
+pub(crate) fn is_state_lost(state: u32) -> bool {
+    ![StateFolder::None, StateFolder::Writable].map(u32::from).contains(&state)
 }
 
 /// Whose parameters the controller uses, and why.

@@ -2,7 +2,7 @@
 
 use crate::snapshot::{
     Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
-    phases, quantiles, refusals, source, worst,
+    phases, quantiles, refusals, source, state_folder, worst,
 };
 use rivet_ipc_schema::Health;
 use std::fmt::Write as _;
@@ -26,6 +26,7 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
             writeln!(out, "input        {}", input_state(s, &h))?;
             writeln!(out, "load         {}", load(&h))?;
             writeln!(out, "drops        {}", drops(&h))?;
+            writeln!(out, "state        {}", state_folder(h.state_folder))?;
             writeln!(out, "periods      {}", h.periods)?;
             writeln!(out, "wake         {}", quantiles(&h.wake_histogram, h.worst_wake_ns))?;
             writeln!(out, "work         {}", quantiles(&h.work_histogram, h.worst_work_ns))?;
@@ -56,6 +57,7 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
                 c.commands
             )?;
             writeln!(out, "c-faults     {}", controller_faults(&c))?;
+            writeln!(out, "c-state      {}", state_folder(c.state_folder))?;
             let refused: Vec<_> = refusals(&c).into_iter().map(|(why, count)| format!("{count} {why}")).collect();
             let refused = if refused.is_empty() { "none".to_owned() } else { refused.join(", ") };
             writeln!(out, "gate         {} sets accepted, refused: {refused}", c.accepted)?;

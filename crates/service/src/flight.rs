@@ -1,9 +1,10 @@
 //! The flight recorder: what was measured and made of it in the last second, written by the real-time thread, kept as a log by
 //! another one when something has gone wrong.
 
+use rivet_files::Draft;
 use rivet_realtime::RecentRows;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -130,6 +131,12 @@ impl Flight {
         }
     }
 
+    /// Where records go.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Takes in a sample; the oldest goes. Real-time safe; one thread only.
     pub fn push(&self, stamp_ns: u64, seq: u64, faults: u32, numbers: impl IntoIterator<Item = f64>) {
         let numbers = numbers.into_iter().map(f64::to_bits);
@@ -191,25 +198,14 @@ impl Flight {
     fn write_at(&self, name: &str, now: Instant) -> io::Result<PathBuf> {
         let path = |number: usize| self.folder.join(format!("{name}.{number}.flight.csv"));
         fs::create_dir_all(&self.folder)?;
-        let temporary = self.folder.join(format!("{name}.flight.tmp{}", std::process::id()));
-        let written = self.write_over(&temporary, path, || self.replaces(name, path, now));
-        if written.is_err() {
-            // Best effort: what is half written is no record.
-            let _ = fs::remove_file(&temporary);
-        }
-        written.map(|()| path(0))
+        self.write_over(path, || self.replaces(name, path, now)).map(|()| path(0))
     }
 
-    /// Writes `temporary` and makes it number 0; unless it replaces that one, those before it move on by one.
-    fn write_over(
-        &self,
-        temporary: &Path,
-        path: impl Fn(usize) -> PathBuf,
-        replaces: impl FnOnce() -> bool,
-    ) -> io::Result<()> {
-        let mut file = File::create(temporary)?;
-        file.write_all(self.text().as_bytes())?;
-        file.sync_all()?;
+    /// Writes a record and makes it number 0; unless it replaces that one, those before it move on by one.
+    fn write_over(&self, path: impl Fn(usize) -> PathBuf, replaces: impl FnOnce() -> bool) -> io::Result<()> {
+        let mut draft = Draft::new(&path(0))?;
+        draft.file().write_all(self.text().as_bytes())?;
+        draft.file().sync_all()?;
         let oldest = if replaces() { 0 } else { FILES - 1 };
         for number in (1..=oldest).rev() {
             match fs::rename(path(number - 1), path(number)) {
@@ -217,7 +213,7 @@ impl Flight {
                 _ => {}
             }
         }
-        fs::rename(temporary, path(0))
+        draft.publish().map(drop)
     }
 
     fn text(&self) -> String {

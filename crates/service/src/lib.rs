@@ -6,10 +6,12 @@
 mod flight;
 mod journal;
 mod manager;
+mod state_folder;
 
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;
+pub use state_folder::{StateFolder, Storage};
 
 /// The warning of a process that polls for samples, since the robot controller does not send the wake-up event.
 pub const NOT_NOTIFIED: &str = "joint states arrive without the wake-up event, so this process polls for them; the robot controller is to \

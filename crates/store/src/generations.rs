@@ -3,7 +3,7 @@
 use crate::error::{Problem, StoreError};
 use crate::format::{Entry, FORMAT_VERSION, Knowledge, decode, encode};
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// No store file is longer \[bytes\]: whatever lies in its place is not read whole.
@@ -39,7 +39,7 @@ impl Store {
         let fail = |path: &Path, source| StoreError { path: path.to_owned(), source };
         fs::create_dir_all(folder).map_err(|source| fail(folder, source))?;
         let path = folder.join(format!("{robot}.lock"));
-        let lock = File::create(&path).map_err(|source| fail(&path, source))?;
+        let lock = rivet_files::open_lock(&path).map_err(|source| fail(&path, source))?;
         lock.try_lock().map_err(|why| match why {
             TryLockError::Error(source) => fail(&path, source),
             TryLockError::WouldBlock => fail(&path, io::Error::other("another process stores this robot's parameters")),
@@ -50,6 +50,8 @@ impl Store {
     }
 
     fn remove_unfinished(&self) {
+        rivet_files::sweep(&self.folder);
+        // As programs up to 0.1 called them.
         let parts = [0, 1].map(|slot| format!("{}.{slot}.tmp", self.robot));
         let unfinished = |name: &str| parts.iter().any(|part| name.starts_with(part.as_str()));
         for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
@@ -63,6 +65,45 @@ impl Store {
     /// As [`open`](Store::open) for a process that only reads: nothing is made.
     pub fn reader(folder: &Path, robot: &str) -> Store {
         Store { _lock: None, folder: folder.to_owned(), robot: robot.to_owned(), next: None }
+    }
+
+    /// Whether there is any file of this robot's, also one that was set aside.
+    #[must_use]
+    pub fn has_files(&self) -> bool {
+        !self.files().is_empty()
+    }
+
+    /// Files of this robot's, the one written last first.
+    fn files(&self) -> Vec<PathBuf> {
+        let begins = [0, 1].map(|slot| format!("{}.{slot}.state", self.robot));
+        let is_ours = |name: &str| begins.iter().any(|begin| name.starts_with(begin.as_str()));
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let mut files: Vec<_> = entries
+            .filter(|entry| entry.file_name().to_str().is_some_and(is_ours))
+            .map(|entry| (entry.metadata().and_then(|data| data.modified()).ok(), entry.path()))
+            .collect();
+        files.sort_by_key(|(written, _)| std::cmp::Reverse(*written));
+        files.into_iter().map(|(_, path)| path).collect()
+    }
+
+    /// Copies the files of this robot's from the folder of an earlier installation. Where there are some here already, nothing is
+    /// done: what was forgotten by request stays forgotten. Returns the copies.
+    ///
+    /// # Errors
+    /// A copy cannot be written.
+    pub fn copy_from(&self, before: &Path) -> Result<Vec<PathBuf>, StoreError> {
+        let mut copies = Vec::new();
+        if self.has_files() {
+            return Ok(copies);
+        }
+        // The newest first: a kill between two copies loses the older generation.
+        for path in Store::reader(before, &self.robot).files() {
+            let (Some(Ok(bytes)), Some(name)) = (read(&path), path.file_name()) else { continue };
+            let copy = self.folder.join(name);
+            rivet_files::write_whole(&copy, bytes).map_err(|source| StoreError { path: copy.clone(), source })?;
+            copies.push(copy);
+        }
+        Ok(copies)
     }
 
     fn path(&self, slot: u64) -> PathBuf {
@@ -189,11 +230,7 @@ impl Store {
         let generation = if generation % 2 == slot { generation } else { generation + 1 };
         let entry = Entry { generation, robot: self.robot.clone(), knowledge: knowledge.clone() };
         let path = self.path(slot);
-        let temporary = path.with_extension(format!("tmp{}", std::process::id()));
-        let written = write_whole(&temporary, &encode(&entry)).and_then(|()| fs::rename(&temporary, &path));
-        if let Err(source) = written {
-            // The first error is the one to report; a file that was never made cannot be removed either.
-            let _ = fs::remove_file(&temporary);
+        if let Err(source) = rivet_files::write_whole(&path, encode(&entry)) {
             return Err(StoreError { path, source });
         }
         self.next = Some(generation + 1);
@@ -208,12 +245,6 @@ impl Store {
 /// What files end in that were set aside when the model, or the program, was another one.
 fn of_before(model_hash: u64) -> [String; 2] {
     [format!("state-of-{model_hash:016x}"), format!("state-of-version-{FORMAT_VERSION}")]
-}
-
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
 }
 
 fn read(path: &Path) -> Option<Result<Vec<u8>, Problem>> {

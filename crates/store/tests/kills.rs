@@ -107,7 +107,7 @@ fn a_writer_killed_at_any_instant_loses_no_more_than_it_was_writing() {
 
 fn leftovers(folder: &Path) -> usize {
     let entries = std::fs::read_dir(folder).expect("a folder").flatten();
-    entries.filter(|entry| entry.file_name().to_string_lossy().contains(".tmp")).count()
+    entries.filter(|entry| entry.file_name().to_string_lossy().ends_with(".part")).count()
 }
 
 /// A file may grow to every length short of its own: the kernel cuts the write there and refuses the rest, as on a full disk.

@@ -119,10 +119,12 @@ fn what_cannot_be_written_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut store = store(folder.path());
     store.save(&knowledge(1)).expect("written");
-    // A folder in the place of the temporary file: not even root can write it.
+    // A folder in the place of the older generation: not even root can write over it.
     for slot in [0, 1] {
-        let temporary = folder.path().join(format!("ur10e.{slot}.tmp{}", std::process::id()));
-        fs::create_dir(temporary).expect("made");
+        let path = folder.path().join(format!("ur10e.{slot}.state"));
+        if !path.exists() {
+            fs::create_dir(path).expect("made");
+        }
     }
     let error = store.save(&knowledge(2)).expect_err("nothing can be written").to_string();
     assert!(error.contains("ur10e."), "{error}");

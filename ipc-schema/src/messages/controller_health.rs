@@ -1,4 +1,4 @@
-//! `rivet.ControllerHealth.v2`
+//! `rivet.ControllerHealth.v3`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -12,7 +12,7 @@ pub const REFUSALS: usize = 16;
 ///
 /// Counters run since the controller's start and never go back.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.ControllerHealth.v2")]
+#[type_name("rivet.ControllerHealth.v3")]
 #[repr(C)]
 pub struct ControllerHealth {
     /// `seq` of the last joint state answered.
@@ -63,8 +63,8 @@ pub struct ControllerHealth {
     pub state: u32,
     /// How many entries of the joint arrays are in use, 1..=8.
     pub joints: u32,
-    /// Zero. Padding is spelt out, so the layout can be read off the source.
-    pub reserved: u32,
+    /// A [`StateFolder`](super::StateFolder): whether flight records can be written.
+    pub state_folder: u32,
     /// RMS of planned minus measured position over about the last second \[rad, or m\].
     pub tracking_rms: [f64; MAX_JOINTS],
     /// RMS error of the acting parameters on the recent torques of each joint \[N m, or N\]; NaN where it did not move.
@@ -165,11 +165,11 @@ wire_enum!(
     }
 );
 
-message!(ControllerHealth v 2, size 552 align 8, empty ControllerHealth {
+message!(ControllerHealth v 3, size 552 align 8, empty ControllerHealth {
     seq: 0, stamp_ns: 0, commands: 0, passed_over: 0, refused_stale: 0, refused_invalid: 0, stops: 0, broken: 0,
     saturated: 0, rate_limited: 0, setpoints_limited: 0, accepted: 0, switches: 0, epoch: 0, parameters_seq: 0,
     foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0,
-    refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0, joints: 0, reserved: 0,
+    refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0, joints: 0, state_folder: 0,
     tracking_rms: [0.0; MAX_JOINTS], prediction_rms: [f64::NAN; MAX_JOINTS],
     nominal_prediction_rms: [f64::NAN; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS],
 }, {
@@ -177,7 +177,7 @@ message!(ControllerHealth v 2, size 552 align 8, empty ControllerHealth {
     broken @ 56, saturated @ 64, rate_limited @ 72, setpoints_limited @ 80, accepted @ 88, switches @ 96, epoch @ 104,
     parameters_seq @ 112, foreign_joint_states @ 120, foreign_setpoints @ 128, foreign_parameters @ 136,
     refusals @ 144, source @ 272, source_reason @ 276, last_refusal @ 280, state @ 284,
-    joints @ 288, reserved @ 292, tracking_rms @ 296, prediction_rms @ 360, nominal_prediction_rms @ 424,
+    joints @ 288, state_folder @ 292, tracking_rms @ 296, prediction_rms @ 360, nominal_prediction_rms @ 424,
     largest_step @ 488,
 });
 

@@ -19,7 +19,7 @@ pub use controller_health::{
     ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
 };
 pub use drift::{DRIFT_REGIMES, Drift, DriftRegime, DriftVerdict};
-pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel};
+pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel, StateFolder};
 pub use joint_state::{JointState, faults};
 pub use link_state::LinkState;
 pub use parameters::{InstrumentSource, ParameterState, Parameters, parameter_flags};

@@ -40,7 +40,7 @@ pub fn seeds(target: &Target) -> std::io::Result<Vec<Vec<u8>>> {
     for entry in std::fs::read_dir(root.join("corpus").join(target.name))? {
         files.push(entry?.path());
     }
-    for folder in target.also.iter().map(|folder| root.join("..").join(folder)) {
+    for folder in target.also.iter().map(|folder| root.join("../..").join(folder)) {
         let mut there: Vec<PathBuf> = Vec::new();
         for entry in std::fs::read_dir(folder)? {
             let path = entry?.path();

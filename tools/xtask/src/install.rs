@@ -1,8 +1,9 @@
 //! `cargo xtask install`: programs, units, user, directories, robots, headers.
 
 use anyhow::{Context as _, Result, ensure};
+use rivet_files::Draft;
 use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -110,13 +111,11 @@ pub(crate) fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// Writes a file beside its place and renames it: a program that is running keeps the file that it runs from.
 fn put(path: &Path, bytes: &[u8], mode: u32) -> Result<usize> {
-    let name = path.file_name().context("what is installed has a name")?.to_string_lossy();
-    let part = path.with_file_name(format!(".{name}.new"));
     let write = || -> std::io::Result<()> {
         fs::create_dir_all(path.parent().unwrap_or(path))?;
-        fs::write(&part, bytes)?;
-        fs::set_permissions(&part, fs::Permissions::from_mode(mode))?;
-        fs::rename(&part, path)
+        let mut draft = Draft::new(path)?.with_mode(mode);
+        draft.file().write_all(bytes)?;
+        draft.publish().map(drop)
     };
     write().with_context(|| path.display().to_string())?;
     Ok(1)
@@ -125,6 +124,7 @@ fn put(path: &Path, bytes: &[u8], mode: u32) -> Result<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[test]
     fn everything_is_put_where_the_units_say() {

@@ -1,6 +1,5 @@
 //! Files that `rivet-sim` leaves: the truth, the log, the summary. Each appears complete or not at all.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
@@ -108,7 +107,7 @@ impl LogWriter {
         let target = path.to_owned();
         let thread = std::thread::spawn(move || {
             rivet_files::fill_whole(&target, |part| {
-                let mut file = BufWriter::new(File::create(part)?);
+                let mut file = BufWriter::new(part);
                 write!(file, "t")?;
                 for what in ["q", "tau", "q_des", "qd_des", "qdd_des"] {
                     for j in 1..=dof {

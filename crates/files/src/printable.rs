@@ -1,0 +1,66 @@
+//! Text of files as a terminal may show it.
+
+use std::borrow::Cow;
+use std::fmt;
+
+/// Whether a terminal would act on a character, or show the text in another order: C0 and C1 controls, DEL, line and paragraph
+/// separators, marks and overrides of writing direction.
+pub fn is_unsafe(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// The text with every unsafe character as its escape: `\n`, `\t`, `\u{9b}`. Text without one is not copied.
+///
+/// ```
+/// assert_eq!(rivet_files::printable("a\u{9b}31mb\n"), "a\\u{9b}31mb\\n");
+/// ```
+pub fn printable(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_unsafe) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        // `escape_default` is no choice: it escapes letters beyond ASCII too.
+        if is_unsafe(c) && matches!(c, '\n' | '\r' | '\t') {
+            out.extend(c.escape_default());
+        } else if is_unsafe(c) {
+            out.extend(c.escape_unicode());
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
+}
+
+/// Shows another value with its unsafe characters escaped. Line feeds are kept: an error may have several lines.
+pub struct Printable<T>(pub T);
+
+impl<T: fmt::Display> fmt::Display for Printable<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = self.0.to_string();
+        for (k, line) in text.split('\n').enumerate() {
+            if k > 0 {
+                f.write_str("\n")?;
+            }
+            f.write_str(&printable(line))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn escapes_every_control_and_override() {
+        let controls = (0..=0x1f).chain(0x7f..=0x9f).chain(0x202a..=0x202e).chain(0x2066..=0x2069);
+        for c in controls.filter_map(char::from_u32) {
+            let shown = printable(&format!("a{c}b")).into_owned();
+            assert!(shown.starts_with("a\\") && shown.is_ascii() && !shown.contains(c), "{shown:?}");
+        }
+        assert!(matches!(printable("Gelenk ü 関節"), Cow::Borrowed(_)));
+        assert_eq!(Printable("a\n\u{1b}[2J").to_string(), "a\n\\u{1b}[2J");
+    }
+}
