@@ -152,16 +152,18 @@ fn mismatches(a: &Document, b: &Document) -> Vec<String> {
         rule("joints", joints(a), joints(b));
     }
     let (Some(x), Some(y)) = (&a.passport, &b.passport) else {
-        found.push("passport: at least one of the two has none, so nothing says that they were made alike".to_owned());
+        found.push(
+            "passport: at least one of the two has none, so it is unknown whether they were made alike".to_owned(),
+        );
         return found;
     };
     rule("version", x.tool.version.clone(), y.tool.version.clone());
     rule("kinematics and structure of the model", x.model.clone(), y.model.clone());
     rule("torque", x.torque.clone(), y.torque.clone());
     let whole = |d: &Document| {
-        if d.data.cut { "the rest of the run looked at" } else { "a run of its own" }
+        if d.data.cut { "the rest of the training log" } else { "a separate log" }
     };
-    rule("what was sealed", whole(a).to_owned(), whole(b).to_owned());
+    rule("held-out data", whole(a).to_owned(), whole(b).to_owned());
     let step = |p: &crate::Passport| {
         let steps: Vec<f64> = p.inputs.iter().filter_map(|i| i.clock.as_ref()).map(|c| c.step_s).collect();
         steps.iter().sum::<f64>() / steps.len().max(1) as f64

@@ -267,7 +267,7 @@ impl Cause {
         if self.magnitude.contains_key(Self::POSITION_GAIN) {
             "a scale of the position".to_owned()
         } else if self.magnitude.contains_key(Self::HYSTERESIS) {
-            "hysteresis beside friction".to_owned()
+            "hysteresis in parallel to friction".to_owned()
         } else if self.magnitude.contains_key(Self::CONSTANT) {
             "a constant torque".to_owned()
         } else {

@@ -23,10 +23,9 @@ const UNSOUND: [&str; 4] = ["torque_sign", "torque_scale", "torque_silent", "tor
 impl Document {
     /// What to do where the whole arm is otherwise than the file says.
     fn next_of_the_whole(&self) -> Option<String> {
-        let again = "and diagnose the same logs again: nothing else was asked of them";
+        let again = "and diagnose the same logs again: nothing else was evaluated";
         if let Some([x, y, z]) = self.mounting() {
-            let or =
-                self.or("encoder_offset", "a joint's zero that is another (joint_zero) looks the same in these logs");
+            let or = self.or("encoder_offset", "another joint zero (joint_zero) looks the same in these logs");
             return Some(format!(
                 "Set gravity = [{x}, {y}, {z}] in the robot file, if the arm is mounted so, {again}{or}."
             ));
@@ -38,7 +37,8 @@ impl Document {
         let or =
             self.or("gravity_direction", "an arm that is mounted otherwise (gravity) looks the same in these logs");
         Some(format!(
-            "Add {offset:.4} rad ({:.1} degrees) to joint_zero of {} in [log] of the robot file, if its log counts so, {again}{or}.",
+            "Add {offset:.4} rad ({:.1} degrees) to joint_zero of {} in [log] of the robot file, if its log uses \
+             that zero, {again}{or}.",
             offset.to_degrees(),
             list(&cause.joints)
         ))
@@ -61,7 +61,7 @@ impl Document {
         };
         if let Some(joints) = of(&["position_sign"]) {
             return Some(format!(
-                "Turn the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
+                "Change the sign of the position of {joints}, or of the axis in the robot's URDF, and diagnose anew."
             ));
         }
         if of(&["torque_without_gravity"]).is_some() {
@@ -69,12 +69,14 @@ impl Document {
         }
         if let Some(joints) = of(&["joints_exchanged"]) {
             return Some(format!(
-                "Put the columns of {joints}, positions and torques, where they belong, and diagnose the same logs again."
+                "Correct the order of the columns of {joints}, positions and torques, and diagnose the same logs \
+                 again."
             ));
         }
         let joints = of(&["torque_sign", "torque_scale"])?;
         Some(format!(
-            "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before believing anything."
+            "Check sign, unit and scale of the torque of {joints}, and the sign of the position, before you use any \
+             result."
         ))
     }
 
@@ -84,8 +86,8 @@ impl Document {
         let off = |(_, gain): &(&Cause, f64)| (gain - 1.0).abs() > SCALED;
         let (hint, gain) = self.hints.iter().filter_map(|hint| Some((hint, gain(hint)?))).find(off)?;
         Some(format!(
-            "Compare the position of {} with an angle that is known: torques fit best where it is {gain:.3} times what is logged (a gear \
-             ratio, counts of an encoder). Then diagnose again.",
+            "Compare the position of {} with a known angle: torques fit best with {gain:.3} times the logged \
+             position (a gear ratio, counts of an encoder). Then diagnose again.",
             list(&hint.joints)
         ))
     }
@@ -96,8 +98,8 @@ impl Document {
         let of = |hint| Some((hint, size(hint, Cause::HYSTERESIS)?, size(hint, "length_rad")?));
         let (hint, torque, length) = self.hints.iter().find_map(of)?;
         Some(format!(
-            "Look for what {} drags along (a hose, a cable, a seal): torques fit best with {} N m more against the \
-             motion, which build up over {} rad after each reversal, beside friction as it is.",
+            "Look for a hose, a cable or a seal that {} drags along: torques fit best with {} N m more against the \
+             motion, built up over {} rad after each reversal.",
             list(&hint.joints),
             figure(torque, 3),
             figure(length, 2)
@@ -109,8 +111,8 @@ impl Document {
         let of = |hint: &Cause| hint.magnitude.get(Cause::CONSTANT).copied().flatten();
         let (hint, torque) = self.hints.iter().find_map(|hint| Some((hint, of(hint)?)))?;
         Some(format!(
-            "Record the torque signal of {} with the drive off: torques fit best with {} N m more, at rest as in motion (a zero that is \
-             off, or [friction] offset in the robot file). Then diagnose again.",
+            "Record the torque signal of {} with the drive off: torques fit best with {} N m more, at rest as in motion (a \
+             zero offset, or [friction] offset in the robot file). Then diagnose again.",
             list(&hint.joints),
             figure(torque, 3)
         ))
@@ -124,8 +126,7 @@ impl Document {
             return "Log the torque without its low-pass, or the positions through the same one.".to_owned();
         }
         if self.log.iter().any(|f| f.fault == "torque_swapped") {
-            return "Put the torque columns that are in each other's place where they belong, and diagnose again."
-                .to_owned();
+            return "Exchange the swapped torque columns, and diagnose again.".to_owned();
         }
         let mut faults: Vec<String> =
             self.log.iter().filter(|f| UNSOUND.contains(&f.fault.as_str())).map(|f| f.joint.clone()).collect();
@@ -133,14 +134,14 @@ impl Document {
             faults.sort();
             faults.dedup();
             return format!(
-                "Check sign, unit and scale of the torque of {} before believing anything else.",
+                "Check sign, unit and scale of the torque of {} before you use any other result.",
                 list(&faults)
             );
         }
         let clocks =
             self.passport.iter().flat_map(|passport| &passport.inputs).filter_map(|input| input.clock.as_ref());
         if clocks.into_iter().any(|clock| clock.off.as_ref().is_some_and(|off| off.sure)) {
-            return "Put the clock of the logs right first (see there), and diagnose again: a time that runs fast or slow is \
+            return "Correct the clock of the logs first (see there), and diagnose again: a wrong clock looks like \
                     rotor inertia and friction."
                 .to_owned();
         }
@@ -161,32 +162,33 @@ impl Document {
             return next;
         }
         if self.needs_other_motion() {
-            let order = if self.data.cut { "" } else { "; where one of these logs is such, give it before the others" };
+            let order =
+                if self.data.cut { "" } else { "; if one of these logs has such motion, give it before the others" };
             return format!("Record a motion that uses every joint over its range and speed{order}.");
         }
         if let Some((cause, motion)) = self.causes.iter().find_map(|c| Some((c, c.separating_motion.as_ref()?))) {
             let class = !cause.indistinguishable_from.is_empty();
-            let how = if class { "; give that log before the others, since the last one is kept sealed" } else { "" };
-            return format!("To tell causes apart, record {motion}{how}.");
+            let how = if class { "; give that log before the others, since the last one is held out" } else { "" };
+            return format!("To separate the causes, record {motion}{how}.");
         }
         if self.verdict == "unexplained" && self.between_runs.is_some() {
             if self.data.cut {
-                return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or give its part before and \
-                        its part after their own diagnoses."
+                return "Find what changed during the run (a load, a tool, a setting, a signal that failed), or \
+                        diagnose the parts before and after it separately."
                     .to_owned();
             }
-            return "Find what changed between the runs (a load, a tool, a setting), or give each state of the arm its own \
-                    diagnosis: swap the logs, or one log alone."
+            return "Find what changed between the runs (a load, a tool, a setting), or diagnose each state of the \
+                    arm separately: swap the logs, or use one log alone."
                 .to_owned();
         }
         if self.causes.iter().any(is_contact) {
             // Nobody simulates a touch that no motion tells.
             let others: Vec<String> =
                 self.causes.iter().filter(|c| !is_contact(c)).map(|c| effect(&c.effect)).collect();
-            let rest = if others.is_empty() { String::new() } else { format!("; see to {}", list(&others)) };
+            let rest = if others.is_empty() { String::new() } else { format!("; then correct {}", list(&others)) };
             return format!(
-                "Find what touched the arm and keep it away, then record and diagnose a new run: a contact is no part of a \
-                 simulator{rest}."
+                "Find what touched the arm and keep it away, then record and diagnose a new run: a contact is not \
+                 part of a simulator{rest}."
             );
         }
         match self.verdict.as_str() {
@@ -198,18 +200,14 @@ impl Document {
                 None => "Use the model; record other motion to trust it further.".to_owned(),
             },
             "unexplained" => {
-                "Look at what is left below, by frequency, angle and joint; record each joint alone, slow and fast."
-                    .to_owned()
+                "Check the residual by frequency, angle and joint; record each joint alone, slow and fast.".to_owned()
             }
             "parameter" => {
                 let open = self.unexplained_share.filter(|share| *share >= OPEN && !self.is_fitted());
                 let then = open.map_or_else(String::new, |share| {
-                    format!(
-                        "; {:.0} % of the squared gap is something else, which these values do not explain",
-                        100.0 * share
-                    )
+                    format!("; they do not explain {:.0} % of the squared gap", 100.0 * share)
                 });
-                format!("Put the values found into the robot file and diagnose a new run{then}.")
+                format!("Put the parameters found into the robot file and diagnose a new run{then}.")
             }
             _ => {
                 let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
@@ -223,11 +221,13 @@ impl Document {
                 let logged = if late.is_empty() {
                     ""
                 } else {
-                    "See that positions are logged as they are measured (a low-pass or a delay of theirs looks like one of the drive). "
+                    "Check that positions are logged as they are measured: a low-pass or a delay of theirs looks \
+                     like one of the drive. "
                 };
                 let either = if late.iter().any(|c| c.indistinguishable_from.iter().any(is_late)) {
-                    "No motion of one joint is expected to tell a delay from a lag: a step of one drive's current, recorded at the drive's own \
-                     rate, does (dead time, or a slope), and either does for motion. "
+                    "No motion of one joint is expected to separate a delay from a lag. A step of one drive's \
+                     current, recorded at the drive's own rate, does (dead time, or a slope); for motion either \
+                     serves. "
                 } else {
                     ""
                 };
@@ -252,7 +252,7 @@ mod tests {
             line(&document(&[("causes", json!([spring]))]), "Next")
         };
         assert!(next(json!(["counterbalance"])).contains("the whole range; give that log before the others"));
-        assert_eq!(next(json!([])), "To tell causes apart, record the whole range.");
+        assert_eq!(next(json!([])), "To separate the causes, record the whole range.");
     }
 
     #[test]
@@ -275,7 +275,7 @@ mod tests {
         let document =
             document(&[("verdict", json!("parameter")), ("causes", json!([cause("gravity_direction", &found)]))]);
         let (gap, next) = (line(&document, "Gap"), line(&document, "Next"));
-        assert!(gap.contains("all else as given") && next.contains("gravity = [0, 0, 9.81]"), "{gap} {next}");
+        assert!(gap.contains("all else nominal") && next.contains("gravity = [0, 0, 9.81]"), "{gap} {next}");
     }
 
     #[test]
@@ -289,7 +289,7 @@ mod tests {
                 ("data", data.clone()),
             ]);
             let (cause, next) = (line(&document, "Cause"), line(&document, "Next"));
-            assert!(cause.contains("omething changed on the way") && !cause.contains("between"), "{cause}");
+            assert!(cause.contains("omething changed during the run") && !cause.contains("between"), "{cause}");
             assert!(next.contains("during the run") && !next.contains("swap"), "{next}");
         }
     }
@@ -315,6 +315,6 @@ mod tests {
     fn a_position_of_the_wrong_sign_says_what_to_do() {
         let fault = json!({"run": "a", "joint": "j", "fault": "position_sign", "value": 2.6, "text": ""});
         let told = document(&[("remark", json!("why")), ("log", json!([fault]))]);
-        assert!(line(&told, "Next").starts_with("Turn the sign of the position of j"), "{}", line(&told, "Next"));
+        assert!(line(&told, "Next").starts_with("Change the sign of the position of j"), "{}", line(&told, "Next"));
     }
 }

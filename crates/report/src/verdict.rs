@@ -78,23 +78,23 @@ impl Document {
         let moving = most(0).zip(most(1)).map_or_else(String::new, |(before, after)| {
             let (before, after) = (figure(before, 2), figure(after, 2));
             format!(
-                " Where joints move and friction's direction is known, the worst joint misses {before} times its signal's noise \
-                 as given and {after} times with that."
+                " In motion, where the direction of friction is known, the worst joint has {before} times its noise \
+                 with the nominal model and {after} times with these changes."
             )
         });
         let repeated = gap.per_joint.iter().filter(|j| j.floor_from.as_deref() == Some("repeats"));
         let noise = match repeated.filter_map(|j| j.repeats_s).reduce(f64::max) {
             Some(seconds) => format!(
-                "Noise is {} %: by more than the torque signal's own, torque differs where the logs hold the same motion twice \
+                "The noise floor is {} %, from torque that differs where the logs hold the same motion twice \
                  ({seconds:.0} s)",
                 percent(gap.noise_floor)
             ),
-            None => format!("Noise of the torque signal alone is {} %", percent(gap.noise_floor)),
+            None => format!("The noise floor of the torque signal is {} %", percent(gap.noise_floor)),
         };
-        let others = if self.mounting().is_some() { "all else as given" } else { "the other values refitted" };
+        let others = if self.mounting().is_some() { "all else nominal" } else { "the other parameters refitted" };
         format!(
-            "On {:.0} s of motion that was kept sealed, the model as given misses the torque by {} %; with what is named \
-             below and {others}, by {} %. {noise}.{moving}",
+            "On {:.0} s of held-out motion, the residual of the nominal model is {} % of the torque; with the causes \
+             below and {others}, {} %. {noise}.{moving}",
             self.data.sealed_seconds.unwrap_or(0.0),
             percent(gap.before),
             percent(gap.after),
@@ -122,68 +122,70 @@ impl Document {
         match self.verdict.as_str() {
             "no_gap" => {
                 let at_fault = self.late_ms().map_or_else(String::new, |ms| {
-                    format!(", but for the logs themselves: torque is logged {ms} ms late, which was taken out")
+                    format!(", except in the logs: torque is logged {ms} ms late, which was corrected")
                 });
-                format!("Nothing is wrong that these logs could show{at_fault}.")
+                format!("These logs show nothing wrong{at_fault}.")
             }
             "not_evaluated" if self.needs_other_motion() => {
                 format!("Not evaluated: {}.", self.remark.as_deref().unwrap_or_default())
             }
             "unexplained" if !self.other_arm.is_empty() => format!(
-                "Unknown: bodies and rotors of {} are off by more than a data sheet ever is: is this the robot's file? What would \
-                 have to be changed is among the hints.",
+                "Unexplained: bodies and rotors of {} differ from the file by more than data sheets do. Check that \
+                 it is the file of this robot; the hints list the differences.",
                 list(&self.other_arm)
             ),
             "unexplained" if self.between_runs.as_deref() == Some("sealed_differs") => {
-                let [looked_at, sealed, fits, change] = if self.data.cut {
-                    ["the part of the run looked at", "the sealed part", "fits to its", "on the way"]
+                let [training, held_out, reaches, change] = if self.data.cut {
+                    ["the training part", "the held-out part", "reaches its", "during the run"]
                 } else {
-                    ["the runs looked at", "the sealed one", "fit to their", "between them"]
+                    ["the training logs", "the held-out log", "reach their", "between the logs"]
                 };
                 format!(
-                    "Unknown: {looked_at} {fits} noise and {sealed} does not. Something changed {change}, or shows in the sealed motion \
-                     only; what it is, {looked_at} cannot tell."
+                    "Unexplained: {training} {reaches} noise floor and {held_out} does not. Something changed \
+                     {change}, or only the held-out motion shows it."
                 )
             }
             "unexplained" if self.refuted => {
                 let given = match self.between_runs.as_deref() {
                     Some("sealed_as_given") if self.data.cut => {
-                        " The model as given fits the sealed part to its noise: something changed on the way, or the signals before it \
-                         are wrong."
+                        " The nominal model fits the held-out part to its noise: something changed during the run, \
+                         or the signals before it are wrong."
                     }
                     Some("sealed_as_given") => {
-                        " The model as given fits the sealed run to its noise: something changed between the runs, or the others' \
-                         signals are wrong."
+                        " The nominal model fits the held-out log to its noise: something changed between the logs, \
+                         or the signals of the others are wrong."
                     }
                     _ => "",
                 };
                 format!(
-                    "Unknown: what fits the other motion does not hold on the sealed one, so none of it is believed; the hints \
-                     are what was refuted.{given}"
+                    "Unexplained: what fits the training logs does not hold on the held-out log, so nothing is \
+                     named. The hints are the rejected causes.{given}"
                 )
             }
             "unexplained" if !nameless.is_empty() => {
-                let beside =
-                    if named.is_empty() { String::new() } else { format!(", and wrong values: {}", list(&named)) };
-                format!("Unknown to the list of effects: {}{beside}.", list(&nameless))
+                let also =
+                    if named.is_empty() { String::new() } else { format!(", and wrong parameters: {}", list(&named)) };
+                format!("Not in the list of effects: {}{also}.", list(&nameless))
             }
             "unexplained" if named.is_empty() && self.is_fitted() => {
-                "Unknown: with its values refitted the model fits, but these logs do not tell which of them are wrong."
+                "Unexplained: with refitted parameters the model fits, but these logs do not identify which of them \
+                 are wrong."
                     .to_owned()
             }
             "unexplained" if named.is_empty() => {
-                "Unknown: there is a gap, and no effect of the library explains it.".to_owned()
+                "Unexplained: there is a gap, and no effect of the list explains it.".to_owned()
             }
             "unexplained" => {
                 let left: Vec<String> = self.left_joints().into_iter().map(|(joint, _)| joint).collect();
                 let on = if left.is_empty() { String::new() } else { format!(", most of it on {}", list(&left)) };
                 format!(
-                    "Unknown: wrong values came out ({}), and {} % of the squared gap above the noise is explained by nothing{on}.",
+                    "Unexplained: wrong parameters were found ({}), but {} % of the squared gap above the noise is \
+                     not explained{on}.",
                     list(&named),
                     figure(100.0 * self.unexplained_share.unwrap_or(0.0), 2)
                 )
             }
-            "parameter" => format!("Wrong values of what the model has: {}.", list(&named)),
+            "parameter" => format!("Wrong parameters of the nominal model: {}.", list(&named)),
             _ => format!("{}.", list(&named)),
         }
     }
@@ -210,7 +212,7 @@ impl Document {
         let named: Vec<String> =
             cells.map(|c| format!("{} {} {} %", c.joint, regime(&c.regime), percent(c.share))).collect();
         let contrast = self.figures.as_ref().and_then(|f| f.views.as_ref()?.contrast.as_ref());
-        let uneven = contrast.map_or_else(String::new, |c| format!(" As given, {}.", c.text()));
+        let uneven = contrast.map_or_else(String::new, |c| format!(" With the nominal model, {}.", c.text()));
         if named.is_empty() {
             return format!("The gap is spread over joints and regimes.{uneven}");
         }
@@ -243,12 +245,12 @@ impl Document {
         let kind = self.data.of_another_kind.map_or_else(String::new, |share| {
             let share = 100.0 * share;
             format!(
-                " The sealed motion is of another kind ({share:.0} % of the time joints go at speeds that are rarer on what was looked at) \
-                 and may show what that hides: intervals are wider for it."
+                " The held-out motion is of another kind ({share:.0} % of the time at speeds that are rarer in the \
+                 training logs): intervals are wider."
             )
         });
         let each = each.join("; ");
-        format!("Shrink of the gap, predicted before the sealed torque was read: {each}{more}.{kind}{contact}")
+        format!("Shrink of the gap, predicted before the held-out torque was read: {each}{more}.{kind}{contact}")
     }
 
     /// Joints that keep a gap in motion with all that is named, in times of their noise (of an unexplained arm from twice on); where more
@@ -264,13 +266,13 @@ impl Document {
         let mut open = self.findings();
         if !self.data.unused.is_empty() {
             let (out, all) = (self.data.unused.len(), self.data.unused.len() + self.data.runs);
-            open.push(format!("{out} of {all} stretches of logs, whose torque says nothing, were left out"));
+            open.push(format!("{out} of {all} stretches of logs were excluded: their torque carries no information"));
         }
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             let stands = if self.is_fitted() {
-                ", where joints stand or turn round: in motion they come down to their noise"
+                ", at rest or at reversals: in motion the joints reach the noise floor"
             } else {
                 ""
             };
@@ -279,8 +281,8 @@ impl Document {
         let open_gap = self.unexplained_share.is_some_and(|share| share >= CREEPING) && !nothing_missing;
         if let Some(share) = self.creeping_share.filter(|s| open_gap && *s >= CREEPING) {
             open.push(format!(
-                "{:.0} % of the squared gap that is left is friction that turns over softly where joints creep ([signal] \
-                 friction_velocity of the robot file says how softly)",
+                "{:.0} % of the remaining squared gap is friction that changes sign gradually near zero speed \
+                 ([signal] friction_velocity of the robot file)",
                 100.0 * share
             ));
         }
@@ -289,7 +291,7 @@ impl Document {
         if !left.is_empty() && !nothing_missing {
             let times: Vec<String> =
                 left.iter().map(|(joint, times)| format!("{joint} {}", figure(*times, 2))).collect();
-            open.push(format!("in motion, with what is named, {} times the noise", list(&times)));
+            open.push(format!("in motion, with all causes, {} times the noise", list(&times)));
         }
         let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known).collect();
         if !unknown.is_empty() {
@@ -310,8 +312,8 @@ impl Document {
         let much = missed > STANDSTILL * noise && missed >= WORTH_NAMING;
         much.then(|| {
             format!(
-                "near standstill, where the direction of friction is not known, nothing is judged: with it {} misses {} % of its torque, {} % by \
-                 noise; slow motion would tell",
+                "near standstill the direction of friction is unknown, so nothing is decided there: the residual of \
+                 {} is then {} % of its torque ({} % is noise); record slow motion",
                 joint.joint,
                 percent(Some(missed)),
                 percent(Some(noise))
@@ -358,9 +360,9 @@ pub(crate) fn is_contact(cause: &Cause) -> bool {
 }
 
 /// Why a contact has a share and shrinks nothing.
-pub(crate) const OTHER_CONTACT: &str = "A contact is no law of the arm: one in the sealed run is another contact, which no model of the \
-                                        first predicts, so it shrinks nothing there, and what it leaves stays unexplained; its share \
-                                        is of the runs looked at";
+pub(crate) const OTHER_CONTACT: &str = "A contact is not a part of the arm: one in the held-out log is another \
+                                        contact, which no model of the first predicts. It has no shrink there, and \
+                                        its residual stays unexplained. Its share is of the training logs";
 
 /// A regime in a sentence.
 pub(crate) fn regime(name: &str) -> String {
@@ -412,8 +414,8 @@ pub(crate) mod tests {
             let gap = json!({"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint": [joint]});
             line(&document(&[("unexplained_share", json!(0.71)), ("gap", gap)]), "Not covered")
         };
-        assert!(told(1.1).contains("unexplained, where joints stand"), "{}", told(1.1));
-        assert!(!told(2.9).contains("where joints stand"), "{}", told(2.9));
+        assert!(told(1.1).contains("unexplained, at rest"), "{}", told(1.1));
+        assert!(!told(2.9).contains("at rest"), "{}", told(2.9));
     }
 
     #[test]
@@ -451,11 +453,11 @@ pub(crate) mod tests {
         };
         let (cause, next) = of(false, "sealed_differs");
         assert!(
-            cause.contains("changed between them") && next.contains("what changed between the runs"),
+            cause.contains("changed between the logs") && next.contains("what changed between the runs"),
             "{cause} {next}"
         );
         let (cause, _) = of(true, "sealed_as_given");
-        assert!(cause.contains("The model as given fits the sealed run"), "{cause}");
+        assert!(cause.contains("The nominal model fits the held-out log"), "{cause}");
     }
 
     #[test]
@@ -476,7 +478,7 @@ pub(crate) mod tests {
             line(&document(&[("verdict", json!(verdict)), ("gap", gap)]), "Not covered")
         };
         let said = of("no_gap", 0.12);
-        assert!(said.contains("near standstill") && said.contains("wrist misses 12.0 %"), "{said}");
+        assert!(said.contains("near standstill") && said.contains("wrist is then 12.0 %"), "{said}");
         for (verdict, after) in [("no_gap", 0.015), ("no_gap", 0.045), ("unexplained", 0.12)] {
             assert!(!of(verdict, after).contains("standstill"), "{}", of(verdict, after));
         }
@@ -486,7 +488,7 @@ pub(crate) mod tests {
     fn a_log_at_fault_is_said_beside_a_sound_arm() {
         let of = |log: &Value| document(&[("verdict", json!("no_gap")), ("log", log.clone())]);
         let sound = of(&json!([]));
-        assert_eq!(line(&sound, "Cause"), "Nothing is wrong that these logs could show.");
+        assert_eq!(line(&sound, "Cause"), "These logs show nothing wrong.");
         assert!(line(&sound, "Next").starts_with("Use the model"));
         let late = of(&json!([{"run": "a.csv", "joint": "j", "fault": "torque_late", "value": 0.0097, "text": ""}]));
         let (cause, next) = (line(&late, "Cause"), line(&late, "Next"));
@@ -508,7 +510,7 @@ pub(crate) mod tests {
         assert!(next.contains("on c something else is missing"), "{next}");
         // Where most joints keep more, as on measured arms, only what is far more is news.
         let (open, next) = told(12.0);
-        assert!(open.contains("with what is named, c 689 times the noise"), "{open}");
+        assert!(open.contains("with all causes, c 689 times the noise"), "{open}");
         assert!(next.contains("on c something else is missing"), "{next}");
     }
 }

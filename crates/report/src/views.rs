@@ -106,7 +106,7 @@ impl Contrast {
     pub fn text(&self) -> String {
         let ratio = self.ratio.map_or_else(|| "many".to_owned(), |ratio| figure(ratio, 2));
         let (more, less) = during(&self.axis, &self.more, &self.less);
-        format!("{} misses {ratio} times as much {more} as {less}", self.joint)
+        format!("{} has {ratio} times the residual {more} as {less}", self.joint)
     }
 }
 
@@ -134,10 +134,10 @@ mod tests {
             let [more, less] = [more, less].map(|p| axis.parts()[p].to_owned());
             Contrast { joint: "elbow".to_owned(), axis: axis.name().to_owned(), more, less, ratio: Some(2.41) }.text()
         };
-        assert_eq!(said(diagnosis::Axis::Power, 1, 0), "elbow misses 2.4 times as much when driven as when driving");
+        assert_eq!(said(diagnosis::Axis::Power, 1, 0), "elbow has 2.4 times the residual when driven as when driving");
         assert_eq!(
             said(diagnosis::Axis::Time, 0, 2),
-            "elbow misses 2.4 times as much in the first part of the run as in the third"
+            "elbow has 2.4 times the residual in the first part of the run as in the third"
         );
         assert!(said(diagnosis::Axis::Load, 2, 0).ends_with("under high load as under low"));
         assert!(said(diagnosis::Axis::Travel, 0, 1).contains("within half a degree of a reversal as beyond"));

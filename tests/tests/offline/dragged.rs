@@ -34,7 +34,10 @@ fn a_hysteresis_beside_friction_is_none_of_bristles() {
         let named = causes(&found).into_iter().any(|(effect, _)| effect == "presliding_friction");
         assert!(!named, "{case} {slips}: {text}");
         assert_eq!(code, Some(2), "{case} {slips}: {text}");
-        assert!(text.contains("hysteresis beside friction") && text.contains("drags along"), "{case} {slips}: {text}");
+        assert!(
+            text.contains("hysteresis in parallel to friction") && text.contains("drags along"),
+            "{case} {slips}: {text}"
+        );
     }
 }
 

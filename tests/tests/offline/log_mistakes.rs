@@ -316,7 +316,7 @@ fn a_clock_that_runs_a_little_fast_is_told() {
         let output = rivet().arg("diagnose").arg(case.join("robot.toml")).args(logs).output().expect("it starts");
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let (clock, next) =
-            (text.contains("the clock is off: by column t"), text.contains("Put the clock of the logs right"));
+            (text.contains("the clock is off: by column t"), text.contains("Correct the clock of the logs"));
         assert_eq!((clock, next), (told, told), "{text}");
     }
 }
@@ -409,8 +409,8 @@ fn what_changed_between_the_runs_is_said_to_have() {
         }
     };
     for (loaded, between, said) in [
-        (1, "sealed_differs", "Something changed between them"),
-        (0, "sealed_as_given", "The model as given fits the sealed run to its noise"),
+        (1, "sealed_differs", "Something changed between the logs"),
+        (0, "sealed_as_given", "The nominal model fits the held-out log to its noise"),
     ] {
         let logs = case_with(&case, folder.path(), |which, log| {
             if which == loaded {

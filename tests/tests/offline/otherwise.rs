@@ -89,7 +89,7 @@ fn a_position_of_another_scale_is_told_with_it() {
         let mut hints = found["hints"].as_array().expect("hints").iter();
         let gain = hints.find_map(|hint| hint["magnitude"]["position_gain"].as_f64()).expect("a scale");
         assert!((gain * by - 1.0).abs() < 0.006, "{gain} for {by}");
-        assert!(text.contains("torques fit best where it is"), "{text}");
+        assert!(text.contains("torques fit best with"), "{text}");
     }
 }
 
@@ -107,7 +107,7 @@ fn a_zero_of_the_torque_is_told_or_is_not_told_from_an_asymmetry() {
     let constant = hints.find_map(|hint| hint["magnitude"]["constant_Nm"].as_f64()).expect("a constant");
     assert!((constant - 3.0).abs() < 0.1, "{constant}");
     assert!(text.contains("Record the torque signal of elbow_joint with the drive off"), "{text}");
-    assert!(text.contains("Unknown to the list of effects: a constant torque on elbow_joint"), "{text}");
+    assert!(text.contains("Not in the list of effects: a constant torque on elbow_joint"), "{text}");
     let (_, text, found) = of(4, 1.0);
     assert!(causes(&found).iter().all(|(_, confidence)| *confidence < 0.8), "{text}");
     assert!(text.contains("with the drive off"), "{text}");
@@ -157,7 +157,7 @@ fn what_little_wrong_values_leave_on_one_joint_is_unexplained_too() {
         }
     });
     assert_eq!((code, &found["verdict"]), (Some(2), &Value::from("unexplained")), "{text}");
-    assert!(text.contains("hysteresis beside friction on elbow_joint"), "{text}");
+    assert!(text.contains("hysteresis in parallel to friction on elbow_joint"), "{text}");
 }
 
 /// Three waves a turn over a part of one: a lever whose terms are some times their sum bends like it, and was a counterbalance for sure (0.97).

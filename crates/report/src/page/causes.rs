@@ -19,15 +19,15 @@ pub(super) fn causes(document: &Document) -> String {
     let mut out = String::new();
     if document.causes.is_empty() {
         let said = match document.verdict.as_str() {
-            "no_gap" => "Nothing is named: the model as given is as good as the torque signal lets one see.",
+            "no_gap" => "Nothing is named: the nominal model is as good as the torque signal can show.",
             _ => {
-                "Nothing is named: no effect of the library explains enough of the gap, on the runs looked at and on the sealed \
-                 one. A guess would be worse."
+                "Nothing is named: no effect of the list explains enough of the gap, on the training logs and on the \
+                 held-out log. A guess would be worse."
             }
         };
         let _ = writeln!(out, "<p>{said}</p>");
     } else {
-        out += "<p>In the order of adoption. Each is shown on the sealed motion, which was not looked at when it was chosen.</p>\n";
+        out += "<p>In the order of adoption. Each is shown on the held-out log, which took no part in the selection.</p>\n";
         out += KEY;
     }
     for (k, cause) in document.causes.iter().enumerate() {
@@ -41,8 +41,8 @@ pub(super) fn causes(document: &Document) -> String {
         names.dedup();
         let _ = writeln!(
             out,
-            "<details><summary>Considered and not upheld: {}</summary><p class=\"soft\">They explained something of the runs \
-             looked at, and did not carry over to the sealed one, or left too much, or were too small. Hints, not names.</p>",
+            "<details><summary>Considered and not supported: {}</summary><p class=\"soft\">They explained a part of the \
+             training logs, but did not transfer to the held-out log, explained too little, or were too small. They are hints, not findings.</p>",
             escape(&list(&names))
         );
         if document.causes.is_empty() {
@@ -58,8 +58,8 @@ pub(super) fn causes(document: &Document) -> String {
     out
 }
 
-const KEY: &str = "<p class=\"key\"><span><i class=\"k-given\"></i>left without this cause (points; strokes: half of the rows)</span>\
-                   <span><i class=\"k-found\"></i>left with it</span></p>\n";
+const KEY: &str = "<p class=\"key\"><span><i class=\"k-given\"></i>residual without this cause (points; strokes: half of the rows)</span>\
+                   <span><i class=\"k-found\"></i>residual with it</span></p>\n";
 
 fn title(cause: &Cause, document: &Document) -> String {
     format!("{} on {}", cause.word(), joints(&cause.joints, document.gap.per_joint.len()))
@@ -88,21 +88,23 @@ fn body(cause: &Cause, document: &Document) -> String {
         pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
     }
     if let Some(p) = cause.p_value {
-        let why =
-            if p > SURE { "; what is believed of the values, or a command beyond the limit, decided" } else { "" };
-        pairs.push(("Chance that one of all candidates looks as strong where none is there", format!("{p:.3}{why}")));
+        let why = if p > SURE { "; the prior of the parameters, or a command beyond the limit, decided" } else { "" };
+        pairs.push((
+            "Family-wise p-value: chance that one of all candidates looks as strong without an effect",
+            format!("{p:.3}{why}"),
+        ));
     }
     if is_contact(cause) {
-        pairs.push(("On the sealed run", OTHER_CONTACT.to_owned() + "."));
+        pairs.push(("On the held-out log", OTHER_CONTACT.to_owned() + "."));
     }
     if let Some(impossible) = &cause.impossible {
         pairs.push(("Not named", impossible.clone()));
     }
     if !rivals.is_empty() {
-        pairs.push(("These runs cannot tell it from", list(&rivals)));
+        pairs.push(("In these logs not distinguishable from", list(&rivals)));
     }
     if let Some(motion) = &cause.separating_motion {
-        pairs.push((if rivals.is_empty() { "Record also" } else { "Motion that would" }, motion.clone()));
+        pairs.push((if rivals.is_empty() { "Record also" } else { "Motion that separates them" }, motion.clone()));
     }
     let sizes: Vec<(String, String)> = cause
         .magnitude
@@ -192,19 +194,19 @@ fn against(cause: &Cause, curve: &Curve) -> String {
     });
     let slope = if xx > 0.0 { xy / xx } else { f64::NAN };
     let said = format!(
-        "{}: what is left without {} against the torque it would give; slope {} (1 explains it)",
+        "{}: residual without {} against the torque of the cause; slope {} (1 explains it)",
         curve.joint,
         cause.word(),
         figure(slope, 3)
     );
-    framed(&plot.svg("torque of the cause [N m]", "left without it [N m]", &said), &(said.clone() + "."))
+    framed(&plot.svg("torque of the cause [N m]", "residual without it [N m]", &said), &(said.clone() + "."))
 }
 
 fn excerpts(document: &Document) -> String {
     let Some(figures) = document.figures.as_ref().filter(|f| !f.excerpts.is_empty()) else { return String::new() };
     let mut out = String::from(
         "<h3>Torque, measured and modelled</h3><p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
-         <span><i class=\"k-given\"></i>model as given</span><span><i class=\"k-found\"></i>with causes</span></p>\n\
+         <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>with causes</span></p>\n\
          <div class=\"figures wide\">",
     );
     for excerpt in &figures.excerpts {
@@ -227,10 +229,10 @@ fn stretch(e: &Excerpt) -> String {
         (square / e.measured.len().max(1) as f64).sqrt()
     };
     let said = format!(
-        "{}, where the model as given is furthest off: it misses by {} N m rms, with causes by {} N m",
+        "{}, where the nominal model is furthest off: residual {} N m rms, with causes {} N m",
         e.joint,
         figure(rms(&e.given), 3),
         figure(rms(&e.with_causes), 3)
     );
-    framed(&plot.svg("time in the sealed run [s]", "torque [N m]", &said), &(said.clone() + "."))
+    framed(&plot.svg("time in the held-out log [s]", "torque [N m]", &said), &(said.clone() + "."))
 }

@@ -22,9 +22,9 @@ pub(super) fn left(document: &Document) -> String {
         .max_by(|a, b| excess(document, a.0).total_cmp(&excess(document, b.0)))
         .map_or(0, |(j, _)| j);
     let mut out = String::from(
-        "<p>What the model with all causes leaves of the sealed torque. If it were noise, its autocorrelation would fall into \
-         the dashed band at once and its spectrum would be flat; a line at an order of the joint's angle is ripple of the gear \
-         or the motor.</p>\n<p class=\"key\"><span><i class=\"k-given\"></i>model as given</span>\
+        "<p>Residual of the model with all causes on the held-out log. The autocorrelation of noise falls into the \
+         dashed band at once, and its spectrum is flat. A line at an order of the joint's angle is ripple of the \
+         gear or the motor.</p>\n<p class=\"key\"><span><i class=\"k-given\"></i>nominal model</span>\
          <span><i class=\"k-found\"></i>with causes</span><span><i class=\"k-noise\"></i>noise, or a motor turn</span></p>\n",
     );
     for (j, left) in figures.left.iter().enumerate() {
@@ -55,7 +55,7 @@ fn excess(document: &Document, j: usize) -> f64 {
 fn in_short(document: &Document, j: usize, left: &Left) -> String {
     let share = |x: Number| x.map_or_else(|| "-".to_owned(), |x| format!("{:.0} %", 100.0 * x));
     format!(
-        "{} times the noise is left; {} of its square is more than noise",
+        "residual of {} times the noise; {} of its square is more than noise",
         figure(excess(document, j), 2),
         share(left.above_noise)
     )
@@ -100,15 +100,16 @@ fn spectrum(document: &Document, j: usize, left: &Left) -> String {
     plot.line(f.iter().copied().zip(left.density_after.iter().copied()), "found");
     let top = (0..left.density_after.len()).max_by(|a, b| left.density_after[*a].total_cmp(&left.density_after[*b]));
     let said = match top {
-        Some(top) => format!("Spectrum of what is left of {}: strongest at {} Hz", left.joint, figure(f[top], 2)),
-        None => format!("Spectrum of what is left of {}: too short a run", left.joint),
+        Some(top) => format!("Spectrum of the residual of {}: strongest at {} Hz", left.joint, figure(f[top], 2)),
+        None => format!("Spectrum of the residual of {}: too short a run", left.joint),
     };
     framed(&plot.svg("frequency [Hz]", "density [N m/\u{221a}Hz]", &said), &(said.clone() + "."))
 }
 
 fn orders(left: &Left, ratio: Option<f64>) -> String {
     if left.orders.is_empty() {
-        return "<figure><figcaption>The joint turns too little to tell orders of its angle apart.</figcaption></figure>".to_owned();
+        return "<figure><figcaption>The joint turns too little to separate orders of its angle.</figcaption></figure>"
+            .to_owned();
     }
     let last = left.orders.last().map_or(1.0, |o| o.order);
     let y = Axis::around(left.orders.iter().flat_map(|o| [o.before, o.after]), true);
@@ -147,7 +148,7 @@ fn correlations(left: &[Left]) -> String {
     }
     let heads: Vec<&str> = std::iter::once("Joint").chain(left.iter().map(|l| l.joint.as_str())).collect();
     let mut table =
-        Table::new("Correlation of what is left between joints: contact and a wrong base show on several", &heads);
+        Table::new("Correlation of the residual between joints: contact and a wrong base show on several", &heads);
     for row in left {
         let mut cells = vec![row.joint.clone()];
         cells.extend(row.correlation.iter().map(|c| format!("{c:.2}")));

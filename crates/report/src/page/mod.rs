@@ -39,7 +39,7 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
         sections.push(Section { id: "which", title: "Which effect", body: causes::causes(document) });
         sections.push(Section { id: "how-far", title: "How far the gap shrinks", body: sections::stages(document) });
         sections.push(Section { id: "closed-loop", title: "In closed loop", body: rollout::rollout(document) });
-        sections.push(Section { id: "left", title: "What is left", body: left::left(document) });
+        sections.push(Section { id: "left", title: "Residual", body: left::left(document) });
         sections.push(Section { id: "parameters", title: "Parameters", body: sections::parameters(document) });
         sections.push(Section { id: "patch", title: "Patch", body: patch::patch(document) });
     }
@@ -68,9 +68,9 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
          <header><p class=\"soft\">rivet: simulator against arm</p>\
          <h1>{robot} <span class=\"word\">{verdict}</span></h1></header>\n\
          <main id=\"main\">{lines}<nav aria-label=\"Sections\"><ul>{entries}</ul></nav>\n{body}</main>\n\
-         <footer>Every figure here stands in the JSON below this line of the file (schema {schema}), as \
-         <code>rivet diagnose --json</code> writes it. Relative figures are of the sealed motion; colours tell series apart \
-         and do not judge.</footer>\n\
+         <footer>Every figure here is in the JSON at the end of this file (schema {schema}), as \
+         <code>rivet diagnose --json</code> writes it. Relative figures are of the held-out log. Colours separate \
+         series and have no rank.</footer>\n\
          <script type=\"application/json\" id=\"diagnosis\">{data}</script>\n</body></html>\n",
         verdict = escape(&document.verdict.replace('_', " ")),
         lines = lines(document),

@@ -12,8 +12,8 @@ pub(super) fn patch(document: &Document) -> String {
         return String::new();
     }
     let mut out = String::from(
-        "<p>What the files that <code>rivet diagnose --export</code> writes hold of the model that was found, and the torque that a \
-         reader misses where they do not.</p>\n",
+        "<p>What the files that <code>rivet diagnose --export</code> writes hold of the corrected model, and the \
+         torque that a reader lacks where they do not.</p>\n",
     );
     let joints = &document.gap.per_joint;
     for format in &document.export {
@@ -37,9 +37,9 @@ pub(super) fn patch(document: &Document) -> String {
             ));
         }
         for (what, values) in [
-            ("missed by a reader", &format.missed_nm),
-            ("gap left to a reader", &format.gap_nm),
-            ("gap of the model as given, in this format", &format.gap_before_nm),
+            ("torque that a reader lacks", &format.missed_nm),
+            ("gap of a reader", &format.gap_nm),
+            ("gap of the nominal model, in this format", &format.gap_before_nm),
         ]
         .into_iter()
         .filter(|(_, values)| !values.is_empty())

@@ -10,9 +10,10 @@ pub(super) fn power(document: &Document) -> String {
     let Some(check) = &document.self_check else { return String::new() };
     let mut out = format!(
         "<p>Effects of graded strength, made by a simulated arm's physics along the motion of these logs, were added to the \
-         measured torque of {} s. Below is the weakest that is then named first on its joint; strengths stand a factor of two \
-         apart; \u{201c}found\u{201d} means in these logs as they are, so that nothing could be added; \u{201c}as\u{201d} tells what the strongest was taken for. With nothing added and the residual's sign changed block by block, {} of {} resamplings were given a name \
-         (false alarms).</p>\n",
+         measured torque of {} s. Below is the weakest that is then named first on its joint; strengths are a factor \
+         of two apart. \u{201c}found\u{201d} means that the logs already show the effect, so that nothing could be \
+         added; \u{201c}as\u{201d} gives the name of the strongest instead. With nothing added and the residual's \
+         sign changed block by block, {} of {} resamplings were given a name (false alarms).</p>\n",
         figure(check.seconds, 3),
         check.false_alarms,
         check.resamplings

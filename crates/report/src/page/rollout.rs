@@ -10,16 +10,16 @@ pub(super) fn rollout(document: &Document) -> String {
         return format!("<p>{}.</p>\n", escape(&capital(&rollout.text())));
     }
     let mut out = format!(
-        "<p>Both simulators, with the model as given and with what was found, from {} instants of the sealed run: they get the \
-         torque of the log and a weak position loop to its motion. {}.</p>\n",
+        "<p>Both simulators, nominal and corrected, from {} instants of the held-out log: they get the torque of the \
+         log and a weak position loop to its motion. {}.</p>\n",
         rollout.starts,
         escape(&capital(&rollout.text()))
     );
     let head = [
         "After [s]",
-        "Position off, as given [mrad]",
+        "Position error, nominal [mrad]",
         "with causes [mrad]",
-        "Torque of the loop, as given [% of each joint's]",
+        "Torque of the loop, nominal [% of each joint's]",
         "with causes [%]",
     ];
     let mut table = Table::new("Error by time since the start, root mean square over starts and joints", &head);
@@ -62,7 +62,7 @@ mod tests {
             json!({"closer": false, "starts": 0, "not_simulated": ["the torque of j is not believed"], "points": []});
         let page = crate::page(&document(&[("rollout", undriven)]), &[]);
         assert!(
-            page.contains("Torque only: the torque of j is not believed.") && !page.contains("Position off"),
+            page.contains("Torque only: the torque of j is not believed.") && !page.contains("Position error"),
             "{page}"
         );
     }

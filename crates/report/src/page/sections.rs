@@ -32,23 +32,23 @@ pub(super) fn pair(before: Number, after: Number) -> [String; 2] {
 
 pub(super) fn ledger(document: &Document) -> String {
     let mut out = String::from(
-        "<p>What the model misses of each joint's measured torque on the sealed motion. The noise is what changes too fast \
-         to be torque; no model can go below it.</p>\n",
+        "<p>Residual of each joint's torque on the held-out log. The noise is what changes too fast to be torque; no \
+         model can go below it.</p>\n",
     );
     let head = [
         "Joint",
         "Torque, rms [N\u{a0}m]",
-        "As given [%]",
+        "Nominal [%]",
         "With causes [%]",
         "Noise [%]",
-        "As given, rms [N\u{a0}m]",
+        "Nominal, rms [N\u{a0}m]",
         "With causes, rms [N\u{a0}m]",
         "Noise, rms [N\u{a0}m]",
-        "Moving: as given / with causes [times the noise]",
-        "Mean as given / with causes [N\u{a0}m]",
-        "Largest as given / with causes [N\u{a0}m]",
+        "Moving: nominal / with causes [times the noise]",
+        "Mean, nominal / with causes [N\u{a0}m]",
+        "Largest, nominal / with causes [N\u{a0}m]",
     ];
-    let mut table = Table::new("Gap of each joint on the sealed motion", &head).class("ledger");
+    let mut table = Table::new("Gap of each joint on the held-out log", &head).class("ledger");
     for j in &document.gap.per_joint {
         table.row(&[
             j.joint.clone(),
@@ -102,9 +102,9 @@ pub(super) fn place(document: &Document) -> String {
     let most = document.place.iter().filter_map(|c| c.share).fold(0.0_f64, f64::max).max(1e-9);
     let heads: Vec<String> = std::iter::once("Joint".to_owned()).chain(regimes.iter().map(|r| regime(r))).collect();
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-    let caption = "Share of the squared gap of the model as given, each joint's torque scaled to the same size [%]; below it \
-                   what is left as given and with causes, rms [N m]. The darker, the larger the share. Hatched: too little \
-                   data to say.";
+    let caption = "Share of the squared gap of the nominal model, each joint's torque scaled to the same size [%]; \
+                   below it the residual, nominal and with causes, rms [N m]. The darker, the larger the share. \
+                   Hatched: too little data.";
     let mut table = Table::new(caption, &heads).class("heat");
     for joint in &document.gap.per_joint {
         let mut row = format!("<th scope=\"row\">{}</th>", escape(&joint.joint));
@@ -167,8 +167,8 @@ pub(super) fn stages(document: &Document) -> String {
         .max(1e-9);
     let share = |x: Number| 100.0 * (x.unwrap_or(0.0) / most).clamp(0.0, 1.0);
     let mut out = String::from(
-        "<p>The gap that is left as one thing after another is added to the model. Outlined: predicted from the sealed \
-         motion before its torque was read, with the 90 % interval as a stroke. Filled: measured. Dashed: noise.</p>\n\
+        "<p>The gap as one thing after another is added to the model. Outlined: predicted from the held-out motion \
+         before its torque was read, with the 90 % interval as a stroke. Filled: measured. Dashed: noise.</p>\n\
          <ol class=\"stages\">",
     );
     let all = document.gap.per_joint.len();
@@ -201,12 +201,12 @@ fn title(stage: &Stage, k: usize, count: usize, all: usize) -> (String, String) 
     match &stage.effect {
         Some(name) => {
             let on = format!("on {}", joints(&stage.joints, all));
-            let note = if stage.upheld { on } else { format!("{on}; not upheld, so not named") };
+            let note = if stage.upheld { on } else { format!("{on}; not supported, so not named") };
             (format!("with {}", effect(name)), note)
         }
-        None if k == 0 => ("The model as given".to_owned(), String::new()),
+        None if k == 0 => ("Nominal model".to_owned(), String::new()),
         None if k + 1 == count => (
-            "with small changes of the other values".to_owned(),
+            "with small changes of the other parameters".to_owned(),
             "offsets, timing, bodies within their usual error".to_owned(),
         ),
         None => (String::new(), String::new()),
@@ -216,10 +216,11 @@ fn title(stage: &Stage, k: usize, count: usize, all: usize) -> (String, String) 
 pub(super) fn parameters(document: &Document) -> String {
     let Some(figures) = &document.figures else { return String::new() };
     let mut out = String::from(
-        "<p>Values of the model after the refit. PINNED: the runs decide the value. NOT PINNED: they say little, and the file's \
-         value with its usual error decides. AT BOUND: it came out where no arm can be, so something else acts through it. \
-         Intervals are 90 %, over resampled blocks of the runs. Of the bodies only combinations act on torque: that single \
-         entries are not pinned is usual.</p>\n",
+        "<p>Parameters of the model after the refit. PINNED: the logs determine the value. NOT PINNED: they carry \
+         little information, and the prior (the file's value with its usual error) decides. AT BOUND: the value is \
+         outside of physical bounds, so something else acts through it. Intervals are 90 %, over resampled blocks of \
+         the training logs. Only combinations of body parameters act on torque, so single ones are usually not \
+         pinned.</p>\n",
     );
     if let Some(scale) = figures.nominal_error {
         let _ = writeln!(
@@ -230,7 +231,7 @@ pub(super) fn parameters(document: &Document) -> String {
     }
     let is_body = |p: &&Parameter| p.name.starts_with('l') && p.name[1..].starts_with(|c: char| c.is_ascii_digit());
     let table = |caption: &str, lines: Vec<&Parameter>| {
-        let mut table = Table::new(caption, &["Value", "Unit", "Given", "Found", "90 %", "State", "Evidence"]);
+        let mut table = Table::new(caption, &["Parameter", "Unit", "Nominal", "Found", "90 %", "State", "Evidence"]);
         for p in lines {
             let state = match p.state.as_str() {
                 "pinned" => "PINNED",
@@ -244,7 +245,7 @@ pub(super) fn parameters(document: &Document) -> String {
                 nm(p.found),
                 format!("{}..{}", nm(p.low), nm(p.high)),
                 state.to_owned(),
-                if p.wrong { "wants it changed".to_owned() } else { "keeps it".to_owned() },
+                if p.wrong { "for the change".to_owned() } else { "for the nominal value".to_owned() },
             ]);
         }
         if table.is_empty() { String::new() } else { table.html() }
@@ -263,12 +264,12 @@ pub(super) fn passport(document: &Document) -> String {
     let seconds = |x: Number| format!("{} s", nm(x));
     let mut pairs = vec![
         ("Runs", data.runs.to_string()),
-        ("Looked at", seconds(data.fit_seconds)),
-        ("Sealed until predicted", seconds(data.sealed_seconds)),
+        ("Training logs", seconds(data.fit_seconds)),
+        ("Held-out log", seconds(data.sealed_seconds)),
     ];
     let mut out = String::new();
     if let Some(passport) = &document.passport {
-        pairs.push(("What was sealed", passport.sealed.clone()));
+        pairs.push(("Held out", passport.sealed.clone()));
         pairs.push(("Torque", passport.torque.clone()));
         pairs.push(("Model", passport.model.clone()));
         pairs.push((
@@ -320,7 +321,8 @@ pub(super) fn passport(document: &Document) -> String {
     }
     out = facts(&pairs) + &out;
     if document.log.is_empty() {
-        out += "<p>No fault of the logs was found: no torque against motion, no other unit, no limit, no joint that stands.</p>\n";
+        out += "<p>No fault of the logs was found: no torque against motion, no other unit, no limit, no joint at \
+                rest throughout.</p>\n";
     } else {
         let mut table = Table::new("Faults of the logs", &["Run", "Joint", "Fault", "What it means"]);
         for finding in &document.log {

@@ -9,13 +9,14 @@ use crate::words::{effect, list};
 
 pub(super) fn trust(scores: &[Score]) -> String {
     let mut out = String::from(
-        "<p>The same procedure on simulated arms with effects it was not told (<code>rivet blind run</code>, then \
-         <code>rivet blind score --json</code>). The practice sets are another program's, the others arms of \
-         <code>rivet blind make</code>, whose physics is not what a diagnosis fits. Practice was looked at while the procedure was \
-         built, <code>never seen</code> was not. Expect the latter on your arms, or less.</p>\n",
+        "<p>The same procedure on simulated arms with effects unknown to it (<code>rivet blind run</code>, then \
+         <code>rivet blind score --json</code>). The practice sets come from another program, the others from \
+         <code>rivet blind make</code>, whose physics differs from the forms that a diagnosis fits. The practice \
+         sets were used during development, <code>never seen</code> was not. Expect the latter on your arms, or \
+         less.</p>\n",
     );
     if scores.is_empty() {
-        return "<p>No score of this build is at hand.</p>\n".to_owned();
+        return "<p>No scores of this build are available.</p>\n".to_owned();
     }
     let of = |part: usize, whole: usize| format!("{part} of {whole}");
     let mut head = vec!["What counts"];
@@ -26,7 +27,7 @@ pub(super) fn trust(scores: &[Score]) -> String {
         cells.extend(scores.iter().map(f));
         table.row(&cells);
     };
-    row("effects named, or in a class that holds them", &|s| of(s.named(), s.visible()));
+    row("effects named, or in the class of a name", &|s| of(s.named(), s.visible()));
     row("right joint, of those", &|s| of(s.right_joint, s.named()));
     row("false alarms where nothing was wrong", &|s| {
         s.outcome("nothing").map_or_else(|| "-".to_owned(), |o| of(o.cases - o.right, o.cases))
@@ -34,25 +35,15 @@ pub(super) fn trust(scores: &[Score]) -> String {
     row("effects outside the library that got a name", &|s| {
         s.outcome("outside").map_or_else(|| "-".to_owned(), |o| of(o.cases - o.right, o.cases))
     });
-    row("names beside the truth", &|s| s.beside.to_string());
-    row("names that stand for a class, and others in these", &|s| {
-        format!("{}, {}", of(s.classes, s.names), s.class_members)
-    });
+    row("false positives", &|s| s.beside.to_string());
+    row("names with a class, and its other members", &|s| format!("{}, {}", of(s.classes, s.names), s.class_members));
     row("shrink predicted within five points", &|s| of(s.close, s.predictions));
     row("shrink within its 90 % interval", &|s| of(s.covered, s.predictions));
     out += &table.html();
     for score in scores {
-        let caption = format!("{}: what was said of each effect", score.set);
-        let head = [
-            "Truth",
-            "Cases",
-            "Its name",
-            "In its class",
-            "Another name",
-            "Unexplained",
-            "Nothing",
-            "Names said instead",
-        ];
+        let caption = format!("{}: verdict for each effect", score.set);
+        let head =
+            ["Truth", "Cases", "Its name", "In its class", "Another name", "Unexplained", "Nothing", "Wrong names"];
         let mut table = Table::new(&caption, &head);
         for o in &score.outcomes {
             let truth = match o.truth.as_str() {
@@ -76,8 +67,9 @@ pub(super) fn trust(scores: &[Score]) -> String {
         let (sure, scatter) = (confidence(score), shrinks(score));
         let _ = writeln!(
             out,
-            "<details><summary>Confusion matrix: {} ({} cases, rivet {})</summary>{}{sure}{scatter}<p class=\"soft\">Of nothing and outside, \
-             \u{201c}its name\u{201d} counts cases rightly left without one. {} effects too weak to be seen are not counted.</p></details>",
+            "<details><summary>Confusion matrix: {} ({} cases, rivet {})</summary>{}{sure}{scatter}<p class=\"soft\">In \
+             the rows of nothing wrong and outside the library, \u{201c}its name\u{201d} counts cases that rightly \
+             have none. {} effects too weak to be seen are not counted.</p></details>",
             escape(&score.set),
             score.cases,
             escape(&score.version),
@@ -90,8 +82,8 @@ pub(super) fn trust(scores: &[Score]) -> String {
 
 /// Whether causes are right as often as they are said to be sure.
 fn confidence(score: &Score) -> String {
-    let caption = format!("{}: how sure, and how often right", score.set);
-    let mut table = Table::new(&caption, &["Said to be sure", "Names", "Right", "Share"]);
+    let caption = format!("{}: confidence and observed rate", score.set);
+    let mut table = Table::new(&caption, &["Confidence", "Names", "Right", "Share"]);
     for bin in score.confidence.iter().filter(|bin| bin.count > 0) {
         let share = bin.right as f64 / bin.count as f64;
         table.row(&[format!("{:.2}", bin.mean), bin.count.to_string(), bin.right.to_string(), format!("{share:.2}")]);

@@ -13,14 +13,13 @@ use crate::words::figure;
 pub(super) fn views(document: &Document) -> String {
     let Some(views) = document.figures.as_ref().and_then(|f| f.views.as_ref()) else { return String::new() };
     let mut out = String::from(
-        "<h3>Where, divided otherwise</h3>\n<p>What is left of each joint's torque as given \u{2192} with causes, in units of its \
-         noise; below it the same in N m, root mean square. Rows count while the joint moves and the direction of friction is \
-         sure; bands of frequency are of all rows. The darker, the larger beside the other parts of that row. Hatched: seen in \
-         less than six stretches of half a second, too little to say; a dash: hardly anything changes that one could divide \
-         by.</p>\n",
+        "<h3>Further divisions of the gap</h3>\n<p>Residual of each joint, nominal \u{2192} with causes, in units \
+         of its noise; below it the same in N m, root mean square. Rows count while the joint moves and the direction of friction is known; bands of \
+         frequency use all rows. The darker, the larger compared with the other parts of that row. Hatched: fewer \
+         than six stretches of half a second, too little data. A dash: the quantity hardly varies.</p>\n",
     );
     if let Some(contrast) = &views.contrast {
-        let _ = writeln!(out, "<p>Most uneven, as given: {}.</p>", escape(&contrast.text()));
+        let _ = writeln!(out, "<p>Most uneven, nominal: {}.</p>", escape(&contrast.text()));
     }
     out.push_str("<div class=\"figures wide views\">");
     for axis in Axis::ALL {
@@ -74,13 +73,13 @@ fn cell(cell: &View, most: f64) -> String {
 
 fn caption(axis: Axis) -> &'static str {
     match axis {
-        Axis::Travel => "Way since the last reversal",
-        Axis::Load => "Torque of links and payload by the model as given, without sign: thirds of its range",
+        Axis::Travel => "Travel since the last reversal",
+        Axis::Load => "Torque of links and payload by the nominal model, without sign: thirds of its range",
         Axis::Power => "Driving: the torque moves the joint; driven: it holds it back",
         Axis::Torque => "Measured torque, without sign: thirds of its range",
         Axis::Time => "Time since the run began: thirds",
         Axis::Pose => "Position of the joint: thirds of its range",
-        Axis::Frequency => "Frequency of what is missed",
+        Axis::Frequency => "Frequency of the residual",
     }
 }
 
