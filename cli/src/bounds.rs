@@ -116,16 +116,16 @@ impl Bounded {
                 Why::Impossible(found) => (
                     "load_friction_impossible",
                     format!(
-                        "friction with load came out as {} N m per N m carried, and can be 0 to 1 only: these logs do not tell it (a \
-                         joint that carries next to nothing shows none), and it would hold what the model lacks; it is held at 0 there \
-                         and all else is found without it",
+                        "friction with load was estimated as {} N m per N m carried, outside of 0 to 1: these logs \
+                         do not identify it (a joint with hardly any load shows none). It is fixed at 0, and \
+                         everything else is estimated without it",
                         number(found, 3)
                     ),
                 ),
                 Why::OneWay => (
                     ONE_WAY_NAME,
-                    "turns one way only, where Coulomb friction and a constant torque are one value: the offset stays as in the file, \
-                     what is found as Coulomb friction has all of it. Let it turn both ways to tell them apart"
+                    "turns one way only, so Coulomb friction and a constant torque are confounded: the offset stays \
+                     nominal, and the Coulomb friction includes it. Record motion in both directions to separate them"
                         .to_owned(),
                 ),
             };

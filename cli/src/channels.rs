@@ -50,8 +50,8 @@ fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>> {
         let joint = &robot.model.arm.joints[j].name;
         (size > 0.0 && varies <= CONSTANT * size && moves > still).then(|| {
             let why = format!(
-                "column {} is {} in every row although {joint} moves by {} rad: the channel says nothing; log its torque, or give logs \
-                 in which it does",
+                "column {} is {} in every row although {joint} moves by {} rad: the channel carries no information; \
+                 log its torque, or use logs that have it",
                 column(log, j),
                 tau[0],
                 number(moves, 3)

@@ -32,8 +32,8 @@ fn by_speeds(rate: &ClockRate) -> String {
     let ClockRate { factor, std, joints, columns: [q, qd], .. } = rate;
     let digits = |x: f64| format!("{x:.4}");
     format!(
-        "the clock is off: by column t {q} changes {factor:.5} (+- {}) times as fast as {qd} says, on {}: t runs {} % {}, unless it is \
-         the speeds that are wrong. {} Nothing is corrected: scale t by {}, or log the arm's own clock",
+        "the clock is off: by column t {q} changes {factor:.5} (+- {}) times as fast as {qd}, on {}: t runs {} % {}, \
+         unless the speeds are wrong. {} Nothing is corrected: scale t by {}, or log the arm's own clock",
         number(std.max(1e-6), 1),
         if *joints == 1 { "the joint that moves".to_owned() } else { format!("all {joints} joints that move") },
         number(100.0 * (1.0 / factor - 1.0).abs(), 2),
@@ -46,8 +46,8 @@ fn by_speeds(rate: &ClockRate) -> String {
 /// What a clock that makes speeds `factor` times as large does to what is identified.
 fn meaning(factor: f64) -> String {
     format!(
-        "Velocities are {:.4} and accelerations {:.4} times the true ones, so inertias come out {:.4} and viscous friction {:.4} times \
-         as large, which standard deviations know nothing of.",
+        "Velocities are {:.4} and accelerations {:.4} times the true ones, so inertias are estimated {:.4} and \
+         viscous friction {:.4} times as large; standard deviations do not include that.",
         factor,
         factor.powi(2),
         factor.powi(-2),
@@ -64,8 +64,9 @@ fn by_period(log: &Log, period_s: f64) -> Option<String> {
     let nearly = NEARLY.contains(&(factor - 1.0).abs()) && odd as f64 <= ODD * t.len() as f64;
     nearly.then(|| {
         format!(
-            "rows come evenly every {} ms, the samples of the robot file every {} ms, and no speeds of the log tell which is right: if the \
-             arm kept the period of the file, the clock of column t is off. {} If rows do come so, nothing is wrong",
+            "rows come evenly every {} ms, the samples of the robot file every {} ms, and the log has no speeds to \
+             decide which is right: if the arm kept the period of the file, the clock of column t is off. {} If the \
+             rows do come at that rate, nothing is wrong",
             number(1e3 * step_s, 5),
             number(1e3 * period_s, 5),
             meaning(factor)

@@ -171,8 +171,7 @@ pub(crate) fn that_matter<'a>(steps: &'a [TorqueSteps], left: &[f64]) -> Vec<&'a
 }
 
 /// What is known of the errors of rounding: off line, off line where they cannot be made again, and on line.
-pub(crate) const ROUNDED_AGAIN: &str =
-    "Standard deviations hold what torque that is rounded so does to the values, where the model fits";
+pub(crate) const ROUNDED_AGAIN: &str = "Standard deviations include the effect of this rounding, where the model fits";
 pub(crate) const NOT_ROUNDED_AGAIN: &str = "Standard deviations do not include that and may be too small";
 pub(crate) const ROUNDED_ON_LINE: &str =
     "On line, standard deviations do not include that and may be too small (off line they include it)";
@@ -184,8 +183,8 @@ pub(crate) fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -
         joint: Some(robot.model.arm.joints[*joint].name.clone()),
         name: TORQUE_STEPS_NAME,
         text: format!(
-            "torque comes in steps of {} N m with {} N m of noise (one std) beside them: errors of rounding then follow the motion and come \
-             again with it. {know}",
+            "torque is quantised in steps of {} N m, with noise of {} N m (one std): rounding errors are then \
+             correlated with the motion. {know}",
             number(*step, 2),
             number(*noise, 1)
         ),

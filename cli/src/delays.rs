@@ -132,9 +132,10 @@ fn of_one(name: &str, delay: &Delay, dry: f64, common: &Common, step_s: f64) -> 
         joint: Some(name.to_owned()),
         name: "torque_late",
         text: format!(
-            "torque is {:.1} +- {:.1} ms (one std) {} position where the joints that tell it best have {:.1} ms: rotor and viscous \
-             friction of the joint trade by it. Its channel comes at another time than the others, or it has friction that the model lacks: log \
-             torque and position of one instant, or move the column by so much and see whether the residual falls",
+            "torque is {:.1} +- {:.1} ms (one std) {} position, where the joints that determine it best have {:.1} \
+             ms: rotor inertia and viscous friction of the joint are biased by it. Its channel is logged at another \
+             time than the others, or it has friction that the model lacks: log torque and position of one instant, \
+             or shift the column by that time and check whether the residual falls",
             1e3 * delay.seconds.abs(),
             1e3 * std,
             if delay.seconds > 0.0 { "behind" } else { "ahead of" },
@@ -241,7 +242,7 @@ mod tests {
         let channel = delays(&[(0.0, 0.2), (20.1, 0.9), (-0.3, 0.2), (-5.4, 2.0), (-1.5, 1.7), (4.6, 3.0)]);
         let found = told(&channel, &DRY, 1e-3);
         let [(Some(joint), text)] = found.as_slice() else { panic!("{found:?}") };
-        assert!(joint == "j2" && text.contains("behind position where"), "{joint}: {text}");
+        assert!(joint == "j2" && text.contains("behind position, where"), "{joint}: {text}");
         assert!(told(&channel, &DRY, 0.1).is_empty(), "a fifth of a step");
         let lacking = delays(&[(-1.6, 1.2), (-14.2, 2.1), (-8.6, 7.3), (-0.4, 2.5), (-0.5, 0.2), (-0.4, 0.3)]);
         assert!(told(&lacking, &DRY, 1e-3).is_empty(), "as a practice case was read");

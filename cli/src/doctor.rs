@@ -123,7 +123,7 @@ fn shared_memory() -> Finding {
                 check,
                 Severity::Failure,
                 format!("{} MiB free, {} are needed for a robot", free >> 20, SHARED_MEMORY >> 20),
-                "mount -o remount,size=256M /dev/shm   # for good: the size= of /dev/shm in /etc/fstab",
+                "mount -o remount,size=256M /dev/shm   # permanently: the size= of /dev/shm in /etc/fstab",
             )
         }
         Err(why) => Finding::change(check, Severity::Failure, why.to_string(), "mount -t tmpfs tmpfs /dev/shm"),

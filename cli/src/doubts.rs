@@ -21,13 +21,13 @@ pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
         name: UNEXPLAINED_NAME,
         text: if *left > EXPLAINS_NOTHING {
             format!(
-                "the model explains next to nothing of this torque (more than {EXPLAINS_NOTHING:.0} % is left): what is found from it means \
-                 nothing, whatever its standard deviation; {is_it}"
+                "the model explains hardly anything of this torque (residual above {EXPLAINS_NOTHING:.0} %): its \
+                 parameters mean nothing, whatever their standard deviations; {is_it}"
             )
         } else {
             format!(
-                "the model explains little of this torque (more than {EXPLAINS:.0} % is left): what is found from it stands for something \
-                 else as well; {is_it}"
+                "the model explains little of this torque (residual above {EXPLAINS:.0} %): its parameters include \
+                 the effect of something else; {is_it}"
             )
         },
     };
@@ -71,8 +71,8 @@ pub(crate) fn short(robot: &Robot, rows: &[Rows]) -> Option<Distrust> {
         joint: None,
         name: "little_motion",
         text: format!(
-            "{} s of motion below {hz} Hz are {equations:.0} independent equations for {values} values: the fit follows whatever they hold, \
-             and standard deviations are told too small",
+            "{} s of motion below {hz} Hz are {equations:.0} independent equations for {values} values: the fit \
+             follows their noise, and standard deviations are too small",
             number(seconds / robot.dof() as f64, 2)
         ),
     })
@@ -178,8 +178,8 @@ pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
         joint: Some(robot.model.arm.joints[j].name.clone()),
         name: BRIEF_NAME,
         text: format!(
-            "moves for {} s only, too briefly beside the others to tell its noise: its rows are not learnt from, rotor inertia and \
-             friction stay nominal",
+            "moves for {} s only, too short compared with the others to determine its noise: its rows are not used, \
+             rotor inertia and friction stay nominal",
             number(rows.iter().map(|r| r.seconds_of(j)).sum(), 2)
         ),
     };

@@ -92,18 +92,18 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     let p = if bias.p_value < 1e-12 { "p < 1e-12".to_owned() } else { format!("p = {}", number(bias.p_value, 2)) };
     let meaning = match Verdict::new(bias, compared) {
         Verdict::Nothing => "regressor and instruments are the same: nothing to compare".to_owned(),
-        Verdict::Agree => "LS and IV agree for use: no parameter differs by its standard deviation. What sets them apart is more than \
-             chance (significant), but smaller than what they are sure of"
+        Verdict::Agree => "LS and IV agree for use: no parameter differs by its standard deviation. The difference \
+             is significant, but smaller than their standard deviations"
             .to_owned(),
         Verdict::Differ => {
             let distorts = compared.distorts.map_or_else(String::new, |how| format!(", or {how}"));
             format!(
-                "LS and IV differ by more than torque noise and than standard deviations: position noise pulls LS, or the model lacks an \
-                 effect{distorts}"
+                "LS and IV differ by more than torque noise and than standard deviations: position noise biases LS, \
+                 or the model lacks an effect{distorts}"
             )
         }
         Verdict::CannotTell if bias.spread.is_infinite() => {
-            "cannot tell: the data decide nothing by least squares either".to_owned()
+            "cannot tell: the data do not determine the parameters by least squares either".to_owned()
         }
         Verdict::CannotTell => format!(
             "cannot tell: IV is {} times as uncertain as LS (median of the directions compared), which hides a bias of LS as large",
@@ -122,14 +122,15 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
         let one = |r: &f64| if r.is_finite() { number(*r, 2) } else { "-".to_owned() };
         let each: Vec<String> = bias.ratio.iter().map(one).collect();
         format!(
-            "noise that pulls LS over what IV keeps of it, per joint: {} (below 3: tracking error outweighs the noise)",
+            "noise that biases LS, relative to the part that biases IV, per joint: \
+             {} (below 3: tracking error outweighs the noise)",
             each.join(" ")
         )
     };
     let size = compared.largest.as_ref().map_or_else(String::new, |Largest { name, deviations }| {
         paragraph("largest difference IV - LS: ", &format!("{deviations:.1} standard deviations ({name})"))
     });
-    paragraph("bias of LS: ", &statistic) + &size + &paragraph("bias left in IV: ", &ratio)
+    paragraph("bias of LS: ", &statistic) + &size + &paragraph("bias of IV: ", &ratio)
 }
 
 pub(crate) fn bias_json(bias: &Bias, compared: &Compared) -> Value {
@@ -285,16 +286,15 @@ pub(crate) enum Purpose {
 /// A log whose samples are those of another one as well: given twice, or judged by what was learnt from.
 pub(crate) fn repeated(log: String, of: &str, given: Purpose) -> Distrust {
     let (name, text) = match given {
-        Purpose::Judging => {
-            ("hold_out_was_learnt_from", "held out, but learnt from: its errors are not those on another motion")
-        }
+        Purpose::Judging => (
+            "hold_out_was_learnt_from",
+            "held out, but also used for the fit: its errors are not those on another motion",
+        ),
         Purpose::Learning => (
             "log_given_twice",
-            "counts twice: values lean on it, and deviations are smaller than they should be, by up to the root of 2",
+            "counts twice: it has too much weight, and standard deviations are too small, by up to the root of 2",
         ),
-        Purpose::Comparing => {
-            ("log_given_twice", "a run agrees with itself whatever it says: this pair proves nothing")
-        }
+        Purpose::Comparing => ("log_given_twice", "a log always agrees with itself: this pair proves nothing"),
     };
     Distrust { log: Some(log), joint: None, name, text: format!("the same samples as {of}; {text}") }
 }
@@ -544,7 +544,7 @@ mod tests {
         assert!(!small.contains("lacks an effect"), "nothing to search for: {small}");
         assert!(small.contains("largest difference IV - LS: 0.4 standard deviations (j2.coulomb)"), "{small}");
         let large = of(3.0, 1e-20);
-        assert!(large.contains("position noise pulls LS, or the model lacks an effect"), "{large}");
+        assert!(large.contains("position noise biases LS, or the model lacks an effect"), "{large}");
         assert!(!of(0.4, 0.5).contains("for use"));
     }
 
@@ -555,8 +555,11 @@ mod tests {
         let weak = bias(200.0, 1.0, &[8.0]);
         assert!(text(&weak).contains("cannot tell: IV is 200 times as uncertain"), "{}", text(&weak));
         assert_eq!(bias_json(&weak, &ALONE)["cannot_tell"], true);
-        assert!(text(&bias(200.0, 1e-9, &[8.0])).contains("position noise pulls LS"), "what is seen is seen");
-        assert!(text(&bias(f64::INFINITY, 1.0, &[8.0])).contains("the data decide nothing by least squares either"));
+        assert!(text(&bias(200.0, 1e-9, &[8.0])).contains("position noise biases LS"), "what is seen is seen");
+        assert!(
+            text(&bias(f64::INFINITY, 1.0, &[8.0]))
+                .contains("the data do not determine the parameters by least squares either")
+        );
         // Not known while running.
         assert!(text(&bias(f64::NAN, 0.4, &[8.0])).contains("no sign of bias in LS"));
     }

@@ -59,12 +59,12 @@ fn text(log: &Log, j: usize, frozen: &Frozen) -> String {
         spans.push(format!("and {} more", rows.len() - TOLD));
     }
     let elsewhere = usual_s.map_or_else(String::new, |usual_s| {
-        format!(". Elsewhere in motion it hardly ever stands for more than {} ms", number(1e3 * usual_s, 2))
+        format!(". Elsewhere in motion it is hardly ever constant for more than {} ms", number(1e3 * usual_s, 2))
     });
     let count: usize = rows.iter().map(ExactSizeIterator::len).sum();
     format!(
-        "torque stands bit for bit while the joint moves: {}{elsewhere}, so the channel was dead, frozen or at a limit of its own: {count} of \
-         {} rows left out, for all joints, and the log is cut there",
+        "torque is constant to the bit while the joint moves: {}{elsewhere}. The channel was dead, frozen or at a \
+         limit: {count} of {} rows excluded, for all joints, and the log is cut there",
         spans.join(", "),
         log.len()
     )

@@ -49,7 +49,7 @@ pub(crate) fn refuse_most(log: &Log, left_out: &[usize], found: &[Distrust]) -> 
     }
     let (file, rows) = (log.path.display(), share(left_out.len(), log.len()));
     Err(Fault::Data(format!(
-        "{file}: {rows} would be left out, more than half: {}; mend the log or give the part that is sound",
+        "{file}: {rows} would be excluded, more than half: {}; correct the log or use the part that is right",
         reason(found)
     ))
     .into())
@@ -86,8 +86,8 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         }
         if let Some(first) = rows.first() {
             let text = format!(
-                "{what} jumps by up to {} rad: {} (first at {} s) left out, and the log is cut there; a step jumps that is off \
-                 from those around it by more than 500 rad/s2, 12 times the usual, 4 encoder steps and 5 mrad",
+                "{what} jumps by up to {} rad: {} (first at {} s) excluded, and the log is cut there; a jump differs \
+                 from the steps around it by more than 500 rad/s2, 12 times the usual, 4 encoder steps and 5 mrad",
                 number(farthest.abs(), 3),
                 share(rows.len(), log.len()),
                 number(log.t[*first], 5)
@@ -120,8 +120,9 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
             let Some(first) = rows.first() else { continue };
             let farthest = rows.iter().map(|k| tau[*k].abs()).fold(0.0, f64::max);
             let text = format!(
-                "torque of up to {} N m: {} (first at {} s) left out, and the log is cut there; the drive's limit is {} N m, and \
-                 beyond twice that and five times what nine of ten rows have is no torque of the arm",
+                "torque of up to {} N m: {} (first at {} s) excluded, and the log is cut there; the drive's limit is \
+                 {} N m, and no torque of the arm exceeds both twice that and five times the value of nine in ten \
+                 rows",
                 number(farthest, 3),
                 share(rows.len(), log.len()),
                 number(log.t[*first], 5),
@@ -165,7 +166,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     if sound.left_out.len() as f64 > MOST_LEFT_OUT * log.len() as f64 {
         let (file, rows) = (log.path.display(), share(sound.left_out.len(), log.len()));
         return Err(Fault::Data(format!(
-            "{file}: {rows} cannot be true, more than a tenth: {}; mend the log or give the part that is sound",
+            "{file}: {rows} cannot be true, more than a tenth: {}; correct the log or use the part that is right",
             sound.reason().unwrap_or_default()
         ))
         .into());

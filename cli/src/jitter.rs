@@ -46,9 +46,10 @@ pub(crate) fn warnings(robot: &Robot, values: &[f64], residuals: &[f64], pieces:
             continue;
         }
         let text = format!(
-            "rows are off their time stamps by {} ms, by what positions say, and an even clock would not mend it: speed and acceleration \
-             are wrong, which makes so many % of torque of those that the fit leaves: {}; values by IV and LS are more uncertain than \
-             their standard deviations say. Take t from the robot's own clock, not from when a row arrived",
+            "by their positions, rows differ from their time stamps by {} ms, and an even clock would not correct \
+             it: speed and acceleration are wrong. The torque error, as a part of the residual in %, is {}; IV and \
+             LS are less certain than their standard deviations. Take t from the robot's own clock, not from the \
+             arrival of a row",
             number(1e3 * piece.report.off_s, 2),
             each.join(", ")
         );

@@ -44,7 +44,7 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
     }
     progress.done();
     if states.foreign() > 0 {
-        eprintln!("rivet: {} samples of another publisher of joint states were left out", states.foreign());
+        eprintln!("rivet: {} samples of another publisher of joint states were ignored", states.foreign());
     }
     if heard.unusable > 0 {
         eprintln!("rivet: {} samples could not be used (fault bits, no numbers, or stamps that jump)", heard.unusable);

@@ -235,13 +235,13 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
             let _ = writeln!(out, "| {} | {} | {} | {cost} |", item.what, item.fidelity.name(), item.place);
         }
         let _ = writeln!(out, "| **all that is missing together** | | | {} |", cells(&report.missed));
-        let _ = writeln!(out, "| **gap left to a reader of this file** | | | {} |", cells(&report.gap));
+        let _ = writeln!(out, "| **gap of a reader of this file** | | | {} |", cells(&report.gap));
         let _ = writeln!(out, "| gap of the nominal model, in this format | | | {} |", cells(&report.gap_before));
         if let Some(joints) = worse(report, &names) {
             let _ = writeln!(
                 out,
-                "\n**Worse than the nominal model on {joints}**: what this file cannot hold goes with values that were found beside \
-                 it."
+                "\n**Worse than the nominal model on {joints}**: the values found belong to effects that this file \
+                 cannot hold."
             );
         }
     }
@@ -257,18 +257,14 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let _ = writeln!(
         out,
         "\n{} {} ms {} position in the logs ({} N m rms): a property of the recording, in none of the files.",
-        if shifts_time { "Beside the delay or lag of the model, torque is" } else { "Torque is" },
+        if shifts_time { "In addition to the delay or lag of the model, torque is" } else { "Torque is" },
         number(1e3 * patch.timing_s.abs(), 2),
         if patch.timing_s < 0.0 { "after" } else { "before" },
         plain(&patch.timing_rms)
     );
     match &patch.consistent {
         Ok(found) if !found.thickened.is_empty() => {
-            let _ = writeln!(
-                out,
-                "\nBodies without extent in some direction were given one: {}.",
-                found.thickened.join(", ")
-            );
+            let _ = writeln!(out, "\nBodies without extent in some direction got one: {}.", found.thickened.join(", "));
         }
         _ => {}
     }
@@ -298,7 +294,8 @@ fn not_expressible(robot: &Robot, patch: &Patch) -> String {
     let not_here: Vec<(&str, &str)> =
         patch.model.effects().list().iter().filter_map(|e| Some((e.kind.name(), e.kind.not_instant()?))).collect();
     if !not_here.is_empty() {
-        out += "\nIn model.toml, and not used by the estimator of rivetd and by rivet-controller, which say so when they start:\n\n";
+        out += "\nIn model.toml, and not used by the estimator of rivetd and by rivet-controller, which report it at \
+                their start:\n\n";
         for (name, why) in not_here {
             let _ = writeln!(out, "* `[effects.{name}]`: {why}");
         }

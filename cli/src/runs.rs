@@ -66,16 +66,16 @@ fn wrong_clock(clock: &OtherClock) -> String {
     let pairs: Vec<String> = clock.columns.iter().map(|[q, qd]| format!("{q} with {qd}")).collect();
     if (clock.factor.to_radians() - 1.0).abs() < DEGREES {
         return format!(
-            "positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}); both are in radians: are \
-             these positions in degrees?",
+            "positions change {:.3} times as fast as the log's speeds, on all {} joints that move ({}); both must be \
+             in radians: are these positions in degrees?",
             clock.factor,
             clock.joints,
             pairs.join(", ")
         );
     }
     format!(
-        "by column t positions change {:.3} times as fast as the log's speeds say, on all {} joints that move ({}): is t in seconds of \
-         the clock that these were taken by? If the speeds are wrong, log without them",
+        "by column t positions change {:.3} times as fast as the log's speeds, on all {} joints that move ({}): is t \
+         in seconds, from the clock of these columns? If the speeds are wrong, log without them",
         clock.factor,
         clock.joints,
         pairs.join(", ")
@@ -196,7 +196,7 @@ pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Re
             Ok((grid, report)) => pieces.push(Piece { logged_t: logged.t.clone(), grid, report }),
             Err(why @ LogError { fault: LogFault::TooFewRows { .. }, .. }) => {
                 let (path, rows, from) = (logged.path.display(), logged.len(), logged.t[0]);
-                eprintln!("rivet: {path}: {rows} rows from {from} s between holes are too few and left out");
+                eprintln!("rivet: {path}: {rows} rows from {from} s between gaps are too few and excluded");
                 // The first one is the error to report where nothing is left.
                 short.get_or_insert(why);
             }

@@ -189,8 +189,8 @@ fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Option<String> {
     let coarser: Vec<String> = log.q.iter().zip(joints).filter_map(of).collect();
     (!coarser.is_empty()).then(|| {
         format!(
-            "positions come in larger steps than [drive] encoder_resolution says ({} rad): a step looks like a jump, and what stands between \
-             two like a frozen reading. Set it to the steps",
+            "positions come in larger steps than [drive] encoder_resolution ({} rad): a step looks like a jump, and \
+             the rows between two like a frozen reading. Set it to the steps",
             coarser.join(", ")
         )
     })

@@ -75,7 +75,7 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
             format!("{refused} of {samples} samples were refused; {met}")
         }
         // What is met may as well have been looked at and not learnt from.
-        _ => format!("{refused} of {samples} samples were refused, and not all others could be learnt from; {met}"),
+        _ => format!("{refused} of {samples} samples were refused, and not all others could be used; {met}"),
     };
     let of_positions = [InputFault::Frozen, InputFault::EncoderJump].map(|fault| health.input_faults[fault as usize]);
     let why = coarse.filter(|_| of_positions.iter().any(|times| *times > 0));
@@ -83,9 +83,9 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
 }
 
 /// What delayed instruments leave out of standard deviations: docs/real-data.md has the figures.
-const OF_THE_MOTION: &str = "delayed instruments are made of the measured motion, and so is what the model lacks (friction that sticks): \
-     standard deviations do not know that. Of simulated arms that stick 40 to 80 % of the values lie within two of them; a setpoint or a \
-     second encoder is worth having";
+const OF_THE_MOTION: &str = "delayed instruments depend on the measured motion, as effects that the model lacks do \
+     (stiction): standard deviations do not include that. On simulated arms with stiction 40 to 80 % of the values \
+     lie within two of them; publish a setpoint or a second encoder";
 
 /// What the values of the robot file leave of each joint's torque \[%\].
 fn nominal_percent(robot: &Robot, health: &Health) -> Vec<f64> {
@@ -432,6 +432,6 @@ mod tests {
         health.input_faults[InputFault::PublisherGone as usize] = 1;
         let said = |samples| unused(&health, samples, None).expect("something was wrong");
         assert!(said(30).starts_with("30 of 30 samples were refused; met: "), "{}", said(30));
-        assert!(said(40).contains("not all others could be learnt from"), "{}", said(40));
+        assert!(said(40).contains("not all others could be used"), "{}", said(40));
     }
 }

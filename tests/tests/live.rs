@@ -79,7 +79,7 @@ fn a_running_arm_is_diagnosed() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "a cause is named; {said}");
     assert!(said.contains("2 samples could not be used"), "{said}");
-    assert!(said.contains("of another publisher of joint states were left out"), "{said}");
+    assert!(said.contains("of another publisher of joint states were ignored"), "{said}");
     let found: Value = serde_json::from_str(&std::fs::read_to_string(&json).expect("a file")).expect("JSON");
     let causes = found["causes"].as_array().expect("causes");
     let payload = causes.iter().find(|c| c["effect"] == "payload").unwrap_or_else(|| panic!("{found:#}"));

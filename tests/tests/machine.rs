@@ -56,7 +56,7 @@ fn the_doctor_sees_what_the_dead_have_left() {
     killed_party(private.config());
     let left = stale();
     assert_eq!(left["severity"], "warning", "{left}");
-    assert_eq!(left["found"], "1 dead parties left theirs", "{left}");
+    assert_eq!(left["found"], "1 dead processes left theirs", "{left}");
     assert!(left["change"].as_str().expect("a line to change").contains(&private.config().clean_command()), "{left}");
     drop(Bus::open(private.config(), &RobotName::new("dd2").expect("a name"), "test-next").expect("the bus opens"));
     rivet_ipc_schema::cleanup(private.config()).expect("cleaned");

@@ -325,7 +325,7 @@ impl Tally {
             table.row([format!("{} to {to}", bin.from), bin.count.to_string(), bin.right.to_string()]);
         }
         out += &table.text();
-        let mut table = Table::new(["confidence said", "causes", "right", "share"]);
+        let mut table = Table::new(["confidence", "causes", "right", "share"]);
         for bin in score.confidence.iter().filter(|bin| bin.count > 0) {
             let share = bin.right as f64 / bin.count as f64;
             table.row([

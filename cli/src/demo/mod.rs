@@ -164,7 +164,7 @@ fn check(children: &mut Children, shutdown: &Shutdown, begin: Instant) -> Result
         return Err(Fault::Interrupted.into());
     }
     if let Some((name, status)) = children.ended() {
-        bail!("rivet {name} ended early ({status}); --keep DIR keeps what it said");
+        bail!("rivet {name} ended early ({status}); --keep DIR keeps its output");
     }
     if begin.elapsed() > LONGEST {
         bail!("not finished after {} s: this machine is too busy for the demonstration", LONGEST.as_secs());

@@ -87,7 +87,7 @@ impl Seen {
             };
             let count = self.whose.strays.len();
             let found =
-                format!("{place}: of {owner}, but {path} belongs to {theirs} ({count} such): {owner} is kept out");
+                format!("{place}: of {owner}, but {path} belongs to {theirs} ({count} such): {owner} has no access");
             let change = format!("stop what {theirs} runs on it; then, as root: {}", self.config.clean_command());
             return Finding::change(check, Severity::Failure, found, change);
         }
@@ -127,11 +127,11 @@ impl Seen {
         // that begins alike.
         let clean = self.as_owner(&self.config.clean_command());
         let change = if alive > 0 {
-            format!("whoever joins next frees it, no program has to stop; or now: {clean}")
+            format!("the next process that joins frees it, no program has to stop; or now: {clean}")
         } else {
             format!("rivetd frees it at its start; if none is to start: {clean}")
         };
-        Finding::change(check, Severity::Warning, format!("{} dead parties left theirs", survey.dead), change)
+        Finding::change(check, Severity::Warning, format!("{} dead processes left theirs", survey.dead), change)
     }
 }
 
@@ -145,7 +145,7 @@ fn foreign(survey: &Survey) -> Finding {
         check,
         Severity::Failure,
         strange.join("; "),
-        "stop the other program, or give this robot a bus of its own: robot.toml: [bus] prefix = \"rivet2_\" \
+        "stop the other program, or give this robot another bus: robot.toml: [bus] prefix = \"rivet2_\" \
          (under the units: --prefix rivet2_ in ExecStart= and ExecReload=, systemctl edit)",
     )
 }

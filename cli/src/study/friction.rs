@@ -89,7 +89,7 @@ fn verdict(rung: &Rung) -> &'static str {
         0.0 => "",
         c if c < -SURE * error => "better",
         c if c > SURE * error => "worse",
-        _ => "cannot tell",
+        _ => "not distinguishable",
     }
 }
 
@@ -106,7 +106,7 @@ fn text(robot: &Robot, ladder: &Ladder) -> String {
         table.row(cells.chain([percent(&rung.error), change, verdict(rung).to_owned()]));
     }
     format!(
-        "{}: torque left of the folds that were left out, in % of their torque, and the change of its\nsquare against coulomb + \
+        "{}: residual on the left-out folds, in % of their torque, and the change of its\nsquare against coulomb + \
          viscous. Torque was shifted by {:+.1} ms.\n\n{}",
         robot.config.name,
         -1e3 * ladder.delay_s,

@@ -71,7 +71,7 @@ fn exported_urdf_is_the_consistent_set_and_the_model_the_identified_one() {
         let mut identify = rivet();
         identify.arg("identify").arg(robot(arm)).arg(&path).arg("--json").arg(&json).arg("--export").arg(&out);
         let printed = String::from_utf8(succeed(&mut identify).stdout).expect("text");
-        for said in ["bias of LS", "bias left in IV", "physical consistency"] {
+        for said in ["bias of LS", "bias of IV", "physical consistency"] {
             assert!(printed.contains(said), "{said} in\n{printed}");
         }
         let found: Value = serde_json::from_slice(&std::fs::read(&json).expect("a result")).expect("JSON");

@@ -144,7 +144,7 @@ fn friction_with_load_that_no_gear_has_is_held_at_zero_and_said() {
     }
     let wrist = parameter("j6.load_friction");
     assert!(wrist["value"] == 0.0 && wrist["decided_by"] == "bound", "{wrist}");
-    assert!(text.contains("wrist_3_joint: friction with load came out as"), "{text}");
+    assert!(text.contains("wrist_3_joint: friction with load was estimated as"), "{text}");
     assert!(found["warnings"].as_array().expect("a list").iter().any(|w| w["fault"] == "load_friction_impossible"));
     let exported = rivet_config::load(out.join("model.toml")).expect("the model reads back");
     let load = exported.config.friction.load_dependent.expect("a list");
@@ -182,14 +182,14 @@ fn torque_that_the_model_does_not_explain_is_told() {
     tau[4].iter_mut().for_each(|tau| *tau = 20.0 * random.uniform());
     let path = written(&log, &tau, folder.path());
     let (text, found) = result(rivet().arg("identify").arg(robot("ur10e")).arg(&path), folder.path());
-    assert!(text.contains("the model explains next to nothing of this torque"), "{text}");
+    assert!(text.contains("the model explains hardly anything of this torque"), "{text}");
     let warnings = found["warnings"].as_array().expect("a list").iter().filter(|w| w["fault"] == "torque_unexplained");
     let named: Vec<&str> = warnings.filter_map(|w| w["joint"].as_str()).collect();
     // The elbow feels what the shoulder's torque makes of the links; base and other wrist joints are as they were.
     assert!(["shoulder_lift_joint", "wrist_2_joint"].iter().all(|joint| named.contains(joint)), "{named:?}");
     assert!(!["shoulder_pan_joint", "wrist_1_joint", "wrist_3_joint"].iter().any(|j| named.contains(j)), "{named:?}");
     let (text, _) = result(rivet().args(["identify", "--online"]).arg(robot("ur10e")).arg(&path), folder.path());
-    assert!(text.contains("the model explains next to nothing"), "{text}");
+    assert!(text.contains("the model explains hardly anything"), "{text}");
 }
 
 /// A plan that comes after the motion is one that the joint is ahead of.

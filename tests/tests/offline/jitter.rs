@@ -98,9 +98,12 @@ fn jitter_that_cannot_be_undone_is_warned_of_in_terms_of_torque() {
     for every in [10, 1] {
         let (found, text) = identified(&robot("dd2"), &sampled(&log, every, [0.15, 0.1], folder.path()));
         assert!(faults(&found).contains(&"time_stamps_jitter"), "{every}: {found:#}");
-        assert!(text.contains("rows are off their time stamps by"), "{text}");
+        assert!(text.contains("rows differ from their time stamps by"), "{text}");
         let (found, text) = identified(&robot("dd2"), &sampled(&log, every, [0.15, 0.0], folder.path()));
-        assert!(!faults(&found).contains(&"time_stamps_jitter") && !text.contains("off their time stamps"), "{text}");
+        assert!(
+            !faults(&found).contains(&"time_stamps_jitter") && !text.contains("differ from their time stamps"),
+            "{text}"
+        );
         assert_eq!(found["logs"][0]["taken_as_even"], false);
     }
 }

@@ -471,7 +471,7 @@ fn torque_that_stands_is_left_out_and_told() {
     });
     assert_eq!((code, &found["verdict"]), (Some(0), &Value::from("no_gap")), "{text}");
     assert_eq!(joints_with(&found, "torque_stood").len(), 1, "{text}");
-    assert!(text.contains("torque stands bit for bit while the joint moves: 2.0"), "{text}");
+    assert!(text.contains("torque is constant to the bit while the joint moves: 2.0"), "{text}");
 }
 
 /// Over little motion less Coulomb and more viscous friction are nearly one line: each alone made the sealed run worse, so that a Coulomb
