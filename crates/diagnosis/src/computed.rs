@@ -86,7 +86,7 @@ impl fmt::Display for FlangeBody {
         write!(
             f,
             "carries {mass:.2} kg at the flange that the file lacks, centre at ({x:.3}, {y:.3}, {z:.3}) m in the last link's frame: \
-             {:.0} % of the squares that set the two apart",
+             {:.0} % of the squared difference between the two",
             100.0 * takes
         )
     }

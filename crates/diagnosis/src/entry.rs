@@ -120,7 +120,14 @@ fn run_all(
     let (used, telling): (Vec<usize>, Vec<Run>) = telling.into_iter().unzip();
     let cut = telling.len() == 1;
     let Some((look, sealed)) = split(telling) else {
-        return Ok((Diagnosis::unheard(log, "the torque channels of all joints that move say nothing"), None));
+        return Ok((
+            Diagnosis::unheard(
+                log,
+                "the torque channels of all joints that move carry no \
+                                            information",
+            ),
+            None,
+        ));
     };
     let data = DataUse {
         runs: look.len() + 1,
@@ -132,11 +139,11 @@ fn run_all(
     if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
         let why = if data.fit_seconds < LEAST_SECONDS {
             format!(
-                "{:.1} s beside the sealed part say too little: at least {LEAST_SECONDS:.0} s are asked for",
+                "{:.1} s of training data are too little: at least {LEAST_SECONDS:.0} s are required",
                 data.fit_seconds
             )
         } else {
-            "no joint of the runs moves enough to say anything".to_owned()
+            "no joint of the logs moves enough for a decision".to_owned()
         };
         return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) }, None));
     }
@@ -151,7 +158,7 @@ fn run_all(
     let turned = signs::check(look.iter_mut().chain([&mut sealed]), &nominal);
     if !turned.is_empty() {
         let why =
-            format!("{turned} the position has the wrong sign: what the other joints feel is that of another motion");
+            format!("{turned} the position has the wrong sign: the torque of the other joints fits another motion");
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         return Ok((
             Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) },
@@ -165,9 +172,9 @@ fn run_all(
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
         let stands = |run: &Prepared| (0..joints).all(|j| log_check::is_still(&run.motion, j));
         let why = if stands(&sealed) {
-            "no joint moves in the last part, which is kept sealed: nothing could be checked on it"
+            "no joint moves in the last part, which is held out: no test is possible on it"
         } else {
-            "of no joint that moves can the torque be believed"
+            "no joint that moves has a trusted torque"
         };
         return Ok((Diagnosis::unheard(log, why), None));
     }

@@ -61,7 +61,11 @@ impl Doubts {
             let added = added.filter(|added| added.log_evidence - free.log_evidence >= DOUBT);
             if let Some(added) = &added {
                 let gain = added.log_evidence - free.log_evidence;
-                say(&format!("a counterbalance on joint {} beside free values: log evidence {gain:+.0}", joint + 1));
+                say(&format!(
+                    "a counterbalance on joint {} with free parameters: log evidence \
+                              {gain:+.0}",
+                    joint + 1
+                ));
             }
             counterbalance.push(added.map(|added| (form, added.c.as_slice().to_vec())));
         }

@@ -32,7 +32,8 @@ impl fmt::Display for HeldLoad {
         let side = if self.first { "until" } else { "from" };
         write!(
             f,
-            "{side} {:.1} s on a body at the flange explains {:.0} % of it: a load that was picked up or put down, and no touch",
+            "{side} {:.1} s on a body at the flange explains {:.0} % of it: a load that was picked up or put down, \
+             not a contact",
             self.at,
             100.0 * self.explained
         )

@@ -73,7 +73,10 @@ impl Form {
                 // By values that take nothing, or next to nothing, it is infinitely much for each watt.
                 if !values.iter().all(|v| v.abs() <= MOST) {
                     return (
-                        Carried::Nothing("friction takes no power by the values found, so none can warm the joint"),
+                        Carried::Nothing(
+                            "friction dissipates no power with the parameters found, so it cannot warm \
+                                          the joint",
+                        ),
                         beside,
                     );
                 }
@@ -83,14 +86,17 @@ impl Form {
             Form::Presliding { joint, length } => {
                 effect(Kind::PreslidingFriction, joint, &[c[0] * x[coulomb(joint)].abs(), length])
             }
-            Form::Hysteresis { .. } => Carried::Nothing("hysteresis beside friction is no effect of the list"),
+            Form::Hysteresis { .. } => Carried::Nothing(
+                "hysteresis in parallel to friction is not in the list of \
+                                                         effects",
+            ),
             Form::PositionFriction { joint, order } => {
                 beside.push((coulomb(joint), c[2]));
                 effect(Kind::PositionDependentFriction, joint, &[c[0], c[1], order])
             }
             Form::Gain { joint } => effect(Kind::TorqueConstant, joint, c),
             Form::TorqueLaw { .. } => {
-                Carried::Nothing("torque that is not in proportion to its signal is no effect of the list")
+                Carried::Nothing("torque that is not proportional to its signal is not in the list of effects")
             }
             Form::Ripple { joint, order } => effect(Kind::TorqueRipple, joint, &[c[0], c[1], order]),
             Form::TransmissionError { joint, order } => effect(Kind::TransmissionError, joint, &[c[0], c[1], order]),
@@ -112,13 +118,13 @@ impl Form {
                 // Without free length the lever law is a sine, whatever the arm.
                 effect(Kind::Counterbalance, joint, &[2.0 * c[0].hypot(c[1]), 0.0, 0.5, c[1].atan2(c[0])])
             }
-            Form::Pull { .. } => Carried::Nothing("what pulls from one angle on is no effect of the list"),
+            Form::Pull { .. } => Carried::Nothing("a pull from one angle on is not in the list of effects"),
             Form::AngleLaw { .. } | Form::Softening { .. } => {
-                Carried::Nothing("a law of the angle of its own is no effect of the list")
+                Carried::Nothing("another law of the angle is not in the list of effects")
             }
-            Form::Constant { .. } => Carried::Nothing("a constant torque is no effect of the list"),
-            Form::PositionScale { .. } => Carried::Nothing("a scale of the position is no effect of the list"),
-            Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is no effect of the list"),
+            Form::Constant { .. } => Carried::Nothing("a constant torque is not in the list of effects"),
+            Form::PositionScale { .. } => Carried::Nothing("a scale of the position is not in the list of effects"),
+            Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is not in the list of effects"),
             Form::Coupling { driving, driven, whole } => {
                 if whole {
                     beside.extend([driving, driven].map(|j| (10 * joints + j, c[2])));
@@ -130,7 +136,7 @@ impl Form {
             Form::Saturation { joint, limit } => effect(Kind::TorqueSaturation, joint, &[limit]),
             Form::EncoderOffset { joint } => effect(Kind::EncoderOffset, joint, c),
             Form::Eccentricity { joint } => effect(Kind::EncoderEccentricity, joint, c),
-            Form::Force { .. } => Carried::Nothing("contact is no property of the arm"),
+            Form::Force { .. } => Carried::Nothing("contact is not a property of the arm"),
             Form::Gravity => Carried::Gravity([c[0], c[1], 0.0]),
             Form::Payload => Carried::Values((0..10).map(|e| (10 * (joints - 1) + e, c[e])).collect()),
             Form::LinkScale { link } => {
@@ -221,7 +227,7 @@ pub fn unseen(model: &Model, has_temperature: bool) -> Vec<String> {
                 Some(format!("{name} of {}: the log has no temperature", joint()))
             }
             EffectKind::TorqueSaturation => {
-                Some(format!("{name} of {}: what a command asks beyond the limit is not in the motion", joint()))
+                Some(format!("{name} of {}: the part of a command beyond the limit is not in the motion", joint()))
             }
             _ => None,
         }

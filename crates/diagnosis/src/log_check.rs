@@ -243,16 +243,16 @@ impl LogFault {
     pub fn text(self) -> String {
         match self {
             LogFault::Sign(v) => format!(
-                "torque runs against motion (correlation {v:.2}): its friction would give energy, so the sign of \
-                 this torque, or of this position, or the scale is wrong"
+                "torque runs against motion (correlation {v:.2}): its friction would generate energy, so the sign of \
+                 this torque or position, or the scale, is wrong"
             ),
             LogFault::Opposite(v) => format!(
-                "torque runs against the model's (correlation {v:.2}) and friction takes none of it: the sign of this \
+                "torque opposes the model's (correlation {v:.2}) and friction explains none of it: the sign of this \
                  torque, or of this position, is wrong"
             ),
             LogFault::PositionSign { as_logged, turned } => format!(
-                "the sign of this position is wrong: a rigid arm with friction misses the torque of all joints by {} times the noise \
-                 as logged, and {} times with it turned; not evaluated",
+                "the sign of this position is wrong: the residual of a rigid arm with friction is {} times the noise \
+                 over all joints as logged, and {} times with the other sign; not evaluated",
                 digits(as_logged),
                 digits(turned)
             ),
@@ -262,36 +262,36 @@ impl LogFault {
             }
             LogFault::Silent { carries, due } => format!(
                 "torque in motion is {carries:.2e} N m where friction and rotor of the file alone take {due:.3} N m: the \
-                 channel is dead, or of a sensor or a computation that knows nothing of the drive"
+                 channel is dead, or it is a sensor or a computation without the drive"
             ),
-            LogFault::Limit(v) => format!("torque stands at its limit of {v:.3} N m for stretches of time"),
-            LogFault::Coarse(v) => format!("torque comes in steps of {v:.3} N m: what is less is not known of it"),
+            LogFault::Limit(v) => format!("torque stays at its limit of {v:.3} N m for periods of time"),
+            LogFault::Coarse(v) => format!("torque is quantised in steps of {v:.3} N m: smaller changes are unknown"),
             LogFault::Swapped(other) => format!(
-                "torque is that of joint {} by the model, and that joint's is this one's: two columns in each other's place?",
+                "by the model this is the torque of joint {}, and that column has the torque of this joint: are two \
+                 columns exchanged?",
                 other + 1
             ),
             LogFault::Exchanged(other) => format!(
-                "positions and torque are those of joint {} by the model, and that joint's are this one's: two joints in each other's \
-                 place?",
+                "by the model these are position and torque of joint {}, and that joint has those of this one: are \
+                 two joints exchanged?",
                 other + 1
             ),
             LogFault::Weightless(v) => format!(
-                "torque carries {:.0} % of the gravity that the bodies have here: it seems to be compensated for gravity (an effort \
-                 without it, a command before the compensation is added); the whole torque is asked for",
+                "torque carries {:.0} % of the gravity that the bodies have here: it seems to be compensated for gravity (an \
+                 effort without it, a command before the compensation is added); log the whole torque",
                 100.0 * v
             ),
-            LogFault::TorqueHeld { samples, seconds } => format!(
-                "torque is held for {samples} rows, {:.1} ms: the run is looked at as often as it comes",
-                1e3 * seconds
-            ),
+            LogFault::TorqueHeld { samples, seconds } => {
+                format!("torque is held for {samples} rows, {:.1} ms: the log is used at that rate", 1e3 * seconds)
+            }
             LogFault::Computed(v) => format!(
-                "torque was computed along the desired motion, not measured: bodies alone miss {:.2} % of it there; is \
-                 there a motor current (torque_from in robot.toml)?",
+                "torque was computed along the desired motion, not measured: bodies alone leave {:.2} % of it there; \
+                 is there a motor current (torque_from in robot.toml)?",
                 100.0 * v
             ),
             LogFault::Late(v) => format!(
-                "torque comes {:.1} ms after the motion that it makes, which no drive does (another clock, a filter?): taken so much \
-                 later, in whole samples",
+                "torque comes {:.1} ms after its motion, which no drive does (another clock, a filter?): shifted by \
+                 that time, in whole samples",
                 1e3 * v
             ),
             LogFault::Filtered(v) => format!(
@@ -300,12 +300,13 @@ impl LogFault {
                 1.0 / (TAU * v)
             ),
             LogFault::Spikes { samples, torque } => format!(
-                "{samples} sample{} of torque far from those around, {torque:.1} N m at most: replaced by what is around",
+                "{samples} sample{} of torque far from those around, {torque:.1} N m at most: replaced by the \
+                 neighbouring values",
                 if samples == 1 { "" } else { "s" }
             ),
             LogFault::Glitches(count) => {
                 format!(
-                    "position leaves its path {count} time{} for a few samples: bridged",
+                    "position leaves its path {count} time{} for a few samples: interpolated",
                     if count == 1 { "" } else { "s" }
                 )
             }
@@ -314,22 +315,22 @@ impl LogFault {
             }
             LogFault::Jump { at, by } => {
                 format!(
-                    "position jumps by {by:.3} rad at {at:.2} s and stays: the run is cut there, its longest part is used"
+                    "position jumps by {by:.3} rad at {at:.2} s and stays: the log is cut \
+                     there, its longest part is used"
                 )
             }
             LogFault::Frozen { from, seconds } => format!(
-                "all channels stand still for {seconds:.2} s from {from:.2} s on though the joint moved: the run is cut there, \
-                 its longest part is used"
+                "all channels are constant for {seconds:.2} s from {from:.2} s on although the joint moved: the log \
+                 is cut there, its longest part is used"
             ),
-            LogFault::Held { samples, seconds } => format!(
-                "positions are held for {samples} rows, {:.1} ms: the run is looked at as often as they come",
-                1e3 * seconds
-            ),
+            LogFault::Held { samples, seconds } => {
+                format!("positions are held for {samples} rows, {:.1} ms: the log is used at that rate", 1e3 * seconds)
+            }
             LogFault::Steps { position, speed } => format!(
-                "position is known to {position:.1e} rad only (steps or noise): below {speed:.3} rad/s the direction of motion, \
-                 and of friction, is not sure"
+                "position is known to {position:.1e} rad only (steps or noise): below {speed:.3} rad/s the direction \
+                 of motion, and of friction, is unknown"
             ),
-            LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: nothing can be said of its friction"),
+            LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: its friction is not identifiable"),
         }
     }
 }

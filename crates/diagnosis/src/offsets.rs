@@ -24,11 +24,19 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
         let told = more.abs() > BEYOND * usual && line.state == ParameterState::Pinned && fitted;
         told.then(|| {
             let friction = nominal.x[12 * nominal.model.arm.dof() + j];
-            let share = if friction > 0.0 { format!(", {:.0} % of its friction", 100.0 * more.abs() / friction) } else { String::new() };
-            let tilt = if j == 0 && nominal.model.arm.is_upright() { ", or a base that is tilted, where it turns little" } else { "" };
+            let share = if friction > 0.0 {
+                format!(", {:.0} % of its friction", 100.0 * more.abs() / friction)
+            } else {
+                String::new()
+            };
+            let tilt = if j == 0 && nominal.model.arm.is_upright() {
+                ", or a base that is tilted, where it turns little"
+            } else {
+                ""
+            };
             let text = format!(
-                "{} has {more:.3} N m more whichever way it moves{share}: friction that differs between the directions, or a zero of the torque \
-                 signal{tilt}; its torque at rest with the drive off tells",
+                "{} has {more:.3} N m more in both directions{share}: friction asymmetry, or a zero offset of the \
+                 torque signal{tilt}; its torque at rest with the drive off separates them",
                 joints[j].joint
             );
             Cause {

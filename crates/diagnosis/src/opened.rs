@@ -314,7 +314,7 @@ impl Opened<'_> {
         let refuted = refuted && verdict == Verdict::Unexplained;
         let remark = (verdict == Verdict::NotEvaluated).then(|| {
             let of: Vec<&str> = names.iter().filter(|name| judge.is_unbelieved(name)).map(String::as_str).collect();
-            format!("of {} the torque cannot be believed; the other joints show no gap", of.join(", "))
+            format!("the torque of {} is untrusted; the other joints show no gap", of.join(", "))
         });
         let between_runs = (verdict == Verdict::Unexplained)
             .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))

@@ -135,7 +135,7 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
             Carried::Effect(effect) if effects.iter().any(|e| (e.kind, e.joint) == (effect.kind, effect.joint)) => {
                 let why = match effect.kind {
                     EffectKind::BaseFlexibility => "a file holds one axis",
-                    _ => "the file as given has this effect on this joint already",
+                    _ => "the nominal file already has this effect on this joint",
                 };
                 left_out.push((adopted.form.effect(), why.into()));
             }
@@ -207,7 +207,7 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let told = Told { runs, model: &model, columns: columns.clone(), values: &written };
     let mut parts = told.groups();
     parts.push(Part {
-        what: "values as the data gave them, against bodies that can be built".to_owned(),
+        what: "values as estimated, compared with physically consistent bodies".to_owned(),
         kind: PartKind::Unconstrained,
         torque: told.torque(|c| standard[c] - written[c]),
     });

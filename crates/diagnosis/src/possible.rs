@@ -32,8 +32,8 @@ pub(crate) fn said(what: &[Impossible]) -> String {
         |Impossible { name, value, unit }: &Impossible| format!("{name} {value:.3} {unit}").trim_end().to_owned();
     let all: Vec<String> = what.iter().map(each).collect();
     match all.as_slice() {
-        [one] => format!("{one} is beyond what is possible: it stands for something else"),
-        _ => format!("{} are beyond what is possible: they stand for something else", all.join(", ")),
+        [one] => format!("{one} is outside of physical bounds: it is the effect of something else"),
+        _ => format!("{} are outside of physical bounds: they are the effect of something else", all.join(", ")),
     }
 }
 
@@ -171,7 +171,7 @@ mod tests {
         let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
         assert_eq!(
             said(&[found]),
-            "j2.rotor_inertia -0.500 kg m^2 is beyond what is possible: it stands for something else"
+            "j2.rotor_inertia -0.500 kg m^2 is outside of physical bounds: it is the effect of something else"
         );
         assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));
         assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");

@@ -97,16 +97,16 @@ impl Procedure<'_> {
         }
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
-        let may_be = "whether wrong values of links are a counterbalance or a load";
+        let may_be = "whether wrong link parameters are a counterbalance or a load";
         let mut doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
         let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
             let instead = instead::of(&mut search, &wrong, &selected, say);
-            let instead = or_said(instead, "whether an effect stands in the place of wrong values", &mut left_out);
+            let instead = or_said(instead, "whether an effect replaces wrong parameters", &mut left_out);
             let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(&mut search);
             let taken = selected.adopt(&mut search, &candidate, adoption, say);
-            let taken = or_said(taken, "an effect in the place of wrong values", &mut left_out);
+            let taken = or_said(taken, "an effect in place of wrong parameters", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
             doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
@@ -144,7 +144,7 @@ impl Procedure<'_> {
         let hidden = self.columns(self.sealed, &adopted, None);
         let remainder = remainder(&search, &steps);
         let (steps, order) = in_order(&seen, steps, &remainder, self.nominal, &x, &means);
-        say("prediction of the sealed run");
+        say("prediction of the held-out log");
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
         let silent: Vec<usize> =
             steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
@@ -185,7 +185,7 @@ impl Procedure<'_> {
             upheld.fill(false);
         }
         let parameters = details::parameters(&search, &unsure, &wrong, &x, &prediction);
-        let sizes = "sizes of causes without what was withdrawn (they stand beside it)";
+        let sizes = "sizes of causes without the withdrawn ones (sizes with them are reported)";
         let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
         let mut sized = or_said(sized, sizes, &mut left_out);
         let mut told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
@@ -205,7 +205,7 @@ impl Procedure<'_> {
         }
         report.doubt_what_is_left_open();
         let unseen = self.ask_for_values_unseen(&mut report);
-        let asked = "whether values that the motion looked at does not show are all that is missing";
+        let asked = "whether parameters that the training motion does not identify are all that is missing";
         if or_said(unseen, asked, &mut left_out) == Some(true) {
             report.withdrawn.append(&mut report.causes);
             upheld.fill(false);

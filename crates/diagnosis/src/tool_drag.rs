@@ -28,8 +28,8 @@ impl fmt::Display for Drag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "a force against the motion of the flange, {:.0} N at {TOLD_M_S} m/s wherever it moves, explains {:.0} % of what is missed: what it moves \
-             through or drags along, rather than touch",
+            "a force against the motion of the flange, {:.0} N at {TOLD_M_S} m/s wherever it moves, explains {:.0} % \
+             of the residual: drag or a dragged part, rather than contact",
             self.force,
             100.0 * self.explained
         )

@@ -47,8 +47,8 @@ impl Procedure<'_> {
         }
         let kinds: Vec<String> = kinds.iter().map(|effect| effect.name().replace('_', " ")).collect();
         report.remark = Some(format!(
-            "all runs together fit to their noise with other values of what the model has ({}); the motion that was looked at does not show \
-             them, nor whether something smaller changed between the runs",
+            "all logs together fit to their noise with other parameters ({}); the motion of the training logs does \
+             not identify them, nor whether something smaller changed between the logs",
             kinds.join(", ")
         ));
         Some(true)

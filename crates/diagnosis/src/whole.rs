@@ -78,7 +78,8 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
         let faults = shares.into_iter().map(|(j, share)| (j, LogFault::Weightless(share))).collect();
         return Some((
             faults,
-            "gravity seems to have been taken out of the torque: what is left of it says nothing of an arm that carries its own weight",
+            "gravity seems to have been removed from the torque: the rest carries no information on an arm that \
+             carries its own weight",
         ));
     }
     let moves = |j: &usize| look.iter().any(|run| !is_still(&run.motion, *j));
@@ -93,7 +94,7 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
     (least < FAR_BETTER * as_given && no_other).then(|| {
         (
             vec![(a, LogFault::Exchanged(b)), (b, LogFault::Exchanged(a))],
-            "two joints stand in each other's place: what the other joints feel is that of another motion",
+            "two joints are exchanged: the torque of the other joints fits another motion",
         )
     })
 }

@@ -553,7 +553,7 @@ fn a_value_that_no_arm_has_is_no_cause() {
         let hints = found["hints"].as_array().expect("hints");
         let said = hints.iter().find(|h| h["effect"] == hint && !h["impossible"].is_null());
         let said = said.unwrap_or_else(|| panic!("{log}: no {hint} that is impossible in {hints:#?}"));
-        assert!(said["impossible"].as_str().is_some_and(|text| text.contains("beyond what is possible")), "{said}");
+        assert!(said["impossible"].as_str().is_some_and(|text| text.contains("outside of physical bounds")), "{said}");
     }
 }
 
