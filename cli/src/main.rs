@@ -22,6 +22,7 @@ mod exit;
 mod export;
 mod figures;
 mod frozen;
+mod generate;
 mod glitches;
 mod identify;
 mod jitter;
@@ -47,7 +48,7 @@ mod study;
 mod summary;
 mod table;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Identifies a geared robot arm while it works, and shows what its simulator gets wrong.
@@ -93,6 +94,8 @@ enum Command {
     Daemon(rivet_daemon::Options),
     /// Run the controller, as rivet-controller
     Controller(rivet_controller::Options),
+    /// Write man pages and the completions of bash, zsh and fish
+    Generate(generate::Args),
     /// Run a simulated robot, as rivet-sim
     Sim(Box<rivet_simulation::process::Options>),
 }
@@ -135,6 +138,7 @@ fn main() -> ExitCode {
         Command::Doctor(args) => doctor::run(args),
         Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),
+        Command::Generate(args) => generate::run(args, Arguments::command()),
         Command::Daemon(options) => {
             return ended(rivet_daemon::run(options), rivet_daemon::StartError::exit_code);
         }

@@ -14,6 +14,8 @@ const PROGRAMS: [(&str, &str, &str); 4] = [
     ("rivet-controller", "rivet-controller", "service"),
     ("rivet-sim", "rivet-simulation", "release"),
 ];
+/// Folder beside the programs with man pages and completions, laid out as `share`.
+const GENERATED: &str = "generated";
 /// Where the units in the source say that the programs and their documents are.
 const UNIT_PREFIXES: [&str; 2] = ["/usr/bin/", "/usr/share/"];
 
@@ -52,7 +54,11 @@ fn build(source: &Path) -> Result<PathBuf> {
     }
     // This program was built beside them.
     let this = std::env::current_exe().context("this program cannot find itself")?;
-    Ok(this.ancestors().nth(2).context("a program lies in its profile's folder")?.to_owned())
+    let target = this.ancestors().nth(2).context("a program lies in its profile's folder")?.to_owned();
+    let mut generate = Command::new(target.join("release/rivet"));
+    generate.arg("generate").arg(target.join(GENERATED));
+    ensure!(generate.status().context("rivet cannot be started")?.success(), "rivet writes no man pages");
+    Ok(target)
 }
 
 /// `path` as it is called before the root is put in front.
@@ -98,6 +104,21 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
             files += put(&to("share/rivet/robots").join(name).join(file), &bytes, 0o644)?;
         }
     }
+    Ok(files + put_all(&target.join(GENERATED), &to("share"))?)
+}
+
+/// Puts every file below a folder at the same place below another.
+fn put_all(from: &Path, to: &Path) -> Result<usize> {
+    let mut files = 0;
+    for path in listed(from)? {
+        let place = to.join(path.file_name().context("a listed file has a name")?);
+        if path.is_dir() {
+            files += put_all(&path, &place)?;
+        } else {
+            let bytes = fs::read(&path).with_context(|| path.display().to_string())?;
+            files += put(&place, &bytes, 0o644)?;
+        }
+    }
     Ok(files)
 }
 
@@ -134,10 +155,14 @@ mod tests {
             fs::create_dir_all(programs.path().join(profile)).expect("made");
             fs::write(programs.path().join(profile).join(program), profile).expect("written");
         }
+        let manual = programs.path().join(GENERATED).join("man/man1");
+        fs::create_dir_all(&manual).expect("made");
+        fs::write(manual.join("rivet.1"), "page").expect("written");
         // Twice: over itself it installs as well.
         for _ in 0..2 {
             install(source, programs.path(), destdir.path(), Path::new("/opt/rivet")).expect("installed");
         }
+        assert_eq!(fs::read(destdir.path().join("opt/rivet/share/man/man1/rivet.1")).expect("installed"), b"page");
         // What runs for months is what unwinds nothing.
         let daemon = fs::read_to_string(destdir.path().join("opt/rivet/bin/rivetd")).expect("installed");
         assert_eq!(daemon, "service");
