@@ -371,15 +371,13 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
 
 /// Joints of a log whose setpoints give other velocities or accelerations than their positions have.
 pub(crate) fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
-    let of = |j: &usize| {
-        Distrust {
+    let of = |j: &usize| Distrust {
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: UNDERIVED_NAME,
-        text: "qd_des or qdd_des is not the derivative of q_des (left at 0, in another unit, of another joint); both are made of \
-               q_des"
+        text: "qd_des or qdd_des is not the derivative of q_des (0, another unit, another joint); both are computed \
+               from q_des"
             .to_owned(),
-    }
     };
     joints.iter().map(of).collect()
 }
@@ -466,7 +464,7 @@ pub(crate) fn beside_text(names: &[String], fit: &Fit) -> String {
     if each.is_empty() {
         return String::new();
     }
-    let why = "the model misses them by more than others, as it does where friction sticks: they count by what the fit leaves of them";
+    let why = "their residual is larger than that of others, as with stiction: they are weighted by their residual";
     paragraph("rows next to a stop: ", &format!("{} ({why})", each.join("; ")))
 }
 

@@ -61,8 +61,8 @@ fn text_of_holds(holds: &Holds, first_s: f64) -> String {
     let Holds { rows, times, longest, left_out, .. } = holds;
     let what = match left_out {
         0 => "interpolated from the neighbouring rows".to_owned(),
-        all if all == rows => "left out".to_owned(),
-        some => format!("interpolated from the neighbouring rows, or left out ({some}, of stretches too long to draw)"),
+        all if all == rows => "excluded".to_owned(),
+        some => format!("interpolated from the neighbouring rows, or excluded ({some}, in gaps too long for that)"),
     };
     format!(
         "position stands while the joint moves, {times} times for up to {longest} rows (first at {} s): samples that were lost and repeated; \

@@ -112,7 +112,7 @@ pub(crate) fn run(
             && !complained
         {
             complained = true;
-            log::warn!("no physically consistent parameters: {why} (said once)");
+            log::warn!("no physically consistent parameters: {why} (reported once)");
         }
         std::thread::sleep(REFRESH);
     }

@@ -250,7 +250,8 @@ impl Keeper {
                         }
                         Err(why) if !complained => {
                             complained = true;
-                            log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} (said once)");
+                            log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} \
+                                                                           (reported once)");
                         }
                         Ok(()) | Err(_) => {}
                     }

@@ -29,7 +29,7 @@ impl Said {
         }
         if self.open && health.input_fault == u32::from(InputFault::None) {
             self.open = false;
-            log::info!(rivet_event = "input-right"; "samples are sound again");
+            log::info!(rivet_event = "input-right"; "samples are valid again");
         }
     }
 
@@ -62,7 +62,7 @@ impl Complaint {
     /// Says `why`, unless that has just been said.
     pub(crate) fn say(&mut self, why: &str) {
         if self.is_news(why, Instant::now()) {
-            log::warn!("{why} (the same is said once a minute)");
+            log::warn!("{why} (reported at most once a minute)");
         }
     }
 

@@ -156,7 +156,7 @@ impl Machine {
         let check = "clock source";
         let folder = "sys/devices/system/clocksource/clocksource0";
         let Some(name) = self.read(&format!("{folder}/current_clocksource")) else {
-            return Finding::fine(check, Severity::Note, "not told");
+            return Finding::fine(check, Severity::Note, "not known");
         };
         if FAST_CLOCKS.contains(&name.as_str()) {
             return Finding::fine(check, Severity::Ok, name);
@@ -223,7 +223,7 @@ impl Machine {
                 "SMT",
                 Severity::Warning,
                 "two threads share a core",
-                "echo off > /sys/devices/system/cpu/smt/control   # for good: nosmt in GRUB_CMDLINE_LINUX",
+                "echo off > /sys/devices/system/cpu/smt/control   # permanently: nosmt in GRUB_CMDLINE_LINUX",
             ),
             _ => Finding::fine("SMT", Severity::Ok, "off"),
         }
@@ -237,7 +237,7 @@ impl Machine {
                 check,
                 Severity::Note,
                 format!("{}; the thread is bound to none", if isolated.is_empty() { "none" } else { &isolated }),
-                "robot.toml: [realtime] cpu = N, a processor of its own",
+                "robot.toml: [realtime] cpu = N, a dedicated processor",
             );
         };
         if list_has(&isolated, cpu) {
@@ -257,7 +257,7 @@ impl Machine {
     fn interrupts(&self, cpu: Option<usize>) -> Finding {
         let check = "interrupt affinity";
         let Some(cpu) = cpu else {
-            return Finding::fine(check, Severity::Note, "not looked at: the thread is bound to no processor");
+            return Finding::fine(check, Severity::Note, "not checked: the thread is bound to no processor");
         };
         let mut here = Vec::new();
         for (irq, name) in self.entries("proc/irq", "") {
@@ -384,7 +384,7 @@ impl Machine {
                 "a virtual one: its host takes processors away without a trace, and nothing here can change that";
             Finding::fine("machine", Severity::Note, found)
         } else {
-            Finding::fine("machine", Severity::Ok, "not virtual, as far as it says")
+            Finding::fine("machine", Severity::Ok, "not virtual, by its own report")
         }
     }
 }

@@ -17,7 +17,7 @@ pub struct StoreError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
     /// Fewer bytes than it says, or more.
-    #[error("is cut short or too long: {found} bytes, it says {expected}")]
+    #[error("is cut short or too long: {found} bytes, its header has {expected}")]
     Length {
         /// Bytes that are there.
         found: u64,

@@ -189,7 +189,7 @@ fn decode_supervision(bytes: &[u8], count: usize) -> Result<Supervision, Problem
     };
     let excitation = Cursor(rest).numbers(count).ok_or(whole)?;
     if state.iter().any(|s| *s > 2) || !excitation.iter().all(|x| x.is_finite()) {
-        return Err(Problem::Content("the state of its supervision is none"));
+        return Err(Problem::Content("the state of its supervision is invalid"));
     }
     Ok(Supervision { state: state.to_vec(), excitation })
 }
@@ -200,7 +200,7 @@ fn decode_parameters(bytes: &[u8]) -> Result<Parameters, Problem> {
     let (epoch, seq, count) = numbers.ok_or(Problem::Content("its parameters are cut short"))?;
     // The count decides nothing before the length has confirmed it.
     if Some(cursor.0.len() as u64) != count.checked_mul(16) {
-        return Err(Problem::Content("its parameters are not as many as it says"));
+        return Err(Problem::Content("the number of its parameters differs from its header"));
     }
     let values = cursor.numbers(count as usize).unwrap_or_default();
     let std = cursor.numbers(count as usize).unwrap_or_default();

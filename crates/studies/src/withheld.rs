@@ -335,14 +335,19 @@ pub fn markdown(arms: &[Arm]) -> String {
     // Writing to a String cannot fail, here and below.
     for arm in arms {
         let whole = if arm.whole.is_empty() { "nothing".to_owned() } else { arm.whole.join(", ") };
-        let _ = writeln!(out, "* {}: the whole model leaves {:.1} %; said to lack: {whole}", arm.name, 100.0 * arm.gap);
+        let _ = writeln!(
+            out,
+            "* {}: residual of the whole model {:.1} %; effects named: {whole}",
+            arm.name,
+            100.0 * arm.gap
+        );
     }
     let named = counted.iter().filter(|o| o.named).count();
     let placed = counted.iter().filter(|o| o.right_joint).count();
     let _ = writeln!(
         out,
-        "\nOf {} parts {} can be seen beside what the whole model leaves and are news: {named} named, {placed} of them on \
-         the right joint.\n\n| taken away | can be seen | named | right joint | names beside |\n|---|---:|---:|---:|---:|",
+        "\nOf {} parts {} are visible above the residual of the whole model and new: {named} named, {placed} of them \
+         on the right joint.\n\n| removed | visible | named | right joint | false positives |\n|---|---:|---:|---:|---:|",
         all.len(),
         counted.len()
     );
@@ -360,7 +365,8 @@ pub fn markdown(arms: &[Arm]) -> String {
             );
         }
     }
-    out += "\n| arm | taken away | joint | strength | said | shrink predicted, measured | beside |\n|---|---|---|---:|---|---|---|\n";
+    out += "\n| arm | removed | joint | strength | reported | shrink predicted, measured | false positives \
+            |\n|---|---|---|---:|---|---|---|\n";
     for o in counted {
         let joints: Vec<String> = o.joints.iter().map(|j| (j + 1).to_string()).collect();
         let said = match (o.named, o.right_joint) {

@@ -75,7 +75,7 @@ fn caption(axis: Axis) -> &'static str {
     match axis {
         Axis::Travel => "Travel since the last reversal",
         Axis::Load => "Torque of links and payload by the nominal model, without sign: thirds of its range",
-        Axis::Power => "Driving: the torque moves the joint; driven: it holds it back",
+        Axis::Power => "Driving: the torque moves the joint; driven: the torque brakes it",
         Axis::Torque => "Measured torque, without sign: thirds of its range",
         Axis::Time => "Time since the run began: thirds",
         Axis::Pose => "Position of the joint: thirds of its range",
