@@ -36,7 +36,7 @@ pub struct Kept {
 pub struct JointChange {
     /// The joint's name.
     pub joint: String,
-    /// With the model as given.
+    /// With the nominal model.
     pub before: Pair<Number>,
     /// With all causes.
     pub after: Pair<Number>,

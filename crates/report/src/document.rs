@@ -35,7 +35,7 @@ pub struct Document {
     pub robot: String,
     /// The answer in one word.
     pub verdict: String,
-    /// How far the model is from the torque of the sealed run, relative to it.
+    /// Residual on the held-out log, relative to its torque.
     pub gap: Gap,
     /// Where it lies, largest share first.
     #[serde(rename = "where")]
@@ -58,12 +58,12 @@ pub struct Document {
     /// Steps whose equations had no solution; everything else stands without them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
-    /// Whether the sealed run refuted what fits the others: then no cause is named.
+    /// Whether the held-out log refutes the fit of the training logs: then no cause is named.
     #[serde(default, skip_serializing_if = "is_false")]
     pub refuted: bool,
-    /// What sets the sealed run apart from those looked at, where there is such a thing: `sealed_differs` (they fit to their noise,
-    /// it does not), `sealed_as_given` (what fits them does not hold there, and the model as given does) or `values_unseen` (values of
-    /// what the model has fit all of them, and those looked at alone do not show these values).
+    /// Difference between the training logs and the held-out log, where there is one. `sealed_differs`: the training logs reach their noise, the
+    /// held-out log does not. `sealed_as_given`: the fit fails on the held-out log, and the nominal model fits it. `values_unseen`: one set of
+    /// parameters fits all logs, but the training logs alone do not determine it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between_runs: Option<String>,
     /// Joints whose bodies and rotors are off by more than a data sheet ever is, where that is most of them: then no cause is named.
@@ -91,10 +91,10 @@ fn is_false(flag: &bool) -> bool {
     !flag
 }
 
-/// Gaps of the sealed run.
+/// Gaps of the held-out log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gap {
-    /// Of the model as given, all joints.
+    /// Of the nominal model, all joints.
     pub before: Number,
     /// With all causes.
     pub after: Number,
@@ -104,7 +104,7 @@ pub struct Gap {
     pub per_joint: Vec<JointGap>,
 }
 
-/// Gap of one joint, relative to its torque; in N·m where the name says so.
+/// Gap of one joint, relative to its torque; in N·m where the name ends so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs, reason = "before, after and noise floor of each measure are the names themselves")]
 pub struct JointGap {
@@ -112,7 +112,7 @@ pub struct JointGap {
     pub before: Number,
     pub after: Number,
     pub noise_floor: Number,
-    /// In motion, where the direction of friction is known, over the noise of the torque signal: as given, with all causes.
+    /// In motion, where the direction of friction is known, over the noise of the torque signal: nominal model, all causes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub in_motion: Vec<Number>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -154,10 +154,10 @@ pub struct Cell {
     pub share: Number,
     /// How long \[s\].
     pub seconds: Number,
-    /// Whether that is long enough to say anything.
+    /// Whether that is long enough for a decision.
     #[serde(default)]
     pub known: bool,
-    /// Root mean square of what the model as given leaves there \[N·m\].
+    /// RMS residual of the nominal model there \[N·m\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before_nm: Number,
     /// With all causes \[N·m\].
@@ -176,42 +176,42 @@ pub struct Cause {
     pub magnitude: Magnitude,
     /// How far the gap shrinks.
     pub shrink: Shrink,
-    /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); null for a
-    /// hint.
+    /// Share of the squared gap on the training logs, independent of the order of causes (Shapley value of the explained variance); null for
+    /// a hint.
     #[serde(default)]
     pub share: Number,
-    /// Chance that the strongest of all candidates looks as strong where none is there: sign flips of blocks of the residual,
-    /// family-wise (max-T); null for values and contact. Above 0.05 only where something else decided: what is believed of the
-    /// values that imitate it, or a command beyond the limit.
+    /// Family-wise p-value: chance that the strongest of all candidates looks as strong without an effect, by sign flips of blocks of the
+    /// residual (max-T). Null for parameters and contact. Above 0.05 only where the prior of the parameters that imitate it decided, or a command
+    /// beyond the limit.
     #[serde(default)]
     pub p_value: Number,
     /// 0 to 1.
     pub confidence: Number,
-    /// What these runs cannot tell from it: effects, and values of the model.
+    /// Effects and parameters of the model that these logs do not separate from it.
     pub indistinguishable_from: Vec<String>,
     /// Principal angle between its torque and that of each of these \[degrees\]; 90 would be two that have nothing in common.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub angles_deg: Vec<Number>,
     /// The motion that would.
     pub separating_motion: Option<String>,
-    /// The sealed run with and without it.
+    /// The held-out log with and without it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
-    /// Of a hint whose size no arm has, or that motion does not tell from something else: why it is no cause. Its shrink is not known.
+    /// Of a hint outside of physical bounds, or that the motion does not separate from something else: why it is no cause. Its shrink is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub impossible: Option<String>,
 }
 
-/// `1 − after/before` on the sealed run, relative to the model with the causes listed before.
+/// `1 − after/before` on the held-out log, relative to the model with the causes listed before.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Shrink {
-    /// Before the sealed torque was looked at.
+    /// Before the held-out torque was read.
     pub predicted: Number,
     /// Lower end of the 90 % interval.
     pub low: Number,
     /// Upper end.
     pub high: Number,
-    /// On the sealed torque.
+    /// On the held-out torque.
     pub measured: Number,
 }
 
@@ -226,27 +226,27 @@ pub struct LogFinding {
     pub fault: String,
     /// Its figure.
     pub value: Number,
-    /// What a person would say.
+    /// In a sentence.
     pub text: String,
 }
 
 /// Which data were used for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DataUse {
-    /// Runs, the sealed one included.
+    /// Logs, the held-out one included.
     pub runs: usize,
-    /// Whether they are two parts of one run: what it began with was looked at, its rest was sealed.
+    /// Whether they are two parts of one log: the first is for training, the rest is held out.
     #[serde(default)]
     pub cut: bool,
     /// Looked at.
     pub fit_seconds: Number,
     /// Sealed.
     pub sealed_seconds: Number,
-    /// Share of the time for which joints go at speeds on the sealed motion at which they are less often on what was looked at, where that
-    /// is so much that intervals are wider for it.
+    /// Share of the time at speeds that are rarer on the training logs than on the held-out log, where it is so large that intervals are
+    /// wider for it.
     #[serde(default)]
     pub of_another_kind: Number,
-    /// Names of runs that were left out, since their torque says nothing.
+    /// Names of logs that were excluded, since their torque carries no information.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unused: Vec<String>,
 }

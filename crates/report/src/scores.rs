@@ -85,13 +85,13 @@ impl Bin {
 pub struct Prediction {
     /// Its name.
     pub effect: String,
-    /// Before the sealed torque was looked at.
+    /// Before the held-out torque was read.
     pub predicted: f64,
     /// 90 % interval.
     pub low: f64,
     /// Its other end.
     pub high: f64,
-    /// On the sealed torque.
+    /// On the held-out torque.
     pub measured: f64,
 }
 

@@ -7,13 +7,12 @@ use serde::{Deserialize, Serialize};
 use crate::document::{Number, number};
 use crate::words::figure;
 
-/// All divisions of the sealed run.
+/// All divisions of the held-out log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Views {
-    /// By joint, axis, part. A joint whose load or pose hardly changes has none of that axis, one whose torque says nothing none at
-    /// all.
+    /// By joint, axis, part. A joint whose load or pose hardly changes has none of that axis, one without a trusted torque none at all.
     pub cells: Vec<View>,
-    /// The most uneven division of the model as given; null where all are about even.
+    /// The most uneven division with the nominal model; null where all are about even.
     pub contrast: Option<Contrast>,
 }
 
@@ -38,9 +37,9 @@ pub struct View {
     pub seconds: Number,
     /// Stretches of half a second that hold some of them.
     pub stretches: usize,
-    /// Whether these are enough to say anything.
+    /// Whether these are enough for a decision.
     pub known: bool,
-    /// Root mean square of what the model as given leaves there \[N·m\]; in a band of frequency: of that band's share.
+    /// RMS residual of the nominal model there \[N·m\]; in a band of frequency: of that band's share.
     pub before_nm: Number,
     /// With all causes.
     pub after_nm: Number,
@@ -50,16 +49,16 @@ pub struct View {
     pub after_over_noise: Number,
 }
 
-/// Two parts of one joint's rows that the model as given misses least alike.
+/// The two parts of one joint's rows whose residuals of the nominal model differ most.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contrast {
     /// The joint's name.
     pub joint: String,
     /// What its rows are divided by.
     pub axis: String,
-    /// The part that is missed more.
+    /// The part with the larger residual.
     pub more: String,
-    /// The part that is missed less.
+    /// The part with the smaller residual.
     pub less: String,
     /// How many times as much, root mean square.
     pub ratio: Number,

@@ -10,12 +10,12 @@ pub struct Format {
     pub file: String,
     /// Everything the model has.
     pub items: Vec<FormatItem>,
-    /// Torque that a reader of this file misses: root mean square of each joint \[N·m\].
+    /// Torque that a reader of this file lacks: root mean square of each joint \[N·m\].
     pub missed_nm: Vec<f64>,
     /// Measured torque without what a reader of this file has: root mean square of each joint \[N·m\].
     #[serde(default)]
     pub gap_nm: Vec<f64>,
-    /// The same with the model as given, written in this format.
+    /// The same with the nominal model, written in this format.
     #[serde(default)]
     pub gap_before_nm: Vec<f64>,
 }
@@ -29,6 +29,6 @@ pub struct FormatItem {
     pub fidelity: String,
     /// Where it stands, or why it does not.
     pub place: String,
-    /// Its torque: root mean square of each joint \[N·m\]; what is missed without it.
+    /// Its torque, lacking without it: root mean square of each joint \[N·m\].
     pub torque_rms_nm: Vec<f64>,
 }

@@ -8,7 +8,7 @@ use super::Number;
 /// What stands behind a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
-    /// The model as given, then with one thing after another.
+    /// The nominal model, then with one thing after another.
     pub stages: Vec<Stage>,
     /// What is left of each joint's torque.
     pub left: Vec<Left>,
@@ -23,7 +23,7 @@ pub struct Figures {
     pub nominal_error: Number,
 }
 
-/// The gap on the sealed run after something was added.
+/// The gap on the held-out log after something was added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stage {
     /// What was added; null in the first stage, and for offsets, timing and small changes of values in the last.
@@ -32,13 +32,13 @@ pub struct Stage {
     pub joints: Vec<String>,
     /// Whether it is named as a cause.
     pub upheld: bool,
-    /// Gap, before the sealed torque was looked at.
+    /// Gap, before the held-out torque was read.
     pub predicted: Number,
     /// Lower end of its 90 % interval.
     pub low: Number,
     /// Upper end.
     pub high: Number,
-    /// On the sealed torque.
+    /// On the held-out torque.
     pub measured: Number,
 }
 
@@ -59,7 +59,7 @@ pub struct Left {
     pub frequencies_hz: Vec<f64>,
     /// Amplitude density with all causes \[N·m/√Hz\].
     pub density_after: Vec<f64>,
-    /// With the model as given.
+    /// With the nominal model.
     pub density_before: Vec<f64>,
     /// By cycles per turn of the joint.
     pub orders: Vec<Order>,
@@ -74,7 +74,7 @@ pub struct Order {
     pub order: f64,
     /// With all causes.
     pub after: f64,
-    /// With the model as given.
+    /// With the nominal model.
     pub before: f64,
 }
 
@@ -89,7 +89,7 @@ pub struct Excerpt {
     pub step_s: f64,
     /// Measured.
     pub measured: Vec<f64>,
-    /// Of the model as given.
+    /// Of the nominal model.
     pub given: Vec<f64>,
     /// Of the model with all causes.
     pub with_causes: Vec<f64>,
@@ -114,7 +114,7 @@ pub struct Parameter {
     pub high: Number,
     /// `pinned`, `not_pinned` or `at_bound`.
     pub state: String,
-    /// Whether the evidence wants it changed.
+    /// Whether the evidence requires another value than the nominal one.
     pub wrong: bool,
 }
 
@@ -131,7 +131,7 @@ impl Parameter {
     }
 }
 
-/// One joint of the sealed run with and without a cause, against the quantity in which it shows.
+/// One joint of the held-out log with and without a cause, against the quantity in which it shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {
     /// The joint's name.

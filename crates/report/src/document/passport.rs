@@ -12,7 +12,7 @@ pub struct Passport {
     pub inputs: Vec<Input>,
     /// Hash of the model that the robot file describes.
     pub model: String,
-    /// What stays sealed, in words.
+    /// What is held out, in words.
     pub sealed: String,
     /// Where torque comes from.
     pub torque: String,
@@ -46,9 +46,9 @@ pub struct Input {
 /// A clock that is off.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClockOff {
-    /// Whether the log's own speeds say so; else its rows come nearly as often as the robot file says.
+    /// Whether the log's own speeds show it; else its rows nearly have the period of the robot file.
     pub sure: bool,
-    /// By how much, and what it makes of what is told.
+    /// Its size, and its effect on the results.
     pub text: String,
 }
 
@@ -66,7 +66,7 @@ pub struct Clock {
     /// Root mean square of what the stamps are off the even clock that was taken for them \[s\]; absent where the stamps were taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamps_jitter_s: Option<f64>,
-    /// That time runs fast or slow against the arm's, and what it makes of what is told; absent where nothing says so.
+    /// Error of the clock's rate, and its effect on the results; absent where none was detected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub off: Option<ClockOff>,
     /// Steps that lack samples, and time without any \[s\].
