@@ -39,7 +39,7 @@ pub struct Options {
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
-    /// Refuse to start without them, whatever `[realtime] required` says.
+    /// Refuse to start without them, regardless of `[realtime] required`.
     #[arg(long, conflicts_with = "best_effort")]
     pub require_real_time: bool,
     /// Published parameters act from this sample number on; until then the robot file's values do.

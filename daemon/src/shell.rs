@@ -44,7 +44,7 @@ pub struct Options {
     /// Go on without real-time scheduling and locked memory where they are refused.
     #[arg(long)]
     pub best_effort: bool,
-    /// Refuse to start without them, whatever `[realtime] required` says.
+    /// Refuse to start without them, regardless of `[realtime] required`.
     #[arg(long, conflicts_with = "best_effort")]
     pub require_real_time: bool,
     /// Overrides `[realtime] trigger`.
