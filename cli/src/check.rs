@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use rivet_config::Robot;
 
-use crate::table::show;
+use crate::table::{paragraph, show};
 
 /// Arguments of `rivet check`.
 #[derive(Debug, clap::Args)]
@@ -15,9 +16,29 @@ pub(crate) struct Args {
     robot: PathBuf,
 }
 
-/// Prints the resolved configuration, or every mistake.
+/// Prints the resolved configuration with doubts, or every mistake.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     show(&robot.describe())?;
+    show(&verdict(&robot))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Notes, warnings, and one sentence.
+pub(crate) fn verdict(robot: &Robot) -> String {
+    let warnings = robot.warnings();
+    let mut out = String::from("\n");
+    for note in robot.notes() {
+        out += &paragraph("note: ", &note);
+    }
+    for warning in &warnings {
+        out += &paragraph("warning: ", warning);
+    }
+    let name = &robot.config.name;
+    out += &match warnings.len() {
+        0 => format!("{name} is sound.\n"),
+        1 => format!("{name} can be used, with 1 warning.\n"),
+        n => format!("{name} can be used, with {n} warnings.\n"),
+    };
+    out
 }

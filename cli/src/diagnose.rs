@@ -9,6 +9,7 @@ use rivet_report::words::{figure, percent};
 use rivet_report::{Cause, Document, JointGap, LogFinding, Power, SelfCheck, formats, page};
 
 use crate::blind;
+use crate::bodies::{BODIES_UNKNOWN, with_bodies};
 use crate::control::bus_of;
 use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
@@ -95,6 +96,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         sources.push(Source { path, log, pieces });
     }
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
+    let (robot, nothing_to_compare) = with_bodies(robot, &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
+    stood.extend(nothing_to_compare);
     let mut progress = Progress::new("diagnosing", 1000);
     let mut left = 1.0;
     let mut say = |line: &str| {
@@ -156,6 +159,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&as_text(&document))?;
+    for finding in document.log.iter().filter(|finding| finding.fault == BODIES_UNKNOWN) {
+        show(&paragraph("  Bodies       ", &finding.text))?;
+    }
     exported?;
     checked?;
     Ok(ExitCode::from(match found.verdict {

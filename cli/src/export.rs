@@ -36,7 +36,7 @@ pub(crate) fn export(
             // What the model does not have, offsets mostly, stays as the file gives it.
             let drives = robot.model.drives(&found.standard, robot.config.nominal_joints());
             let links: Vec<LinkParameters> = bodies(robot.dof(), &found.standard);
-            let written = write_urdf(&text, &links, &drives.viscous, &drives.coulomb)
+            let written = write_urdf(&text, &robot.config.urdf_options, &links, &drives.viscous, &drives.coulomb)
                 .with_context(|| named(&robot.config.urdf))?;
             rivet_files::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
             let report = not_expressible(robot, found, &written, reference);

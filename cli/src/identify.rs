@@ -44,7 +44,7 @@ pub(crate) use rows::{rows_everywhere, rows_of, rows_without_plan};
 
 /// The prior counts so many times weaker than on line: a whole record is at hand, and nominal values that are wrong (a
 /// payload that the robot file does not know) must not pull for all of it. It settles what the motion leaves open.
-const WEAKER_PRIOR: f64 = 10.0;
+pub(crate) const WEAKER_PRIOR: f64 = 10.0;
 
 /// Arguments of `rivet identify`.
 #[derive(Debug, clap::Args)]

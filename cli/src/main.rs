@@ -3,6 +3,7 @@
 mod as_found;
 mod bench_loop;
 mod blind;
+mod bodies;
 mod bounds;
 mod changes;
 mod channels;
@@ -29,6 +30,7 @@ mod jitter;
 mod kinematics;
 mod live;
 mod monitor;
+mod new;
 mod number;
 mod online;
 mod outputs;
@@ -77,6 +79,8 @@ enum Command {
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
     Figures(figures::Args),
+    /// Write a robot file from a URDF and logs; unknown values are marked
+    New(new::Args),
     /// Check a robot file and print its values
     Check(check::Args),
     /// Show the state of a running rivetd and rivet-controller, live or once
@@ -132,6 +136,7 @@ fn main() -> ExitCode {
         Command::Blind(args) => blind::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
+        Command::New(args) => new::run(args),
         Command::Check(args) => check::run(args),
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),

@@ -32,7 +32,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         text
     } else {
         let links = bodies(robot.dof(), &patch.written);
-        let made = write_urdf(&text, &links, &written.viscous, &written.coulomb);
+        let made = write_urdf(&text, &robot.config.urdf_options, &links, &written.viscous, &written.coulomb);
         made.with_context(|| named(&robot.config.urdf))?.text
     };
     rivet_files::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;

@@ -2,16 +2,13 @@
 
 use std::fmt::Write as _;
 
-use rivet_estimation::Differentiator;
+use rivet_dynamics::toml_key;
 
 use crate::keys::SECTIONS;
 use crate::load::Robot;
 use crate::reader::{Origin, Resolved, Value};
 
 const WIDTH: usize = 100;
-/// Window of the differentiator \[s\] from which on values are off by more than their standard deviations say: with 0.1 s 88 to 94 % of
-/// simulated values are within two, with 0.2 s 59 to 64.
-const LONG_WINDOW_S: f64 = 0.12;
 /// Where the unit and the origin of a value begin.
 const UNIT_COLUMN: usize = 78;
 const VALUE_COLUMN: usize = 24;
@@ -48,9 +45,6 @@ impl Robot {
         for (what, text) in lines {
             push(&mut out, &format!("{what:<17}{}", tail(&text, WIDTH - 17)));
         }
-        if let Some(doubt) = self.long_window() {
-            push(&mut out, &format!("{:<17}{}", "doubt", tail(&doubt, WIDTH - 17)));
-        }
         self.joints_table(&mut out);
         for (section, _) in SECTIONS.iter().filter(|(s, _)| *s != "identified") {
             let mut values = self.config.resolved.iter().filter(|r| r.key.section == *section).peekable();
@@ -64,15 +58,6 @@ impl Robot {
         }
         self.base_table(&mut out);
         out
-    }
-
-    /// A window in which friction that reverses is rounded off by more than standard deviations know; the shortest is no choice.
-    fn long_window(&self) -> Option<String> {
-        let Differentiator::SavitzkyGolay { half_width } = self.config.signal.differentiator else { return None };
-        let window_s = (2 * half_width + 1) as f64 * self.config.sample_period_s;
-        (half_width > 2 && window_s >= LONG_WINDOW_S).then(|| {
-            format!("half_width = {half_width} is a window of {window_s:.2} s: it bends friction where joints reverse")
-        })
     }
 
     fn joints_table(&self, out: &mut String) {
@@ -138,6 +123,7 @@ fn value_lines(out: &mut String, resolved: &Resolved) {
         Origin::Line(line) => format!("line {line}"),
         Origin::Default => "default".to_owned(),
         Origin::Chosen => "chosen".to_owned(),
+        Origin::Urdf => "URDF".to_owned(),
     };
     let mut rows = vec![String::new()];
     for part in value_text(&resolved.value).split_inclusive(", ") {
@@ -193,6 +179,11 @@ pub(crate) fn value_text(value: &Value) -> String {
         Value::Bool(x) => format!("{x}"),
         Value::Text(x) => format!("{x:?}"),
         Value::Numbers(x) => format!("[{}]", x.iter().map(|x| number_text(*x)).collect::<Vec<_>>().join(", ")),
+        Value::JointPositions(x) => {
+            let entries: Vec<String> =
+                x.iter().map(|(joint, at)| format!("{} = {}", toml_key(joint), number_text(*at))).collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
     }
 }
 

@@ -51,7 +51,7 @@ impl Robot {
     /// The robot with another law; values that the file has no opinion on are zero, identified parameters are dropped.
     ///
     /// # Errors
-    /// When the base parameters of the new model are unclear.
+    /// When the regressor of the new model is not finite.
     pub fn with_friction_law(&self, law: FrictionLaw) -> Result<Robot, BaseError> {
         let mut config = self.config.clone();
         let zeros = || vec![0.0; self.dof()];
@@ -83,6 +83,7 @@ impl Robot {
         };
         let model = Model::new(self.model.arm.clone(), structure)
             .with_load(self.model.load().to_vec())
+            .with_unknown_bodies(self.model.unknown_bodies().to_vec())
             .with_effects(self.model.effects().clone());
         let base = BaseSet::new(&model)?;
         let hash = model_hash(&model, &base);
@@ -96,6 +97,7 @@ impl Robot {
             nominal,
             nominal_base,
             identified: None,
+            description: self.description.clone(),
         })
     }
 }

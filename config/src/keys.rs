@@ -11,6 +11,10 @@ pub use declaration::{Bounds, Fallback, Key, Shape};
 /// A section's line in the documentation, in the order of the documentation.
 pub const SECTIONS: &[(&str, &str)] = &[
     ("", "Top of the file (contract). Required in every file."),
+    (
+        "model",
+        "How the URDF becomes the chain that is modelled. For a tree `rivet check` and `rivet new` write the lines. The section as a whole is optional.",
+    ),
     ("drive", "Drives (contract). One value per joint, at the joint side of the gear."),
     ("friction", "Nominal friction (contract): `tau = coulomb*s(qd) + viscous*qd + offset`."),
     (
@@ -125,6 +129,15 @@ pub const KEYS: &[Key] = &[
     key("", "gravity", Shape::Vector, "m/s^2", Magnitude(100.0), Required,
         "Acceleration of free fall in base axes; `[0, 0, -9.81]` for an arm that stands upright."),
 
+    key("model", "tip", Text, "", Bounds::None, Absent,
+        "Link that the arm ends with, for a URDF that is a tree: joints on the way from the root to it are the arm's, all others are welded."),
+    key("model", "fixed", Shape::JointPositions, "rad", Magnitude(1e3), Absent,
+        "Joints of the URDF that are welded, with their positions [rad or m]: `{ finger_joint = 0.02 }`. The bodies behind them move as one with the link that \
+         carries them. Without a position a joint beside the arm is welded at 0, or at the limit next to 0; one with `<mimic>` where the joint is that it follows."),
+    key("model", "impossible_inertia", Choice(&["refuse", "project"]), "", Bounds::None, Fallback::Text("refuse"),
+        "What becomes of a moving link whose inertia no body has (not positive definite, or against the triangle inequality): the URDF is refused, or the \
+         nearest inertia that a body can have takes its place, with a warning. An inertia without mass then counts as none."),
+
     key("drive", "gear_ratio", PerJoint, "-", NonZero(1e5), Required,
         "Motor angle over joint angle; negative where they turn against each other; 1 for a direct drive."),
     key("drive", "rotor_inertia", PerJoint, "kg m^2", Within(0.0, 1e5), Required,
@@ -136,11 +149,11 @@ pub const KEYS: &[Key] = &[
     key("drive", "drive_gain", PerJoint, "N m/A", NonZero(1e5), Absent,
         "Joint torque per ampere, for logs that carry currents instead of torques. Without it such logs are refused."),
 
-    key("friction", "coulomb", PerJoint, "N m", Within(0.0, 1e5), Required,
+    key("friction", "coulomb", PerJoint, "N m", Within(0.0, 1e5), Derived("`<dynamics friction>` of the URDF, else 0"),
         "Coulomb friction."),
-    key("friction", "viscous", PerJoint, "N m s/rad", Within(0.0, 1e6), Required,
+    key("friction", "viscous", PerJoint, "N m s/rad", Within(0.0, 1e6), Derived("`<dynamics damping>` of the URDF, else 0"),
         "Viscous friction."),
-    key("friction", "offset", PerJoint, "N m", Magnitude(1e5), Required,
+    key("friction", "offset", PerJoint, "N m", Magnitude(1e5), Fallback::Number(0.0),
         "Constant torque, for example asymmetric friction or the zero of the torque signal."),
     key("friction", "load_dependent", PerJointOrOne, "-", Within(0.0, 1e4), Absent,
         "Coulomb friction per torque that the gear carries: adds `load_dependent*|tau of the links|*s(qd)`, tooth friction under \
@@ -460,6 +473,7 @@ pub fn reference() -> String {
                 Shape::PerJoint => "one per joint".into(),
                 Shape::PerJointOrOne => "one, or one per joint".into(),
                 Shape::Joint => "joint number from 1, or joint name".into(),
+                Shape::JointPositions => "{ joint = position }".into(),
                 Shape::Parameters => "array of { name, value, std }".to_string(),
             };
             let range = key.bounds.text().replace('|', "\\|");

@@ -5,7 +5,10 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use rivet_dynamics::{Arm, BaseSet, Joints, KnownEffects, LinkParameters, Model, Structure, WristCoupling, model_hash};
+use rivet_dynamics::{
+    Arm, BaseSet, Joints, KnownEffects, LinkParameters, Model, Proposal, Structure, UrdfArm, UrdfKey, UrdfNote,
+    UrdfOptions, WristCoupling, guess_bodies, model_hash,
+};
 use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors, MOST_KEPT};
@@ -31,6 +34,23 @@ pub struct Robot {
     pub nominal_base: Vec<f64>,
     /// Identified base parameters, where the file has them.
     pub identified: Option<Identified>,
+    /// What the URDF says beyond the model.
+    pub description: Description,
+}
+
+/// What a URDF says beyond the model, and does not say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// Joints (from 0) whose bodies the URDF does not have: their nominal values are a guess.
+    pub unknown_bodies: Vec<usize>,
+    /// Tip and welded joints as they came out.
+    pub chosen: Proposal,
+    /// What a user should know.
+    pub notes: Vec<UrdfNote>,
+    /// Effort limits \[N·m or N\]; infinite where the URDF has none.
+    pub effort: Vec<f64>,
+    /// `[damping, friction]` of each `<dynamics>`.
+    pub friction: Vec<Option<[f64; 2]>>,
 }
 
 /// Identified base parameters, in the order of [`Robot::base`].
@@ -130,14 +150,18 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written_urdf);
     let sample_period_s = reader.number("", "sample_period_s");
     let gravity = read::gravity(&mut reader);
-    let arm =
-        if written_urdf.is_empty() { None } else { read_arm(&mut reader, ("", "urdf"), &urdf, &written_urdf, gravity) };
-    if let Some(arm) = &arm {
-        reader.set_joints(arm.joints.iter().map(|j| j.name.clone()).collect());
+    let options = read::model(&mut reader);
+    let how = Reading { gravity, options: &options };
+    let described =
+        if written_urdf.is_empty() { None } else { read_urdf(&mut reader, ("", "urdf"), &urdf, &written_urdf, &how) };
+    if let Some(described) = &described {
+        reader.set_joints(described.arm.joints.iter().map(|j| j.name.clone()).collect());
+        friction_of_urdf(&mut reader, described);
     }
+    let arm = described.as_ref().map(|described| described.arm.clone());
     let drive = read::drive(&mut reader);
     let mut friction = read::friction(&mut reader);
-    let load = load_bodies(&mut reader, &mut friction, path, gravity, arm.as_ref());
+    let load = load_bodies(&mut reader, &mut friction, path, &how, arm.as_ref());
     let coupling = read::coupling(&mut reader);
     let effects = crate::effects::read(&mut reader, arm.as_ref().map_or(0, Arm::dof));
     let log = read::log(&mut reader, drive.drive_gain.as_deref());
@@ -156,8 +180,8 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     });
 
     // The model is only made from values without a mistake; its own mistakes join the list.
-    let built = match arm {
-        Some(mut arm) if reader.clean() => {
+    let built = match (arm, &described) {
+        (Some(mut arm), Some(described)) if reader.clean() => {
             let structure = Structure {
                 offset: estimator.offsets,
                 coupling: coupling.as_ref().map(|c| WristCoupling { driving: c.driving, driven: c.driven }),
@@ -170,7 +194,8 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
             for (joint, limit) in arm.joints.iter_mut().zip(&drive.torque_limit) {
                 joint.effort = *limit;
             }
-            let model = Model::new(arm, structure);
+            let unknown = guess_bodies(&mut arm, &described.unknown, &drive.torque_limit, described.tip_length);
+            let model = Model::new(arm, structure).with_unknown_bodies(unknown);
             let model = match load {
                 Some(bodies) => model.with_load(bodies),
                 None => model,
@@ -183,8 +208,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
             let model = model.with_effects(KnownEffects::new(effects.clone(), &drives));
             let base = BaseSet::new(&model);
             if let Err(why) = &base {
-                let hint = "round off what is nearly parallel or nearly zero in the URDF's kinematics";
-                reader.reject("", "urdf", format!("base parameters are unclear: {why}"), hint);
+                reader.reject("", "urdf", why.to_string(), format!("correct it in {written_urdf}"));
             }
             base.ok().map(|base| (model, base))
         }
@@ -199,13 +223,15 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     };
 
     let (resolved, errors) = reader.finish();
-    let Some((model, base)) = built.filter(|_| errors.is_empty()) else {
+    let (Some((model, base)), Some(described)) = (built.filter(|_| errors.is_empty()), described) else {
         return Err(ConfigErrors::new(errors));
     };
+    let description = description(described);
     let config = RobotConfig {
         path: path.to_path_buf(),
         name,
         urdf,
+        urdf_options: options,
         sample_period_s,
         gravity,
         drive,
@@ -226,7 +252,41 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     };
     let nominal = model.nominal(&config.nominal_joints());
     let nominal_base = base.from_standard(&nominal);
-    Ok(Robot { config, model: Arc::new(model), base: Arc::new(base), hash, nominal, nominal_base, identified })
+    Ok(Robot {
+        config,
+        model: Arc::new(model),
+        base: Arc::new(base),
+        hash,
+        nominal,
+        nominal_base,
+        identified,
+        description,
+    })
+}
+
+fn description(of: UrdfArm) -> Description {
+    let unknown_bodies = (0..of.unknown.len()).filter(|&j| of.unknown[j]).collect();
+    let effort = of.arm.joints.iter().map(|joint| joint.effort).collect();
+    Description { unknown_bodies, chosen: of.chosen, notes: of.notes, effort, friction: of.friction }
+}
+
+/// `<dynamics>` of the URDF are the nominal friction where the file has none.
+fn friction_of_urdf(reader: &mut Reader<'_>, described: &UrdfArm) {
+    if described.friction.iter().all(Option::is_none) {
+        reader.derive("friction", "viscous", 0.0);
+        reader.derive("friction", "coulomb", 0.0);
+        return;
+    }
+    for (k, name, written) in [(0, "viscous", "damping"), (1, "coulomb", "friction")] {
+        let values: Vec<f64> = described.friction.iter().map(|of| of.map_or(0.0, |of| of[k])).collect();
+        let wrong = values.iter().position(|x| !(x.is_finite() && *x >= 0.0));
+        if let (Some(j), false) = (wrong, reader.has("friction", name)) {
+            let joint = &described.arm.joints[j].name;
+            let rule = format!("joint \"{joint}\" has {written} {} in <dynamics>, which is no friction", values[j]);
+            reader.reject("", "urdf", rule, format!("correct it, or write `{name} = ...` below `[friction]`"));
+        }
+        reader.derive_from_urdf("friction", name, values);
+    }
 }
 
 /// The bodies of `friction.load_urdf`, where it is given: those of the same arm.
@@ -234,7 +294,7 @@ fn load_bodies(
     reader: &mut Reader<'_>,
     friction: &mut sections::Friction,
     path: &Path,
-    gravity: [f64; 3],
+    how: &Reading<'_>,
     arm: Option<&Arm>,
 ) -> Option<Vec<LinkParameters>> {
     const KEY: (&str, &str) = ("friction", "load_urdf");
@@ -243,7 +303,7 @@ fn load_bodies(
         return None;
     }
     let urdf = path.parent().unwrap_or(Path::new("")).join(&written);
-    let other = read_arm(reader, KEY, &urdf, &written, gravity)?;
+    let other = read_urdf(reader, KEY, &urdf, &written, how)?.arm;
     friction.load_urdf = Some(urdf);
     let arm = arm?;
     if other.joints != arm.joints {
@@ -254,14 +314,20 @@ fn load_bodies(
     Some(other.links)
 }
 
-/// Reads a URDF; whatever is wrong with it is a mistake of `key`.
-fn read_arm(
+/// How URDFs are read.
+struct Reading<'a> {
+    gravity: [f64; 3],
+    options: &'a UrdfOptions,
+}
+
+/// Reads a URDF; whatever is wrong with it is a mistake of `key`, or of `[model]`.
+fn read_urdf(
     reader: &mut Reader<'_>,
     key: (&'static str, &'static str),
     urdf: &Path,
     written: &str,
-    gravity: [f64; 3],
-) -> Option<Arm> {
+    how: &Reading<'_>,
+) -> Option<UrdfArm> {
     let utf8 = |bytes| {
         String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
     };
@@ -274,11 +340,18 @@ fn read_arm(
         }
     };
     // A wrong gravity is a mistake of its own; the arm is still wanted for its joint count.
-    let gravity = if gravity.iter().all(|g| g.is_finite()) { gravity } else { [0.0; 3] };
-    match Arm::from_urdf(&text, gravity) {
+    let gravity = if how.gravity.iter().all(|g| g.is_finite()) { how.gravity } else { [0.0; 3] };
+    match UrdfArm::read(&text, gravity, how.options) {
         Ok(arm) => Some(arm),
-        Err(why) => {
-            reader.reject(key.0, key.1, why.to_string(), format!("correct it in {written}"));
+        Err(mistakes) => {
+            for mistake in mistakes.all() {
+                let (section, name) = match mistake.error.key() {
+                    UrdfKey::File => key,
+                    UrdfKey::Tip => ("model", "tip"),
+                    UrdfKey::Fixed => ("model", "fixed"),
+                };
+                reader.reject(section, name, mistake.to_string(), mistake.error.mend(written));
+            }
             None
         }
     }

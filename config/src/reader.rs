@@ -25,6 +25,8 @@ pub enum Value {
     Text(String),
     /// One number per joint, or x, y, z.
     Numbers(Vec<f64>),
+    /// Joints of the URDF with their positions.
+    JointPositions(Vec<(String, f64)>),
 }
 
 /// Where a value came from.
@@ -36,6 +38,8 @@ pub enum Origin {
     Default,
     /// Chosen by the program, from data.
     Chosen,
+    /// The URDF.
+    Urdf,
 }
 
 /// A key with the value that holds.
@@ -75,6 +79,8 @@ pub(crate) struct Reader<'a> {
     joints: Vec<String>,
     /// Defaults made from other values.
     derived: HashMap<Path2, f64>,
+    /// Defaults of each joint, from the URDF.
+    of_urdf: HashMap<Path2, Vec<f64>>,
     errors: Vec<ConfigError>,
     /// Lines that are no TOML: what recovery makes of them is not reported as well.
     broken: HashSet<usize>,
@@ -97,6 +103,7 @@ impl<'a> Reader<'a> {
             bad: HashSet::new(),
             joints: Vec::new(),
             derived: HashMap::new(),
+            of_urdf: HashMap::new(),
             broken: errors.iter().map(|e| e.line).collect(),
             errors,
             resolved: Vec::new(),
@@ -282,6 +289,11 @@ impl<'a> Reader<'a> {
         self.derived.insert((section, name), default);
     }
 
+    /// Sets a default of each joint that the URDF has.
+    pub(crate) fn derive_from_urdf(&mut self, section: &'static str, name: &'static str, defaults: Vec<f64>) {
+        self.of_urdf.insert((section, name), defaults);
+    }
+
     /// Everything read, or every mistake.
     pub(crate) fn finish(self) -> (Vec<Resolved>, Vec<ConfigError>) {
         (self.resolved, self.errors)
@@ -303,6 +315,7 @@ impl<'a> Reader<'a> {
     fn resolve(&mut self, key: &'static Key, value: Value) {
         let origin = match self.values.get(&(key.section, key.name)) {
             Some(v) => Origin::Line(self.text[..v.span().start.min(self.text.len())].matches('\n').count() + 1),
+            None if self.of_urdf.contains_key(&(key.section, key.name)) => Origin::Urdf,
             None => Origin::Default,
         };
         self.resolved.push(Resolved { key, value, origin });
@@ -461,6 +474,7 @@ impl<'a> Reader<'a> {
                 None
             }
             (None, Fallback::Number(x)) => Some(vec![x; wanted]),
+            (None, _) if self.of_urdf.contains_key(&(section, name)) => self.of_urdf.get(&(section, name)).cloned(),
             (None, _) => self.derived.get(&(section, name)).map(|x| vec![*x; wanted]),
         };
         self.resolve(key, numbers.clone().map_or(Value::Absent, Value::Numbers));
@@ -497,6 +511,41 @@ impl<'a> Reader<'a> {
         let joint = index.and_then(|i| self.joints.get(i)).cloned();
         self.resolve(key, joint.map_or(Value::Absent, Value::Text));
         index
+    }
+
+    /// Joints with their positions; those that are wrong are left out.
+    pub(crate) fn joint_positions(&mut self, section: &'static str, name: &'static str) -> Vec<(String, f64)> {
+        let (key, value) = self.take(section, name);
+        let mut positions = Vec::new();
+        match value.map(Spanned::get_ref) {
+            Some(DeValue::Table(table)) => {
+                for (joint, position) in table {
+                    let joint = joint.get_ref().to_string();
+                    if let Some(at) = self.joint_position(key, &joint, position) {
+                        positions.push((joint, at));
+                    }
+                }
+            }
+            Some(other) => self.wrong_type(key, other),
+            None => {}
+        }
+        let resolved = if value.is_some() { Value::JointPositions(positions.clone()) } else { Value::Absent };
+        self.resolve(key, resolved);
+        positions
+    }
+
+    fn joint_position(&mut self, key: &'static Key, joint: &str, position: &Spanned<DeValue<'_>>) -> Option<f64> {
+        let number = match position.get_ref() {
+            DeValue::Float(x) => x.as_str().parse::<f64>().ok(),
+            DeValue::Integer(x) => i64::from_str_radix(x.as_str(), x.radix()).ok().map(|x| x as f64),
+            _ => None,
+        };
+        if let Some(at) = number.filter(|x| x.is_finite() && key.bounds.allow(*x)) {
+            return Some(at);
+        }
+        let rule = format!("position of \"{joint}\" must be a number that keeps {} [rad or m]", key.bounds.text());
+        self.reject_at(key.section, key.name, &position.span(), rule, format!("write `{joint} = 0.0` for its zero"));
+        None
     }
 
     /// The entries of `identified.parameters` that are well formed.
@@ -548,6 +597,7 @@ fn shape_text(shape: Shape) -> &'static str {
         Shape::PerJoint => "an array with one number per joint",
         Shape::PerJointOrOne => "a number, or an array with one number per joint",
         Shape::Joint => "a joint number from 1, or a joint name",
+        Shape::JointPositions => "a table { joint = position }",
         Shape::Parameters => "an array of { name, value, std }",
     }
 }

@@ -4,7 +4,7 @@ pub(crate) mod read;
 
 use std::path::PathBuf;
 
-use rivet_dynamics::{Joints, KnownEffect};
+use rivet_dynamics::{Joints, KnownEffect, UrdfOptions};
 use rivet_estimation::{
     Differentiator, EstimatorKind, Filtering, Instruments, Prior, ReferenceWorkload, Settings, Supervision, Window,
 };
@@ -20,6 +20,8 @@ pub struct RobotConfig {
     pub name: String,
     /// The URDF, resolved against the robot file's directory.
     pub urdf: PathBuf,
+    /// `[model]`: how the URDF becomes a chain.
+    pub urdf_options: UrdfOptions,
     /// Time between samples \[s\].
     pub sample_period_s: f64,
     /// Gravity in base axes \[m/s²\].

@@ -21,6 +21,8 @@ pub enum Shape {
     PerJointOrOne,
     /// A joint: its number from 1, or its name in the URDF.
     Joint,
+    /// `{ joint = position }`: joints of the URDF by name.
+    JointPositions,
     /// `{ name = "...", value = ..., std = ... }`, one per base parameter.
     Parameters,
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use rivet_dynamics::UrdfOptions;
 use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments};
 
 use super::{
@@ -38,6 +39,14 @@ pub(crate) fn name(reader: &mut Reader<'_>) -> String {
 
 pub(crate) fn gravity(reader: &mut Reader<'_>) -> [f64; 3] {
     reader.numbers("", "gravity").try_into().unwrap_or([f64::NAN; 3])
+}
+
+/// How the URDF becomes a chain.
+pub(crate) fn model(reader: &mut Reader<'_>) -> UrdfOptions {
+    let tip = reader.text("model", "tip");
+    let fixed = reader.joint_positions("model", "fixed");
+    let project = reader.text("model", "impossible_inertia") == "project";
+    UrdfOptions { tip: (!tip.is_empty()).then_some(tip), fixed, project }
 }
 
 pub(crate) fn drive(reader: &mut Reader<'_>) -> Drive {

@@ -2,6 +2,7 @@
 //! `cargo test --release --package rivet-config --test files bad_files::` runs one file of it.
 
 mod bad_files;
+mod descriptions;
 mod effects;
 mod identified;
 mod joint_zero;

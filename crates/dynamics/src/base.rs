@@ -23,7 +23,8 @@ const FAINT: f64 = 5e-3;
 /// A kind without any column larger than this part of the largest of all is measured by that part instead: otherwise
 /// the rounding errors of columns that are all zero would be measured by themselves.
 const SMALLEST_KIND: f64 = 1e-3;
-/// Smallest acceptable ratio between the last kept and the first dropped residual.
+/// Ratio between the last kept and the first dropped residual from which on the geometry says clearly which columns depend on others. Axes
+/// that are parallel but for a calibration (1e-3 to 1e-5 rad) make columns at every size between: see [`BaseSet::new`].
 const CLEAR_GAP: f64 = 1e4;
 /// Random states that the decision rests on.
 const STATES: usize = 200;
@@ -50,16 +51,6 @@ impl RankGap {
 /// Why no base set could be found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BaseError {
-    /// Some column is neither clearly dependent nor clearly independent.
-    #[error(
-        "base parameters are not clear: the smallest kept residual is {:e}, the largest dropped one {:e}, ratio {:.1e} \
-         (at least {CLEAR_GAP:e} is needed); almost parallel or almost crossing axes in the URDF cause this",
-        gap.smallest_kept, gap.largest_dropped, gap.ratio()
-    )]
-    UnclearRank {
-        /// The two residuals.
-        gap: RankGap,
-    },
     /// The regressor has a NaN or an infinity.
     #[error("the regressor is not finite: geometry or gravity of the arm is not")]
     NotFinite,
@@ -74,6 +65,8 @@ pub struct BaseSet {
     pub independent: Vec<usize>,
     /// How clear the choice was.
     pub gap: RankGap,
+    /// What the columns before it leave of each kept column, in parts of the largest of its kind: the inverse of its condition.
+    pub residuals: Vec<f64>,
     /// For each base parameter: dropped columns that fold into it, and their factors.
     regrouping: Vec<Vec<(usize, f64)>>,
 }
@@ -81,55 +74,34 @@ pub struct BaseSet {
 impl BaseSet {
     /// Finds the base of `model` from seeded random states within the joint limits.
     ///
+    /// Where the geometry does not say clearly which columns depend on others ([`is_clear`](BaseSet::is_clear)), those that are hardly
+    /// separated are kept, the best separated first, so that what folds into them has small factors. Their torque is lost nowhere; what is
+    /// dropped is at most 1e-5 of the largest column of its kind. Data hardly tell them: the prior holds them.
+    ///
     /// # Errors
-    /// When the rank is not clear, with the residuals on both sides of the gap.
+    /// When the regressor is not finite.
     pub fn new(model: &Model) -> Result<BaseSet, BaseError> {
         let columns = sample(model, STATES, 0x5eed);
         let scales = scales(model, &columns);
         if scales.iter().any(|scale| !scale.is_finite()) {
             return Err(BaseError::NotFinite);
         }
-        let mut found = BaseSet {
-            independent: Vec::new(),
-            gap: RankGap { smallest_kept: f64::INFINITY, largest_dropped: 0.0 },
-            regrouping: Vec::new(),
-        };
-        // Orthonormal directions of the kept columns, and R: projections[k] are those of the k-th kept column on the
-        // directions before it, followed by its own residual.
-        let mut directions: Vec<Vec<f64>> = Vec::new();
-        let mut projections: Vec<Vec<f64>> = Vec::new();
-        let mut order = visiting_order(model);
-        let first = order.len();
-        let mut turn = 0;
-        while let Some(&c) = order.get(turn) {
-            let mut column = columns[c].clone();
-            let mut along = orthogonalise(&mut column, &directions);
-            let left = norm(&column);
-            let residual = left / scales[c];
-            turn += 1;
-            if turn <= first && residual > TOLERANCE && residual <= FAINT {
-                order.push(c);
-            } else if residual > TOLERANCE {
-                found.gap.smallest_kept = found.gap.smallest_kept.min(residual);
-                for x in &mut column {
-                    *x /= left;
-                }
-                directions.push(column);
-                along.push(left);
-                projections.push(along);
-                found.independent.push(c);
-                found.regrouping.push(Vec::new());
-            } else {
-                found.gap.largest_dropped = found.gap.largest_dropped.max(residual);
-                back_substitute(&projections, &mut along);
-                for (k, &factor) in along.iter().enumerate() {
-                    if factor.abs() * scales[found.independent[k]] > ZERO_FACTOR * scales[c] {
-                        found.regrouping[k].push((c, factor));
-                    }
-                }
-            }
+        let order = visiting_order(model);
+        let found = Factors::new(&columns, &scales).visit(&order, Waiting::InOrder);
+        if found.is_clear() {
+            return Ok(found);
         }
-        if found.gap.ratio() >= CLEAR_GAP { Ok(found) } else { Err(BaseError::UnclearRank { gap: found.gap }) }
+        Ok(Factors::new(&columns, &scales).visit(&order, Waiting::LargestFirst))
+    }
+
+    /// Whether the geometry says clearly which columns depend on others.
+    pub fn is_clear(&self) -> bool {
+        self.gap.ratio() >= CLEAR_GAP
+    }
+
+    /// Base parameters that the geometry hardly separates from those before them.
+    pub fn hardly_separated(&self) -> impl Iterator<Item = usize> {
+        (0..self.len()).filter(|&i| self.residuals[i] <= FAINT)
     }
 
     /// Number of base parameters.
@@ -143,6 +115,17 @@ impl BaseSet {
     pub fn from_standard(&self, x: &[f64]) -> Vec<f64> {
         let fold = |(&c, folded): (&usize, &Vec<(usize, f64)>)| {
             x[c] + folded.iter().map(|&(d, factor)| factor * x[d]).sum::<f64>()
+        };
+        self.independent.iter().zip(&self.regrouping).map(fold).collect()
+    }
+
+    /// Standard deviations of the base parameters where the entries of the standard vector have the independent ones of `std`. What `std`
+    /// is too short for has none.
+    #[must_use]
+    pub fn std_from_standard(&self, std: &[f64]) -> Vec<f64> {
+        let square = |c: usize| std.get(c).map_or(0.0, |std| std * std);
+        let fold = |(&c, folded): (&usize, &Vec<(usize, f64)>)| {
+            (square(c) + folded.iter().map(|&(d, factor)| factor * factor * square(d)).sum::<f64>()).sqrt()
         };
         self.independent.iter().zip(&self.regrouping).map(fold).collect()
     }
@@ -171,6 +154,91 @@ impl BaseSet {
                 *out = full[c];
             }
         }
+    }
+}
+
+/// In which order columns of which little is left are visited in the end.
+#[derive(Clone, Copy, PartialEq)]
+enum Waiting {
+    InOrder,
+    LargestFirst,
+}
+
+/// The factorisation of the columns, one by one.
+struct Factors<'a> {
+    columns: &'a [Vec<f64>],
+    scales: &'a [f64],
+    /// Orthonormal directions of the kept columns.
+    directions: Vec<Vec<f64>>,
+    /// R: entry k has the projections of the k-th kept column on the directions before it, then its own residual.
+    projections: Vec<Vec<f64>>,
+    found: BaseSet,
+}
+
+impl<'a> Factors<'a> {
+    fn new(columns: &'a [Vec<f64>], scales: &'a [f64]) -> Factors<'a> {
+        let found = BaseSet {
+            independent: Vec::new(),
+            gap: RankGap { smallest_kept: f64::INFINITY, largest_dropped: 0.0 },
+            residuals: Vec::new(),
+            regrouping: Vec::new(),
+        };
+        Factors { columns, scales, directions: Vec::new(), projections: Vec::new(), found }
+    }
+
+    fn visit(mut self, order: &[usize], waiting: Waiting) -> BaseSet {
+        let mut faint: Vec<usize> = order.iter().copied().filter(|&c| !self.take(c, FAINT)).collect();
+        if waiting == Waiting::InOrder {
+            for c in faint {
+                self.take(c, TOLERANCE);
+            }
+            return self.found;
+        }
+        let mut left: Vec<Vec<f64>> = faint.iter().map(|&c| self.columns[c].clone()).collect();
+        let mut known = 0;
+        while !faint.is_empty() {
+            for column in &mut left {
+                orthogonalise(column, &self.directions[known..]);
+            }
+            known = self.directions.len();
+            let residual = |k: usize| norm(&left[k]) / self.scales[faint[k]];
+            // The first of equals, so that one model has one base.
+            let most = (1..faint.len()).fold(0, |most, k| if residual(k) > residual(most) { k } else { most });
+            left.remove(most);
+            self.take(faint.remove(most), TOLERANCE);
+        }
+        self.found
+    }
+
+    /// Keeps a column of which more than `least` is left, or folds one into those kept that they span. False for one between the two.
+    fn take(&mut self, c: usize, least: f64) -> bool {
+        let mut column = self.columns[c].clone();
+        let mut along = orthogonalise(&mut column, &self.directions);
+        let left = norm(&column);
+        let residual = left / self.scales[c];
+        if residual > least {
+            self.found.gap.smallest_kept = self.found.gap.smallest_kept.min(residual);
+            for x in &mut column {
+                *x /= left;
+            }
+            self.directions.push(column);
+            along.push(left);
+            self.projections.push(along);
+            self.found.independent.push(c);
+            self.found.residuals.push(residual);
+            self.found.regrouping.push(Vec::new());
+        } else if residual <= TOLERANCE {
+            self.found.gap.largest_dropped = self.found.gap.largest_dropped.max(residual);
+            back_substitute(&self.projections, &mut along);
+            for (k, &factor) in along.iter().enumerate() {
+                if factor.abs() * self.scales[self.found.independent[k]] > ZERO_FACTOR * self.scales[c] {
+                    self.found.regrouping[k].push((c, factor));
+                }
+            }
+        } else {
+            return false;
+        }
+        true
     }
 }
 

@@ -31,5 +31,8 @@ pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup,
 pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia, smallest_eigenvalue};
 pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
 pub use slip::Slip;
-pub use urdf::{UrdfError, WrittenUrdf, write_urdf};
+pub use urdf::{
+    Proposal, UrdfArm, UrdfError, UrdfKey, UrdfMistake, UrdfMistakes, UrdfNote, UrdfOptions, WrittenUrdf, guess_bodies,
+    toml_key, write_urdf,
+};
 pub use xml_limits::XmlExcess;

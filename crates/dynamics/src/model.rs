@@ -96,6 +96,8 @@ pub struct Model {
     /// Bodies whose torque is what the gears carry, for [`Structure::load_friction`]: those of the arm, until
     /// [`with_load`](Model::with_load) gives better ones. Part of what a load-friction parameter means.
     load: Vec<LinkParameters>,
+    /// Standard deviations of the entries of the links' bodies that nobody knows; 0, or none, of those that are known.
+    unknown: Vec<f64>,
     /// Effects of known size beside the regressor: its parameters are what is left of the torque without them.
     effects: KnownEffects,
 }
@@ -130,7 +132,7 @@ impl Model {
             parameters.extend([CouplingInertia, CouplingViscous, CouplingCoulomb]);
         }
         let load = arm.links.clone();
-        Model { arm, structure, parameters, load, effects: KnownEffects::default() }
+        Model { arm, structure, parameters, load, unknown: Vec::new(), effects: KnownEffects::default() }
     }
 
     /// The same model with other bodies for the torque that the gears carry (one a joint, in its frame).
@@ -142,6 +144,19 @@ impl Model {
         assert_eq!(bodies.len(), self.arm.dof(), "one body a joint");
         self.load = bodies;
         self
+    }
+
+    /// The same model where bodies of links are a guess: standard deviations of their entries, 0 of what is known (as
+    /// [`guess_bodies`](crate::guess_bodies) gives them).
+    #[must_use]
+    pub fn with_unknown_bodies(mut self, std: Vec<f64>) -> Model {
+        self.unknown = if std.iter().any(|std| *std > 0.0) { std } else { Vec::new() };
+        self
+    }
+
+    /// Standard deviations of the entries of the standard vector that are a guess, 0 of what is known; empty where all bodies are known.
+    pub fn unknown_bodies(&self) -> &[f64] {
+        &self.unknown
     }
 
     /// The same model with effects of known size.

@@ -179,8 +179,9 @@ impl Estimator {
         let (n, p) = (nominal.len(), scales.torque_noise.len());
         let least = PRIOR_TORQUE_SHARE * scales.torque;
         let relative = settings.prior.relative_std;
-        let prior: Vec<f64> =
-            nominal.iter().zip(&scales.column).map(|(x, c)| relative * (x * c).abs().max(least)).collect();
+        let unknown = |i: usize| scales.unknown.get(i).copied().unwrap_or(0.0);
+        let width = |(i, (x, c)): (usize, (&f64, &f64))| relative * (x * c).abs().max(unknown(i) * c).max(least);
+        let prior: Vec<f64> = nominal.iter().zip(&scales.column).enumerate().map(width).collect();
         let judge = match settings.supervision {
             Supervision::Off => Judge::Off,
             Supervision::Columns(columns) => Judge::Columns(Columns::new(n, columns)),

@@ -40,6 +40,8 @@ pub struct Scales {
     /// What each of the ten numbers of a load at the last link adds to the parameters; empty for equations that are not an
     /// arm's.
     pub payload: Vec<Vec<f64>>,
+    /// Standard deviations of the nominal parameters that are a guess, in each one's unit, 0 of what is known; empty where none is.
+    pub unknown: Vec<f64>,
 }
 
 impl Scales {
@@ -50,7 +52,14 @@ impl Scales {
         for i in 0..columns {
             workload[i * columns + i] = 1.0;
         }
-        Scales { column: vec![1.0; columns], torque_noise: vec![1.0; rows], torque: 1.0, workload, payload: Vec::new() }
+        Scales {
+            column: vec![1.0; columns],
+            torque_noise: vec![1.0; rows],
+            torque: 1.0,
+            workload,
+            payload: Vec::new(),
+            unknown: Vec::new(),
+        }
     }
 
     /// Scales of `model` in `base` parameters, from seeded states. `torque_noise`: where it is known.
@@ -132,7 +141,9 @@ impl Scales {
         };
         let last = LINK_PARAMETERS * (dof - 1);
         let payload = (last..last + LINK_PARAMETERS).map(load).collect();
-        Scales { column, torque_noise: noise, torque, workload, payload }
+        let unknown =
+            if model.unknown_bodies().is_empty() { Vec::new() } else { base.std_from_standard(model.unknown_bodies()) };
+        Scales { column, torque_noise: noise, torque, workload, payload, unknown }
     }
 
     /// The same columns for energy rows, of which there is one: torque noise at the workload's speeds for `span` \[s\]

@@ -338,7 +338,9 @@ impl Document {
             } else {
                 list(&joints)
             };
-            format!("{} of {run}: {on}", fault.replace('_', " "))
+            let fault = fault.replace('_', " ");
+            // What belongs to no log is a fact about the robot file.
+            if run.is_empty() && on.is_empty() { fault } else { format!("{fault} of {run}: {on}") }
         };
         kinds.into_iter().map(of).collect()
     }

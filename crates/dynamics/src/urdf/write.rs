@@ -1,15 +1,10 @@
 //! Values into a URDF's text, everything else in it left as it is.
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
-use urdf_rs::JointType;
-
-use super::UrdfError;
-use crate::arm::Arm;
+use super::scan::{Element, elements};
+use super::{UrdfArm, UrdfError, UrdfMistakes, UrdfOptions};
 use crate::parameters::LinkParameters;
 use crate::pseudo_inertia::com_from_body;
 
@@ -23,10 +18,10 @@ pub struct WrittenUrdf {
     pub merged: Vec<(String, String)>,
 }
 
-/// Writes bodies and joint friction into the URDF `text`, which must be one that [`Arm::from_urdf`] reads.
+/// Writes bodies and joint friction into the URDF `text`, which must be one that [`UrdfArm::read`] reads with these `options`.
 ///
 /// * `links`: the body each joint moves, everything fixed to it included, about and in the joint frame. It becomes the
-///   `<inertial>` of the moving link; links fixed to that one lose theirs. What is fixed to the root does not move and
+///   `<inertial>` of the moving link; links fixed or welded to that one lose theirs. What is fixed to the root does not move and
 ///   stays as it is.
 /// * `viscous` \[N·m·s/rad\], `coulomb` \[N·m\]: `<dynamics damping friction>` of each joint
 ///
@@ -39,38 +34,42 @@ pub struct WrittenUrdf {
 /// If a list is not one entry a joint.
 pub fn write_urdf(
     text: &str,
+    options: &UrdfOptions,
     links: &[LinkParameters],
     viscous: &[f64],
     coulomb: &[f64],
 ) -> Result<WrittenUrdf, UrdfError> {
-    let arm = Arm::from_urdf(text, [0.0; 3])?;
+    let read = UrdfArm::read(text, [0.0; 3], options).map_err(UrdfMistakes::into_first)?;
+    let (arm, carriers) = (&read.arm, &read.carriers);
     let n = arm.dof();
     assert!([links.len(), viscous.len(), coulomb.len()] == [n; 3], "one body and two friction values a joint");
     if let Some(j) = (0..n).find(|&j| links[j][0] <= 0.0) {
         return Err(UrdfError::NoMass { link: arm.joints[j].link.clone() });
     }
-    let carriers = carriers(text, &arm)?;
     let mut edits: Vec<(Range<usize>, String)> = Vec::new();
     let mut merged = Vec::new();
-    for element in elements(text)? {
-        match element.kind {
-            Kind::Link => {
-                let Some(&j) = carriers.get(&element.name) else { continue };
+    let found = elements(text).map_err(|mistake| mistake.error)?;
+    for element in &found {
+        let Some(name) = element.attribute("name") else { continue };
+        match element.name.as_str() {
+            "link" => {
+                let Some(&j) = carriers.get(name) else { continue };
                 let carrier = &arm.joints[j].link;
-                if element.name == *carrier {
-                    edits.push(element.edit(&inertial_text(&links[j])));
-                } else if let Some(place) = element.inner {
+                if name == carrier {
+                    edits.push(edit(element, "inertial", &inertial_text(&links[j])));
+                } else if let Some(part) = element.part("inertial") {
                     // A comment must not hold two hyphens.
                     let by = carrier.replace("--", "- -");
-                    edits.push((place, format!("<!-- the mass of this link is part of {by} -->")));
-                    merged.push((element.name, carrier.clone()));
+                    edits.push((part.place.clone(), format!("<!-- the mass of this link is part of {by} -->")));
+                    merged.push((name.to_owned(), carrier.clone()));
                 }
             }
-            Kind::Joint => {
-                let Some(j) = arm.joints.iter().position(|joint| joint.name == element.name) else { continue };
+            "joint" => {
+                let Some(j) = arm.joints.iter().position(|joint| joint.name == name) else { continue };
                 let dynamics = format!("<dynamics damping=\"{:?}\" friction=\"{:?}\"/>", viscous[j], coulomb[j]);
-                edits.push(element.edit(&dynamics));
+                edits.push(edit(element, "dynamics", &dynamics));
             }
+            _ => {}
         }
     }
     edits.sort_by_key(|(place, _)| std::cmp::Reverse(place.start));
@@ -79,21 +78,6 @@ pub fn write_urdf(
         out.replace_range(place, &new);
     }
     Ok(WrittenUrdf { text: out, merged })
-}
-
-/// The joint that moves each link which moves.
-fn carriers(text: &str, arm: &Arm) -> Result<HashMap<String, usize>, UrdfError> {
-    let robot = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Unreadable(Box::new(e)))?;
-    let above: HashMap<&str, &urdf_rs::Joint> = robot.joints.iter().map(|j| (j.child.link.as_str(), j)).collect();
-    let moved_by = |link: &str| {
-        let mut joint = *above.get(link)?;
-        // The arm was read: there is no loop.
-        while joint.joint_type == JointType::Fixed {
-            joint = above.get(joint.parent.link.as_str())?;
-        }
-        arm.joints.iter().position(|j| j.name == joint.name)
-    };
-    Ok(robot.links.iter().filter_map(|l| Some((l.name.clone(), moved_by(&l.name)?))).collect())
 }
 
 fn inertial_text(body: &LinkParameters) -> String {
@@ -110,95 +94,12 @@ fn inertial_text(body: &LinkParameters) -> String {
     out + "    </inertial>"
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
-    Link,
-    Joint,
-}
-
-/// A `<link>` or `<joint>` directly below `<robot>`.
-struct Element {
-    kind: Kind,
-    name: String,
-    /// Its start tag.
-    tag: Range<usize>,
-    /// The tag ends in `/>`.
-    empty: bool,
-    /// Where its `<inertial>` or `<dynamics>` stands, if it has one.
-    inner: Option<Range<usize>>,
-}
-
-impl Element {
-    /// The edit that puts `new` in the place of the inner element, or first into the element.
-    fn edit(&self, new: &str) -> (Range<usize>, String) {
-        match (&self.inner, self.empty) {
-            (Some(place), _) => (place.clone(), new.to_owned()),
-            (None, false) => (self.tag.end..self.tag.end, format!("\n    {new}")),
-            (None, true) => {
-                let element = if self.kind == Kind::Link { "link" } else { "joint" };
-                (self.tag.end - 2..self.tag.end, format!(">\n    {new}\n  </{element}>"))
-            }
-        }
+/// The edit that puts `new` in the place of `part` of an element, or first into the element.
+fn edit(element: &Element, part: &str, new: &str) -> (Range<usize>, String) {
+    let tag = &element.tag;
+    match (element.part(part), element.empty) {
+        (Some(part), _) => (part.place.clone(), new.to_owned()),
+        (None, false) => (tag.end..tag.end, format!("\n    {new}")),
+        (None, true) => (tag.end - 2..tag.end, format!(">\n    {new}\n  </{}>", element.name)),
     }
-}
-
-/// Links and joints of a URDF with the places in its text that hold their values.
-fn elements(text: &str) -> Result<Vec<Element>, UrdfError> {
-    let unreadable = |why: &dyn std::fmt::Display| {
-        UrdfError::Unreadable(Box::new(urdf_rs::UrdfError::from(format!("{why}").as_str())))
-    };
-    let mut reader = Reader::from_str(text);
-    let mut found: Vec<Element> = Vec::new();
-    // Names of the open elements, and where the inner element that is open began.
-    let (mut depth, mut inside, mut began) = (0_usize, false, None);
-    loop {
-        let start = reader.buffer_position() as usize;
-        let event = reader.read_event().map_err(|e| unreadable(&e))?;
-        let end = reader.buffer_position() as usize;
-        match &event {
-            Event::Eof => return Ok(found),
-            Event::Start(tag) | Event::Empty(tag) => {
-                let empty = matches!(event, Event::Empty(_));
-                if depth == 1 {
-                    let element = element(tag, start..end, empty).map_err(|e| unreadable(&e))?;
-                    inside = element.is_some() && !empty;
-                    found.extend(element);
-                } else if depth == 2
-                    && inside
-                    && let Some(last) = found.last_mut()
-                {
-                    let wanted: &[u8] = if last.kind == Kind::Link { b"inertial" } else { b"dynamics" };
-                    if tag.name().as_ref() == wanted {
-                        if empty {
-                            last.inner = Some(start..end);
-                        } else {
-                            began = Some(start);
-                        }
-                    }
-                }
-                depth += usize::from(!empty);
-            }
-            Event::End(_) => {
-                depth = depth.saturating_sub(1);
-                if depth == 2
-                    && let (Some(start), Some(last)) = (began.take(), found.last_mut())
-                {
-                    last.inner = Some(start..end);
-                }
-                inside &= depth > 1;
-            }
-            _ => {}
-        }
-    }
-}
-
-fn element(tag: &BytesStart<'_>, place: Range<usize>, empty: bool) -> Result<Option<Element>, quick_xml::Error> {
-    let kind = match tag.name().as_ref() {
-        b"link" => Kind::Link,
-        b"joint" => Kind::Joint,
-        _ => return Ok(None),
-    };
-    let Some(name) = tag.try_get_attribute("name")? else { return Ok(None) };
-    let name = quick_xml::escape::unescape(&String::from_utf8_lossy(&name.value))?.into_owned();
-    Ok(Some(Element { kind, name, tag: place, empty, inner: None }))
 }

@@ -8,6 +8,7 @@ mod friction;
 mod golden;
 mod laws;
 mod mjcf;
+mod trees;
 mod urdf;
 mod write_urdf;
 

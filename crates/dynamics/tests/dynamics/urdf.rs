@@ -48,8 +48,11 @@ fn what_is_not_a_urdf_is_refused() {
     assert_refused!("<robot name='r'><link", UrdfError::Unreadable(_), "cannot be read as a URDF");
     assert_refused!("# not xml", UrdfError::Unreadable(_), "cannot be read");
     let bad_number = robot(&good()).replace(r#"value="2""#, r#"value="heavy""#);
-    assert_refused!(bad_number, UrdfError::Unreadable(_), "cannot be read");
-    assert_refused!(robot(&good()).replace("continuous", "sliding"), UrdfError::Unreadable(_), "cannot be read");
+    assert_refused!(bad_number, UrdfError::NoNumber { .. }, "link \"a\"", "mass is \"heavy\"", "not a number");
+    let sliding = robot(&good()).replace("continuous", "sliding");
+    assert_refused!(sliding, UrdfError::UnsupportedJoint { .. }, "\"ja\" is sliding");
+    assert_refused!("<model/>", UrdfError::Unreadable(_), "its root is <model>");
+    assert_refused!(robot("<xacro:include/>"), UrdfError::Unreadable(_), "xacro file");
 }
 
 #[test]
@@ -63,7 +66,7 @@ fn the_number_of_joints_is_checked() {
         robot(&(1..=n).map(part).collect::<String>())
     };
     assert_eq!(Arm::from_urdf(&chain(8), GRAVITY).expect("eight are allowed").dof(), 8);
-    assert_refused!(chain(9), UrdfError::TooManyJoints { count: 9 }, "9 moving joints", "at most 8");
+    assert_refused!(chain(9), UrdfError::TooManyJoints { count: 9, .. }, "9 moving joints", "at most 8");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! New values in a URDF's text: read back exactly, everything else untouched.
 
-use rivet_dynamics::{Arm, UrdfError, body_from_com, write_urdf};
+use rivet_dynamics::{Arm, UrdfError, UrdfOptions, body_from_com, write_urdf};
 
 /// A chain with a mass fixed to the root, a moving link without `<inertial>`, a flange fixed to the tip, comments that
 /// look like elements, and a transmission that names a joint.
@@ -38,7 +38,7 @@ fn bodies() -> Vec<[f64; 10]> {
 fn values_read_back_and_the_rest_stays() {
     let (links, gravity) = (bodies(), [0.0, 0.0, -9.81]);
     let before = Arm::from_urdf(TEXT, gravity).expect("an arm");
-    let written = write_urdf(TEXT, &links, &[1.25, 0.5], &[3.5, 0.75]).expect("written");
+    let written = write_urdf(TEXT, &UrdfOptions::default(), &links, &[1.25, 0.5], &[3.5, 0.75]).expect("written");
     let after = Arm::from_urdf(&written.text, gravity).expect("an arm again");
     for (new, wanted) in after.links.iter().flatten().zip(links.iter().flatten()) {
         // To the centre of mass and back: a few roundings of numbers below 3.
@@ -52,7 +52,8 @@ fn values_read_back_and_the_rest_stays() {
     for kept in ["<mass value=\"50\"/>", "<box size=\"1 1 1\"/>", "<mass value=\"9\"/>", "<dynamics damping=\"7\"/>"] {
         assert!(written.text.contains(kept), "{kept} in\n{}", written.text);
     }
-    let again = write_urdf(&written.text, &links, &[1.25, 0.5], &[3.5, 0.75]).expect("written");
+    let again =
+        write_urdf(&written.text, &UrdfOptions::default(), &links, &[1.25, 0.5], &[3.5, 0.75]).expect("written");
     assert!(again.merged.is_empty(), "nothing is left to merge");
 }
 
@@ -60,7 +61,7 @@ fn values_read_back_and_the_rest_stays() {
 fn a_body_without_mass_is_refused_by_name() {
     let mut links = bodies();
     links[1] = [0.0; 10];
-    match write_urdf(TEXT, &links, &[0.0; 2], &[0.0; 2]) {
+    match write_urdf(TEXT, &UrdfOptions::default(), &links, &[0.0; 2], &[0.0; 2]) {
         Err(UrdfError::NoMass { link }) => assert_eq!(link, "b"),
         other => panic!("{other:?}"),
     }

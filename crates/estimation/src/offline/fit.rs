@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::covariance::{Whole, long_run};
 use super::record::OfflineError;
-use super::rows::Rows;
+use super::rows::{Range, Rows};
 use super::sums::{Equations, JointSums, Normal};
 use super::trust;
 use crate::linear::dot;
@@ -266,7 +266,7 @@ impl Solution {
         joints: &[Normal],
         weights: &[f64],
         x0: &DVector<f64>,
-        (prior, most): (f64, &[f64]),
+        (prior, most): (f64, &[Range]),
         method: Method,
     ) -> Result<Solution, OfflineError> {
         let k = x0.len();
@@ -294,9 +294,10 @@ impl Solution {
                 false if x0[i] == 0.0 => 1.0,
                 _ => 0.0,
             };
-            let width = prior * x0[i].abs().max(share).max(f64::MIN_POSITIVE);
+            let known = most.get(i).copied().unwrap_or(Range { most: f64::INFINITY, unknown: 0.0 });
+            let width = prior * x0[i].abs().max(share).max(known.unknown).max(f64::MIN_POSITIVE);
             // A column that is all but nothing would have a value as large as it takes.
-            width.min(most.get(i).copied().unwrap_or(f64::INFINITY).max(x0[i].abs()))
+            width.min(known.most.max(x0[i].abs()))
         });
         // A column the data never touches has the prior's scale: that alone acts on it, and beside the data's it would be rounding.
         let scale = DVector::from_fn(k, |i, _| if touched(i) { 1.0 / size[i] } else { width[i] });

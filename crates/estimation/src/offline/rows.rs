@@ -158,8 +158,8 @@ pub struct Rows {
     pub(super) independent_hz: f64,
     /// The torque of every sample, for the torque between rows.
     pub(super) torque: Arc<FilteredTorque>,
-    /// What a base parameter of an arm like this is at most, in its unit; infinite where nothing bounds it.
-    pub(super) most: Arc<[f64]>,
+    /// What is known of each base parameter of an arm like this before any row.
+    pub(super) most: Arc<[Range]>,
     /// The sample of the first of those instants.
     pub(super) first: usize,
     /// Share of the rows in motion that a joint's dead zone left out, per joint.
@@ -297,9 +297,18 @@ impl Rows {
     }
 }
 
+/// What is known of a base parameter before any row, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Range {
+    /// What it is at most; infinite where nothing bounds it.
+    pub(super) most: f64,
+    /// Standard deviation of a nominal value that is a guess; 0 where it is known.
+    pub(super) unknown: f64,
+}
+
 /// What a parameter of a body is at most: of one twenty times as heavy as the arm, as far away as it reaches. No body is, and a bound that is
 /// tighter would tell what the rows do not, such as a delay.
-fn most(model: &Model, base: &BaseSet) -> Arc<[f64]> {
+fn most(model: &Model, base: &BaseSet) -> Arc<[Range]> {
     let mass = 20.0 * model.arm.links.iter().map(|link| link[0]).sum::<f64>();
     let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
     let far = model.arm.joints.iter().map(|joint| length(joint.translation)).sum::<f64>();
@@ -316,7 +325,8 @@ fn most(model: &Model, base: &BaseSet) -> Arc<[f64]> {
         let more = more.filter(|(_, factor)| *factor > 0.0).map(|(parameter, factor)| factor * own(parameter));
         own(base.parameter(model, i)) + more.sum::<f64>()
     };
-    (0..base.len()).map(of).collect()
+    let unknown = base.std_from_standard(model.unknown_bodies());
+    unknown.into_iter().enumerate().map(|(i, unknown)| Range { most: of(i), unknown }).collect()
 }
 
 /// Measured torque less the effects of known size that the model has beside its parameters.

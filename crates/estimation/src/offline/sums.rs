@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fit::Method;
-use super::rows::{JointRows, Rows};
+use super::rows::{JointRows, Range as KnownRange, Rows};
 use crate::consistency::Reference;
 use crate::kernels::{Part, add_products};
 use crate::linear::{axpy, dot};
@@ -165,8 +165,8 @@ impl<'a> Equations<'a> {
         self.joints.iter().map(of).collect()
     }
 
-    /// What each parameter is at most.
-    pub(super) fn most(&self) -> &[f64] {
+    /// What is known of each parameter before any row.
+    pub(super) fn most(&self) -> &[KnownRange] {
         self.rows.first().map_or(&[], |rows| &rows.most)
     }
 

@@ -3,6 +3,7 @@
 
 mod bank;
 mod bias;
+mod descriptions;
 mod encoders;
 mod exact;
 mod failure_modes;
