@@ -267,7 +267,9 @@ impl UrdfError {
                 format!("give it an <inertial> with mass > 0 in {file}, or fix a link with mass to it")
             }
             UrdfError::Missing { quantity, .. } => format!("add {quantity} in {file}"),
-            UrdfError::Repeated { .. } | UrdfError::Duplicate { .. } => format!("remove or rename one of the two in {file}"),
+            UrdfError::Repeated { .. } | UrdfError::Duplicate { .. } => {
+                format!("remove or rename one of the two in {file}")
+            }
             _ => format!("correct it in {file}"),
         }
     }

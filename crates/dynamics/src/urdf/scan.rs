@@ -151,7 +151,9 @@ mod tests {
     #[test]
     fn places_cut_elements_out_of_the_text() {
         for mark in ["", "\u{feff}"] {
-            let text = format!("{mark}<robot name=\"r\"><link name='a'><inertial><mass value=\"1\"/></inertial></link><x/></robot>");
+            let text = format!(
+                "{mark}<robot name=\"r\"><link name='a'><inertial><mass value=\"1\"/></inertial></link><x/></robot>"
+            );
             let found = elements(&text).expect("XML");
             assert_eq!(found.len(), 2);
             assert_eq!(&text[found[1].place.clone()], "<x/>");
@@ -159,7 +161,10 @@ mod tests {
             assert_eq!(&text[inertial.place.clone()], "<inertial><mass value=\"1\"/></inertial>");
             assert_eq!(&text[inertial.tag.clone()], "<inertial>");
             let mass = inertial.part("mass").expect("a mass");
-            assert_eq!((mass.attribute("value"), &text[mass.behind_name()..mass.tag.end]), (Some("1"), " value=\"1\"/>"));
+            assert_eq!(
+                (mass.attribute("value"), &text[mass.behind_name()..mass.tag.end]),
+                (Some("1"), " value=\"1\"/>")
+            );
         }
     }
 }

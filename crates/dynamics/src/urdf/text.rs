@@ -134,7 +134,12 @@ const JOINT_NUMBERS: [(&str, &[(&str, usize, &str)]); 5] = [
     ("axis", &[("xyz", 3, "axis")]),
     (
         "limit",
-        &[("lower", 1, "lower limit"), ("upper", 1, "upper limit"), ("effort", 1, "effort"), ("velocity", 1, "velocity")],
+        &[
+            ("lower", 1, "lower limit"),
+            ("upper", 1, "upper limit"),
+            ("effort", 1, "effort"),
+            ("velocity", 1, "velocity"),
+        ],
     ),
     ("dynamics", &[("damping", 1, "damping"), ("friction", 1, "friction")]),
     ("mimic", &[("multiplier", 1, "mimic multiplier"), ("offset", 1, "mimic offset")]),
@@ -191,7 +196,10 @@ impl Looked {
             if part.name != "inertial" {
                 self.remove(part);
             } else if inertial.is_some() {
-                self.fail(part, UrdfError::Repeated { what: "link", name: name.to_owned(), element: "inertial".to_owned() });
+                self.fail(
+                    part,
+                    UrdfError::Repeated { what: "link", name: name.to_owned(), element: "inertial".to_owned() },
+                );
             } else if part.parts.is_empty() {
                 // As if it was not there.
                 self.remove(part);
@@ -210,7 +218,9 @@ impl Looked {
             let missing = |quantity: &'static str| UrdfError::Missing { what: "link", name: link.to_owned(), quantity };
             match found[..] {
                 [] if part == "mass" => unreadable.push(self.mistake(element, missing("<mass> in its <inertial>"))),
-                [] if part == "inertia" => unreadable.push(self.mistake(element, missing("<inertia> in its <inertial>"))),
+                [] if part == "inertia" => {
+                    unreadable.push(self.mistake(element, missing("<inertia> in its <inertial>")))
+                }
                 [] => {}
                 [one] => {
                     unreadable.extend(self.numbers(("link", link), one, keys));
@@ -228,8 +238,7 @@ impl Looked {
                     }
                 }
                 [_, second, ..] => {
-                    let error =
-                        UrdfError::Repeated { what: "link", name: link.to_owned(), element: part.to_owned() };
+                    let error = UrdfError::Repeated { what: "link", name: link.to_owned(), element: part.to_owned() };
                     unreadable.push(self.mistake(second, error));
                 }
             }
