@@ -162,13 +162,13 @@ impl New<'_> {
         let mut out = format!(
             "# Robot file of {name}, written by `rivet new`. Lines marked UNKNOWN hold a value to start from: give a better one where you know it.\n\
              # Keys: docs/robot-toml.md. One value per joint, base to flange, at the joint side of the gear, SI:\n#   {}\n",
-            joints.join(", ")
+            rivet_files::printable(&joints.join(", "))
         );
         let lists = |lines: &[Line]| {
             let mut text = String::new();
             for Line { key, value, comment } in lines {
                 // Writing to a String cannot fail.
-                let _ = writeln!(text, "{key} = {value}  # {comment}");
+                let _ = writeln!(text, "{key} = {value}  # {}", rivet_files::printable(comment));
             }
             text
         };
@@ -228,7 +228,7 @@ impl New<'_> {
             let _ = write!(
                 out,
                 "\n# UNKNOWN: the URDF has no <inertial> of {}. Guesses with a wide prior take the place of their bodies.\n",
-                links.join(", ")
+                rivet_files::printable(&links.join(", "))
             );
         }
         let UrdfOptions { tip, fixed, project } = self.options;
@@ -251,7 +251,7 @@ impl New<'_> {
         if *project {
             out += "impossible_inertia = \"project\"  # no body has these inertias:\n";
             for note in self.arm.notes.iter().filter(|note| matches!(note, UrdfNote::Projected { .. })) {
-                let _ = writeln!(out, "#   {note}");
+                let _ = writeln!(out, "#   {}", rivet_files::printable(&note.to_string()));
             }
         }
         out

@@ -105,7 +105,8 @@ impl fmt::Display for ConfigError {
             (true, false) => write!(f, "{}: ", escape(&self.value))?,
             (true, true) => {}
         }
-        write!(f, "{}; {}", escape(&self.rule), escape(&self.hint))
+        // Lines to paste into a file stay lines.
+        write!(f, "{}; {}", escape(&self.rule), rivet_files::Printable(&self.hint))
     }
 }
 

@@ -234,7 +234,7 @@ fn rules_see_values_of_another_side_or_unit_and_nothing_else() {
             assert!(!warnings.is_empty() && warnings.iter().all(|w| w.contains(words)), "{arm}, {words}: {warnings:?}");
         };
         warned(&text.replace("-9.81]", "9.81]"), "points up");
-        warned(&text.replace("-9.81]", "-981.0]"), "m/s^2 long");
+        warned(&text.replace("-9.81]", "-32.2]"), "m/s^2 long");
         let urdf = fs::read_to_string(folder.join(arm).join("robot.urdf")).expect("a URDF");
         let with_urdf = |changed: &str, words: &str| {
             let (_folder, path) = written(changed);

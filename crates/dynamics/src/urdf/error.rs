@@ -253,12 +253,18 @@ impl UrdfError {
             | UrdfError::SeveralRoots { proposal, .. }
             | UrdfError::Mimic { proposal, .. } => proposal.mend(file),
             UrdfError::NoTip { proposal, .. } if proposal.tip.is_empty() => format!("give a link of {file}"),
-            UrdfError::NoTip { proposal, .. } => format!("give a link of {file}, such as \"{}\"", proposal.tip),
-            UrdfError::NoFixed { joints, .. } => format!("give a joint of {file}: {}", joints.join(", ")),
+            UrdfError::NoTip { proposal, .. } => format!("give a link of {file}, such as {:?}", proposal.tip),
+            UrdfError::NoFixed { joints, .. } => {
+                let names: Vec<String> = joints.iter().map(|name| name.escape_debug().to_string()).collect();
+                format!("give a joint of {file}: {}", names.join(", "))
+            }
             UrdfError::UnknownLink { link, .. } if link.is_empty() => {
                 format!("name its <parent link> and <child link> in {file}")
             }
-            UrdfError::UnknownLink { link, .. } => format!("add the line `<link name=\"{link}\"/>` to {file}"),
+            UrdfError::UnknownLink { link, .. } => {
+                let name = quick_xml::escape::escape(link.as_str()).replace('\n', "&#10;");
+                format!("add the line `<link name=\"{name}\"/>` to {file}")
+            }
             UrdfError::UnsupportedJoint { joint, .. } => weld(joint),
             UrdfError::BadMass { .. }
             | UrdfError::NotPositiveDefinite { .. }
