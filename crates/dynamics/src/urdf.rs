@@ -25,7 +25,7 @@ pub use write::{WrittenUrdf, write_urdf};
 /// What a user should know of a URDF that is an arm.
 #[derive(Clone, Debug, PartialEq)]
 pub enum UrdfNote {
-    /// A joint that nobody gave a place is welded.
+    /// A joint that nobody gave a place is welded, or one that follows a joint that moves.
     Welded {
         /// The joint.
         joint: String,
@@ -59,8 +59,8 @@ impl fmt::Display for UrdfNote {
             }
             UrdfNote::Welded { joint, at, follows: Some(of) } => write!(
                 f,
-                "joint \"{joint}\" follows \"{of}\" and is welded at {at}: the model does not have its motion. [model] fixed gives another \
-                 place"
+                "joint \"{joint}\" follows \"{of}\" and is welded at {at}: the model does not have its motion. Give its mean position in \
+                 [model] fixed"
             ),
             UrdfNote::Unknown { link } => {
                 write!(
@@ -201,15 +201,19 @@ impl Reading<'_> {
         }
     }
 
-    /// Notes where joints are welded that the caller did not name.
+    /// Notes of welded joints that the caller did not name, and of all that follow a joint that moves.
     fn welded(&mut self) {
         let file = self.tree.file;
-        for j in &self.chain.assumed {
-            let joint = &file.joints[*j];
+        let mut welds: Vec<(usize, f64)> = self.chain.welds.iter().map(|(j, at)| (*j, *at)).collect();
+        welds.sort_unstable_by_key(|(j, _)| *j);
+        for (j, at) in welds {
+            let joint = &file.joints[j];
             let of = joint.mimic.as_ref().map(|mimic| &mimic.joint);
             let moves = |of: &&String| self.chain.joints.iter().any(|&j| file.joints[j].name == **of);
             let follows = of.filter(moves).cloned();
-            self.notes.push(UrdfNote::Welded { joint: joint.name.clone(), at: self.chain.welds[j], follows });
+            if follows.is_some() || self.chain.assumed.contains(&j) {
+                self.notes.push(UrdfNote::Welded { joint: joint.name.clone(), at, follows });
+            }
         }
     }
 

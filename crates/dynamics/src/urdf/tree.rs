@@ -345,17 +345,19 @@ impl<'a> Tree<'a> {
         if joints >= ARM_JOINTS && longest <= GRIPPER_JOINTS {
             let alike = moving.iter().filter(|&&j| length[j] == longest).count() > 1;
             let led = self.file.joints.iter().filter_map(|j| j.mimic.as_ref());
-            let leads = led.map(|mimic| &mimic.joint).any(|of| *of == self.file.joints[best].name);
-            if alike || leads || moving.iter().any(|&j| self.of_gripper(j)) {
+            // One that leads a follower on the way to a further joint is of a wrist.
+            let leads = longest == 1 && led.map(|mimic| &mimic.joint).any(|of| *of == self.file.joints[best].name);
+            if alike || leads || moving.iter().any(|&j| self.of_gripper(j, length[j])) {
                 return None;
             }
         }
         Some(best)
     }
 
-    fn of_gripper(&self, joint: usize) -> bool {
-        let names = [&self.file.joints[joint].name, &self.file.links[self.below[joint]].name];
-        names.iter().any(|name| GRIPPER_WORDS.iter().any(|word| name.to_lowercase().contains(word)))
+    /// Whether a joint has the name of a gripper's. The name of its link counts where nothing moves on it: a wrist may carry `gripper_link`.
+    fn of_gripper(&self, joint: usize, length: usize) -> bool {
+        let named = |name: &str| GRIPPER_WORDS.iter().any(|word| name.to_lowercase().contains(word));
+        named(&self.file.joints[joint].name) || (length <= 1 && named(&self.file.links[self.below[joint]].name))
     }
 }
 
