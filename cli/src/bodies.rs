@@ -54,14 +54,16 @@ pub(crate) fn with_bodies(robot: Robot, logs: &[&Log]) -> Result<(Robot, Option<
                 model.arm.links[j].copy_from_slice(&learnt.nominal[at..at + LINK_PARAMETERS]);
             }
             learnt.nominal_base = learnt.base.from_standard(&learnt.nominal);
-            "they are identified from the logs first".to_owned()
+            "they are identified from the logs before the comparison".to_owned()
         }
-        Err(why) => format!("and the logs do not determine them ({why}), so guesses take their places"),
+        Err(why) => {
+            format!("the logs do not determine them ({why}), so values from link lengths and torque limits are used")
+        }
     };
     let links: Vec<&str> = unknown.iter().map(|&j| robot.model.arm.joints[j].link.as_str()).collect();
     let text = format!(
-        "the URDF has no <inertial> of {}: there is nothing to compare these bodies with; {how}. What is named below is about drives and \
-         friction, not about these bodies",
+        "the URDF has no <inertial> of {}: there is nothing to compare these bodies with; {how}. Causes refer to drives and friction, not to \
+         these bodies",
         links.join(", ")
     );
     Ok((learnt, Some(Distrust { log: None, joint: None, name: BODIES_UNKNOWN, text })))

@@ -160,7 +160,7 @@ impl New<'_> {
         let joints: Vec<&str> = arm.joints.iter().map(|joint| joint.name.as_str()).collect();
         let name = robot_name(&arm.name);
         let mut out = format!(
-            "# Robot file of {name}, written by `rivet new`. Lines marked UNKNOWN hold a value to start from: give a better one where you know it.\n\
+            "# Robot file of {name}, written by `rivet new`. Lines marked UNKNOWN hold an initial value: replace it where you know a better one.\n\
              # Keys: docs/robot-toml.md. One value per joint, base to flange, at the joint side of the gear, SI:\n#   {}\n",
             rivet_files::printable(&joints.join(", "))
         );
@@ -207,15 +207,15 @@ impl New<'_> {
         let (value, comment) = match steps.first() {
             Some(step) => {
                 let period = rounded(step.clamp(PERIODS_S[0], PERIODS_S[1]));
-                (period, format!("s, of the log: {} Hz", number(1.0 / period, 4)))
+                (period, format!("s, from the log: {} Hz", number(1.0 / period, 4)))
             }
-            None => (USUAL_PERIOD_S, "s, UNKNOWN: time between samples, of controller, daemon and logs".to_owned()),
+            None => (USUAL_PERIOD_S, "s, UNKNOWN: time between samples of controller, daemon and logs".to_owned()),
         };
         Line { key: "sample_period_s", value: format!("{value:?}"), comment }
     }
 
     fn gravity(&self) -> Line {
-        let comment = "m/s^2, free fall in base axes; this is an arm that stands upright".to_owned();
+        let comment = "m/s^2, free fall in base axes; this is for an arm that stands upright".to_owned();
         let given = self.gravity != [0.0, 0.0, -9.81];
         let comment = if given { "m/s^2, free fall in base axes".to_owned() } else { comment };
         Line { key: "gravity", value: format!("{:?}", self.gravity), comment }
@@ -227,7 +227,7 @@ impl New<'_> {
         if !links.is_empty() {
             let _ = write!(
                 out,
-                "\n# UNKNOWN: the URDF has no <inertial> of {}. Guesses with a wide prior take the place of their bodies.\n",
+                "\n# UNKNOWN: the URDF has no <inertial> of {}. These bodies have a wide prior.\n",
                 rivet_files::printable(&links.join(", "))
             );
         }
@@ -249,7 +249,7 @@ impl New<'_> {
             out += "\n";
         }
         if *project {
-            out += "impossible_inertia = \"project\"  # no body has these inertias:\n";
+            out += "impossible_inertia = \"project\"  # no body can have these inertias:\n";
             for note in self.arm.notes.iter().filter(|note| matches!(note, UrdfNote::Projected { .. })) {
                 let _ = writeln!(out, "#   {}", rivet_files::printable(&note.to_string()));
             }
@@ -259,14 +259,13 @@ impl New<'_> {
 
     fn gear(&self) -> Line {
         let value = list(&vec![1.0; self.arm.arm.dof()]);
-        let comment = "-, UNKNOWN: motor angle over joint angle; names the motor's harmonics in a report, nothing else"
-            .to_owned();
+        let comment = "-, UNKNOWN: motor angle over joint angle; used for motor harmonics in reports only".to_owned();
         Line { key: "gear_ratio", value, comment }
     }
 
     fn rotor(&self) -> Line {
         let value = list(&vec![0.0; self.arm.arm.dof()]);
-        let comment = "kg m^2, UNKNOWN: rotor inertia times gear_ratio^2; identified from 0 on".to_owned();
+        let comment = "kg m^2, UNKNOWN: rotor inertia times gear_ratio^2; identified, starting from 0".to_owned();
         Line { key: "rotor_inertia", value, comment }
     }
 
@@ -283,7 +282,7 @@ impl New<'_> {
                 format!("N m, UNKNOWN of {whose}: {LOGGED_TORQUE_SHARE} times the largest torque of the log")
             }
             (false, false) => {
-                format!("N m, UNKNOWN of {whose}: a placeholder by the arm's size, larger than it is likely to be")
+                format!("N m, UNKNOWN of {whose}: a placeholder from the arm's size, probably too large")
             }
         };
         Line { key: "torque_limit", value, comment }
@@ -318,7 +317,7 @@ impl New<'_> {
         let found = steps.iter().filter(|step| step.is_finite()).count();
         let value = list(&steps.iter().map(|s| if s.is_finite() { rounded(*s) } else { 0.0 }).collect::<Vec<f64>>());
         let comment = match found {
-            0 => "rad, UNKNOWN: smallest step of a position at the joint; 0 is none".to_owned(),
+            0 => "rad, UNKNOWN: smallest step of a joint position; 0 is none".to_owned(),
             n if n == dof => "rad, steps of the log's positions".to_owned(),
             _ => "rad, steps of the log's positions; UNKNOWN where 0".to_owned(),
         };
@@ -333,7 +332,7 @@ impl New<'_> {
         }
         let ones = list(&vec![1.0; self.arm.arm.dof()]);
         format!(
-            "# UNKNOWN: the log has currents and no torques. Take the mark off this line and give torque constant times gear_ratio.\n\
+            "# UNKNOWN: the log has currents and no torques. Uncomment the line and give torque constant times gear_ratio.\n\
              # drive_gain = {ones}  # N m/A\n"
         )
     }
@@ -349,14 +348,14 @@ impl New<'_> {
             let comment = if values.iter().any(|x| *x > 0.0) {
                 format!("{unit}, <dynamics {attribute}> of the URDF")
             } else {
-                format!("{unit}, UNKNOWN: identified from 0 on")
+                format!("{unit}, UNKNOWN: identified, starting from 0")
             };
             Line { key, value: list(&values), comment }
         };
         let offset = Line {
             key: "offset",
             value: list(&vec![0.0; dof]),
-            comment: "N m, UNKNOWN: constant torque, identified from 0 on".to_owned(),
+            comment: "N m, UNKNOWN: constant torque; identified, starting from 0".to_owned(),
         };
         [line("coulomb", 1, "N m", "friction"), line("viscous", 0, "N m s/rad", "damping"), offset]
     }

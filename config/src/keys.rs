@@ -133,10 +133,10 @@ pub const KEYS: &[Key] = &[
         "Link that the arm ends with, for a URDF that is a tree: joints on the way from the root to it are the arm's, all others are welded."),
     key("model", "fixed", Shape::JointPositions, "rad", Magnitude(1e3), Absent,
         "Joints of the URDF that are welded, with their positions [rad or m]: `{ finger_joint = 0.02 }`. The bodies behind them move as one with the link that \
-         carries them. Without a position a joint beside the arm is welded at 0, or at the limit next to 0; one with `<mimic>` where the joint is that it follows."),
+         carries them. Joints outside the chain that are not listed are welded at 0 or at the limit next to 0, those with `<mimic>` at the position that follows."),
     key("model", "impossible_inertia", Choice(&["refuse", "project"]), "", Bounds::None, Fallback::Text("refuse"),
-        "What becomes of a moving link whose inertia no body has (not positive definite, or against the triangle inequality): the URDF is refused, or the \
-         nearest inertia that a body can have takes its place, with a warning. An inertia without mass then counts as none."),
+        "Treatment of a moving link whose inertia no body can have (not positive definite, or against the triangle inequality): the URDF is refused, or the \
+         nearest feasible inertia is used, with a warning. An inertia without mass then counts as none."),
 
     key("drive", "gear_ratio", PerJoint, "-", NonZero(1e5), Required,
         "Motor angle over joint angle; negative where they turn against each other; 1 for a direct drive."),

@@ -1,4 +1,4 @@
-//! Doubts about a robot file that loads: values that no arm is likely to have, mostly of another unit or of the other side of the gear.
+//! Warnings of a robot file that loads: values that no arm is likely to have, mostly in another unit or at the other side of the gear.
 //!
 //! Every rule is a ratio that the unit drops out of: a length against the arm's reach, an inertia or a friction against the torque limit.
 
@@ -42,7 +42,7 @@ const NO_POSITION_LIMIT: f64 = 3600.0;
 const MAX_EFFORT_RATIO: f64 = 4.0;
 
 impl Robot {
-    /// What is probably wrong with the file, a sentence or two each, with its mend; none of a sound file.
+    /// What is probably wrong with the file and how to correct it, one or two sentences each. Empty for a sound file.
     pub fn warnings(&self) -> Vec<String> {
         let arm = &self.model.arm;
         let known: Vec<usize> = (0..self.dof()).filter(|j| !self.description.unknown_bodies.contains(j)).collect();
@@ -70,8 +70,8 @@ impl Robot {
         if !unknown.is_empty() {
             let links: Vec<&str> = unknown.iter().map(|&j| self.model.arm.joints[j].link.as_str()).collect();
             notes.push(format!(
-                "the URDF has no <inertial> of {}: these bodies are unknown, guesses with a wide prior take their places. `rivet identify` finds \
-                 them; `rivet diagnose` has nothing to compare them with",
+                "the URDF has no <inertial> of {}: these bodies are unknown and have a wide prior. `rivet identify` estimates them; \
+                 `rivet diagnose` has nothing to compare them with",
                 links.join(", ")
             ));
         }
@@ -81,8 +81,10 @@ impl Robot {
         let from_urdf = self.config.resolved.iter().filter(|r| r.origin == crate::reader::Origin::Urdf);
         let from_urdf: Vec<String> = from_urdf.map(|r| r.key.path()).collect();
         if !from_urdf.is_empty() {
-            notes
-                .push(format!("nominal {} are the <dynamics> of the URDF: the file has none", from_urdf.join(" and ")));
+            notes.push(format!(
+                "nominal {} are the <dynamics> of the URDF: the robot file has none",
+                from_urdf.join(" and ")
+            ));
         }
         notes.extend(self.hardly_separated());
         notes
@@ -97,7 +99,7 @@ impl Robot {
         let least = faint.iter().map(|&i| self.base.residuals[i]).fold(f64::INFINITY, f64::min);
         let names: Vec<String> = faint.iter().map(|&i| self.base.name(&self.model, i)).collect();
         Some(format!(
-            "axes that are nearly parallel, or nearly meet, hardly separate {} base parameters ({}; condition up to {:.0e}). They stay near their \
+            "nearly parallel or nearly intersecting axes hardly separate {} base parameters ({}; condition up to {:.0e}). They stay near their \
              nominal values unless data determine them",
             names.len(),
             names.join(", "),
@@ -150,7 +152,7 @@ impl Robot {
         let of_motor = rotor > 0.0 && ratio >= LEAST_GEAR && limit / rotor > MAX_ROTOR_ACCELERATION;
         (of_motor && limit / reflected < MAX_ROTOR_ACCELERATION).then(|| {
             format!(
-                "joint {}: rotor_inertia {} kg m^2 is that of the motor: the file has it at the joint, times gear_ratio^2: {} kg m^2",
+                "joint {}: rotor_inertia {} kg m^2 is that of the motor. At the joint it is gear_ratio^2 times as large: {} kg m^2",
                 self.model.arm.joints[j].name,
                 number_text(rotor),
                 short(reflected)
@@ -165,8 +167,8 @@ impl Robot {
         let of_motor = coulomb > 0.0 && ratio >= LEAST_GEAR && coulomb < LEAST_FRICTION_OVER_LIMIT * limit;
         (of_motor && coulomb * ratio >= LEAST_FRICTION_OVER_LIMIT * limit).then(|| {
             format!(
-                "joint {}: friction.coulomb {} N m is that of the motor: the file has it at the joint, times gear_ratio: {} N m (viscous: times \
-                 gear_ratio^2)",
+                "joint {}: friction.coulomb {} N m is that of the motor. At the joint it is gear_ratio times as large: {} N m (viscous: gear_ratio^2 \
+                 times)",
                 self.model.arm.joints[j].name,
                 number_text(coulomb),
                 short(coulomb * ratio)

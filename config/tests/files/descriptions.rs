@@ -215,7 +215,12 @@ fn all_mistakes_of_a_urdf_are_reported_at_once() {
     }
     let (_folder, path) = written(&three_joints([&bad, BODY, &bad], ""));
     let robot = parse(&path, 3, "[model]\nimpossible_inertia = \"project\"\n").expect("projected");
-    assert_eq!(robot.warnings().iter().filter(|w| w.contains("nearest inertia")).count(), 2, "{:?}", robot.warnings());
+    assert_eq!(
+        robot.warnings().iter().filter(|w| w.contains("nearest feasible inertia")).count(),
+        2,
+        "{:?}",
+        robot.warnings()
+    );
 }
 
 /// The arms of this repository are sound. Each rule is broken once on each arm and sees it: the value changes side or unit, nothing else.

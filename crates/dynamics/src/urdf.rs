@@ -54,25 +54,22 @@ impl fmt::Display for UrdfNote {
             UrdfNote::Welded { joint, at, follows: None } => {
                 write!(
                     f,
-                    "joint \"{joint}\" is welded at {at}: it is beside the arm. [model] fixed gives another place"
+                    "joint \"{joint}\" is welded at {at}: it is not part of the chain. [model] fixed sets another position"
                 )
             }
             UrdfNote::Welded { joint, at, follows: Some(of) } => write!(
                 f,
-                "joint \"{joint}\" follows \"{of}\" and is welded at {at}: the model does not have its motion. Give its mean position in \
+                "joint \"{joint}\" follows \"{of}\" and is welded at {at}: its motion is not modelled. Set its mean position in \
                  [model] fixed"
             ),
             UrdfNote::Unknown { link } => {
-                write!(
-                    f,
-                    "link \"{link}\" has no <inertial>: its body is unknown, a guess with a wide prior takes its place"
-                )
+                write!(f, "link \"{link}\" has no <inertial>: its body is unknown and has a wide prior")
             }
             UrdfNote::Projected { line, error: error @ UrdfError::BadMass { .. } } => {
-                write!(f, "line {line}: {error}. It counts as a link without body")
+                write!(f, "line {line}: {error}. The link is treated as one without body")
             }
             UrdfNote::Projected { line, error } => {
-                write!(f, "line {line}: {error}. The nearest inertia that can be takes its place")
+                write!(f, "line {line}: {error}. The nearest feasible inertia is used instead")
             }
         }
     }

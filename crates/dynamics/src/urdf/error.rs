@@ -98,7 +98,7 @@ pub enum UrdfError {
         second: String,
     },
     /// Links that are each other's parents.
-    #[error("link \"{link}\" hangs on itself through its parents; loops are not supported")]
+    #[error("link \"{link}\" is its own ancestor; loops are not supported")]
     Loop {
         /// A link of the loop.
         link: String,
