@@ -136,6 +136,35 @@ fn public_files_load_or_name_the_line_that_mends_them() {
     assert!(failures.is_empty(), "{} of {}:\n{}", failures.len(), files.len(), failures.join("\n"));
 }
 
+/// Field files with URDFs load as they are, those of the base link without a warning about it; inertias in g mm^2 are named with their unit.
+#[test]
+fn field_files_load_with_their_warnings() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/field"));
+    let Ok(entries) = fs::read_dir(folder) else {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there, no field file was read", folder.display());
+        return;
+    };
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|e| e.path().join("robot.toml")).filter(|p| p.is_file()).collect();
+    files.sort();
+    assert!(files.len() >= 7, "{files:?}");
+    for file in &files {
+        let name = file.display().to_string();
+        let robot = rivet_config::load(file).unwrap_or_else(|e| panic!("{e}"));
+        let warnings = robot.warnings();
+        let links = robot.dof();
+        let units = warnings.iter().filter(|warning| warning.contains("g mm^2")).count();
+        assert_eq!(units, if name.contains("g-mm2") { links } else { 0 }, "{name}: {warnings:?}");
+        println!("{name}: {} warnings", warnings.len());
+        if name.contains("base-link") {
+            assert!(!warnings.iter().any(|warning| warning.contains("base")), "{name}: {warnings:?}");
+            let text = fs::read_to_string(file).expect("a robot file").replace("robot.urdf", "triangle.urdf");
+            let other = rivet_config::parse(file, &text).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(other.dof(), links, "its base breaks the triangle inequality and never moves");
+        }
+    }
+}
+
 const BODY: &str = r#"<inertial><origin xyz="0.1 0 0"/><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>"#;
 
 /// An upright arm of three joints in turned planes, bodies and more as given.

@@ -11,6 +11,10 @@ use crate::arm::MAX_JOINTS;
 const GRIPPER_JOINTS: usize = 2;
 /// An arm has at least so many joints before a gripper.
 const ARM_JOINTS: usize = 3;
+/// A joint follows another through at most so many followers.
+const MAX_FOLLOWERS: usize = 64;
+/// So many names are listed in a message.
+const MAX_LISTED: usize = 40;
 /// Beginnings of what joints and links of grippers are called.
 const GRIPPER_WORDS: [&str; 7] = ["finger", "grip", "jaw", "claw", "knuckle", "thumb", "pincer"];
 /// What the last link of an arm is called, in the order of preference.
@@ -20,6 +24,7 @@ const TOOL_WORDS: [&str; 3] = ["tool0", "tcp", "flange"];
 pub(super) struct Tree<'a> {
     pub(super) file: &'a File,
     links: HashMap<&'a str, usize>,
+    joints: HashMap<&'a str, usize>,
     /// Joints below each link, in file order.
     pub(super) children: Vec<Vec<usize>>,
     /// The joint above each link.
@@ -97,7 +102,17 @@ impl<'a> Tree<'a> {
             let (name, line) = (file.links[link].name.clone(), file.links[link].line);
             mistakes.push(UrdfMistake { line, error: UrdfError::Loop { link: name } });
         }
-        (mistakes.len() == before).then_some(Tree { file, links, children, parent, above, below, order, roots })
+        (mistakes.len() == before).then_some(Tree {
+            file,
+            links,
+            joints: names,
+            children,
+            parent,
+            above,
+            below,
+            order,
+            roots,
+        })
     }
 
     /// The chain that `options` ask for; mistakes where there is none.
@@ -105,7 +120,7 @@ impl<'a> Tree<'a> {
         let before = mistakes.len();
         let mut welds = HashMap::new();
         for (name, value) in &options.fixed {
-            match self.file.joints.iter().position(|joint| joint.name == *name) {
+            match self.joints.get(name.as_str()).copied() {
                 Some(j) => {
                     if self.file.joints[j].kind != "fixed" {
                         welds.insert(j, *value);
@@ -113,7 +128,8 @@ impl<'a> Tree<'a> {
                 }
                 None => {
                     let moving = self.file.joints.iter().filter(|j| j.kind != "fixed").map(|j| j.name.clone());
-                    let error = UrdfError::NoFixed { joint: name.clone(), joints: moving.collect() };
+                    let joints = moving.take(MAX_LISTED).collect();
+                    let error = UrdfError::NoFixed { joint: name.clone(), joints };
                     mistakes.push(UrdfMistake { line: 0, error });
                 }
             }
@@ -138,10 +154,12 @@ impl<'a> Tree<'a> {
             let error = UrdfError::UnsupportedJoint { joint: joint.name.clone(), kind: joint.kind.clone() };
             fail(mistakes, joint.line, error);
         }
-        for &j in &joints {
+        let followers: Vec<usize> = joints.iter().copied().filter(|&j| self.follows(j)).take(MAX_LISTED).collect();
+        let proposed = (!followers.is_empty()).then(|| self.propose(&welds)).unwrap_or_default();
+        for j in followers {
             let joint = &self.file.joints[j];
             if let Some(mimic) = &joint.mimic {
-                let proposal = Box::new(self.propose(&welds));
+                let proposal = Box::new(proposed.clone());
                 let (of, name) = (mimic.joint.clone(), joint.name.clone());
                 fail(mistakes, joint.line, UrdfError::Mimic { joint: name, of, proposal });
             }
@@ -264,10 +282,10 @@ impl<'a> Tree<'a> {
     fn rest(&self, joint: usize, welds: &HashMap<usize, f64>) -> f64 {
         let mut followed = joint;
         let (mut factor, mut offset) = (1.0, 0.0);
-        // As many steps as there are joints at most: followers may follow each other.
-        for _ in 0..self.file.joints.len() {
+        // Followers may follow each other.
+        for _ in 0..MAX_FOLLOWERS {
             let Some(mimic) = &self.file.joints[followed].mimic else { break };
-            let Some(next) = self.file.joints.iter().position(|j| j.name == mimic.joint) else { break };
+            let Some(&next) = self.joints.get(mimic.joint.as_str()) else { break };
             offset += factor * mimic.offset;
             factor *= mimic.multiplier;
             followed = next;

@@ -282,6 +282,24 @@ fn wrists_belong_to_the_arm() {
     assert!(read.notes.iter().any(follows), "the model lacks a motion: {:?}", read.notes);
 }
 
+/// Thousands of followers that follow each other end in a refusal with few mistakes, not in hours.
+#[test]
+fn long_chains_of_followers_are_refused_at_once() {
+    let count = 4000;
+    let mut text = "<link name=\"l0\"/>".to_owned();
+    for i in 1..=count {
+        let (parent, child) = (format!("l{}", i - 1), format!("l{i}"));
+        let mimic = format!("<mimic joint=\"j{}\"/>", if i == 1 { count } else { i - 1 });
+        text += &format!("<link name=\"{child}\"/>");
+        text += &joint(&format!("j{i}"), "revolute", [&parent, &child], "", &mimic);
+    }
+    let mistakes = refused(&robot(&text));
+    assert!((1..100).contains(&mistakes.len()), "{}", mistakes.len());
+    let options = UrdfOptions { fixed: vec![("none".to_owned(), 0.0)], ..UrdfOptions::default() };
+    let said = UrdfArm::read(&robot(&text), GRAVITY, &options).expect_err("no such joint").to_string();
+    assert!(said.len() < 1_000_000, "{}", said.len());
+}
+
 /// All mistakes come at once, each with the line of its link or joint, and what never moves is none.
 #[test]
 fn every_mistake_is_named_with_its_line() {
