@@ -6,5 +6,6 @@ mod descriptions;
 mod effects;
 mod identified;
 mod joint_zero;
+mod linear;
 mod reference;
 mod robots;

@@ -96,7 +96,7 @@ struct Scan {
 impl Scan {
     fn start(&mut self, tag: &BytesStart<'_>, place: Range<usize>, empty: bool) -> Result<(), String> {
         if self.depth == 0 {
-            let name = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
+            let name = tag.name().as_ref().to_owned();
             if name != "robot" || self.begun {
                 return Err(format!("its root is <{name}>, not <robot>"));
             }
@@ -126,15 +126,13 @@ impl Scan {
 }
 
 fn element(tag: &BytesStart<'_>, place: Range<usize>, empty: bool) -> Result<Element, String> {
-    let text = |bytes: &[u8]| std::str::from_utf8(bytes).map(str::to_owned).map_err(|why| why.to_string());
     let mut attributes = Vec::new();
     for attribute in tag.attributes() {
         let attribute = attribute.map_err(|why| why.to_string())?;
-        let value = text(&attribute.value)?;
-        let value = quick_xml::escape::unescape(&value).map_err(|why| why.to_string())?.into_owned();
-        attributes.push((text(attribute.key.as_ref())?, value));
+        let value = quick_xml::escape::unescape(&attribute.value).map_err(|why| why.to_string())?.into_owned();
+        attributes.push((attribute.key.as_ref().to_owned(), value));
     }
-    let name = text(tag.name().as_ref())?;
+    let name = tag.name().as_ref().to_owned();
     Ok(Element { name, attributes, place: place.clone(), tag: place, empty, parts: Vec::new() })
 }
 

@@ -55,6 +55,29 @@ fn what_is_not_a_urdf_is_refused() {
     assert_refused!(robot("<xacro:include/>"), UrdfError::Unreadable(_), "xacro file");
 }
 
+/// Stack of the smallest thread that reads robot files here \[bytes\]. Threads of Rust have 2 MiB.
+const SMALL_STACK_BYTES: usize = 128 << 10;
+
+#[test]
+fn deepest_and_longest_accepted_text_is_read_on_a_small_stack() {
+    // 64 elements inside each other are accepted: <robot>, <link>, and 62.
+    let depth = 62;
+    let nested = format!("{}{}", "<x>".repeat(depth), "</x>".repeat(depth));
+    let chain: String = (0..9_000)
+        .map(|i| {
+            let above = if i == 0 { "a".to_owned() } else { format!("f{}", i - 1) };
+            link(&format!("f{i}"), "") + &joint(&format!("m{i}"), "fixed", &above, &format!("f{i}"), "")
+        })
+        .collect();
+    let text = robot(&(link("a", &format!("{BODY}{nested}")) + &turning("ja", "base", "a") + &chain));
+    let deeper = text.replacen("<x>", "<x><x>", 1).replacen("</x>", "</x></x>", 1);
+    let small = std::thread::Builder::new().stack_size(SMALL_STACK_BYTES);
+    let read = small.spawn(move || (Arm::from_urdf(&text, GRAVITY), Arm::from_urdf(&deeper, GRAVITY)));
+    let (read, refused) = read.expect("a thread").join().expect("it ends");
+    assert_eq!(read.expect("an arm").dof(), 1);
+    assert!(matches!(refused, Err(UrdfError::Excess(_))), "{refused:?}");
+}
+
 #[test]
 fn the_number_of_joints_is_checked() {
     assert_refused!(robot(""), UrdfError::NoJoints, "no revolute, continuous or prismatic joint");
