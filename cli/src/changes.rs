@@ -40,16 +40,20 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let (a, b) = (read(&args.a)?, read(&args.b)?);
     let changes = Changes::between(&a, &b).map_err(|rules| Mismatch { a: args.a.clone(), b: args.b.clone(), rules })?;
     if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&changes)? + "\n";
+        let text = rivet_files::printable_json(serde_json::to_string_pretty(&changes)? + "\n");
         write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&as_text(&changes, &a))?;
     Ok(ExitCode::from(u8::from(!changes.is_same())))
 }
 
+/// Longest document \[bytes\]. A diagnosis of eight joints with all its series has some 2 MB. (`serde_json` refuses what is nested more
+/// than 128 deep.)
+const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
+
 fn read(path: &Path) -> Result<Document> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    serde_json::from_str(&text).with_context(|| path.display().to_string())
+    let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
+    serde_json::from_slice(&bytes).with_context(|| path.display().to_string())
 }
 
 fn as_text(changes: &Changes, a: &Document) -> String {

@@ -77,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let text = reply.text();
     match ControlStatus::try_from(reply.status) {
         Ok(ControlStatus::Done) => {
-            eprintln!("{}", if text.is_empty() { "done" } else { &text });
+            rivet_files::note(if text.is_empty() { "done" } else { &text });
             Ok(ExitCode::SUCCESS)
         }
         Ok(ControlStatus::Refused) => bail!("refused: {text}"),

@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let mut left = 1.0;
     let mut say = |line: &str| {
         if args.verbose {
-            eprintln!("{line}");
+            rivet_files::note(format_args!("{line}"));
             return;
         }
         // How often effects are looked for is not known before: what is said takes its share of what is left.
@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         (Some(folder), Some(patch)) => patched::export(&robot, patch, folder).map(|_| ()),
         (Some(_), None) => {
             let why = if document.remark.is_some() { "nothing was evaluated" } else { "gravity comes first" };
-            eprintln!("rivet: {why}, so nothing is exported");
+            rivet_files::note(format_args!("rivet: {why}, so nothing is exported"));
             Ok(())
         }
         (None, _) => Ok(()),
@@ -148,7 +148,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&document)? + "\n";
+        let text = rivet_files::printable_json(serde_json::to_string_pretty(&document)? + "\n");
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &args.html {

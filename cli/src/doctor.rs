@@ -195,5 +195,5 @@ fn as_json(findings: &[Finding], measured: Option<&Latencies>, worst: Severity) 
         })
     });
     let all = json!({ "severity": worst.to_string(), "findings": list, "wake_ups": wakeups });
-    Ok(serde_json::to_string_pretty(&all)? + "\n")
+    Ok(rivet_files::printable_json(serde_json::to_string_pretty(&all)? + "\n"))
 }

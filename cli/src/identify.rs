@@ -197,7 +197,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&refined.text())?;
     }
     if let Some(path) = &args.json {
-        let text = format!("{:#}\n", said::to_json(&robot, &result, refined.as_ref()));
+        let text = rivet_files::printable_json(format!("{:#}\n", said::to_json(&robot, &result, refined.as_ref())));
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }
@@ -429,7 +429,7 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
     }
     show(&compare::text(robot, &alone)?)?;
     if let Some(path) = &args.json {
-        let text = format!("{:#}\n", compare::to_json(robot, &alone));
+        let text = rivet_files::printable_json(format!("{:#}\n", compare::to_json(robot, &alone)));
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }

@@ -44,17 +44,22 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
     }
     progress.done();
     if states.foreign() > 0 {
-        eprintln!("rivet: {} samples of another publisher of joint states were ignored", states.foreign());
+        rivet_files::note(format_args!("rivet: {} samples of another publisher of joint states were ignored", states.foreign()));
     }
     if heard.unusable > 0 {
-        eprintln!("rivet: {} samples could not be used (fault bits, no numbers, or stamps that jump)", heard.unusable);
+        rivet_files::note(format_args!(
+            "rivet: {} samples could not be used (fault bits, no numbers, or stamps that jump)",
+            heard.unusable
+        ));
     }
     if heard.t.len() < 2 {
         bail!("no joint states of {} on this bus for {} s that could be used", robot.config.name, SILENCE.as_secs());
     }
     let short = seconds - heard.seconds();
     if short > 0.1 * seconds {
-        eprintln!("rivet: the samples ended {short:.1} s before the {seconds} s that were asked for");
+        rivet_files::note(format_args!(
+            "rivet: the samples ended {short:.1} s before the {seconds} s that were asked for"
+        ));
     }
     heard.write(path)
 }

@@ -1,5 +1,8 @@
 //! `rivet`: on-line identification and control of geared robot arms, and all that goes with it.
 
+// Texts pass `table::show` or `rivet_files::note`, which escape what a terminal would act on.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod as_found;
 mod bench_loop;
 mod blind;
@@ -115,7 +118,11 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(why) => {
             // Help and version go to standard output and are no error. A terminal that is gone changes nothing here.
-            let _ = why.print();
+            if rivet_files::arguments_are_printable() {
+                let _ = why.print();
+            } else {
+                rivet_files::note(why.render());
+            }
             return if why.use_stderr() { ExitCode::from(exit::USAGE) } else { ExitCode::SUCCESS };
         }
     };
@@ -149,7 +156,7 @@ fn main() -> ExitCode {
         Command::Sim(options) => return rivet_simulation::process::main(options),
     };
     result.unwrap_or_else(|why| {
-        eprintln!("rivet: {}", rivet_files::Printable(format!("{why:#}")));
+        rivet_files::note(format_args!("rivet: {why:#}"));
         // A robot file that cannot be used is told apart, as by the daemon; so is a log.
         ExitCode::from(exit::code(&why))
     })

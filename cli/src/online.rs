@@ -13,7 +13,7 @@ use std::process::ExitCode;
 /// Ticks through the log and shows what the last parameter set says.
 pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: Option<&Path>) -> Result<ExitCode> {
     let recording = Recording::read(robot, log)?;
-    eprintln!("{}", recording.report);
+    rivet_files::note(&recording.report);
     let mut core = Core::new(robot).context("the estimator refuses the settings")?;
     let mut stream: Vec<Parameters> = Vec::new();
     let mut progress = crate::progress::Progress::new("identifying", recording.len());

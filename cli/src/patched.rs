@@ -52,17 +52,17 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
                 "no motion of one joint within its limits is expected to separate {} from {rivals}",
                 motion.effect
             );
-            eprint!("{}", paragraph("rivet: ", &text));
+            rivet_files::note(paragraph("rivet: ", &text).trim_end());
             continue;
         }
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
         rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
-        eprintln!("rivet: {} separates {} from {rivals}: {}", path.display(), motion.effect, motion.text);
+        rivet_files::note(format_args!("rivet: {} separates {} from {rivals}: {}", path.display(), motion.effect, motion.text));
     }
     rivet_files::write_whole(&notes, not_expressible(robot, patch)).with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
-        eprint!("{}", paragraph("rivet: ", &format!("{line} (see {})", notes.display())));
+        rivet_files::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
     }
     for report in &patch.formats {
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
@@ -71,7 +71,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
                 folder.join(report.format.file()).display(),
                 notes.display()
             );
-            eprint!("{}", paragraph("rivet: ", &text));
+            rivet_files::note(paragraph("rivet: ", &text).trim_end());
         }
     }
     Ok(made)

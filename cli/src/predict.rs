@@ -132,7 +132,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
     write_columns(&args.out, &columns)?;
     for left in unseen(&robot.model, log.temperature.is_some()) {
-        eprintln!("rivet predict: left out: {left}");
+        rivet_files::note(format_args!("rivet predict: left out: {left}"));
     }
     show(&report(&robot, &runs::short_name(&args.log), pieces.first(), sums.as_deref()))?;
     show(&format!("{} rows written to {}\n", t.len(), args.out.display()))?;

@@ -21,17 +21,15 @@ impl Progress {
         let due = self.shown.is_none_or(|at| at.elapsed() > Duration::from_millis(150));
         if self.terminal && due {
             self.shown = Some(Instant::now());
-            eprint!("\r{} {:3} %", self.what, 100 * done / self.total);
             // A terminal that is gone is no reason to stop working.
-            let _ = std::io::stderr().flush();
+            let _ = write!(std::io::stderr(), "\r{} {:3} %", self.what, 100 * done / self.total);
         }
     }
 
     /// Removes the line.
     pub(crate) fn done(&mut self) {
         if self.terminal && self.shown.is_some() {
-            eprint!("\r\x1b[K");
-            let _ = std::io::stderr().flush();
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
         }
     }
 }

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     outputs.file("--json", args.json.as_ref()).check()?;
     let recording = Recording::read(&robot, &args.log)?;
     let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
-    eprintln!("{}", recording.report);
+    rivet_files::note(&recording.report);
 
     // Declared in this order, so that children end before their bus is swept away.
     let private = (!args.attach).then(|| PrivateBus::new("replay"));
@@ -239,11 +239,11 @@ fn report(args: &Args, robot: &Robot, recording: &Recording, received: &Received
     let lost = (recording.len() as u64).saturating_sub(taken + health.refused_stale);
     let missing = recording.missing();
     if health.lost != missing || lost > 0 || skipped || health.dropped_messages > 0 {
-        eprintln!(
+        rivet_files::note(format_args!(
             "rivet replay: {} samples lost, {lost} unaccounted for, {} messages dropped: this run does not count",
             health.lost.abs_diff(missing),
             health.dropped_messages
-        );
+        ));
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)

@@ -196,7 +196,7 @@ pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Re
             Ok((grid, report)) => pieces.push(Piece { logged_t: logged.t.clone(), grid, report }),
             Err(why @ LogError { fault: LogFault::TooFewRows { .. }, .. }) => {
                 let (path, rows, from) = (logged.path.display(), logged.len(), logged.t[0]);
-                eprintln!("rivet: {path}: {rows} rows from {from} s between gaps are too few and excluded");
+                rivet_files::note(format_args!("rivet: {path}: {rows} rows from {from} s between gaps are too few and excluded"));
                 // The first one is the error to report where nothing is left.
                 short.get_or_insert(why);
             }

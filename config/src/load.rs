@@ -1,6 +1,5 @@
 //! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
 
-use std::fs;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -65,8 +64,8 @@ pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
 
 fn text_of(path: &Path) -> Result<String, ConfigErrors> {
     let whole = |why: &str, hint: &str| ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]);
-    let bytes =
-        read_file(path).map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
+    let bytes = rivet_files::read_whole(path, LARGEST)
+        .map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
     String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))
 }
 
@@ -92,22 +91,6 @@ pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
 
 /// Robot files and URDFs of more bytes are a mistake.
 const LARGEST: u64 = 16 << 20;
-
-/// A file, whole. Of a pipe or a device a reader might wait for ever, which a service must not.
-fn read_file(path: &Path) -> io::Result<Vec<u8>> {
-    let what = fs::metadata(path)?;
-    let unfit = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
-    if what.is_dir() {
-        return unfit("it is a folder".to_owned());
-    }
-    if !what.is_file() {
-        return unfit("it is a pipe or a device, not a file".to_owned());
-    }
-    if what.len() > LARGEST {
-        return unfit(format!("it has {} bytes, more than {LARGEST}", what.len()));
-    }
-    fs::read(path)
-}
 
 /// As [`load`], with the text of the file given; `path` names it and anchors relative paths.
 ///
@@ -265,7 +248,7 @@ fn read_arm(
     let utf8 = |bytes| {
         String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
     };
-    let text = match read_file(urdf).and_then(utf8) {
+    let text = match rivet_files::read_whole(urdf, LARGEST).and_then(utf8) {
         Ok(text) => text,
         Err(why) => {
             let hint = format!("the path is relative to this file; looked for {}", urdf.display());
@@ -354,7 +337,9 @@ mod tests {
     fn what_is_no_file_is_refused_at_once() {
         let folder = tempfile::tempdir().expect("a folder");
         let large = folder.path().join("large.toml");
-        fs::File::create(&large).and_then(|file| file.set_len(LARGEST + 1)).expect("made, without taking the room");
+        std::fs::File::create(&large)
+            .and_then(|file| file.set_len(LARGEST + 1))
+            .expect("made, without taking the room");
         for (path, why) in
             [(Path::new("/dev/zero"), "a pipe or a device"), (folder.path(), "a folder"), (&large, "bytes")]
         {

@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
                     };
                     let mut all = lock(&answers);
                     all.insert(name, answer(nominal, &made));
-                    eprintln!("{:>width$} of {} made", all.len(), args.count);
+                    rivet_files::note(format_args!("{:>width$} of {} made", all.len(), args.count));
                 }
             });
         }
@@ -145,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(why) = lock(&failed).take() {
         return Err(why);
     }
-    let text = serde_json::to_string_pretty(&*lock(&answers))? + "\n";
+    let text = rivet_files::printable_json(serde_json::to_string_pretty(&*lock(&answers))? + "\n");
     write_whole(&answers_path, &text).with_context(|| answers_path.display().to_string())?;
     let hash = sha256(&answers_path)?;
     show(&format!(

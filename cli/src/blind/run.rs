@@ -43,14 +43,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
                     let word = verdict["verdict"].as_str().unwrap_or("failed").to_owned();
                     let mut all = verdicts.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                     all.insert(name.clone(), verdict);
-                    eprintln!("{:>3} of {}  {name}  {word}", all.len(), cases.len());
+                    rivet_files::note(format_args!("{:>3} of {}  {name}  {word}", all.len(), cases.len()));
                 }
             });
         }
     });
     let verdicts = verdicts.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let failed = verdicts.values().filter(|v| v.get("error").is_some()).count();
-    write_whole(&args.out, &(serde_json::to_string_pretty(&verdicts)? + "\n"))
+    write_whole(&args.out, &rivet_files::printable_json(serde_json::to_string_pretty(&verdicts)? + "\n"))
         .with_context(|| args.out.display().to_string())?;
     show(&format!("{} verdicts written to {}, {failed} failed\n", verdicts.len(), args.out.display()))?;
     Ok(ExitCode::from(u8::from(failed > 0)))

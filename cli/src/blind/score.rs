@@ -139,7 +139,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     tally.0.outcomes.sort_by(|a, b| a.truth.cmp(&b.truth));
     tally.0.groups.sort_by_key(|g| (g.wrong_nominal, g.effects));
     if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&tally.0)? + "\n";
+        let text = rivet_files::printable_json(serde_json::to_string_pretty(&tally.0)? + "\n");
         write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     show(&table.text())?;
@@ -147,9 +147,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Longest file of verdicts or answers \[bytes\]: a case has some 5 kB.
+const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
+
 fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    serde_json::from_str(&text).with_context(|| path.display().to_string())
+    let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
+    serde_json::from_slice(&bytes).with_context(|| path.display().to_string())
 }
 
 fn or_dash(names: &[&str]) -> String {

@@ -363,7 +363,7 @@ pub(crate) fn bus(reader: &mut Reader<'_>) -> Bus {
     let fits = root.is_absolute() && root.parent().is_some() && root.as_os_str().len() <= 120;
     if !fits && reader.good(&[("bus", "root")]) {
         let rule = "must be an absolute path below /, of at most 120 bytes";
-        let hint = "all processes must agree, wherever they were started: for example \"/run/rivet\"";
+        let hint = "all processes must agree, wherever they were started: for example \"/run/rivet/<robot>\"";
         reader.reject("bus", "root", rule, hint);
     }
     Bus { prefix, root }

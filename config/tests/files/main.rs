@@ -5,5 +5,6 @@ mod bad_files;
 mod effects;
 mod identified;
 mod joint_zero;
+mod linear;
 mod reference;
 mod robots;

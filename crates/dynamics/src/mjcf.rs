@@ -342,16 +342,15 @@ struct Element {
 
 impl Element {
     fn new(tag: &BytesStart<'_>) -> Result<Element, MjcfError> {
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let mut attributes = Vec::new();
         for attribute in tag.attributes() {
             let attribute = attribute.map_err(|why| MjcfError::Xml(why.to_string()))?;
-            let value = quick_xml::escape::unescape(&text(&attribute.value))
+            let value = quick_xml::escape::unescape(&attribute.value)
                 .map_err(|why| MjcfError::Xml(why.to_string()))?
                 .into_owned();
-            attributes.push((text(attribute.key.as_ref()), value));
+            attributes.push((attribute.key.as_ref().to_owned(), value));
         }
-        Ok(Element { name: text(tag.name().as_ref()), attributes })
+        Ok(Element { name: tag.name().as_ref().to_owned(), attributes })
     }
 
     fn text(&self, attribute: &str) -> Option<String> {

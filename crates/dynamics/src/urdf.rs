@@ -1,17 +1,18 @@
 //! From a URDF file to an [`Arm`]: checks that it is a serial chain of physical bodies, and merges fixed joints.
 
+mod description;
 mod write;
 
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Matrix3;
-use urdf_rs::{JointType, Pose};
 
 use crate::arm::{Arm, Joint, JointKind, MAX_JOINTS};
 use crate::parameters::{LINK_PARAMETERS, LinkParameters, assemble, body_in_frame, inertia_matrix};
 use crate::pseudo_inertia::com_from_body;
 use crate::spatial::{IDENTITY, Mat3, Vec3, add, dot, from_roll_pitch_yaw, multiply, rotate, scale};
 
+use description::{JointType, Pose};
 pub use write::{WrittenUrdf, write_urdf};
 
 /// By how much of the largest principal moment the triangle inequality may be missed: a plate's moments rounded to
@@ -23,7 +24,7 @@ const TRIANGLE_ROUNDING: f64 = 1e-3;
 pub enum UrdfError {
     /// Not XML, or not a URDF.
     #[error("cannot be read as a URDF: {0}")]
-    Unreadable(#[source] Box<urdf_rs::UrdfError>),
+    Unreadable(String),
     /// Too deep, too many or too long for any arm.
     #[error("cannot be read as a URDF: {0}")]
     Excess(#[from] crate::xml_limits::XmlExcess),
@@ -193,7 +194,7 @@ impl Arm {
     /// The first thing found that keeps the file from being a chain of 1 to [`MAX_JOINTS`] physical bodies.
     pub fn from_urdf(text: &str, gravity: [f64; 3]) -> Result<Arm, UrdfError> {
         crate::xml_limits::ensure_bounded(text)?;
-        let robot = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Unreadable(Box::new(e)))?;
+        let robot = description::read(text)?;
         let tree = Tree::new(&robot)?;
         let mut joints: Vec<Joint> = Vec::new();
         let mut links = Vec::new();
@@ -206,7 +207,7 @@ impl Arm {
             }
             let Some((next, rotation, translation)) = rigid.next else { break };
             joints.push(moving_joint(next, &rotation, &translation)?);
-            (carrier, base) = (tree.index[next.child.link.as_str()], false);
+            (carrier, base) = (tree.index[next.child.as_str()], false);
         }
         match joints.len() {
             0 => Err(UrdfError::NoJoints),
@@ -218,10 +219,10 @@ impl Arm {
 
 /// The file's links and joints, known to hang on one root without loops.
 struct Tree<'a> {
-    robot: &'a urdf_rs::Robot,
+    robot: &'a description::Robot,
     index: HashMap<&'a str, usize>,
     /// Joints below each link, in file order.
-    children: Vec<Vec<&'a urdf_rs::Joint>>,
+    children: Vec<Vec<&'a description::Joint>>,
     root: usize,
 }
 
@@ -230,11 +231,11 @@ struct Rigid<'a> {
     /// All bodies together, in the frame of the link.
     body: LinkParameters,
     /// The moving joint on it, with the joint's origin in the frame of the link.
-    next: Option<(&'a urdf_rs::Joint, Mat3, Vec3)>,
+    next: Option<(&'a description::Joint, Mat3, Vec3)>,
 }
 
 impl<'a> Tree<'a> {
-    fn new(robot: &'a urdf_rs::Robot) -> Result<Tree<'a>, UrdfError> {
+    fn new(robot: &'a description::Robot) -> Result<Tree<'a>, UrdfError> {
         let mut index = HashMap::new();
         for (i, link) in robot.links.iter().enumerate() {
             if index.insert(link.name.as_str(), i).is_some() {
@@ -243,7 +244,7 @@ impl<'a> Tree<'a> {
         }
         let mut names: HashSet<&str> = HashSet::new();
         let mut children = vec![Vec::new(); robot.links.len()];
-        let mut parent: Vec<Option<(&urdf_rs::Joint, usize)>> = vec![None; robot.links.len()];
+        let mut parent: Vec<Option<(&description::Joint, usize)>> = vec![None; robot.links.len()];
         for joint in &robot.joints {
             if !names.insert(joint.name.as_str()) {
                 return Err(UrdfError::Duplicate { what: "joint", name: joint.name.clone() });
@@ -252,9 +253,9 @@ impl<'a> Tree<'a> {
                 let unknown = || UrdfError::UnknownLink { joint: joint.name.clone(), link: link.clone() };
                 index.get(link.as_str()).copied().ok_or_else(unknown)
             };
-            let (above, below) = (find(&joint.parent.link)?, find(&joint.child.link)?);
+            let (above, below) = (find(&joint.parent)?, find(&joint.child)?);
             if let Some((first, _)) = parent[below] {
-                let (link, first, second) = (joint.child.link.clone(), first.name.clone(), joint.name.clone());
+                let (link, first, second) = (joint.child.clone(), first.name.clone(), joint.name.clone());
                 return Err(UrdfError::SecondParent { link, first, second });
             }
             parent[below] = Some((joint, above));
@@ -293,7 +294,7 @@ impl<'a> Tree<'a> {
                 let (step_r, step_p) = pose(&joint.origin, "joint", &joint.name)?;
                 let (r, p) = (multiply(&r, &step_r), add(&p, &rotate(&r, &step_p)));
                 if joint.joint_type == JointType::Fixed {
-                    open.push((self.index[joint.child.link.as_str()], r, p));
+                    open.push((self.index[joint.child.as_str()], r, p));
                 } else if let Some((first, ..)) = rigid.next {
                     let link = self.robot.links[carrier].name.clone();
                     let (first, second) = (first.name.clone(), joint.name.clone());
@@ -315,9 +316,9 @@ fn finite(values: &[f64], what: &'static str, name: &str, quantity: &'static str
 }
 
 fn pose(origin: &Pose, what: &'static str, name: &str) -> Result<(Mat3, Vec3), UrdfError> {
-    finite(&origin.xyz.0, what, name, "origin xyz")?;
-    finite(&origin.rpy.0, what, name, "origin rpy")?;
-    Ok((from_roll_pitch_yaw(&origin.rpy.0.map(quarter_turns)), origin.xyz.0))
+    finite(&origin.xyz, what, name, "origin xyz")?;
+    finite(&origin.rpy, what, name, "origin rpy")?;
+    Ok((from_roll_pitch_yaw(&origin.rpy.map(quarter_turns)), origin.xyz))
 }
 
 /// Angles within so much of quarter turns are quarter turns \[rad\]: 1.5708 and 3.1416 are π/2 and π, written short.
@@ -331,18 +332,18 @@ fn quarter_turns(angle: f64) -> f64 {
 }
 
 /// A link's own body in the link frame; zero when it has no `<inertial>`.
-fn body_of(link: &urdf_rs::Link) -> Result<LinkParameters, UrdfError> {
+fn body_of(link: &description::Link) -> Result<LinkParameters, UrdfError> {
     let (inertial, name) = (&link.inertial, &link.name);
-    let i = &inertial.inertia;
-    let mass = inertial.mass.value;
-    let entries = [i.ixx, i.ixy, i.iyy, i.ixz, i.iyz, i.izz];
+    let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.inertia;
+    let mass = inertial.mass;
+    let entries = inertial.inertia;
     finite(&[mass], "link", name, "mass")?;
     finite(&entries, "link", name, "inertia")?;
     let (r, com) = pose(&inertial.origin, "link", name)?;
     if mass < 0.0 || (mass == 0.0 && entries.iter().any(|&e| e != 0.0)) {
         return Err(UrdfError::BadMass { link: name.clone(), mass });
     }
-    let about_com = assemble(mass, &[0.0; 3], &[[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]);
+    let about_com = assemble(mass, &[0.0; 3], &[[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]);
     // A point mass or a thin rod is a good part of a link, so zero moments pass here; see `check_moving_body`.
     let moments = principal_moments(&inertia_matrix(&about_com));
     if moments[0] < -f64::EPSILON * 8.0 * moments[2].abs() {
@@ -383,7 +384,7 @@ fn check_triangle(name: &str, moments: [f64; 3]) -> Result<(), UrdfError> {
     Ok(())
 }
 
-fn moving_joint(joint: &urdf_rs::Joint, rotation: &Mat3, translation: &Vec3) -> Result<Joint, UrdfError> {
+fn moving_joint(joint: &description::Joint, rotation: &Mat3, translation: &Vec3) -> Result<Joint, UrdfError> {
     let name = joint.name.clone();
     let unsupported = |kind| Err(UrdfError::UnsupportedJoint { joint: name.clone(), kind });
     let (kind, limited) = match joint.joint_type {
@@ -396,15 +397,15 @@ fn moving_joint(joint: &urdf_rs::Joint, rotation: &Mat3, translation: &Vec3) -> 
         JointType::Fixed => return unsupported("fixed where a moving joint was expected"),
     };
     if let Some(mimic) = &joint.mimic {
-        return Err(UrdfError::Mimic { joint: name, of: mimic.joint.clone() });
+        return Err(UrdfError::Mimic { joint: name, of: mimic.clone() });
     }
-    finite(&joint.axis.xyz.0, "joint", &name, "axis")?;
+    finite(&joint.axis, "joint", &name, "axis")?;
     // Scaled first, so that squaring neither overflows nor vanishes.
-    let largest = joint.axis.xyz.0.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+    let largest = joint.axis.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     if largest == 0.0 {
         return Err(UrdfError::ZeroAxis { joint: name });
     }
-    let scaled = joint.axis.xyz.0.map(|x| x / largest);
+    let scaled = joint.axis.map(|x| x / largest);
     let axis = scale(&scaled, 1.0 / dot(&scaled, &scaled).sqrt());
 
     let limit = &joint.limit;
@@ -430,7 +431,7 @@ fn moving_joint(joint: &urdf_rs::Joint, rotation: &Mat3, translation: &Vec3) -> 
         }
     };
     let (velocity, effort) = (bound(limit.velocity, "velocity")?, bound(limit.effort, "effort")?);
-    let link = joint.child.link.clone();
+    let link = joint.child.clone();
     Ok(Joint { name, kind, axis, rotation: *rotation, translation: *translation, lower, upper, velocity, effort, link })
 }
 

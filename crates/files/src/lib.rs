@@ -12,9 +12,9 @@ mod sweep;
 use destination::Destination;
 pub use draft::Draft;
 pub use lock::open_lock;
-pub use printable::{Printable, is_unsafe, printable};
-use std::fs::File;
-use std::io::{self, Write as _};
+pub use printable::{Printable, arguments_are_printable, is_unsafe, note, printable, printable_json};
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 pub use sweep::sweep;
 
@@ -44,6 +44,32 @@ pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) 
         }
         in_place => fill(&mut in_place.open()?),
     }
+}
+
+/// A file, whole. Of a pipe or a device a reader might wait for ever, which a service must not.
+///
+/// # Errors
+/// It cannot be read, is no regular file, or has more than `largest` bytes.
+pub fn read_whole(path: &Path, largest: u64) -> io::Result<Vec<u8>> {
+    let what = fs::metadata(path)?;
+    let unfit = |why: String| -> io::Result<Vec<u8>> { Err(io::Error::new(io::ErrorKind::InvalidInput, why)) };
+    if what.is_dir() {
+        return unfit("it is a folder".to_owned());
+    }
+    if !what.is_file() {
+        return unfit("it is a pipe or a device, not a file".to_owned());
+    }
+    let too_long = |bytes: u64| unfit(format!("it has {bytes} bytes; at most {largest} are allowed"));
+    if what.len() > largest {
+        return too_long(what.len());
+    }
+    // A file of /proc has no length of its own, and one that grows has another one by now.
+    let mut bytes = Vec::with_capacity(what.len().min(largest) as usize);
+    File::open(path)?.take(largest.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > largest {
+        return too_long(bytes.len() as u64);
+    }
+    Ok(bytes)
 }
 
 /// That [`write_whole`] can write there: asked before what takes long. Leaves nothing behind and opens no pipe.

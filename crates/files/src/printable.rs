@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::io::Write as _;
 
 /// Whether a terminal would act on a character, or show the text in another order: C0 and C1 controls, DEL, line and paragraph
 /// separators, marks and overrides of writing direction.
@@ -47,6 +48,40 @@ impl<T: fmt::Display> fmt::Display for Printable<T> {
         }
         Ok(())
     }
+}
+
+/// A line on standard error, its unsafe characters escaped. One that is closed or full loses the line, and nothing else.
+pub fn note(text: impl fmt::Display) {
+    // One write a line: lines of several processes on one terminal do not mix.
+    let line = format!("{}\n", Printable(text));
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// Whether the arguments of this process can be shown as they are: a file's name may be one of them.
+pub fn arguments_are_printable() -> bool {
+    !std::env::args_os().any(|argument| argument.to_string_lossy().contains(is_unsafe))
+}
+
+/// A JSON text in which characters that are unsafe on a terminal stand as JSON's escapes: the same document.
+///
+/// ```
+/// assert_eq!(rivet_files::printable_json("\"a\u{9b}31mb\"\n".to_owned()), "\"a\\u009b31mb\"\n");
+/// ```
+pub fn printable_json(text: String) -> String {
+    let unsafe_here = |c: char| is_unsafe(c) && c != '\n';
+    if !text.contains(unsafe_here) {
+        return text;
+    }
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        if unsafe_here(c) {
+            // All of them are in the basic plane. Outside strings JSON has none but white space, which serde_json does not write.
+            out.push_str(&format!("\\u{:04x}", u32::from(c)));
+        } else {
+            out.push(c);
+        }
+    }
+    out
 }
 
 #[cfg(test)]

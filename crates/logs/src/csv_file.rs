@@ -42,13 +42,24 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
             let cell = record.get(*k).unwrap_or("");
             let value = if cell.is_empty() { Ok(f64::NAN) } else { cell.parse() };
             values.push(value.map_err(|_| {
-                let value = format!("'{cell}' is not a number");
+                let value = format!("'{}' is not a number", shortened(cell));
                 LogFault::Value { column: names[*k].clone(), row, value }.at(path)
             })?);
         }
     }
     table.columns = known.into_iter().map(|(k, values)| (names[k].clone(), values)).collect();
     Ok(table)
+}
+
+/// Most characters of a cell in a message.
+const MAX_CELL_CHARS: usize = 60;
+
+fn shortened(cell: &str) -> String {
+    let mut text: String = cell.chars().take(MAX_CELL_CHARS).collect();
+    if text.len() < cell.len() {
+        text.push_str("...");
+    }
+    text
 }
 
 fn fault(error: csv::Error) -> LogFault {
@@ -61,42 +72,68 @@ fn fault(error: csv::Error) -> LogFault {
 }
 
 /// Longest line \[bytes\]: the CSV reader holds a line in memory, however long it is. 8 joints with every signal take 2 kB.
+/// Line breaks inside quotes do not end it.
 const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// Bytes of a file, as long as its lines are of bounded length and close their quotes.
+/// Where a byte stands in its line.
+#[derive(Clone, Copy, PartialEq)]
+enum Place {
+    /// Here a quote opens a quoted field.
+    FieldStart,
+    Field,
+    Quoted,
+    /// Behind a quote in a quoted field: a second one is a quote of its text, anything else ends the quotes.
+    Closing,
+    Comment,
+}
+
+/// Bytes of a file, as long as its lines are of bounded length.
 struct Lines<R> {
     inner: R,
+    /// From 1.
     line: usize,
+    /// Line of the last quote that opened a field.
+    opened: usize,
     bytes: usize,
-    quoted: bool,
-    comment: bool,
+    place: Place,
 }
 
 impl<R: Read> Lines<R> {
     fn new(inner: R) -> Lines<R> {
-        Lines { inner, line: 1, bytes: 0, quoted: false, comment: false }
+        Lines { inner, line: 1, opened: 1, bytes: 0, place: Place::FieldStart }
     }
 
     fn pass(&mut self, byte: u8) -> io::Result<()> {
-        let refuse = |why| Err(io::Error::new(io::ErrorKind::InvalidData, why));
-        match byte {
-            b'\n' | b'\r' => {
-                if self.quoted {
-                    return refuse(format!("line {} opens a quote that it does not close", self.line));
-                }
-                self.line += usize::from(byte == b'\n');
-                (self.bytes, self.comment) = (0, false);
-                return Ok(());
-            }
-            b'#' if self.bytes == 0 => self.comment = true,
-            b'"' if !self.comment => self.quoted = !self.quoted,
-            _ => {}
-        }
+        self.line += usize::from(byte == b'\n');
         self.bytes += 1;
-        if self.bytes > MAX_LINE_BYTES {
-            return refuse(format!("line {} has more than {MAX_LINE_BYTES} bytes", self.line));
+        self.place = match (self.place, byte) {
+            (Place::Quoted, b'"') => Place::Closing,
+            (Place::Quoted, _) | (Place::Closing, b'"') => Place::Quoted,
+            (_, b'\n' | b'\r') => {
+                self.bytes = 0;
+                Place::FieldStart
+            }
+            (Place::Comment, _) => Place::Comment,
+            (Place::FieldStart, b'#') if self.bytes == 1 => Place::Comment,
+            (Place::FieldStart, b'"') => {
+                self.opened = self.line;
+                Place::Quoted
+            }
+            (_, b',') => Place::FieldStart,
+            _ => Place::Field,
+        };
+        if self.bytes <= MAX_LINE_BYTES {
+            return Ok(());
         }
-        Ok(())
+        let why = if self.place == Place::Quoted {
+            format!(
+                "the quote that opens in line {} does not close within {MAX_LINE_BYTES} bytes; close it",
+                self.opened
+            )
+        } else {
+            format!("line {} has more than {MAX_LINE_BYTES} bytes; write one sample a line", self.line)
+        };
+        Err(io::Error::new(io::ErrorKind::InvalidData, why))
     }
 }
 
@@ -107,5 +144,44 @@ impl<R: Read> Read for Lines<R> {
             self.pass(*byte)?;
         }
         Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn passed(text: &str) -> Result<String, String> {
+        let mut out = String::new();
+        Lines::new(text.as_bytes()).read_to_string(&mut out).map(|_| out).map_err(|why| why.to_string())
+    }
+
+    fn table(text: &str) -> Result<Table, String> {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        read(file.path(), |name| name.len() == 1).map_err(|why| why.to_string())
+    }
+
+    #[test]
+    fn line_break_inside_quotes_belongs_to_its_field() {
+        let log =
+            table("a,\"b\nof the \"\"first\"\" arm, measured\",c\r\n1,2,3\n\"4\",\"\n5\n\",6\n").expect("a table");
+        assert_eq!((&log.columns["a"], &log.columns["c"]), (&vec![1.0, 4.0], &vec![3.0, 6.0]));
+        assert_eq!(log.unused, ["b\nof the \"first\" arm, measured"]);
+        let log = table("# the \"arm\na,b\"\n1,2\n3,4\n").expect("a quote in the middle of a field opens nothing");
+        assert_eq!(log.columns["a"], [1.0, 3.0]);
+    }
+
+    #[test]
+    fn quote_that_never_closes_and_endless_lines_are_refused_with_their_line() {
+        let long = "x\n".repeat(MAX_LINE_BYTES);
+        let why = passed(&format!("a,b\n1,\"{long}")).expect_err("no end");
+        assert!(why.contains("quote that opens in line 2 does not close"), "{why}");
+        let why = passed(&format!("a,b\n1,2\n{}", "x".repeat(MAX_LINE_BYTES + 1))).expect_err("no end");
+        assert!(why.contains("line 3 has more than 1048576 bytes"), "{why}");
+        let comment = format!("# \"\n{}\na,b\n", "# \n".repeat(MAX_LINE_BYTES));
+        assert_eq!(passed(&comment).expect("comments have no quotes"), comment);
+        let why = table(&format!("a,b\n\"{}\",2\n", "x".repeat(1000))).expect_err("no number");
+        assert!(why.len() < 300 && why.contains("xxx...' is not a number"), "{why}");
     }
 }

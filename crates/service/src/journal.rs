@@ -1,7 +1,6 @@
 //! The log: systemd's journal with fields where standard error is connected to it, else lines of text.
 
 use log::{LevelFilter, Log, Metadata, Record};
-use std::io::Write as _;
 use systemd_journal_logger::{JournalLog, connected_to_journal};
 
 /// Lines as a person reads them: `rivetd: samples are flowing`.
@@ -15,12 +14,27 @@ impl Log for Lines {
     }
 
     fn log(&self, record: &Record<'_>) {
-        // One write a line: lines of several processes on one terminal do not mix. A closed standard error loses the line.
-        let line = format!("{}: {}\n", self.program, record.args());
-        let _ = std::io::stderr().write_all(line.as_bytes());
+        rivet_files::note(format_args!("{}: {}", self.program, record.args()));
     }
 
     fn flush(&self) {}
+}
+
+/// Hands entries on with the unsafe characters of their text escaped: names of files reach the journal, and from there a terminal.
+struct Escaped(JournalLog);
+
+impl Log for Escaped {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        self.0.enabled(metadata)
+    }
+
+    fn log(&self, record: &Record<'_>) {
+        self.0.log(&record.to_builder().args(format_args!("{}", rivet_files::Printable(record.args()))).build());
+    }
+
+    fn flush(&self) {
+        self.0.flush();
+    }
 }
 
 /// Sends what `log`'s macros say to the journal under the name of `program`, every entry with `fields` (names of upper-case
@@ -31,8 +45,10 @@ pub fn log_as(program: &'static str, fields: &[(&str, &str)]) {
     let journal = if connected_to_journal() { JournalLog::new().ok() } else { None };
     let installed = match journal {
         Some(journal) => {
-            let fields = fields.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-            journal.with_syslog_identifier(program.to_owned()).with_extra_fields(fields).install()
+            let fields =
+                fields.iter().map(|(name, value)| ((*name).to_owned(), rivet_files::printable(value).into_owned()));
+            let journal = journal.with_syslog_identifier(program.to_owned()).with_extra_fields(fields);
+            log::set_boxed_logger(Box::new(Escaped(journal)))
         }
         None => log::set_boxed_logger(Box::new(Lines { program })),
     };

@@ -19,7 +19,11 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(why) => {
             // Help and version go to standard output and are no error.
-            let _ = why.print();
+            if rivet_files::arguments_are_printable() {
+                let _ = why.print();
+            } else {
+                rivet_files::note(why.render());
+            }
             return if why.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
         }
     };

@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use urdf_rs::JointType;
 
 use super::UrdfError;
+use super::description::{self, JointType};
 use crate::arm::Arm;
 use crate::parameters::LinkParameters;
 use crate::pseudo_inertia::com_from_body;
@@ -83,13 +83,13 @@ pub fn write_urdf(
 
 /// The joint that moves each link which moves.
 fn carriers(text: &str, arm: &Arm) -> Result<HashMap<String, usize>, UrdfError> {
-    let robot = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Unreadable(Box::new(e)))?;
-    let above: HashMap<&str, &urdf_rs::Joint> = robot.joints.iter().map(|j| (j.child.link.as_str(), j)).collect();
+    let robot = description::read(text)?;
+    let above: HashMap<&str, &description::Joint> = robot.joints.iter().map(|j| (j.child.as_str(), j)).collect();
     let moved_by = |link: &str| {
         let mut joint = *above.get(link)?;
         // The arm was read: there is no loop.
         while joint.joint_type == JointType::Fixed {
-            joint = above.get(joint.parent.link.as_str())?;
+            joint = above.get(joint.parent.as_str())?;
         }
         arm.joints.iter().position(|j| j.name == joint.name)
     };
@@ -144,9 +144,7 @@ impl Element {
 
 /// Links and joints of a URDF with the places in its text that hold their values.
 fn elements(text: &str) -> Result<Vec<Element>, UrdfError> {
-    let unreadable = |why: &dyn std::fmt::Display| {
-        UrdfError::Unreadable(Box::new(urdf_rs::UrdfError::from(format!("{why}").as_str())))
-    };
+    let unreadable = |why: &dyn std::fmt::Display| UrdfError::Unreadable(why.to_string());
     let mut reader = Reader::from_str(text);
     let mut found: Vec<Element> = Vec::new();
     // Names of the open elements, and where the inner element that is open began.
@@ -167,7 +165,7 @@ fn elements(text: &str) -> Result<Vec<Element>, UrdfError> {
                     && inside
                     && let Some(last) = found.last_mut()
                 {
-                    let wanted: &[u8] = if last.kind == Kind::Link { b"inertial" } else { b"dynamics" };
+                    let wanted = if last.kind == Kind::Link { "inertial" } else { "dynamics" };
                     if tag.name().as_ref() == wanted {
                         if empty {
                             last.inner = Some(start..end);
@@ -194,11 +192,11 @@ fn elements(text: &str) -> Result<Vec<Element>, UrdfError> {
 
 fn element(tag: &BytesStart<'_>, place: Range<usize>, empty: bool) -> Result<Option<Element>, quick_xml::Error> {
     let kind = match tag.name().as_ref() {
-        b"link" => Kind::Link,
-        b"joint" => Kind::Joint,
+        "link" => Kind::Link,
+        "joint" => Kind::Joint,
         _ => return Ok(None),
     };
     let Some(name) = tag.try_get_attribute("name")? else { return Ok(None) };
-    let name = quick_xml::escape::unescape(&String::from_utf8_lossy(&name.value))?.into_owned();
+    let name = quick_xml::escape::unescape(&name.value)?.into_owned();
     Ok(Some(Element { kind, name, tag: place, empty, inner: None }))
 }

@@ -44,12 +44,73 @@ fn good() -> String {
 }
 
 #[test]
-fn what_is_not_a_urdf_is_refused() {
-    assert_refused!("<robot name='r'><link", UrdfError::Unreadable(_), "cannot be read as a URDF");
-    assert_refused!("# not xml", UrdfError::Unreadable(_), "cannot be read");
-    let bad_number = robot(&good()).replace(r#"value="2""#, r#"value="heavy""#);
-    assert_refused!(bad_number, UrdfError::Unreadable(_), "cannot be read");
-    assert_refused!(robot(&good()).replace("continuous", "sliding"), UrdfError::Unreadable(_), "cannot be read");
+fn what_is_not_a_urdf_is_refused_with_line_value_and_rule() {
+    assert_refused!("<robot name='r'><link", UrdfError::Unreadable(_), "cannot be read as a URDF", "line 1");
+    assert_refused!("# not xml", UrdfError::Unreadable(_), "cannot be read", "no <robot> element");
+    assert_refused!("<mujoco/>", UrdfError::Unreadable(_), "one <robot> element");
+    assert_refused!("<robot>\n<link name='a'>", UrdfError::Unreadable(_), "line 2", "ends inside an element");
+    assert_refused!(robot("\n\n<link/>"), UrdfError::Unreadable(_), "line 3", "<link> has no name");
+    assert_refused!(robot("<xacro:macro name=\"m\"/>"), UrdfError::Unreadable(_), "xacro FILE > robot.urdf");
+    let changed = |from: &str, to: &str| robot(&good()).replacen(from, to, 1);
+    let heavy = changed(r#"value="2""#, r#"value="heavy""#);
+    assert_refused!(heavy, UrdfError::Unreadable(_), "value of <mass> is \"heavy\"", "has to be a number");
+    let short = changed(r#"xyz="0 0 1""#, r#"xyz="0 1""#);
+    assert_refused!(short, UrdfError::Unreadable(_), "xyz of <axis> is \"0 1\"", "3 numbers");
+    let words = changed(r#"xyz="0.1 0 0""#, r#"xyz="0.1 0 0 mm""#);
+    assert_refused!(words, UrdfError::Unreadable(_), "xyz of <origin> is \"0.1 0 0 mm\"", "3 numbers");
+    assert_refused!(changed("continuous", "sliding"), UrdfError::Unreadable(_), "\"ja\" has type \"sliding\"", "fixed");
+    assert_refused!(changed(" ixy=\"0\"", ""), UrdfError::Unreadable(_), "line 2", "<inertia> has no ixy");
+    assert_refused!(changed("<mass value=\"2\"/>", ""), UrdfError::Unreadable(_), "link \"a\" has no <mass>");
+    assert_refused!(changed("<child link=\"a\"/>", ""), UrdfError::Unreadable(_), "joint \"ja\" has no <child");
+    let twice = changed("<mass value=\"2\"/>", "<mass value=\"2\"/><mass value=\"3\"/>");
+    assert_refused!(twice, UrdfError::Unreadable(_), "second <mass>");
+    assert_refused!(robot("<link name=\"a\" name=\"b\"/>"), UrdfError::Unreadable(_), "line 1");
+}
+
+#[test]
+fn newer_versions_of_the_format_are_read() {
+    let versioned = |version: &str, origin: &str, limit: &str| {
+        let inside = format!("<origin {origin}/><limit {limit}/>");
+        let text = robot(&(link("a", BODY) + &joint("ja", "revolute", "base", "a", &inside)));
+        text.replacen("<robot", &format!("<robot version=\"{version}\""), 1)
+    };
+    // A quarter turn about z, of any length; versions before 1.1 have no quaternions.
+    let turned = Arm::from_urdf(&versioned("1.1", "quat_xyzw=\"0 0 3 3\"", "velocity=\"1\""), GRAVITY).expect("an arm");
+    let old = Arm::from_urdf(&versioned("1.0", "quat_xyzw=\"0 0 3 3\"", "velocity=\"1\""), GRAVITY).expect("an arm");
+    assert!((turned.joints[0].rotation[1][0] - 1.0).abs() < 1e-12, "{:?}", turned.joints[0].rotation);
+    assert_eq!(old.joints[0].rotation[0][0], 1.0);
+    let both = versioned("1.1", "rpy=\"0 0 0\" quat_xyzw=\"0 0 0 1\"", "velocity=\"1\"");
+    assert_refused!(both, UrdfError::Unreadable(_), "both rpy and quat_xyzw");
+    // What is not written has no limit since 1.2; a lower limit alone leaves the upper one free.
+    let half = Arm::from_urdf(&versioned("1.2", "xyz=\"0 0 1\"", "lower=\"-1\""), GRAVITY).expect("an arm");
+    let joint = &half.joints[0];
+    assert_eq!(
+        (joint.lower, joint.upper, joint.velocity, joint.effort),
+        (-1.0, f64::INFINITY, f64::INFINITY, f64::INFINITY)
+    );
+}
+
+/// Stack of the smallest thread that reads robot files here \[bytes\]. Threads of Rust have 2 MiB.
+const SMALL_STACK_BYTES: usize = 128 << 10;
+
+#[test]
+fn deepest_and_longest_accepted_text_is_read_on_a_small_stack() {
+    // 64 elements inside each other are accepted: <robot>, <link>, and 62.
+    let depth = 62;
+    let nested = format!("{}{}", "<x>".repeat(depth), "</x>".repeat(depth));
+    let chain: String = (0..9_000)
+        .map(|i| {
+            let above = if i == 0 { "a".to_owned() } else { format!("f{}", i - 1) };
+            link(&format!("f{i}"), "") + &joint(&format!("m{i}"), "fixed", &above, &format!("f{i}"), "")
+        })
+        .collect();
+    let text = robot(&(link("a", &format!("{BODY}{nested}")) + &turning("ja", "base", "a") + &chain));
+    let deeper = text.replacen("<x>", "<x><x>", 1).replacen("</x>", "</x></x>", 1);
+    let small = std::thread::Builder::new().stack_size(SMALL_STACK_BYTES);
+    let read = small.spawn(move || (Arm::from_urdf(&text, GRAVITY), Arm::from_urdf(&deeper, GRAVITY)));
+    let (read, refused) = read.expect("a thread").join().expect("it ends");
+    assert_eq!(read.expect("an arm").dof(), 1);
+    assert!(matches!(refused, Err(UrdfError::Excess(_))), "{refused:?}");
 }
 
 #[test]

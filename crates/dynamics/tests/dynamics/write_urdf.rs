@@ -46,9 +46,9 @@ fn values_read_back_and_the_rest_stays() {
     }
     assert_eq!(Arm { links: before.links.clone(), ..after.clone() }, before, "kinematics and limits are as before");
     assert_eq!(written.merged, [("casing".to_owned(), "a".to_owned())]);
-    let robot = urdf_rs::read_from_string(&written.text).expect("a URDF");
-    let friction: Vec<_> = robot.joints.iter().filter_map(|j| j.dynamics.as_ref()).collect();
-    assert_eq!(friction.iter().map(|d| (d.damping, d.friction)).collect::<Vec<_>>(), [(1.25, 3.5), (0.5, 0.75)]);
+    for dynamics in ["<dynamics damping=\"1.25\" friction=\"3.5\"/>", "<dynamics damping=\"0.5\" friction=\"0.75\"/>"] {
+        assert_eq!(written.text.matches(dynamics).count(), 1, "{dynamics} in\n{}", written.text);
+    }
     for kept in ["<mass value=\"50\"/>", "<box size=\"1 1 1\"/>", "<mass value=\"9\"/>", "<dynamics damping=\"7\"/>"] {
         assert!(written.text.contains(kept), "{kept} in\n{}", written.text);
     }

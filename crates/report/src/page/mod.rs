@@ -89,5 +89,14 @@ fn lines(document: &Document) -> String {
 fn data(document: &Document) -> String {
     // Of structs with plain fields: nothing in it can fail to be written. A `<` could end the script element, or begin a
     // comment that does not end.
-    serde_json::to_string(document).map(|text| text.replace('<', "\\u003c")).unwrap_or_default()
+    let text = serde_json::to_string(document).unwrap_or_default();
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c == '<' || html::is_unsafe(c) {
+            let _ = write!(out, "\\u{:04x}", u32::from(c));
+        } else {
+            out.push(c);
+        }
+    }
+    out
 }

@@ -148,11 +148,11 @@ pub fn main(options: &Options) -> ExitCode {
     match line {
         Ok(line) => {
             // A reader that has gone does not make the run a failure.
-            let _ = writeln!(io::stdout(), "{line}");
+            let _ = writeln!(io::stdout(), "{}", rivet_files::printable_json(line));
             ExitCode::SUCCESS
         }
         Err(why) => {
-            eprintln!("rivet-sim: {why}");
+            rivet_files::note(format_args!("rivet-sim: {why}"));
             ExitCode::from(why.exit_code())
         }
     }
@@ -171,7 +171,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
     let disturbances = options.disturbances(&robot);
     let truth = Truth::new(&robot.model, &nominal_joints(&robot), &disturbances);
     for line in truth.left_out() {
-        eprintln!("rivet-sim: {line}");
+        rivet_files::note(format_args!("rivet-sim: {line}"));
     }
     if let Some(path) = &options.truth_out {
         output::json(path, &TruthFile::new(&robot, &truth, &disturbances))?;
@@ -193,7 +193,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
         "rivet-sim",
     )?;
     let ports = Ports::open(&bus)?;
-    eprintln!("rivet-sim: {name}: ready, brakes closed until commands come");
+    rivet_files::note(format_args!("rivet-sim: {name}: ready, brakes closed until commands come"));
     let summary = exchange(stand_in, ports, log.as_ref(), options, shutdown, period_s);
     // Written also when the bus failed: what was seen until then is worth having.
     let logged = log.map_or(Ok(()), LogWriter::finish);

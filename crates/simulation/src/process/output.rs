@@ -20,7 +20,7 @@ pub(super) fn fails(path: &Path) -> impl FnOnce(io::Error) -> SimError {
 /// Writes `value` as JSON, atomically.
 pub(super) fn json(path: &Path, value: &impl Serialize) -> Result<(), SimError> {
     let text = serde_json::to_string_pretty(value).map_err(io::Error::other).map_err(fails(path))?;
-    rivet_files::write_whole(path, text + "\n").map_err(fails(path))
+    rivet_files::write_whole(path, rivet_files::printable_json(text) + "\n").map_err(fails(path))
 }
 
 /// A parameter of the true arm beside what the robot file says.

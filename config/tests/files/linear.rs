@@ -1,0 +1,82 @@
+//! A robot file with twice as many mistakes, and a URDF with twice as many links, take twice the work.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use rivet_config::load;
+
+/// Work of the larger over that of the smaller input, which is half of it: 2 where it is linear, 4 where it is quadratic.
+const MAX_RATIO: f64 = 2.8;
+/// The least of so many runs is what other programs disturbed least.
+const RUNS: usize = 5;
+
+/// Processor time of this thread \[s\]: what else the machine does is not in it.
+fn thread_s() -> f64 {
+    let text = fs::read_to_string("/proc/thread-self/schedstat").expect("statistics of the scheduler");
+    text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).expect("nanoseconds") / 1e9
+}
+
+fn work(mut run: impl FnMut()) -> f64 {
+    let once = |_| {
+        let begin = thread_s();
+        run();
+        thread_s() - begin
+    };
+    (0..RUNS).map(once).fold(f64::INFINITY, f64::min)
+}
+
+fn assert_linear(what: &str, count: usize, input: impl Fn(usize) -> (String, String), expect: impl Fn(&Path) -> bool) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = folder.path().join("robot.toml");
+    let [half, all] = [count / 2, count].map(|n| {
+        let (toml, urdf) = input(n);
+        fs::write(&robot, toml).expect("written");
+        fs::write(folder.path().join("robot.urdf"), urdf).expect("written");
+        work(|| assert!(expect(&robot), "{what}"))
+    });
+    assert!(all < MAX_RATIO * half, "{what}: {half} s for {}, {all} s for {count}", count / 2);
+}
+
+/// A sound arm: the text of its robot file and of its URDF.
+fn sound() -> (String, String) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2");
+    let read = |name: &str| fs::read_to_string(folder.join(name)).expect("a file of the project");
+    (read("robot.toml"), read("robot.urdf"))
+}
+
+#[test]
+fn unknown_keys_take_linear_work() {
+    let input = |n: usize| {
+        let (toml, urdf) = sound();
+        let keys: String = (0..n).fold(String::new(), |mut text, k| {
+            let _ = writeln!(text, "key{k} = 1");
+            text
+        });
+        (keys + &toml, urdf)
+    };
+    let refused = |robot: &Path| load(robot).is_err_and(|why| why.to_string().contains("key0"));
+    assert_linear("unknown keys", 15_000, input, refused);
+}
+
+#[test]
+fn syntax_errors_take_linear_work() {
+    let input = |n: usize| ("= \n".repeat(n), sound().1);
+    assert_linear("syntax errors", 20_000, input, |robot| load(robot).is_err());
+}
+
+#[test]
+fn fixed_links_take_linear_work() {
+    let input = |n: usize| {
+        let (toml, urdf) = sound();
+        let mut links = String::new();
+        for k in 0..n {
+            let above = if k == 0 { "link_2".to_owned() } else { format!("f{}", k - 1) };
+            let _ = write!(links, "<link name=\"f{k}\"/><joint name=\"m{k}\" type=\"fixed\">");
+            let _ = write!(links, "<parent link=\"{above}\"/><child link=\"f{k}\"/></joint>");
+        }
+        (toml, urdf.replace("</robot>", &format!("{links}</robot>")))
+    };
+    // Four elements a link, of at most 50 000.
+    assert_linear("fixed links", 12_000, input, |robot| load(robot).is_ok());
+}
