@@ -53,7 +53,8 @@ const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
 
 fn read(path: &Path) -> Result<Document> {
     let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
-    serde_json::from_slice(&bytes).with_context(|| path.display().to_string())
+    serde_json::from_slice(&bytes)
+        .with_context(|| format!("{} is no diagnosis; give a file that `rivet diagnose --json` wrote", path.display()))
 }
 
 fn as_text(changes: &Changes, a: &Document) -> String {

@@ -152,7 +152,8 @@ const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
 
 fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
-    serde_json::from_slice(&bytes).with_context(|| path.display().to_string())
+    serde_json::from_slice(&bytes)
+        .with_context(|| format!("{} is no list of cases; give files that `rivet blind` wrote", path.display()))
 }
 
 fn or_dash(names: &[&str]) -> String {
