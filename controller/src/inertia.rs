@@ -19,6 +19,39 @@ pub(crate) fn inertia_of(law: &mut ControlLaw, q: &[f64], x: &[f64], mass: &mut 
     }
 }
 
+/// Acceleration \[rad/s²\] of an arm with base parameters `x` under `tau`: `M(q)⁻¹·(τ − h(q, q̇))`. `mass` is scratch of dof²
+/// numbers. Zeros where the inertia matrix is that of no arm. Real-time safe.
+pub(crate) fn acceleration_of(
+    law: &mut ControlLaw,
+    [q, qd]: [&[f64]; 2],
+    tau: &[f64],
+    x: &[f64],
+    mass: &mut [f64],
+) -> [f64; MAX_JOINTS] {
+    let n = law.dof();
+    let (zero, mut bias) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+    law.model_torque(q, qd, &zero[..n], x, &mut bias[..n]);
+    inertia_of(law, q, x, mass);
+    if !cholesky_succeeds(mass, n) {
+        return zero;
+    }
+    let mut a = zero;
+    for i in 0..n {
+        let mut sum = tau[i] - bias[i];
+        for k in 0..i {
+            sum -= mass[i * n + k] * a[k];
+        }
+        a[i] = sum / mass[i * n + i];
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            a[i] -= mass[k * n + i] * a[k];
+        }
+        a[i] /= mass[i * n + i];
+    }
+    a
+}
+
 /// Inertia matrices at fixed poses as linear functions of the base parameters: checking them costs no kinematics.
 pub(crate) struct StoredPoses {
     dof: usize,

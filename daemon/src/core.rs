@@ -575,6 +575,8 @@ fn input_fault(fault: Fault) -> InputFault {
         Fault::Saturated => InputFault::Saturated,
         Fault::SignFlipped => InputFault::SignFlipped,
         Fault::TorqueStuck => InputFault::TorqueStuck,
+        // Of the commanded torque: the daemon does not ask for these.
+        Fault::TooFast | Fault::NoResponse | Fault::CommandSaturated => InputFault::Implausible,
     }
 }
 

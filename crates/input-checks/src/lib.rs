@@ -3,11 +3,17 @@
 //! The daemon checks before it learns from a sample, the controller before it acts on one. Both use these checks. Nothing here
 //! knows a clock, a file or a bus, and nothing allocates after construction.
 
+mod drive;
+mod motion;
 mod readings;
 mod torque;
+mod window;
 
+pub use drive::DriveCheck;
+pub use motion::{MotionCheck, MotionLimits, Planned};
 pub use readings::ReadingCheck;
 pub use torque::TorqueCheck;
+pub use window::MeanMotion;
 
 /// What is wrong with a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +28,12 @@ pub enum Fault {
     SignFlipped,
     /// A measured torque repeats although the motion needs another one.
     TorqueStuck,
+    /// A joint is beyond its speed limit.
+    TooFast,
+    /// A joint does not move as the commanded torque moves it.
+    NoResponse,
+    /// A commanded torque has been at the drive's limit for too long.
+    CommandSaturated,
 }
 
 /// A fault and the joints that it concerns, bit 0 the base's.
