@@ -16,7 +16,7 @@ use rivet_dynamics::{EffectKind, MAX_JOINTS, Parameter};
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
     Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, OldNumbers, ParameterSource,
-    Parameters, REFUSALS, STOP_CAUSES, SampleClock, Setpoint, StopCause, faults,
+    Parameters, REFUSALS, STOP_CAUSES, SampleClock, Setpoint, StopCause,
 };
 use std::sync::Arc;
 
