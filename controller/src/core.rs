@@ -92,6 +92,7 @@ pub struct Core {
     plan_check: PlanCheck,
     /// Why the last setpoint was refused, and the number of the first one refused in a row.
     plan_refused: Option<(RefusedPlan, u64)>,
+    last_plan_refused: RefusedPlan,
     /// Whether the plan is followed; else the arm is held at `held`.
     following: bool,
     held: Option<[f64; MAX_JOINTS]>,
@@ -99,6 +100,9 @@ pub struct Core {
     joining: [[f64; MAX_JOINTS]; 2],
     /// Stored parameters that have not passed the gate yet.
     stored: Option<Values>,
+    /// How often in a row they have, and how often they have to.
+    stored_row: u32,
+    return_after: u32,
     adopt_from_seq: u64,
     last_seq: Option<u64>,
     observed_seq: Option<u64>,
@@ -231,10 +235,13 @@ impl Core {
             refusals: [0; REFUSALS],
             plan: None,
             plan_refused: None,
+            last_plan_refused: (StopCause::None, 0),
             following: false,
             held: None,
             joining: [[0.0; MAX_JOINTS]; 2],
             stored: None,
+            stored_row: 0,
+            return_after: row,
             adopt_from_seq,
             last_seq: None,
             observed_seq: None,
@@ -276,7 +283,7 @@ impl Core {
         Ok(())
     }
 
-    /// Asks the gate again whether stored parameters may act, at the pose `q`.
+    /// Asks the gate again whether stored parameters may act, at the pose `q`: in as many rows of torques as published ones have to pass.
     fn judge_stored(&mut self, q: &[f64]) {
         let Some(stored) = self.stored else { return };
         if self.sources.source() != ParameterSource::Nominal || self.sources.last_good().is_some() {
@@ -285,11 +292,15 @@ impl Core {
             return;
         }
         match self.judge_values(&stored[..self.count], q) {
-            Err(Refusal::NotJudged) => {}
             Ok(()) => {
-                self.stored = None;
-                self.sources.recall(&stored);
+                self.stored_row += 1;
+                if self.stored_row >= self.return_after {
+                    self.stored = None;
+                    self.sources.recall(&stored);
+                }
             }
+            // Later torques, or another setpoint, decide.
+            Err(Refusal::NotJudged | Refusal::TorqueChange) => self.stored_row = 0,
             Err(why) => {
                 self.stored = None;
                 self.refused(why);
@@ -334,6 +345,7 @@ impl Core {
             }
             Err(why) => {
                 self.counts.setpoints_refused += 1;
+                self.last_plan_refused = why;
                 self.plan_refused.get_or_insert((why, setpoint.seq));
             }
         }
@@ -796,6 +808,8 @@ impl Core {
             stop_causes: self.stop_causes,
             stop_cause: self.last_stop.0.into(),
             stop_joints: self.last_stop.1,
+            plan_refusal: self.last_plan_refused.0.into(),
+            plan_joints: self.last_plan_refused.1,
             epoch: self.newest.epoch,
             parameters_seq: self.newest.seq,
             refusals: self.refusals,
@@ -814,7 +828,8 @@ impl Core {
         out.nominal_prediction_rms = self.recent.predict(&self.sources.nominal()[..self.count]).rms;
     }
 
-    fn state(&self) -> ControllerState {
+    /// What the controller is doing.
+    pub fn state(&self) -> ControllerState {
         if !self.clock.fits() {
             return ControllerState::WrongPeriod;
         }

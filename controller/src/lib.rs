@@ -17,9 +17,11 @@ mod service_thread;
 pub mod shell;
 mod source;
 mod stop;
+mod stop_text;
 mod velocity;
 mod watch;
 
 pub use crate::core::{Core, Counts, Skipped};
 pub use error::StartError;
 pub use shell::{Options, run};
+pub use stop_text::stop_text;

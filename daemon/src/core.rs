@@ -420,7 +420,9 @@ impl Core {
                 self.watch.forget();
                 self.guard.restart();
             }
-            ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload => return false,
+            ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload | ControlCommand::Follow => {
+                return false;
+            }
         }
         true
     }

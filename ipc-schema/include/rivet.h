@@ -371,7 +371,7 @@ enum {
     RIVET_STOP_CAUSE_PLAN_ACCELERATION = 19,
 };
 
-/* A wish to the daemon. */
+/* A wish to the daemon or the controller. */
 enum {
     /* Keep the parameters as they are. */
     RIVET_CONTROL_COMMAND_FREEZE = 0,
@@ -385,6 +385,8 @@ enum {
     RIVET_CONTROL_COMMAND_LOAD = 4,
     /* Read the robot file anew: filters, window and thresholds change between two samples. */
     RIVET_CONTROL_COMMAND_RELOAD = 5,
+    /* Controller: follow the plan again after a stop, once it is within reach. */
+    RIVET_CONTROL_COMMAND_FOLLOW = 6,
 };
 
 /* How a ControlRequest ended. */
@@ -897,6 +899,10 @@ typedef struct {
     uint32_t stop_cause;
     /* Joints that this concerns, bit 0 the base's; 0 where it concerns none or all. */
     uint32_t stop_joints;
+    /* A StopCause: why a setpoint was refused last. */
+    uint32_t plan_refusal;
+    /* Joints that this concerns, likewise. */
+    uint32_t plan_joints;
     /* How many entries of the joint arrays are in use, 1..=8. */
     uint32_t joints;
     /* A RIVET_STATE_FOLDER_*: whether flight records can be written. */
@@ -911,7 +917,7 @@ typedef struct {
     /* Largest step of the command from one period to the next [N m, or N]. */
     double largest_step[RIVET_MAX_JOINTS];
 } rivet_controller_health_v4;
-RIVET_ASSERT(sizeof(rivet_controller_health_v4) == 776);
+RIVET_ASSERT(sizeof(rivet_controller_health_v4) == 784);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, seq) == 0);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, stamp_ns) == 8);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, commands) == 16);
@@ -941,12 +947,14 @@ RIVET_ASSERT(offsetof(rivet_controller_health_v4, last_refusal) == 496);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, state) == 500);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_cause) == 504);
 RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_joints) == 508);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, joints) == 512);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, state_folder) == 516);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, tracking_rms) == 520);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, prediction_rms) == 584);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, nominal_prediction_rms) == 648);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, largest_step) == 712);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_refusal) == 512);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_joints) == 516);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, joints) == 520);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, state_folder) == 524);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, tracking_rms) == 528);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, prediction_rms) == 592);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, nominal_prediction_rms) == 656);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, largest_step) == 720);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

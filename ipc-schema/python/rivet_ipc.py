@@ -94,7 +94,7 @@ PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "f
 CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3, "strayed": 4, "wrong_period": 5}
 STOP_CAUSE = {"none": 0, "silence": 1, "old_samples": 2, "robot_fault": 3, "wrong_shape": 4, "not_finite": 5, "implausible": 6, "wrong_period": 7, "frozen": 8, "encoder_jump": 9, "too_fast": 10, "no_response": 11, "sign_flipped": 12, "torque_stuck": 13, "saturated": 14, "tracking_error": 15, "plan_not_finite": 16, "plan_implausible": 17, "plan_jump": 18, "plan_acceleration": 19}
 #: A wish to the daemon.
-CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4, "reload": 5}
+CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4, "reload": 5, "follow": 6}
 #: How a ControlRequest ended.
 CONTROL_STATUS = {"done": 0, "refused": 1, "unknown": 2, "failed": 3}
 
@@ -520,6 +520,10 @@ class ControllerHealth(_Message):
         ("stop_cause", ctypes.c_uint32),
         # Joints that this concerns, bit 0 the base's; 0 where it concerns none or all.
         ("stop_joints", ctypes.c_uint32),
+        # A StopCause: why a setpoint was refused last.
+        ("plan_refusal", ctypes.c_uint32),
+        # Joints that this concerns, likewise.
+        ("plan_joints", ctypes.c_uint32),
         # How many entries of the joint arrays are in use, 1..=8.
         ("joints", ctypes.c_uint32),
         # A STATE_FOLDER: whether flight records can be written.
@@ -702,7 +706,7 @@ LAYOUT = {
         "residual_rms": 192,
         "reference_rms": 448,
     }),
-    ControllerHealth: (776, {
+    ControllerHealth: (784, {
         "seq": 0,
         "stamp_ns": 8,
         "commands": 16,
@@ -732,12 +736,14 @@ LAYOUT = {
         "state": 500,
         "stop_cause": 504,
         "stop_joints": 508,
-        "joints": 512,
-        "state_folder": 516,
-        "tracking_rms": 520,
-        "prediction_rms": 584,
-        "nominal_prediction_rms": 648,
-        "largest_step": 712,
+        "plan_refusal": 512,
+        "plan_joints": 516,
+        "joints": 520,
+        "state_folder": 524,
+        "tracking_rms": 528,
+        "prediction_rms": 592,
+        "nominal_prediction_rms": 656,
+        "largest_step": 720,
     }),
     ControlRequest: (8, {
         "command": 0,

@@ -1,6 +1,8 @@
 //! An arm in motion as the controller sees it, and messages about it.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+pub(crate) mod rig;
+
 use rivet_config::Robot;
 use rivet_controller::Core;
 use rivet_dynamics::Workspace;

@@ -76,6 +76,10 @@ pub struct ControllerHealth {
     pub stop_cause: u32,
     /// Joints that this concerns, bit 0 the base's; 0 where it concerns none or all.
     pub stop_joints: u32,
+    /// A [`StopCause`]: why a setpoint was refused last.
+    pub plan_refusal: u32,
+    /// Joints that this concerns, likewise.
+    pub plan_joints: u32,
     /// How many entries of the joint arrays are in use, 1..=8.
     pub joints: u32,
     /// A [`StateFolder`](super::StateFolder): whether flight records can be written.
@@ -228,12 +232,12 @@ wire_enum!(
     }
 );
 
-message!(ControllerHealth v 4, size 776 align 8, empty ControllerHealth {
+message!(ControllerHealth v 4, size 784 align 8, empty ControllerHealth {
     seq: 0, stamp_ns: 0, commands: 0, passed_over: 0, refused_stale: 0, refused_invalid: 0, stops: 0, broken: 0,
     saturated: 0, rate_limited: 0, setpoints_limited: 0, accepted: 0, switches: 0, epoch: 0, parameters_seq: 0,
     foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0, strayed: 0, setpoints_refused: 0, resumed: 0,
     stop_causes: [0; STOP_CAUSES], refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0,
-    stop_cause: 0, stop_joints: 0, joints: 0, state_folder: 0,
+    stop_cause: 0, stop_joints: 0, plan_refusal: 0, plan_joints: 0, joints: 0, state_folder: 0,
     tracking_rms: [0.0; MAX_JOINTS], prediction_rms: [f64::NAN; MAX_JOINTS],
     nominal_prediction_rms: [f64::NAN; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS],
 }, {
@@ -241,8 +245,8 @@ message!(ControllerHealth v 4, size 776 align 8, empty ControllerHealth {
     broken @ 56, saturated @ 64, rate_limited @ 72, setpoints_limited @ 80, accepted @ 88, switches @ 96, epoch @ 104,
     parameters_seq @ 112, foreign_joint_states @ 120, foreign_setpoints @ 128, foreign_parameters @ 136,
     strayed @ 144, setpoints_refused @ 152, resumed @ 160, stop_causes @ 168, refusals @ 360, source @ 488,
-    source_reason @ 492, last_refusal @ 496, state @ 500, stop_cause @ 504, stop_joints @ 508, joints @ 512,
-    state_folder @ 516, tracking_rms @ 520, prediction_rms @ 584, nominal_prediction_rms @ 648, largest_step @ 712,
+    source_reason @ 492, last_refusal @ 496, state @ 500, stop_cause @ 504, stop_joints @ 508, plan_refusal @ 512, plan_joints @ 516, joints @ 520,
+    state_folder @ 524, tracking_rms @ 528, prediction_rms @ 592, nominal_prediction_rms @ 656, largest_step @ 720,
 });
 
 impl Stamped for ControllerHealth {

@@ -104,6 +104,16 @@ impl TwoMassArm {
         out
     }
 
+    /// Positions \[rad\] and velocities \[rad/s\] of the links.
+    pub fn links(&self) -> [Vector; 2] {
+        [self.state.q, self.state.qd]
+    }
+
+    /// From now on the drive of joint `j` gives `1 + gain` of the torque that it reports.
+    pub fn set_drive_gain(&mut self, j: usize, gain: f64) {
+        self.physics.joints[j].gain = gain;
+    }
+
     /// Motor temperatures \[°C\].
     pub fn temperatures(&self) -> &[f64] {
         &self.state.temperature[..self.n]
