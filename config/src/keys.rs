@@ -308,7 +308,7 @@ pub const KEYS: &[Key] = &[
     key("controller", "stop_time_s", Number, "s", Within(0.01, 10.0), Fallback::Number(0.2),
         "How long `ramp` and `damp` take."),
     key("controller", "resume_after", Integer, "samples", Within(0.0, 1_000_000.0), Derived("0.2 s"),
-        "Valid samples in a row, with the plan within reach of the arm, after which a stopped arm follows its plan again. 0: only on request (`rivet control ROBOT.toml follow`)."),
+        "Valid samples in a row after which a stopped arm follows its plan again, as soon as that is within reach (0.2 rad). 0: only on request (`rivet control ROBOT.toml follow`)."),
     key("controller", "tracking_error", PerJointOrOne, "rad", Within(1e-4, 10.0), Fallback::Number(0.25),
         "Largest distance of a joint from its plan (m for a sliding joint). Beyond it the stop reaction acts."),
     key("controller", "saturation_ms", Number, "ms", Within(1.0, 10_000.0), Fallback::Number(200.0),

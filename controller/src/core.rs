@@ -611,7 +611,7 @@ impl Core {
             tau: *self.output.last(),
             periods: 0,
             sound: 0,
-            until_asked: self.resume_after == 0 || self.relapses(),
+            until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
         };
         // Without a sample nothing of the arm is seen; a joint that is named is not believed.
         stopping.untrusted = if stopping.doubts_encoders() { wrong.joints } else { all };
@@ -649,12 +649,12 @@ impl Core {
         let reached = plan.is_none_or(|(_, plan)| self.distance(&plan, sample) <= REJOIN);
         let (resume_after, asked) = (self.resume_after, self.asked);
         let Some(stopping) = &mut self.stopping else { return true };
-        stopping.sound = if sound && reached { stopping.sound + 1 } else { 0 };
+        stopping.sound = if sound { stopping.sound.saturating_add(1) } else { 0 };
         if sound && !stopping.doubts_encoders() {
             stopping.untrusted = 0;
         }
         let by_itself = !stopping.until_asked && stopping.sound >= resume_after;
-        if stopping.sound == 0 || !(asked || by_itself) {
+        if stopping.sound == 0 || !reached || !(asked || by_itself) {
             return false;
         }
         self.resumed_seq = (!asked).then_some(sample.seq);
@@ -711,8 +711,12 @@ impl Core {
             return self.hold(sample);
         };
         if !self.following && self.distance(&plan, sample) <= REJOIN {
-            (self.following, self.held) = (true, None);
-            self.join(&plan, sample, qd);
+            let near = self.is_near(&plan, sample, qd);
+            // How fast the arm moves decides how it joins; until that is known it is held.
+            if near || self.velocity.is_known() {
+                (self.following, self.held) = (true, None);
+                self.join(&plan, sample, qd, near);
+            }
         }
         if !self.following {
             return self.hold(sample);
@@ -730,16 +734,20 @@ impl Core {
         desired
     }
 
-    /// Begins to follow `plan`: from where the arm is, if that is further away than feedback alone brings it back from.
-    fn join(&mut self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS]) {
-        self.joining = [[0.0; MAX_JOINTS]; 2];
-        let near = |j: usize| {
+    /// Whether feedback alone brings the arm to `plan`.
+    fn is_near(&self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> bool {
+        (0..self.dof).all(|j| {
             let (position, velocity) = self.law.gains(j);
             let (offset, speed) = ((sample.q[j] - plan.q[j]).abs(), (qd[j] - plan.qd[j]).abs());
             let jump = self.plan_check.jump(j);
             offset <= jump && speed * velocity <= jump * position
-        };
-        if !(0..self.dof).all(near) {
+        })
+    }
+
+    /// Begins to follow `plan`: from where the arm is, if that is not near.
+    fn join(&mut self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS], near: bool) {
+        self.joining = [[0.0; MAX_JOINTS]; 2];
+        if !near {
             for j in 0..self.dof {
                 self.joining[0][j] = sample.q[j] - plan.q[j];
                 self.joining[1][j] = qd[j] - plan.qd[j];

@@ -46,7 +46,7 @@ pub(crate) struct Stopping {
     pub(crate) tau: [f64; MAX_JOINTS],
     /// Periods since then.
     pub(crate) periods: u64,
-    /// Valid samples in a row with the plan within reach.
+    /// Valid samples in a row.
     pub(crate) sound: u64,
     /// Only a request ends it.
     pub(crate) until_asked: bool,

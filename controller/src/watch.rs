@@ -27,6 +27,18 @@ pub(crate) struct Wrong {
     pub(crate) lasting: bool,
 }
 
+impl Wrong {
+    /// Whether samples that look sound later do not say that it is over: an encoder that froze, jumped or turned round looks sound as long as
+    /// its joint stands. `all` joints that freeze at once are the robot controller's, and it has gone on.
+    pub(crate) fn stays(&self, all: u32) -> bool {
+        match self.cause {
+            StopCause::Frozen => self.joints != all,
+            StopCause::EncoderJump | StopCause::NoResponse => true,
+            _ => false,
+        }
+    }
+}
+
 /// All checks of the samples.
 pub(crate) struct Watch {
     dof: usize,
@@ -123,9 +135,9 @@ impl Watch {
         // A drive at its limit is no wrong reading: for how long it may be there is configured.
         let found = found.filter(|found| found.fault != Fault::Saturated);
         let planned = plan.map(|plan| Planned { q: &plan.q[..n], qd: &plan.qd[..n] });
-        let moved = if found.is_some_and(|found| found.fault == Fault::EncoderJump) {
-            // Differences to where the joint never was are no motion.
-            self.motion.restart();
+        let jumped = found.filter(|found| found.fault == Fault::EncoderJump);
+        let moved = if let Some(found) = jumped {
+            self.motion.bridge(sample.seq, q, found.joints, command);
             None
         } else {
             self.motion.check(sample.seq, q, command, planned)

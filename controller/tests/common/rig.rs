@@ -3,7 +3,7 @@
 use super::robot_with;
 use rivet_config::Robot;
 use rivet_controller::Core;
-use rivet_dynamics::MAX_JOINTS;
+use rivet_dynamics::{MAX_JOINTS, Workspace, mass_matrix};
 use rivet_ipc_schema::{JointState, Setpoint, StopCause};
 use rivet_simulation::Random;
 use rivet_simulation::two_mass::{DryFriction, Gear, Joint, Physics, Push, TwoMassArm};
@@ -13,8 +13,11 @@ use std::f64::consts::TAU;
 pub(crate) type Values = [f64; MAX_JOINTS];
 
 /// Frequency at which motors and links of a geared arm swing against each other \[Hz\], and damping ratio.
-const GEAR_HZ: f64 = 20.0;
-const DAMPING: f64 = 0.05;
+const GEAR_HZ: f64 = 80.0;
+const DAMPING: f64 = 0.08;
+/// Brakes drag for so long after the start, while the torque builds up \[s\], at this speed with all of the drive's torque \[rad/s\].
+const BRAKED_S: f64 = 1.0;
+const DRAG: f64 = 0.2;
 /// Time in which the planned motion grows to its full size \[s\].
 const GROWTH_S: f64 = 1.0;
 
@@ -60,12 +63,19 @@ impl Swing {
 }
 
 /// The arm of a robot file with gears that are not stiff, where it has gears.
-pub(crate) fn physics(robot: &Robot) -> Physics {
+pub(crate) fn physics(robot: &Robot, q: &[f64]) -> Physics {
+    let n = robot.dof();
+    let mut mass = vec![0.0; n * n];
+    let mut workspace = Workspace::new(&robot.model.arm);
+    mass_matrix(&robot.model.arm, &robot.model.arm.links, &mut workspace, q, &mut mass);
     let (arm, drive, friction) = (&robot.model.arm, &robot.config.drive, &robot.config.friction);
     let joint = |j: usize| {
         let rotor = drive.rotor_inertia[j];
-        let stiffness = rotor * (TAU * GEAR_HZ).powi(2);
-        let gear = Gear { stiffness, damping: 2.0 * DAMPING * (stiffness * rotor).sqrt(), ..Gear::default() };
+        // Motor and link that swing against each other: the mass of both in series.
+        let (link, omega) = (mass[j * n + j], TAU * GEAR_HZ);
+        let series = rotor * link / (rotor + link);
+        let (stiffness, damping) = (series * omega.powi(2), 2.0 * DAMPING * series * omega);
+        let gear = Gear { stiffness, damping, ..Gear::default() };
         Joint {
             rotor_inertia: rotor,
             viscous: friction.viscous[j],
@@ -139,6 +149,7 @@ pub(crate) struct Rig {
     pub(crate) robot: Robot,
     pub(crate) core: Core,
     pub(crate) swing: Swing,
+    largest_step: f64,
     physics: Physics,
     arm: TwoMassArm,
     random: Random,
@@ -161,7 +172,7 @@ impl Rig {
         }
         let robot = robot_with(arm, &changes);
         let swing = Swing::new(&robot, share);
-        let physics = physics(&robot);
+        let physics = physics(&robot, &swing.centre);
         Rig {
             core: Core::new(&robot, 0).expect("sound settings"),
             arm: TwoMassArm::new(&physics, &swing.centre),
@@ -169,6 +180,7 @@ impl Rig {
             seq: 0,
             acting: [0.0; MAX_JOINTS],
             states: Vec::new(),
+            largest_step: 0.0,
             physics,
             robot,
             swing,
@@ -180,6 +192,16 @@ impl Rig {
         self.physics.pushes.push(push);
         self.arm = TwoMassArm::new(&self.physics, &self.swing.centre);
         self
+    }
+
+    /// Where the arm is \[rad\].
+    pub(crate) fn position(&self) -> Values {
+        self.arm.links()[0]
+    }
+
+    /// Largest step of a command, in parts of the largest that is permitted.
+    pub(crate) fn largest_step(&self) -> f64 {
+        self.largest_step
     }
 
     pub(crate) fn period_s(&self) -> f64 {
@@ -204,8 +226,8 @@ impl Rig {
     fn spoilt(&self, sample: &JointState, wrong: Wrong, k: usize) -> Option<JointState> {
         let mut seen = *sample;
         let ago = |samples: usize| &self.states[self.states.len().saturating_sub(samples + 1)];
-        // The last sound sample.
-        let before = ago(k + 1);
+        // The last sound sample: the present one is not among them yet.
+        let before = ago(k);
         match wrong {
             Wrong::Nothing | Wrong::Drive(..) => {}
             Wrong::Silence => return None,
@@ -215,7 +237,7 @@ impl Rig {
             Wrong::Backwards(j) => seen.q[j] = 2.0 * before.q[j] - sample.q[j],
             Wrong::Negative(j) => seen.q[j] = -sample.q[j],
             Wrong::Late(by) => {
-                let old = ago((by / self.period_s()).round() as usize);
+                let old = ago((by / self.period_s()).round() as usize - 1);
                 (seen.q, seen.tau) = (old.q, old.tau);
             }
             Wrong::Jump(j, by) => seen.q[j] += by,
@@ -246,11 +268,38 @@ impl Rig {
         if let Some(command) = command {
             self.acting = command.tau;
         }
+        for (j, limit) in self.robot.config.drive.torque_limit.iter().enumerate() {
+            let most = 10.0 * limit * self.period_s();
+            self.largest_step = self.largest_step.max((self.acting[j] - before[j]).abs() / most);
+        }
         // A command acts half a period after its sample.
         let half_s = 0.5 * self.period_s();
         self.arm.run(&before[..n], half_s);
         self.arm.run(&self.acting[..n], half_s);
         answered.is_some()
+    }
+
+    /// Seconds since the brakes opened.
+    fn time_s(&self) -> f64 {
+        (self.seq as f64 * self.period_s() - BRAKED_S).max(0.0)
+    }
+
+    /// Builds up the torque while brakes drag, then opens them.
+    fn release(&mut self) {
+        let limits = self.robot.config.drive.torque_limit.clone();
+        for (j, limit) in limits.iter().enumerate() {
+            self.arm.set_viscous(j, limit / DRAG);
+        }
+        while (self.seq as f64) < BRAKED_S / self.period_s() {
+            self.seq += 1;
+            let mut sample = self.sample();
+            sample.faults = rivet_ipc_schema::faults::STOPPED;
+            let plan = self.swing.at(0.0);
+            self.answer(Some(sample), &plan, 0);
+        }
+        for j in 0..self.robot.dof() {
+            self.arm.set_viscous(j, self.physics.joints[j].viscous);
+        }
     }
 
     /// Moves soundly for `sound_s`, then `wrong` acts for `wrong_s` and the plan is changed by `bend` of the seconds since.
@@ -265,10 +314,11 @@ impl Rig {
         let sound = (sound_s / period_s).round() as usize;
         let all = sound + (wrong_s / period_s).round() as usize;
         let mut out = Outcome { stop: None, speed: 0.0, away: 0.0, rest: 0.0, stops: 0 };
+        self.release();
         let (mut lost, mut at_stop) = (0, None);
         for k in 0..all {
             self.seq += 1;
-            let t = self.seq as f64 * period_s;
+            let t = self.time_s();
             let mut plan = self.swing.at(t);
             let sample = self.sample();
             if k >= sound

@@ -92,11 +92,32 @@ impl MotionCheck {
         }
     }
 
-    /// Forgets the past.
+    /// Forgets the past, but not what the model misses.
     pub fn restart(&mut self) {
         self.window.restart();
-        self.joints = [Joint::default(); MAX_JOINTS];
-        (self.seq, self.compared) = (None, false);
+        for joint in &mut self.joints {
+            *joint = Joint { model_error: joint.model_error, ..Joint::default() };
+        }
+        self.seq = None;
+    }
+
+    /// Takes in, instead of a sample whose `jumped` joints (bit 0 the base's) were where no joint can be, where they would have come to. What
+    /// they do next shows whether a single reading was wrong.
+    ///
+    /// Real-time safe.
+    pub fn bridge(&mut self, seq: u64, q: &[f64], jumped: u32, command: &[f64]) {
+        if self.seq.is_none_or(|last| last.checked_add(1) != Some(seq)) {
+            self.restart();
+            return;
+        }
+        self.seq = Some(seq);
+        let mut expected = [0.0; MAX_JOINTS];
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            expected[j] = if jumped >> j & 1 == 1 { joint.q + joint.step } else { q[j] };
+            joint.step = expected[j] - joint.q;
+            (joint.q, joint.same) = (expected[j], 0);
+        }
+        self.window.push(&expected[..self.dof], command);
     }
 
     /// Takes in a sample of finite positions, the `command` before it and the plan of its period, if one is followed.

@@ -114,6 +114,11 @@ impl TwoMassArm {
         self.physics.joints[j].gain = gain;
     }
 
+    /// From now on motor `j` has this viscous friction \[N·m·s/rad\]: brakes that drag, for instance.
+    pub fn set_viscous(&mut self, j: usize, viscous: f64) {
+        self.physics.joints[j].viscous = viscous;
+    }
+
     /// Motor temperatures \[°C\].
     pub fn temperatures(&self) -> &[f64] {
         &self.state.temperature[..self.n]
