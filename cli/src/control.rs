@@ -1,4 +1,4 @@
-//! `rivet control`: asks a running rivetd for something.
+//! `rivet control`: asks a running rivetd or rivet-controller for something.
 
 use anyhow::{Context as _, Result, bail};
 use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, RobotName};
@@ -35,7 +35,7 @@ pub(crate) fn bus_of(bus: &rivet_config::Bus, prefix: Option<&str>, root: Option
     }
 }
 
-/// Asks a running rivetd for something.
+/// Asks a running rivetd or rivet-controller for something.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -57,6 +57,8 @@ enum Word {
     Save,
     /// Read the robot file again; filters, window and thresholds change between two samples
     Reload,
+    /// rivet-controller: follow the plan again after a stop, once it is within reach
+    Follow,
 }
 
 /// The daemon answers within milliseconds; a reload takes as long as reading the file and building the model.
@@ -72,8 +74,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Word::Reset => ControlCommand::Reset,
         Word::Save => ControlCommand::Save,
         Word::Reload => ControlCommand::Reload,
+        Word::Follow => ControlCommand::Follow,
     };
-    let reply = bus.control_client()?.ask(command, PATIENCE)?.context("no rivetd answers on this bus")?;
+    let (client, program) = match args.command {
+        Word::Follow => (bus.controller_control_client()?, "rivet-controller"),
+        _ => (bus.control_client()?, "rivetd"),
+    };
+    let reply = client.ask(command, PATIENCE)?.with_context(|| format!("no {program} answers on this bus"))?;
     let text = reply.text();
     match ControlStatus::try_from(reply.status) {
         Ok(ControlStatus::Done) => {
@@ -82,6 +89,6 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
         Ok(ControlStatus::Refused) => bail!("refused: {text}"),
         Ok(ControlStatus::Failed) => bail!("failed: {text}"),
-        _ => bail!("this rivetd does not know the command: it is older"),
+        _ => bail!("this {program} does not know the command: it is older"),
     }
 }

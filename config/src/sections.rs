@@ -300,6 +300,12 @@ pub struct Controller {
     pub stop_reaction: StopReaction,
     /// How long ramp and damp take \[s\].
     pub stop_time_s: f64,
+    /// Valid samples in a row after which a stopped arm follows its plan again; 0: only on request.
+    pub resume_after: usize,
+    /// Largest distance of each joint from its plan \[rad, or m\].
+    pub tracking_error: Vec<f64>,
+    /// Longest time for which a commanded torque may be at its limit \[ms\].
+    pub saturation_ms: f64,
     /// Largest change of the present torque by a new parameter set, as a share of the torque limit.
     pub torque_change: f64,
     /// Without an acceptable parameter set for this long, published parameters give way to the last good ones \[s\].

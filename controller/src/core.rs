@@ -1,19 +1,22 @@
 //! Every decision of the controller, with no clock, bus or thread in it.
 
 use crate::gate::{Gate, Newest, Refusal};
+use crate::history::{History, Moment};
 use crate::law::{ControlLaw, Desired, Gains};
 use crate::limits::SetpointLimits;
 use crate::output::{Limits, Output};
+use crate::plan::{PlanCheck, RefusedPlan};
 use crate::recent::{Recent, Verdict};
 use crate::source::{Sources, Values};
-use crate::stop::{LastSeen, Stop};
+use crate::stop::{Stop, Stopping, reckon};
 use crate::velocity::VelocityFilter;
+use crate::watch::{Watch, Wrong};
 use rivet_config::Robot;
-use rivet_dynamics::{EffectKind, MAX_JOINTS};
+use rivet_dynamics::{EffectKind, MAX_JOINTS, Parameter};
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
     Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, OldNumbers, ParameterSource,
-    Parameters, REFUSALS, SampleClock, Setpoint, faults,
+    Parameters, REFUSALS, STOP_CAUSES, SampleClock, Setpoint, StopCause,
 };
 use std::sync::Arc;
 
@@ -22,7 +25,7 @@ use std::sync::Arc;
 pub enum Skipped {
     /// Its sequence number is not newer than the last one.
     Stale,
-    /// Fault bits, a wrong joint count or a position that is not finite: the arm's state is not known.
+    /// Fault bits, a wrong joint count, or a reading that cannot be true: the arm's state is not known.
     Invalid,
     /// Samples come at another rate than the robot file says: velocities and rate limits would be wrong.
     WrongPeriod,
@@ -57,6 +60,10 @@ pub struct Counts {
     pub stops: u64,
     /// Times the arm was further from the plan than it may be.
     pub strayed: u64,
+    /// Setpoints that were refused.
+    pub setpoints_refused: u64,
+    /// Times the plan was followed again after a stop.
+    pub resumed: u64,
 }
 
 /// The controller's state between two periods.
@@ -82,22 +89,49 @@ pub struct Core {
     last_refusal: Refusal,
     refusals: [u64; REFUSALS],
     plan: Option<(u64, Desired)>,
+    plan_check: PlanCheck,
+    /// Why the last setpoint was refused, and the number of the first one refused in a row.
+    plan_refused: Option<(RefusedPlan, u64)>,
+    last_plan_refused: RefusedPlan,
     /// Whether the plan is followed; else the arm is held at `held`.
     following: bool,
     held: Option<[f64; MAX_JOINTS]>,
+    /// What is added to the plan since it was joined: position and velocity \[rad, rad/s\].
+    joining: [[f64; MAX_JOINTS]; 2],
+    /// Stored parameters that have not passed the gate yet.
+    stored: Option<Values>,
+    /// How often in a row they have, and how often they have to.
+    stored_row: u32,
+    return_after: u32,
     adopt_from_seq: u64,
     last_seq: Option<u64>,
     observed_seq: Option<u64>,
     old: OldNumbers,
     stale_periods: u64,
-    seen: LastSeen,
+    /// Periods with wrong samples, or with a refused plan, after which the arm is stopped.
+    bridged: u64,
+    watch: Watch,
+    /// What is wrong with the samples since the last one that was used, and how many of them there were.
+    wrong: Option<Wrong>,
+    wrong_samples: u64,
+    /// Something was wrong with a sample that was passed over.
+    passed_wrong: Option<Wrong>,
+    history: History,
+    mass: Vec<f64>,
+    /// Which base parameters are friction.
+    friction: [bool; MAX_PARAMETERS],
     joints: u32,
-    /// The torque at which the stop reaction began, while it acts.
-    stopping: Option<[f64; MAX_JOINTS]>,
+    /// The stop that is in force.
+    stopping: Option<Stopping>,
+    last_stop: (StopCause, u32),
+    stop_causes: [u64; STOP_CAUSES],
+    resume_after: u64,
+    /// The arm is to follow its plan again as soon as a sample is valid.
+    asked: bool,
+    /// The sample at which a stop ended by itself.
+    resumed_seq: Option<u64>,
     /// Periods without a usable sample that have had their command.
     missed: u64,
-    /// The arm was further from the plan than it may be, and has not come to rest since.
-    strayed: bool,
     tracking: [f64; MAX_JOINTS],
     counts: Counts,
 }
@@ -109,15 +143,17 @@ const BLEND_S: f64 = 0.05;
 /// A plan further than this from the arm is not joined \[rad\]: the way there is the planner's to plan.
 const REJOIN: f64 = 0.2;
 
-/// A plan that the arm has come further away from is left \[rad\]: with the drives at their limits feedback no longer brings
-/// the arm back, it may even drive it on. The arm is braked instead, and joins the plan again where that comes near.
-const STRAYED: f64 = 0.5;
+/// Bandwidth with which a plan is joined \[rad/s\], critically damped: 0.2 rad away, the arm accelerates by 5 rad/s² at first.
+const JOINING: f64 = 5.0;
 
-/// Time constant with which an arm that has strayed is braked \[s\]: slow enough for the rate limit to follow.
-const BRAKING_S: f64 = 0.1;
+/// Wrong samples in a row for this long stop the arm \[s\]: a single one is bridged by the last command.
+const BRIDGED_S: f64 = 0.012;
 
-/// Speed below which an arm that has strayed counts as standing \[rad/s\].
-const STANDING: f64 = 0.05;
+/// Time before a fault is found for which readings are not used \[s\].
+const DOUBTED_S: f64 = 0.02;
+
+/// A stop within this time after the last one ended by itself is not over by itself \[s\].
+const RELAPSE_S: f64 = 5.0;
 
 /// Memory of the tracking error that is reported \[s\].
 const TRACKING_S: f64 = 1.0;
@@ -129,6 +165,23 @@ fn torque_limits(robot: &Robot) -> Vec<f64> {
         limits[effect.joint] = limits[effect.joint].min(effect.values[0]);
     }
     limits
+}
+
+/// Which base parameters are friction.
+fn friction_places(robot: &Robot) -> [bool; MAX_PARAMETERS] {
+    let mut places = [false; MAX_PARAMETERS];
+    for (place, column) in places.iter_mut().zip(&robot.base.independent) {
+        *place = matches!(
+            robot.model.parameters[*column],
+            Parameter::Viscous(_)
+                | Parameter::Coulomb(_)
+                | Parameter::LoadFriction(_)
+                | Parameter::ViscousQuadratic(_)
+                | Parameter::CouplingViscous
+                | Parameter::CouplingCoulomb
+        );
+    }
+    places
 }
 
 impl Core {
@@ -155,16 +208,22 @@ impl Core {
         let timeout = (settings.parameter_timeout_s / period_s).ceil() as u64;
         let recent = Recent::new(robot)?;
         let (row, apart) = (settings.return_after as u32, recent.periods_between());
+        let limits = SetpointLimits::of(&robot.model.arm);
+        let torque = torque_limits(robot);
+        let stale_periods = settings.stale_periods as u64;
+        let periods = |seconds: f64| (seconds / period_s).ceil() as u64;
         Ok(Core {
             gate: Gate::new(robot, &mut law),
+            plan_check: PlanCheck::new(&law, &limits, &torque, period_s, stale_periods),
+            watch: Watch::new(robot, &law, &limits, &torque),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
-            output: Output::new(Limits { torque: torque_limits(robot), step }),
+            output: Output::new(Limits { torque, step }),
             clock: SampleClock::new(period_s),
             confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
-            limits: SetpointLimits::of(&robot.model.arm),
+            limits,
             stop: Stop { reaction: settings.stop_reaction, time_s: settings.stop_time_s },
             dof,
             count,
@@ -175,28 +234,44 @@ impl Core {
             last_refusal: Refusal::None,
             refusals: [0; REFUSALS],
             plan: None,
+            plan_refused: None,
+            last_plan_refused: (StopCause::None, 0),
             following: false,
             held: None,
+            joining: [[0.0; MAX_JOINTS]; 2],
+            stored: None,
+            stored_row: 0,
+            return_after: row,
             adopt_from_seq,
             last_seq: None,
             observed_seq: None,
             old: OldNumbers::default(),
-            stale_periods: settings.stale_periods as u64,
-            seen: LastSeen::default(),
+            stale_periods,
+            bridged: periods(BRIDGED_S).max(2),
+            wrong: None,
+            wrong_samples: 0,
+            passed_wrong: None,
+            history: History::new(),
+            mass: vec![0.0; dof * dof],
+            friction: friction_places(robot),
             joints: dof as u32,
             stopping: None,
+            last_stop: (StopCause::None, 0),
+            stop_causes: [0; STOP_CAUSES],
+            resume_after: settings.resume_after as u64,
+            asked: false,
+            resumed_seq: None,
             missed: 0,
-            strayed: false,
             tracking: [0.0; MAX_JOINTS],
             counts: Counts::default(),
         })
     }
 
-    /// Before the first sample: starts on `values`, the last good parameters of an earlier run, instead of the robot
-    /// file's.
+    /// Before the first sample: takes `values`, the last good parameters of an earlier run, for later. They act instead of the robot
+    /// file's once they have passed the gate that published ones have to pass; recent torques decide last.
     ///
     /// # Errors
-    /// Why they may not act; the robot file's stay.
+    /// Why they may not act.
     pub fn recall(&mut self, values: &[f64]) -> Result<(), Refusal> {
         if values.len() != self.count {
             return Err(Refusal::WrongCount);
@@ -204,20 +279,75 @@ impl Core {
         self.gate.check_physics(values, None, &mut self.law)?;
         let mut stored = [0.0; MAX_PARAMETERS];
         stored[..self.count].copy_from_slice(values);
-        self.sources.recall(&stored);
-        self.acting = stored;
+        self.stored = Some(stored);
         Ok(())
     }
 
-    /// Takes in a setpoint; the newest with valid numbers stays.
+    /// Asks the gate again whether stored parameters may act, at the pose `q`: in as many rows of torques as published ones have to pass.
+    fn judge_stored(&mut self, q: &[f64]) {
+        let Some(stored) = self.stored else { return };
+        if self.sources.source() != ParameterSource::Nominal || self.sources.last_good().is_some() {
+            // Published ones were quicker.
+            self.stored = None;
+            return;
+        }
+        match self.judge_values(&stored[..self.count], q) {
+            Ok(()) => {
+                self.stored_row += 1;
+                if self.stored_row >= self.return_after {
+                    self.stored = None;
+                    self.sources.recall(&stored);
+                }
+            }
+            // Later torques, or another setpoint, decide.
+            Err(Refusal::NotJudged | Refusal::TorqueChange) => self.stored_row = 0,
+            Err(why) => {
+                self.stored = None;
+                self.refused(why);
+            }
+        }
+    }
+
+    fn refused(&mut self, refusal: Refusal) {
+        if let Some(count) = self.refusals.get_mut(u32::from(refusal) as usize) {
+            *count += 1;
+        }
+        self.last_refusal = refusal;
+    }
+
+    /// Takes in a setpoint; the newest that the arm can follow stays.
+    ///
+    /// Real-time safe.
     pub fn offer_setpoint(&mut self, setpoint: &Setpoint) {
         let n = self.dof;
-        let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
         let newer = !self.following || self.plan.is_none_or(|(seq, _)| setpoint.seq > seq);
-        if newer && setpoint.count() == n && finite(&setpoint.q) && finite(&setpoint.qd) && finite(&setpoint.qdd) {
-            let mut desired = Desired { q: setpoint.q, qd: setpoint.qd, qdd: setpoint.qdd };
+        if !newer {
+            return;
+        }
+        let mut desired = Desired { q: setpoint.q, qd: setpoint.qd, qdd: setpoint.qdd };
+        let shape = if setpoint.count() == n && setpoint.joints as usize == n {
+            Ok(())
+        } else {
+            Err((StopCause::PlanNotFinite, 0))
+        };
+        let checked = shape.and_then(|()| self.plan_check.check_numbers(&desired)).and_then(|()| {
             self.counts.setpoints_limited += u64::from(self.limits.apply(&mut desired));
-            self.plan = Some((setpoint.seq, desired));
+            if !self.following {
+                // What is not followed yet may begin anywhere.
+                self.plan_check.restart();
+            }
+            self.plan_check.check(setpoint.seq, &desired, &mut self.law, &self.acting[..self.count])
+        });
+        match checked {
+            Ok(()) => {
+                self.plan = Some((setpoint.seq, desired));
+                self.plan_refused = None;
+            }
+            Err(why) => {
+                self.counts.setpoints_refused += 1;
+                self.last_plan_refused = why;
+                self.plan_refused.get_or_insert((why, setpoint.seq));
+            }
         }
     }
 
@@ -239,10 +369,7 @@ impl Core {
             self.sources.refuse();
             self.counts.refused += 1;
         }
-        if let Some(count) = self.refusals.get_mut(u32::from(refusal) as usize) {
-            *count += 1;
-        }
-        self.last_refusal = refusal;
+        self.refused(refusal);
         refusal
     }
 
@@ -257,13 +384,21 @@ impl Core {
         if sample.count() != n || !q.iter().all(|q| q.is_finite()) {
             return Err(Refusal::NotJudged);
         }
-        let values = &set.values[..self.count];
+        self.judge_values(&set.values[..self.count], q)
+    }
+
+    /// Whether base parameters may act, at the pose `q` and by recent torques.
+    fn judge_values(&mut self, values: &[f64], q: &[f64]) -> Result<(), Refusal> {
         self.gate.check_physics(values, Some(q), &mut self.law)?;
         let target = self.sources.target();
         let same = values == &target[..self.count];
         let desired = match self.plan.filter(|_| self.following) {
             Some((_, desired)) => desired,
-            None => Desired { q: sample.q, ..Desired::default() },
+            None => {
+                let mut here = Desired::default();
+                here.q[..self.dof].copy_from_slice(q);
+                here
+            }
         };
         self.gate.check_change(values, &target[..self.count], &desired, &mut self.law)?;
         if same {
@@ -284,11 +419,26 @@ impl Core {
         Ok(())
     }
 
-    /// Takes in a sample that will not be answered, because a newer one is at hand: the torques in it are still worth
-    /// remembering.
+    /// Takes in a sample that will not be answered, because a newer one is at hand: its torques are worth remembering, and what is
+    /// wrong with it is wrong with the arm.
     pub fn observe(&mut self, sample: &JointState) {
+        if let Some(wrong) = self.screen(sample) {
+            self.passed_wrong = Some(wrong);
+        }
+    }
+
+    /// Checks a sample, and remembers its torques if nothing is wrong with it.
+    fn screen(&mut self, sample: &JointState) -> Option<Wrong> {
         let n = self.dof;
-        if self.sound(sample) && sample.faults == 0 {
+        let plan = self.plan.filter(|_| self.following).map(|(_, plan)| plan);
+        let command = *self.output.last();
+        let wrong = self.watch.numbers(sample).or_else(|| self.watch.readings(sample, &command, plan.as_ref()));
+        let wrong = wrong.or_else(|| {
+            // What brakes or a stop do is no answer to a plan.
+            let moves = sample.faults == 0 && self.stopping.is_none();
+            if moves { self.watch.response(&mut self.law, &self.acting[..self.count]) } else { None }
+        });
+        if wrong.is_none() && sample.faults == 0 {
             if self.observed_seq.is_some_and(|last| last.checked_add(1) != Some(sample.seq)) {
                 self.recent.restart_signals();
             }
@@ -297,10 +447,12 @@ impl Core {
             }
         }
         self.observed_seq = Some(sample.seq);
+        wrong
     }
 
     /// Asks the pose and recent torques whether the right parameters act.
     fn reconsider(&mut self, q: &[f64]) {
+        self.judge_stored(q);
         let judged = self.sources.source() != ParameterSource::Nominal;
         if judged && !self.gate.has_inertia(&self.sources.target()[..self.count], q, &mut self.law) {
             let kept = self.sources.last_good().copied();
@@ -325,63 +477,99 @@ impl Core {
         self.sources.compare(change, periods);
     }
 
-    fn sound(&self, sample: &JointState) -> bool {
-        // An arm that stands in its brakes is answered: the brakes open when there is a command.
-        sample.faults & !faults::STOPPED == 0
-            && sample.count() == self.dof
-            && sample.q[..self.dof].iter().all(|q| q.is_finite())
-    }
-
-    /// Answers one sample. Without a plan near the arm, that is held where it is.
+    /// Answers one sample. Without a plan near the arm, that is held where it is. While the arm is stopped, the answer is that of the
+    /// stop reaction.
     ///
     /// Real-time safe: bounded work; no allocation, lock, system call or panic.
     ///
     /// # Errors
     /// Why there is no command for this sample; the stop reaction follows if that goes on ([`missing`](Self::missing)).
     pub fn tick(&mut self, sample: &JointState) -> Result<Command, Skipped> {
-        let n = self.dof;
         if self.last_seq.is_some_and(|last| sample.seq <= last) {
             self.counts.stale += 1;
             if !self.old.take(sample.seq) {
+                self.wrong.get_or_insert(Wrong { cause: StopCause::OldSamples, joints: 0, lasting: false });
                 return Err(Skipped::Stale);
             }
             self.last_seq = None;
             self.newest = Newest::default();
             self.plan = None;
             self.recent.restart();
+            self.watch.restart();
+            self.history.restart();
             self.begin_anew();
         }
         self.old.end();
         if !self.clock.take(sample.seq, sample.stamp_ns) {
             self.counts.wrong_period += 1;
-            return Err(Skipped::WrongPeriod);
+            let wrong = Wrong { cause: StopCause::WrongPeriod, joints: 0, lasting: false };
+            return self.answer_wrong(sample, wrong, Skipped::WrongPeriod);
         }
         self.confirmed |= self.clock.confirmed();
-        if !self.sound(sample) {
+        if let Some(wrong) = self.watch.numbers(sample) {
             self.counts.invalid += 1;
-            return Err(Skipped::Invalid);
+            return self.answer_wrong(sample, wrong, Skipped::Invalid);
         }
-        self.observe(sample);
+        let found = self.screen(sample).or(self.passed_wrong.take());
+        if let Some(wrong) = found {
+            self.counts.invalid += 1;
+            if self.stopping.is_none() {
+                return self.answer_wrong(sample, wrong, Skipped::Invalid);
+            }
+        }
         let periods = self.last_seq.map_or(1, |last| sample.seq - last);
-        self.counts.passed_over += periods - 1;
+        self.counts.passed_over += (periods - 1).saturating_sub(self.wrong_samples);
+        let stop_periods = periods.saturating_sub(self.missed).max(1);
         self.last_seq = Some(sample.seq);
-        self.missed = 0;
-        if self.stopping.take().is_some() || periods > self.stale_periods {
+        (self.missed, self.wrong, self.wrong_samples) = (0, None, 0);
+        if self.stopping.is_none() && periods > self.stale_periods {
             self.begin_anew();
         }
         self.sources.advance(periods);
-
-        let qd = *self.velocity.update(&sample.q[..n], periods);
-        self.seen = LastSeen { q: sample.q, qd };
-        let desired = self.desired(sample, &qd);
+        let qd = *self.velocity.update(&sample.q[..self.dof], periods);
         self.blend_parameters();
+        if self.stopping.is_some() && !self.resumes(sample, found.is_none()) {
+            return Ok(self.stopped(sample.seq, sample.stamp_ns, stop_periods, Some([&sample.q, &qd])));
+        }
+        let desired = self.desired(sample, &qd);
+        if let Some(wrong) = self.strayed(sample, &desired) {
+            self.begin_stop(wrong, 0);
+            return Ok(self.stopped(sample.seq, sample.stamp_ns, 1, Some([&sample.q, &qd])));
+        }
+        Ok(self.follow(sample, &qd, &desired))
+    }
+
+    /// The law's answer to a valid sample.
+    fn follow(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS], desired: &Desired) -> Command {
+        let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        self.law.torque(&sample.q[..n], &qd[..n], &desired, &self.acting[..self.count], &mut tau[..n]);
+        self.law.torque(&sample.q[..n], &qd[..n], desired, &self.acting[..self.count], &mut tau[..n]);
         let memory = self.period_s / TRACKING_S;
         for j in 0..n {
             self.tracking[j] += memory * ((desired.q[j] - sample.q[j]).powi(2) - self.tracking[j]);
         }
-        Ok(self.give(sample.seq, sample.stamp_ns, tau, true))
+        let command = self.give(sample.seq, sample.stamp_ns, tau, true);
+        self.history.push(&Moment { q: sample.q, qd: *qd, tau: command.tau });
+        command
+    }
+
+    /// The answer to a sample with which something is wrong: none at first, since a single one may be; then the stop reaction.
+    fn answer_wrong(&mut self, sample: &JointState, wrong: Wrong, skipped: Skipped) -> Result<Command, Skipped> {
+        self.wrong_samples += 1;
+        self.wrong.get_or_insert(wrong);
+        let Some(last) = self.last_seq else { return Err(skipped) };
+        let periods = sample.seq - last;
+        if self.stopping.is_none() {
+            let due = wrong.lasting || periods >= self.bridged;
+            if !due || !self.may_stop() {
+                return Err(skipped);
+            }
+            self.begin_stop(wrong, periods);
+        }
+        let elapsed = periods.saturating_sub(self.missed).max(1);
+        // This period has had its command.
+        self.missed = periods;
+        Ok(self.stopped(sample.seq, sample.stamp_ns, elapsed, None))
     }
 
     /// No usable sample has come for `periods` periods. From the configured number on the stop reaction acts: one command
@@ -390,34 +578,116 @@ impl Core {
     /// Real-time safe as [`tick`](Self::tick) is.
     pub fn missing(&mut self, periods: u64) -> Option<Command> {
         let seq = self.last_seq?;
-        if !self.clock.fits() && !self.confirmed {
-            // Nothing that was commanded so far was right: the brakes are to stay closed, or to close.
+        let most = if self.wrong.is_some() { self.bridged.min(self.stale_periods) } else { self.stale_periods };
+        if !self.may_stop() || periods < most || periods <= self.missed {
             return None;
         }
-        if periods < self.stale_periods || periods <= self.missed {
-            return None;
-        }
+        let elapsed = periods - self.missed;
         self.missed = periods;
-        let n = self.dof;
         if self.stopping.is_none() {
-            self.counts.stops += 1;
-            self.stopping = Some(*self.output.last());
+            let silence = Wrong { cause: StopCause::Silence, joints: 0, lasting: true };
+            self.begin_stop(self.wrong.unwrap_or(silence), periods);
         }
         self.sources.advance(1);
         self.blend_parameters();
-        let last = self.stopping.unwrap_or_default();
-        let (since, stopping) = (periods as f64, (periods - self.stale_periods + 1) as f64);
+        Some(self.stopped(seq, 0, elapsed, None))
+    }
+
+    /// Nothing that was commanded so far was right where samples have never come at their rate: brakes are to stay closed.
+    fn may_stop(&self) -> bool {
+        self.clock.fits() || self.confirmed
+    }
+
+    /// Begins the stop reaction, `unseen` periods after the last sample that was used.
+    fn begin_stop(&mut self, wrong: Wrong, unseen: u64) {
+        let n = self.dof;
+        let all = (1_u32 << n) - 1;
+        let mut stopping = Stopping {
+            cause: wrong.cause,
+            joints: wrong.joints,
+            untrusted: 0,
+            q: [0.0; MAX_JOINTS],
+            qd: [0.0; MAX_JOINTS],
+            tau: *self.output.last(),
+            periods: 0,
+            sound: 0,
+            until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
+        };
+        // Without a sample nothing of the arm is seen; a joint that is named is not believed.
+        stopping.untrusted = if stopping.doubts_encoders() { wrong.joints } else { all };
+        let doubted = if stopping.doubts_encoders() { (DOUBTED_S / self.period_s).ceil() as usize } else { 0 };
+        if stopping.cause == StopCause::EncoderJump && wrong.joints.count_ones() > 1 {
+            // What moves jumps where all positions are late: nothing of this sample is believed.
+            stopping.untrusted = all;
+        }
+        let since = [doubted, usize::try_from(unseen).unwrap_or(usize::MAX)];
+        let (law, x) = (&mut self.law, &self.acting[..self.count]);
+        if let Some(now) = reckon(law, x, &mut self.mass, &self.history, stopping.untrusted, since, self.period_s) {
+            (stopping.q, stopping.qd) = (now.q, now.qd);
+        }
+        if stopping.cause == StopCause::TrackingError {
+            self.counts.strayed += 1;
+        }
+        self.counts.stops += 1;
+        if let Some(count) = self.stop_causes.get_mut(u32::from(wrong.cause) as usize) {
+            *count += 1;
+        }
+        self.last_stop = (wrong.cause, wrong.joints);
+        (self.asked, self.following, self.held) = (false, false, None);
+        self.stopping = Some(stopping);
+    }
+
+    /// Whether the last stop ended by itself a moment ago: then what caused it has not gone.
+    fn relapses(&self) -> bool {
+        let (Some(resumed), Some(now)) = (self.resumed_seq, self.last_seq) else { return false };
+        now.saturating_sub(resumed) as f64 * self.period_s < RELAPSE_S
+    }
+
+    /// Whether a stop ends with this sample, with which nothing is wrong if it is `sound`.
+    fn resumes(&mut self, sample: &JointState, sound: bool) -> bool {
+        let plan = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods);
+        let reached = plan.is_none_or(|(_, plan)| self.distance(&plan, sample) <= REJOIN);
+        let (resume_after, asked) = (self.resume_after, self.asked);
+        let Some(stopping) = &mut self.stopping else { return true };
+        stopping.sound = if sound { stopping.sound.saturating_add(1) } else { 0 };
+        if sound && !stopping.doubts_encoders() {
+            stopping.untrusted = 0;
+        }
+        let by_itself = !stopping.until_asked && stopping.sound >= resume_after;
+        if stopping.sound == 0 || !reached || !(asked || by_itself) {
+            return false;
+        }
+        self.resumed_seq = (!asked).then_some(sample.seq);
+        (self.stopping, self.asked) = (None, false);
+        self.counts.resumed += 1;
+        self.watch.restart_motion();
+        self.history.restart();
+        self.plan_refused = None;
+        self.law.restart();
+        true
+    }
+
+    /// Asks a stopped arm to follow its plan again with the next valid sample, once the plan is within reach. Without a stop this
+    /// changes nothing.
+    pub fn ask_to_follow(&mut self) {
+        self.asked = self.stopping.is_some();
+    }
+
+    /// A command of the stop reaction, `elapsed` periods after the last one.
+    fn stopped(&mut self, seq: u64, stamp_ns: u64, elapsed: u64, seen: Option<[&[f64; MAX_JOINTS]; 2]>) -> Command {
+        let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        self.stop.torque(
-            &mut self.law,
-            &self.acting[..self.count],
-            &self.seen,
-            &last[..n],
-            since * self.period_s,
-            stopping * self.period_s,
-            &mut tau[..n],
-        );
-        Some(self.give(seq, 0, tau, false))
+        let mut x = self.acting;
+        for (x, friction) in x.iter_mut().zip(&self.friction) {
+            *x = if *friction { 0.0 } else { *x };
+        }
+        if let Some(stopping) = &mut self.stopping {
+            stopping.periods = stopping.periods.saturating_add(elapsed);
+            let stopping_s = stopping.periods as f64 * self.period_s;
+            let x = &x[..self.count];
+            self.stop.torque(&mut self.law, x, stopping, seen, stopping_s, &mut tau[..n]);
+        }
+        self.give(seq, stamp_ns, tau, false)
     }
 
     /// The arm was not under control meanwhile: velocity, integral and plan are those of another time. The output goes on
@@ -429,29 +699,73 @@ impl Core {
         self.held = None;
     }
 
+    fn distance(&self, plan: &Desired, sample: &JointState) -> f64 {
+        (0..self.dof).map(|j| (plan.q[j] - sample.q[j]).abs()).fold(0.0, f64::max)
+    }
+
     /// What the arm is to do now: the plan if there is one of about this period near by, else stand where it is.
     fn desired(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
-        let n = self.dof;
         // A plan of the future is one of another time, too: a robot controller that was started anew counts from 1.
         let Some((_, plan)) = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods) else {
             self.following = false;
-            return self.hold(sample, qd);
+            return self.hold(sample);
         };
-        let distance = (0..n).map(|j| (plan.q[j] - sample.q[j]).abs()).fold(0.0, f64::max);
-        if self.following && distance > STRAYED {
-            self.counts.strayed += 1;
-            (self.following, self.strayed, self.held) = (false, true, None);
-        } else if !self.following && !self.strayed && distance <= REJOIN {
-            (self.following, self.held) = (true, None);
+        if !self.following && self.distance(&plan, sample) <= REJOIN {
+            let near = self.is_near(&plan, sample, qd);
+            // How fast the arm moves decides how it joins; until that is known it is held.
+            if near || self.velocity.is_known() {
+                (self.following, self.held) = (true, None);
+                self.join(&plan, sample, qd, near);
+            }
         }
-        if self.following { plan } else { self.hold(sample, qd) }
+        if !self.following {
+            return self.hold(sample);
+        }
+        let mut desired = plan;
+        let [offset, speed] = &mut self.joining;
+        for j in 0..self.dof {
+            let acceleration = -JOINING * (JOINING * offset[j] + 2.0 * speed[j]);
+            desired.q[j] += offset[j];
+            desired.qd[j] += speed[j];
+            desired.qdd[j] += acceleration;
+            speed[j] += acceleration * self.period_s;
+            offset[j] += speed[j] * self.period_s;
+        }
+        desired
     }
 
-    fn hold(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
-        if self.strayed {
-            self.strayed = qd[..self.dof].iter().any(|qd| qd.abs() > STANDING);
-            return Desired { q: sample.q, qd: *qd, qdd: qd.map(|qd| -qd / BRAKING_S) };
+    /// Whether feedback alone brings the arm to `plan`.
+    fn is_near(&self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> bool {
+        (0..self.dof).all(|j| {
+            let (position, velocity) = self.law.gains(j);
+            let (offset, speed) = ((sample.q[j] - plan.q[j]).abs(), (qd[j] - plan.qd[j]).abs());
+            let jump = self.plan_check.jump(j);
+            offset <= jump && speed * velocity <= jump * position
+        })
+    }
+
+    /// Begins to follow `plan`: from where the arm is, if that is not near.
+    fn join(&mut self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS], near: bool) {
+        self.joining = [[0.0; MAX_JOINTS]; 2];
+        if !near {
+            for j in 0..self.dof {
+                self.joining[0][j] = sample.q[j] - plan.q[j];
+                self.joining[1][j] = qd[j] - plan.qd[j];
+            }
         }
+    }
+
+    /// Whether the arm has left its plan, or its planner plans what the arm cannot follow.
+    fn strayed(&self, sample: &JointState, desired: &Desired) -> Option<Wrong> {
+        if !self.following {
+            return None;
+        }
+        let refused = self.plan_refused.filter(|(_, first)| sample.seq.saturating_sub(*first) >= self.bridged);
+        let refused = refused.map(|((cause, joints), _)| Wrong { cause, joints, lasting: true });
+        refused.or_else(|| self.watch.tracking(&sample.q, desired))
+    }
+
+    fn hold(&mut self, sample: &JointState) -> Desired {
         Desired { q: *self.held.get_or_insert(sample.q), ..Desired::default() }
     }
 
@@ -496,6 +810,14 @@ impl Core {
             setpoints_limited: c.setpoints_limited,
             accepted: c.accepted,
             switches: self.sources.switches(),
+            strayed: c.strayed,
+            setpoints_refused: c.setpoints_refused,
+            resumed: c.resumed,
+            stop_causes: self.stop_causes,
+            stop_cause: self.last_stop.0.into(),
+            stop_joints: self.last_stop.1,
+            plan_refusal: self.last_plan_refused.0.into(),
+            plan_joints: self.last_plan_refused.1,
             epoch: self.newest.epoch,
             parameters_seq: self.newest.seq,
             refusals: self.refusals,
@@ -514,17 +836,23 @@ impl Core {
         out.nominal_prediction_rms = self.recent.predict(&self.sources.nominal()[..self.count]).rms;
     }
 
-    fn state(&self) -> ControllerState {
+    /// What the controller is doing.
+    pub fn state(&self) -> ControllerState {
         if !self.clock.fits() {
             return ControllerState::WrongPeriod;
         }
-        match (self.last_seq, self.stopping.is_some(), self.following) {
+        match (self.last_seq, self.stopping.map(|stopping| stopping.cause), self.following) {
             (None, ..) => ControllerState::Waiting,
-            (_, true, _) => ControllerState::Stopping,
-            (_, _, true) => ControllerState::Following,
-            _ if self.strayed => ControllerState::Strayed,
-            _ => ControllerState::Holding,
+            (_, Some(StopCause::TrackingError), _) => ControllerState::Strayed,
+            (_, Some(_), _) => ControllerState::Stopping,
+            (_, None, true) => ControllerState::Following,
+            (_, None, false) => ControllerState::Holding,
         }
+    }
+
+    /// Why the stop reaction acts, and on which joints, bit 0 the base's; `None` while it does not.
+    pub fn stop_cause(&self) -> Option<(StopCause, u32)> {
+        self.stopping.map(|stopping| (stopping.cause, stopping.joints))
     }
 
     /// What happened so far.

@@ -31,6 +31,9 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::OtherPeriod => {
             "the sample period is another one: that of the daemon, or the rate at which samples come, is not the robot file's"
         }
+        Refusal::Implausible => {
+            "the arm would need several times its drives' torque to carry itself, or against friction"
+        }
         Refusal::NotJudged => "the arm has not moved enough to tell whether it is better than what is in use",
     }
 }
@@ -45,6 +48,10 @@ const LEAST_INERTIA: f64 = 0.1;
 
 /// Speed at which friction is looked at for a joint that states no limit \[rad/s\].
 const DEFAULT_SPEED: f64 = 5.0;
+
+/// Torque for rest, for 1 rad/s² and for friction at the speed limit that a set may need, in parts of the drives' limit or of what the
+/// robot file's own values need: an arm that is further off could not have been measured in motion.
+const MOST_TORQUE: f64 = 4.0;
 
 /// What the gate knows about the last sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -72,6 +79,9 @@ pub struct Gate {
     least: Vec<f64>,
     /// What a set has beyond it.
     beyond: Vec<f64>,
+    /// Most torque that a set may need for rest and 1 rad/s², and for friction \[N·m\].
+    carried: [f64; MAX_JOINTS],
+    rubbed: [f64; MAX_JOINTS],
 }
 
 impl Gate {
@@ -87,6 +97,16 @@ impl Gate {
         let mut poses = StoredPoses::new(law, robot.base.len(), &stored_poses(robot));
         let nominal = robot.base_parameters();
         let sound = poses.all_positive(nominal);
+        let (friction, torque) = (Friction::of(robot), poses.largest_torque(nominal));
+        let limits = &robot.config.drive.torque_limit;
+        let most = |needed: [f64; MAX_JOINTS]| {
+            let mut most = [f64::INFINITY; MAX_JOINTS];
+            for (j, most) in most.iter_mut().enumerate().take(dof) {
+                *most = MOST_TORQUE * limits[j].max(needed[j]);
+            }
+            most
+        };
+        let (carried, rubbed) = (most(torque), most(friction.largest_torque(nominal)));
         let least = nominal.iter().map(|x| if sound { LEAST_INERTIA * x } else { 0.0 }).collect();
         Gate {
             hash: robot.hash,
@@ -94,12 +114,14 @@ impl Gate {
             count,
             dof,
             oldest: (settings.parameter_timeout_s / robot.config.sample_period_s).ceil() as u64,
-            friction: Friction::of(robot),
+            friction,
             poses,
             change,
             mass: vec![0.0; dof * dof],
             least,
             beyond: vec![0.0; robot.base.len()],
+            carried,
+            rubbed,
         }
     }
 
@@ -123,11 +145,11 @@ impl Gate {
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, why)| Err(*why))
     }
 
-    /// Whether `values` describe an arm: friction takes energy out of every motion, and the inertia matrix leaves a part of
-    /// the robot file's in every direction at the stored poses and, where the arm is known to be, at `q`. Real-time safe.
+    /// Whether `values` describe an arm: friction takes energy out of every motion, the drives can carry it, and the inertia matrix leaves a
+    /// part of the robot file's in every direction at the stored poses and, where the arm is known to be, at `q`. Real-time safe.
     ///
     /// # Errors
-    /// Which of the two is not so.
+    /// Which of these is not so.
     pub fn check_physics(&mut self, values: &[f64], q: Option<&[f64]>, law: &mut ControlLaw) -> Result<(), Refusal> {
         if !values.iter().all(|x| x.is_finite()) {
             return Err(Refusal::NotFinite);
@@ -137,6 +159,12 @@ impl Gate {
         }
         if q.is_some_and(|q| !self.has_inertia(values, q, law)) {
             return Err(Refusal::InertiaNotPositive);
+        }
+        let needs =
+            [(self.poses.largest_torque(values), &self.carried), (self.friction.largest_torque(values), &self.rubbed)];
+        // What is not a number is too much.
+        if !needs.iter().all(|(needed, most)| (0..self.dof).all(|j| needed[j] <= most[j])) {
+            return Err(Refusal::Implausible);
         }
         self.exceed(values);
         if self.poses.all_positive(&self.beyond) { Ok(()) } else { Err(Refusal::InertiaNotPositive) }
@@ -234,6 +262,22 @@ impl Friction {
             }
         }
         friction
+    }
+
+    /// Friction of each joint at its speed limit \[N·m\]; coupled joints, which share theirs, with the whole of it. NaN where `x` is
+    /// not finite.
+    fn largest_torque(&self, x: &[f64]) -> [f64; MAX_JOINTS] {
+        let value = |place: Option<usize>| place.map_or(0.0, |i| x[i].abs());
+        let mut most = [0.0; MAX_JOINTS];
+        for (j, most) in most.iter_mut().enumerate().take(self.dof) {
+            *most = value(self.coulomb[j]) + value(self.viscous[j]) * self.speed[j];
+            if let Some((a, b, viscous, coulomb)) = self.coupled
+                && (j == a || j == b)
+            {
+                *most += value(coulomb) + value(viscous) * self.speed[a].max(self.speed[b]);
+            }
+        }
+        most
     }
 
     /// Whether friction takes power out of every motion up to the joints' speeds.

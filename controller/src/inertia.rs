@@ -19,12 +19,47 @@ pub(crate) fn inertia_of(law: &mut ControlLaw, q: &[f64], x: &[f64], mass: &mut 
     }
 }
 
+/// Acceleration \[rad/s²\] of an arm with base parameters `x` under `tau`: `M(q)⁻¹·(τ − h(q, q̇))`. `mass` is scratch of dof²
+/// numbers. Zeros where the inertia matrix is that of no arm. Real-time safe.
+pub(crate) fn acceleration_of(
+    law: &mut ControlLaw,
+    [q, qd]: [&[f64]; 2],
+    tau: &[f64],
+    x: &[f64],
+    mass: &mut [f64],
+) -> [f64; MAX_JOINTS] {
+    let n = law.dof();
+    let (zero, mut bias) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+    law.model_torque(q, qd, &zero[..n], x, &mut bias[..n]);
+    inertia_of(law, q, x, mass);
+    if !cholesky_succeeds(mass, n) {
+        return zero;
+    }
+    let mut a = zero;
+    for i in 0..n {
+        let mut sum = tau[i] - bias[i];
+        for k in 0..i {
+            sum -= mass[i * n + k] * a[k];
+        }
+        a[i] = sum / mass[i * n + i];
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            a[i] -= mass[k * n + i] * a[k];
+        }
+        a[i] /= mass[i * n + i];
+    }
+    a
+}
+
 /// Inertia matrices at fixed poses as linear functions of the base parameters: checking them costs no kinematics.
 pub(crate) struct StoredPoses {
     dof: usize,
     count: usize,
     /// Pose by pose, the lower triangle row by row, `count` factors an entry.
     entries: Vec<f64>,
+    /// Rows of the regressor at rest, pose by pose.
+    gravity: Vec<f64>,
     mass: Vec<f64>,
 }
 
@@ -33,9 +68,11 @@ impl StoredPoses {
         let dof = law.dof();
         let zero = vec![0.0; dof];
         let mut entries = Vec::with_capacity(poses.len() * dof * (dof + 1) / 2 * count);
+        let mut gravity = Vec::with_capacity(poses.len() * dof * count);
         for q in poses {
             let flat = |rows: std::slice::ChunksExact<'_, f64>| rows.flatten().copied().collect::<Vec<f64>>();
             let bias = flat(law.regressor(q, &zero, &zero));
+            gravity.extend_from_slice(&bias);
             let columns: Vec<Vec<f64>> = (0..dof)
                 .map(|j| {
                     let mut unit = zero.clone();
@@ -50,7 +87,27 @@ impl StoredPoses {
                 }
             }
         }
-        StoredPoses { dof, count, entries, mass: vec![0.0; dof * dof] }
+        StoredPoses { dof, count, entries, gravity, mass: vec![0.0; dof * dof] }
+    }
+
+    /// Largest torque \[N·m\] of each joint over the poses with `x`: at rest, plus that of 1 rad/s² of this joint alone. NaN where `x` is
+    /// not finite or too large. Real-time safe.
+    pub(crate) fn largest_torque(&self, x: &[f64]) -> [f64; MAX_JOINTS] {
+        let (n, count) = (self.dof, self.count);
+        let mut most = [0.0; MAX_JOINTS];
+        let entries = self.entries.chunks_exact(n * (n + 1) / 2 * count);
+        for (rest, entries) in self.gravity.chunks_exact(n * count).zip(entries) {
+            let dot = |row: &[f64], k: usize| -> f64 {
+                row[k * count..(k + 1) * count].iter().zip(x).map(|(y, x)| y * x).sum()
+            };
+            for (j, most) in most.iter_mut().enumerate().take(n) {
+                // The diagonal's place in the lower triangle.
+                let torque = dot(rest, j).abs() + dot(entries, j * (j + 3) / 2).abs();
+                // A maximum that keeps what is not a number.
+                *most = if torque <= *most { *most } else { torque };
+            }
+        }
+        most
     }
 
     /// Whether `x` gives a positive definite inertia matrix at every pose. Real-time safe.

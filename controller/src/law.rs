@@ -165,6 +165,16 @@ impl ControlLaw {
         self.rows.chunks_exact(self.base.len())
     }
 
+    /// Feedback gains on position \[1/s²\] and velocity \[1/s\] of joint `j`.
+    pub(crate) fn gains(&self, j: usize) -> (f64, f64) {
+        (self.gains.position[j], self.gains.velocity[j])
+    }
+
+    /// Inertia of joint `j` in the middle of the joint ranges \[kg·m²\].
+    pub(crate) fn nominal_inertia(&self, j: usize) -> f64 {
+        self.inertia[j]
+    }
+
     /// Joint count.
     pub(crate) fn dof(&self) -> usize {
         self.model.arm.dof()

@@ -6,17 +6,22 @@
 mod core;
 mod error;
 pub mod gate;
+mod history;
 mod inertia;
 pub mod law;
 mod limits;
 pub mod output;
+mod plan;
 mod recent;
 mod service_thread;
 pub mod shell;
 mod source;
 mod stop;
+mod stop_text;
 mod velocity;
+mod watch;
 
 pub use crate::core::{Core, Counts, Skipped};
 pub use error::StartError;
 pub use shell::{Options, run};
+pub use stop_text::stop_text;

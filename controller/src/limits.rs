@@ -41,6 +41,11 @@ impl SetpointLimits {
         limits
     }
 
+    /// Speed limit of joint `j` \[rad/s\]; infinite where there is none.
+    pub(crate) fn speed(&self, j: usize) -> f64 {
+        self.velocity[j]
+    }
+
     /// Brings a plan back to the limits; true when it was beyond one. At the end of a range a joint is to stand: what would
     /// carry it further is taken away. At the speed limit it is not to get faster.
     pub(crate) fn apply(&self, desired: &mut Desired) -> bool {

@@ -2,9 +2,10 @@
 
 use crate::error::StartError;
 use crate::gate::refusal_text;
+use crate::stop_text::stop_text;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, BusWatch, ControllerHealth, ParameterRefusal, ParameterSource, Publisher, RobotName,
-    SourceReason, StateFolder,
+    Answer, Bus, BusConfig, BusError, BusWatch, ControlCommand, ControlStatus, ControllerHealth, ControllerState,
+    ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason, StateFolder,
 };
 use rivet_realtime::{Hangup, Shutdown};
 use rivet_service::{Flight, Manager, Storage};
@@ -24,16 +25,12 @@ pub(crate) struct Pulse {
     pub(crate) met: AtomicBool,
     /// Whether samples come without the robot's notifications, so that the loop polls.
     pub(crate) polls: AtomicBool,
+    /// Somebody asks for the plan to be followed again.
+    pub(crate) follow: AtomicBool,
 }
 
-/// What the loop hands over.
-#[expect(clippy::large_enum_variant, reason = "all live in a preallocated ring; boxing would allocate in the loop")]
-pub(crate) enum Outbound {
-    /// The controller's health.
-    Health(ControllerHealth),
-    /// The stop reaction has begun.
-    Stopped,
-}
+/// Refused setpoints are named at most this often.
+const NAMED_AGAIN: Duration = Duration::from_secs(5);
 
 /// How often the queue is looked at.
 const TURN: Duration = Duration::from_millis(5);
@@ -47,6 +44,10 @@ struct Service {
     state_folder: Option<rivet_service::StateFolder>,
     name: RobotName,
     said: Option<(u32, u32, u32)>,
+    said_state: Option<ControllerState>,
+    /// Stops, setpoints refused, and when those were named last.
+    stops: u64,
+    refused: (u64, Option<Instant>),
     /// Of which services a second publisher has been named.
     named: [bool; 3],
 }
@@ -55,7 +56,7 @@ struct Service {
 pub(crate) fn start(
     config: &BusConfig,
     name: &RobotName,
-    mut inbound: rtrb::Consumer<Outbound>,
+    mut inbound: rtrb::Consumer<ControllerHealth>,
     flight: Option<Arc<Flight>>,
     pulse: &Arc<Pulse>,
     hangup: Option<Hangup>,
@@ -64,9 +65,11 @@ pub(crate) fn start(
     let (config, name, shutdown, pulse) = (config.clone(), name.clone(), shutdown.clone(), Arc::clone(pulse));
     let (ready, readiness) = mpsc::channel();
     let body = move || {
-        let opened = Bus::open(&config, &name, "rivet-controller-service")
-            .and_then(|bus| bus.controller_health_publisher().map(|health| (bus, health)));
-        let (bus, health) = match opened {
+        let opened = Bus::open(&config, &name, "rivet-controller-service").and_then(|bus| {
+            let ports = (bus.controller_health_publisher()?, bus.controller_control_server()?);
+            Ok((bus, ports))
+        });
+        let (bus, (health, mut control)) = match opened {
             Ok(opened) => opened,
             Err(why) => {
                 // A receiver that is gone means that start-up failed elsewhere.
@@ -76,7 +79,17 @@ pub(crate) fn start(
         };
         let _ = ready.send(Ok(()));
         let state_folder = flight.as_ref().map(|flight| rivet_service::StateFolder::new(flight.folder()));
-        let mut service = Service { health, flight, state_folder, name: name.clone(), said: None, named: [false; 3] };
+        let mut service = Service {
+            health,
+            flight,
+            state_folder,
+            name: name.clone(),
+            said: None,
+            said_state: None,
+            stops: 0,
+            refused: (0, None),
+            named: [false; 3],
+        };
         let mut manager = Manager::new();
         let (mut watch, mut turns, mut polled) = (BusWatch::default(), 0_u32, false);
         loop {
@@ -87,6 +100,8 @@ pub(crate) fn start(
             if let Some(flight) = &service.flight {
                 flight.serve();
             }
+            // A client that has gone is no concern of the controller's.
+            let _ = control.serve(0, |command| service.asked(command, &pulse));
             // Late subscribers get the latest health; a failure here is a subscriber's, and will show again.
             let _ = service.health.refresh();
             if hangup.as_ref().is_some_and(Hangup::take) {
@@ -132,21 +147,63 @@ pub(crate) fn start(
 }
 
 impl Service {
-    fn take(&mut self, message: &Outbound) {
-        match message {
-            Outbound::Health(health) => {
-                self.say(health);
-                let state_folder = u32::from(self.state_folder());
-                // A subscriber that cannot be reached is not the controller's concern.
-                let _ = self.health.send(&ControllerHealth { state_folder, ..*health });
+    fn take(&mut self, health: &ControllerHealth) {
+        self.say(health);
+        self.say_state(health);
+        let state_folder = u32::from(self.state_folder());
+        // A subscriber that cannot be reached is not the controller's concern.
+        let _ = self.health.send(&ControllerHealth { state_folder, ..*health });
+    }
+
+    /// What a request comes to.
+    fn asked(&self, command: ControlCommand, pulse: &Pulse) -> Answer {
+        let refused = |why: &str| Answer::Now(ControlStatus::Refused, why.to_owned());
+        match (command, self.said_state) {
+            (ControlCommand::Follow, Some(ControllerState::Stopping | ControllerState::Strayed)) => {
+                pulse.follow.store(true, Ordering::Relaxed);
+                Answer::Now(
+                    ControlStatus::Done,
+                    "the plan is followed again once it is within reach of the arm".to_owned(),
+                )
             }
-            Outbound::Stopped => match self.flight.as_ref().map(|flight| flight.write(self.name.as_str())) {
-                None => log::error!(rivet_event = "stop"; "joint states stopped; no --state DIR, no flight record"),
+            (ControlCommand::Follow, _) => refused("the arm is not stopped"),
+            _ => refused("only rivetd does that"),
+        }
+    }
+
+    /// Journals stops with their cause, changes of state and refused setpoints.
+    fn say_state(&mut self, health: &ControllerHealth) {
+        let state = ControllerState::try_from(health.state).unwrap_or(ControllerState::Waiting);
+        if health.stops > self.stops {
+            self.stops = health.stops;
+            let why = stop_text(health.stop_cause, health.stop_joints);
+            match self.flight.as_ref().map(|flight| flight.write(self.name.as_str())) {
+                None => log::error!(rivet_event = "stop"; "stop reaction: {why}; no --state DIR, no flight record"),
                 Some(Ok(path)) => {
-                    log::error!(rivet_event = "stop"; "joint states stopped; flight record {}", path.display());
+                    log::error!(rivet_event = "stop"; "stop reaction: {why}; flight record {}", path.display());
                 }
-                Some(Err(why)) => log::error!(rivet_event = "stop"; "joint states stopped; no flight record: {why}"),
-            },
+                Some(Err(no)) => log::error!(rivet_event = "stop"; "stop reaction: {why}; no flight record: {no}"),
+            }
+        }
+        let before = self.said_state.replace(state);
+        if before != Some(state) {
+            match state {
+                ControllerState::Holding => {
+                    log::warn!(rivet_event = "holding"; "holding: no plan within reach; the arm is held where it is");
+                }
+                ControllerState::Strayed => {
+                    log::error!(rivet_event = "strayed"; "strayed: {}", stop_text(health.stop_cause, health.stop_joints));
+                }
+                ControllerState::Following => log::info!(rivet_event = "following"; "following the plan"),
+                // The cause has been said.
+                ControllerState::Stopping | ControllerState::Waiting | ControllerState::WrongPeriod => {}
+            }
+        }
+        let (counted, named) = self.refused;
+        if health.setpoints_refused > counted && named.is_none_or(|at| at.elapsed() >= NAMED_AGAIN) {
+            self.refused = (health.setpoints_refused, Some(Instant::now()));
+            let why = stop_text(health.plan_refusal, health.plan_joints);
+            log::warn!(rivet_event = "plan-refused"; "{} setpoints refused so far; the last: {why}", health.setpoints_refused);
         }
     }
 

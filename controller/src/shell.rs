@@ -4,11 +4,11 @@ use crate::core::Core;
 use crate::error::StartError;
 use crate::gate::refusal_text;
 use crate::law::Desired;
-use crate::service_thread::{self, Outbound, Pulse};
+use crate::service_thread::{self, Pulse};
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, JointState, OneSource, ParameterSource,
-    Parameters, RobotName, SampleWait, Setpoint,
+    BlackboardWriter, Bus, BusConfig, BusError, Command, ControllerHealth, ControllerState, JointState, OneSource,
+    ParameterSource, Parameters, RobotName, SampleWait, Setpoint,
 };
 use rivet_realtime::{Hangup, RealTimeSettings, Scheduling, Shutdown, now_ns};
 use rivet_service::Flight;
@@ -68,6 +68,9 @@ const POLLS_PER_PERIOD: u32 = 8;
 
 /// Without samples for this long health is said, and then this often \[ns\].
 const QUIET_NS: u64 = 500_000_000;
+
+/// A change of state is said at once, but not more often than this: a state that chatters must not fill the journal \[ns\].
+const STATE_NS: u64 = 200_000_000;
 
 /// Messages that may wait for the service thread.
 const OUTBOUND: usize = 64;
@@ -138,7 +141,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let bus = Bus::open(&config, &name, "rivet-controller")?;
     let ports = open(&bus, &robot, options.lockstep)?;
     // The service thread comes first: what this thread starts later would inherit its scheduling.
-    let (outbound, inbound) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
+    let (outbound, inbound) = rtrb::RingBuffer::<ControllerHealth>::new(OUTBOUND);
     let pulse = Arc::new(Pulse::default());
     let columns = ["q", "tau", "q_des", "qd_des", "qdd_des", "command"].map(|column| (column, robot.dof()));
     let zero = &robot.config.log.joint_zero;
@@ -169,7 +172,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Starts on stored parameters, where there are sound ones; says what it found either way.
+/// Hands over stored parameters, where there are sound ones; says what it found either way.
 fn recall(core: &mut Core, store: &Store, hash: u64) {
     let loaded = store.load(hash);
     for (path, problem) in &loaded.problems {
@@ -177,7 +180,9 @@ fn recall(core: &mut Core, store: &Store, hash: u64) {
     }
     match loaded.knowledge.map(|knowledge| core.recall(&knowledge.parameters.values)) {
         None => log::info!(rivet_event = "state-none"; "no stored parameters: starts on the robot file's"),
-        Some(Ok(())) => log::info!(rivet_event = "state-restored"; "starts on stored parameters"),
+        Some(Ok(())) => {
+            log::info!(rivet_event = "state-read"; "stored parameters act once they have passed the gate; until then the robot file's do")
+        }
         Some(Err(why)) => {
             log::warn!(rivet_event = "state-refused"; "stored parameters are not used: {}", refusal_text(why));
         }
@@ -201,7 +206,7 @@ struct Loop {
     ports: Ports,
     /// A parameter set that waits for a sample to be judged at.
     set: Option<Parameters>,
-    outbound: rtrb::Producer<Outbound>,
+    outbound: rtrb::Producer<ControllerHealth>,
     flight: Option<Arc<Flight>>,
     joints: usize,
     pulse: Arc<Pulse>,
@@ -212,6 +217,7 @@ struct Loop {
     said_ns: u64,
     longest_ns: u64,
     said: (ParameterSource, u64, [bool; 3]),
+    said_state: ControllerState,
     answered_ns: Option<u64>,
     lockstep: bool,
 }
@@ -220,7 +226,7 @@ impl Loop {
     fn new(
         core: Core,
         ports: Ports,
-        outbound: rtrb::Producer<Outbound>,
+        outbound: rtrb::Producer<ControllerHealth>,
         flight: Option<Arc<Flight>>,
         pulse: Arc<Pulse>,
         robot: &Robot,
@@ -233,6 +239,7 @@ impl Loop {
             // A plant that is a little slow still makes it due by its samples, not by the clock.
             longest_ns: ((1.25 * between_ns) as u64).max(QUIET_NS),
             said: (core.source(), 0, [false; 3]),
+            said_state: core.state(),
             core,
             ports,
             set: None,
@@ -259,6 +266,9 @@ impl Loop {
         if self.ports.arrival.wait(patience).is_err() {
             // A listener that fails must not make the loop spin.
             std::thread::sleep(Duration::from_millis(1));
+        }
+        if self.pulse.follow.swap(false, Ordering::Relaxed) {
+            self.core.ask_to_follow();
         }
         let now = now_ns();
         let sample = self.newest_sample(now);
@@ -292,7 +302,10 @@ impl Loop {
         let quiet = self.answered_ns.is_none_or(|answered| now.saturating_sub(answered) >= QUIET_NS);
         let longest = if quiet { QUIET_NS } else { self.longest_ns };
         let overdue = now.saturating_sub(self.said_ns) >= longest;
-        if self.since_health >= self.health_every || overdue || saying != self.said {
+        let state = self.core.state();
+        let changed = state != self.said_state && now.saturating_sub(self.said_ns) >= STATE_NS;
+        if self.since_health >= self.health_every || overdue || changed || saying != self.said {
+            self.said_state = state;
             self.since_health = 0;
             self.said_ns = now;
             self.said = saying;
@@ -300,7 +313,8 @@ impl Loop {
             self.core.write_health(&mut health);
             health.stamp_ns = now;
             [health.foreign_joint_states, health.foreign_setpoints, health.foreign_parameters] = foreign;
-            self.hand_over(Outbound::Health(health));
+            // A service thread that does not keep up costs messages, never the loop's time.
+            let _ = self.outbound.push(health);
         }
     }
 
@@ -339,18 +353,9 @@ impl Loop {
     fn react(&mut self, now: u64) {
         let Some(answered) = self.answered_ns else { return };
         let periods = now.saturating_sub(answered) / (self.period.as_nanos() as u64).max(1);
-        let stops = self.core.counts().stops;
         let Some(mut command) = self.core.missing(periods) else { return };
         command.stamp_ns = now_ns();
         self.ports.command.write(&command);
         self.since_health += 1;
-        if self.core.counts().stops > stops {
-            self.hand_over(Outbound::Stopped);
-        }
-    }
-
-    /// A service thread that does not keep up costs messages, never the loop's time.
-    fn hand_over(&mut self, message: Outbound) {
-        let _ = self.outbound.push(message);
     }
 }

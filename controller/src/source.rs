@@ -62,11 +62,10 @@ impl Sources {
         }
     }
 
-    /// Starts on `stored` parameters instead.
+    /// Parameters of an earlier run have passed the gate: they act instead of the nominal ones.
     pub(crate) fn recall(&mut self, stored: &Values) {
         self.last_good = Some(*stored);
-        self.source = ParameterSource::LastGood;
-        self.reason = SourceReason::Stored;
+        self.switch(ParameterSource::LastGood, SourceReason::Stored);
     }
 
     /// The parameters that should act.

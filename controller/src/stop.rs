@@ -1,17 +1,15 @@
-//! What the arm gets when joint states stop: torque from what was known last, for nothing newer is known.
+//! What the arm gets when it is stopped: torque from what can still be trusted.
+//!
+//! `damp` is a plan of the controller's own, from the state in which the stop began to rest: `q̇ = q̇₀·e^(−t/T)`. The model knows its
+//! torque. Joints with a trusted encoder are kept on it by slow feedback; the others get the torque alone. Friction is left
+//! out of that torque: it then brakes a joint more than planned, and never drives one whose velocity is not known.
 
+use crate::history::{History, Moment};
+use crate::inertia::acceleration_of;
 use crate::law::ControlLaw;
 use rivet_config::StopReaction;
 use rivet_dynamics::MAX_JOINTS;
-
-/// The last moment at which the arm was seen.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub(crate) struct LastSeen {
-    /// Positions \[rad\].
-    pub(crate) q: [f64; MAX_JOINTS],
-    /// Velocities \[rad/s\].
-    pub(crate) qd: [f64; MAX_JOINTS],
-}
+use rivet_ipc_schema::StopCause;
 
 /// The configured reaction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,44 +22,141 @@ pub(crate) struct Stop {
 /// `damp` slows down as e^(−t/T) with T this share of the stop time: 2 % of the speed is left at its end.
 const DECAY_SHARE: f64 = 0.25;
 
+/// Bandwidth of the feedback on a stop \[rad/s\], critically damped: stable with readings that are 100 ms late (up to 6 rad/s).
+const FEEDBACK: f64 = 4.0;
+
+/// Longest time over which the arm's motion is reckoned from commands \[s\].
+const LONGEST_RECKONED_S: f64 = 0.1;
+
+/// Steps in that.
+const RECKONING_STEPS: usize = 5;
+
+/// A stop that has begun.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stopping {
+    pub(crate) cause: StopCause,
+    /// Joints that the cause names, bit 0 the base's.
+    pub(crate) joints: u32,
+    /// Joints whose readings are not used.
+    pub(crate) untrusted: u32,
+    /// The state in which it began.
+    pub(crate) q: [f64; MAX_JOINTS],
+    pub(crate) qd: [f64; MAX_JOINTS],
+    /// The command before it \[N·m\].
+    pub(crate) tau: [f64; MAX_JOINTS],
+    /// Periods since then.
+    pub(crate) periods: u64,
+    /// Valid samples in a row.
+    pub(crate) sound: u64,
+    /// Only a request ends it.
+    pub(crate) until_asked: bool,
+}
+
+impl Stopping {
+    /// Whether the encoders themselves are in doubt: then no later sample makes a joint trusted again.
+    pub(crate) fn doubts_encoders(&self) -> bool {
+        use StopCause::{EncoderJump, Frozen, NoResponse, TooFast, TrackingError};
+        matches!(self.cause, Frozen | EncoderJump | TooFast | NoResponse | TrackingError)
+    }
+}
+
 impl Stop {
-    /// Torque \[N·m\] `since_s` after the arm was last seen, and `stopping_s` after the reaction began with the torque
-    /// `last`.
+    /// Torque \[N·m\] of a stop that has lasted for `stopping_s`. `seen` are positions and velocities of a sample, if there is
+    /// one. `x` are base parameters without friction.
     ///
-    /// * hold: what holds the last pose against gravity;
-    /// * ramp: `last`, going to zero in a straight line;
-    /// * damp: the motion `q̇ = q̇₀·e^(−t/T)` from the last state, whose torque the model knows; it ends as `hold` does.
+    /// * hold: what holds the first pose against gravity;
+    /// * ramp: the last torque, reduced to zero in a straight line;
+    /// * damp: see the module; it ends as `hold` does.
     pub(crate) fn torque(
         self,
         law: &mut ControlLaw,
         x: &[f64],
-        seen: &LastSeen,
-        last: &[f64],
-        since_s: f64,
+        stopping: &Stopping,
+        seen: Option<[&[f64; MAX_JOINTS]; 2]>,
         stopping_s: f64,
         tau: &mut [f64],
     ) {
         let n = tau.len();
         let zero = [0.0; MAX_JOINTS];
         match self.reaction {
-            StopReaction::Hold => law.model_torque(&seen.q[..n], &zero[..n], &zero[..n], x, tau),
+            StopReaction::Hold => law.model_torque(&stopping.q[..n], &zero[..n], &zero[..n], x, tau),
             StopReaction::Ramp => {
                 let share = (1.0 - stopping_s / self.time_s).max(0.0);
-                for (tau, last) in tau.iter_mut().zip(last) {
+                for (tau, last) in tau.iter_mut().zip(&stopping.tau) {
                     *tau = share * last;
                 }
             }
             StopReaction::Damp => {
                 let time = DECAY_SHARE * self.time_s;
-                let left = if stopping_s >= self.time_s { 0.0 } else { (-since_s / time).exp() };
-                let (mut q, mut qd, mut qdd) = (seen.q, zero, zero);
+                let rest = if stopping_s >= self.time_s { 0.0 } else { (-stopping_s / time).exp() };
+                let (mut q, mut qd, mut qdd) = (stopping.q, zero, zero);
                 for j in 0..n {
-                    q[j] += seen.qd[j] * time * (1.0 - left);
-                    qd[j] = seen.qd[j] * left;
+                    q[j] += stopping.qd[j] * time * (1.0 - rest);
+                    qd[j] = stopping.qd[j] * rest;
                     qdd[j] = -qd[j] / time;
+                    if let Some([measured, speed]) = seen
+                        && stopping.untrusted & 1 << j == 0
+                    {
+                        qdd[j] += FEEDBACK * FEEDBACK * (q[j] - measured[j]) + 2.0 * FEEDBACK * (qd[j] - speed[j]);
+                        q[j] = measured[j];
+                    }
                 }
                 law.model_torque(&q[..n], &qd[..n], &qdd[..n], x, tau);
             }
         }
     }
+}
+
+/// Positions and velocities now, of which those of `untrusted` joints are reckoned from the commands since `doubted` samples
+/// before the last one of `history`; `unseen` periods have gone by after that. Joints that are trusted are where the last sample
+/// saw them, unless there is none since. `x` are base parameters with friction.
+///
+/// Real-time safe: bounded work.
+pub(crate) fn reckon(
+    law: &mut ControlLaw,
+    x: &[f64],
+    mass: &mut [f64],
+    history: &History,
+    untrusted: u32,
+    [doubted, unseen]: [usize; 2],
+    period_s: f64,
+) -> Option<Moment> {
+    let n = law.dof();
+    let doubted = doubted.min(history.len().saturating_sub(1));
+    let (mut now, newest) = (*history.at(doubted)?, *history.at(0)?);
+    let all = doubted + unseen;
+    let most = (LONGEST_RECKONED_S / period_s) as usize;
+    let (begin, count) = (all.saturating_sub(most), all.min(most));
+    for part in 0..RECKONING_STEPS {
+        // Periods of this step, from the oldest on.
+        let (from, to) = (begin + part * count / RECKONING_STEPS, begin + (part + 1) * count / RECKONING_STEPS);
+        if from == to {
+            continue;
+        }
+        let mut tau = [0.0; MAX_JOINTS];
+        for k in from..to {
+            let moment = history.at(doubted.saturating_sub(k)).unwrap_or(&newest);
+            for (sum, tau) in tau.iter_mut().zip(&moment.tau) {
+                *sum += tau / (to - from) as f64;
+            }
+        }
+        let span_s = (to - from) as f64 * period_s;
+        let a = acceleration_of(law, [&now.q[..n], &now.qd[..n]], &tau[..n], x, mass);
+        let seen = history.at(doubted.saturating_sub(to)).unwrap_or(&newest);
+        for j in 0..n {
+            if untrusted & 1 << j == 0 && to <= doubted {
+                (now.q[j], now.qd[j]) = (seen.q[j], seen.qd[j]);
+                continue;
+            }
+            let before = now.qd[j];
+            now.qd[j] += a[j] * span_s;
+            if now.qd[j] * before < 0.0 {
+                // Friction brings a joint to rest; it does not turn it round.
+                now.qd[j] = 0.0;
+            }
+            now.q[j] += 0.5 * (before + now.qd[j]) * span_s;
+        }
+    }
+    now.tau = newest.tau;
+    Some(now)
 }

@@ -11,19 +11,30 @@ pub(crate) struct VelocityFilter {
     weight: f64,
     last: Option<[f64; MAX_JOINTS]>,
     velocity: [f64; MAX_JOINTS],
+    /// Share of the filtered velocity that was none: of the time before the first positions.
+    unknown: f64,
 }
+
+/// Largest share of a velocity that may be of the time before the first positions.
+const MOST_UNKNOWN: f64 = 0.05;
 
 impl VelocityFilter {
     /// `period_s` of the samples, `cutoff_hz` of the low-pass.
     pub(crate) fn new(period_s: f64, cutoff_hz: f64) -> VelocityFilter {
         let weight = 1.0 - (-std::f64::consts::TAU * cutoff_hz * period_s).exp();
-        VelocityFilter { period_s, weight, last: None, velocity: [0.0; MAX_JOINTS] }
+        VelocityFilter { period_s, weight, last: None, velocity: [0.0; MAX_JOINTS], unknown: 1.0 }
     }
 
     /// Forgets the motion: the next positions are the first.
     pub(crate) fn restart(&mut self) {
         self.last = None;
         self.velocity = [0.0; MAX_JOINTS];
+        self.unknown = 1.0;
+    }
+
+    /// Whether the filter has seen enough to know the velocity.
+    pub(crate) fn is_known(&self) -> bool {
+        self.unknown <= MOST_UNKNOWN
     }
 
     /// Takes in positions that are `periods` sample periods younger than the last ones (1 without losses).
@@ -31,6 +42,7 @@ impl VelocityFilter {
         let mut now = [0.0; MAX_JOINTS];
         now[..q.len()].copy_from_slice(q);
         if let Some(last) = self.last {
+            self.unknown *= 1.0 - self.weight;
             let elapsed = self.period_s * periods.max(1) as f64;
             for j in 0..q.len() {
                 self.velocity[j] += self.weight * ((now[j] - last[j]) / elapsed - self.velocity[j]);

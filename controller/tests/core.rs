@@ -5,7 +5,7 @@ mod common;
 use common::{core, robot, robot_with, setpoint, state};
 use rivet_controller::Skipped;
 use rivet_dynamics::{Workspace, inverse_dynamics};
-use rivet_ipc_schema::{CommandMode, ControllerHealth, ControllerState, JointState, faults};
+use rivet_ipc_schema::{CommandMode, ControllerHealth, ControllerState, JointState, StopCause, faults};
 
 const Q: [f64; 6] = [0.3, -0.4, 0.8, 0.2, -0.7, 0.1];
 
@@ -68,10 +68,18 @@ fn the_two_laws_differ_in_how_an_error_acts() {
     assert!(pd[1].abs() < 0.02 * pd[0].abs(), "but for gravity joint 3 does not care: {pd:?}");
 }
 
+/// From 0 to 1 with an end at rest on both sides.
+fn smooth(x: f64) -> f64 {
+    let x = x.min(1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
 /// A constant torque that no model has: without integral action the arm stays away from its setpoint, with it it arrives.
 #[test]
-fn integral_action_removes_a_constant_error_and_does_not_wind_up() {
-    let robot = robot_with("manutec-r3", &[("[controller]\n", "[controller]\nintegral_hz = 0.3\n")]);
+fn integral_action_removes_a_constant_error() {
+    // An arm that does not answer its torque for so long would be stopped.
+    let words = "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\n";
+    let robot = robot_with("manutec-r3", &[("[controller]\n", words)]);
     let mut core = core(&robot);
     let mut away = Q;
     away[0] -= 0.01;
@@ -86,22 +94,30 @@ fn integral_action_removes_a_constant_error_and_does_not_wind_up() {
     let proportional = taus[399] - 0.4 / 1.0 * (taus[1999] - taus[999]);
     let per_second = (taus[1999] - taus[999]) / proportional;
     assert!((per_second - std::f64::consts::TAU * 0.3).abs() < 0.1, "{per_second}");
-    // An error that saturates the drive is not taken in.
-    for joint in 0..6 {
-        away[joint] = Q[joint] + 0.45;
-    }
-    let before = core.counts().saturated;
-    for seq in 3001..=9000 {
-        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
-        core.tick(&state(seq, &away)).expect("a sound sample");
-    }
-    assert!(core.counts().saturated > before + 5000);
-    let mut last = 0.0;
-    for seq in 9001..=9400 {
-        core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
-        last = core.tick(&state(seq, &Q)).expect("a sound sample").tau[0];
-    }
-    assert!((last - (taus[2999] - proportional)).abs() < 0.05 * last.abs(), "{last} after {}", taus[2999]);
+}
+
+/// An error that saturates the drives is not taken in: for how long it lasts makes no difference.
+#[test]
+fn integral_does_not_wind_up_while_a_drive_is_at_its_limit() {
+    // An arm that does not answer its torque for so long would be stopped.
+    let words = "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\n";
+    let robot = robot_with("manutec-r3", &[("[controller]\n", words)]);
+    let after = |standing: u64| {
+        let mut core = core(&robot);
+        let mut last = 0.0;
+        // There and back in two seconds each: no faster than joints are.
+        for seq in 1..=5000 + standing {
+            let way = smooth(seq as f64 / 2000.0) - smooth(seq.saturating_sub(2000 + standing) as f64 / 2000.0);
+            let away: Vec<f64> = Q.iter().map(|q| q + 0.45 * way).collect();
+            core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+            last = core.tick(&state(seq, &away)).expect("a sound sample").tau[0];
+        }
+        assert_eq!(core.counts().stops, 0);
+        (last, core.counts().saturated)
+    };
+    let (short, long) = (after(100), after(4000));
+    assert!(long.1 >= short.1 + 3900, "{} and {}", short.1, long.1);
+    assert!((long.0 - short.0).abs() < 1e-6 * short.0.abs(), "{} and {}", short.0, long.0);
 }
 
 #[test]
@@ -156,7 +172,10 @@ fn a_plan_beyond_the_joint_limits_is_brought_back() {
     core.offer_setpoint(&setpoint(1, &q, &fast, &[0.0; 6]));
     let mut there = Q;
     there[0] = upper;
-    core.tick(&state(1, &there)).expect("a sound sample");
+    // How a plan in motion is joined depends on the arm's speed, which a few samples show.
+    for seq in 1..=8 {
+        core.tick(&state(seq, &there)).expect("a sound sample");
+    }
     let plan = core.plan().expect("it is followed");
     assert_eq!((plan.q[0], plan.qd[1]), (upper, robot.model.arm.joints[1].velocity));
     assert_eq!(core.counts().setpoints_limited, 1);
@@ -194,7 +213,9 @@ fn the_plan_of_an_earlier_run_is_not_followed() {
     let mut core = core(&robot);
     let near: Vec<f64> = Q.iter().map(|q| q + 0.1).collect();
     core.offer_setpoint(&setpoint(10_000, &near, &[0.0; 6], &[0.0; 6]));
-    core.tick(&state(10_000, &Q)).expect("a sound sample");
+    for seq in 10_000..10_008 {
+        core.tick(&state(seq, &Q)).expect("a sound sample");
+    }
     assert_eq!(core.plan().expect("followed").q[0], near[0]);
     for seq in 1..=200 {
         core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
@@ -219,36 +240,47 @@ fn a_plan_of_the_future_is_not_followed() {
 /// The drives cannot hold the arm on its plan: it is braked, stands, and joins the plan again where that comes near.
 #[test]
 fn an_arm_that_strays_from_the_plan_is_braked_and_joins_again() {
-    let robot = robot();
+    let robot = robot_with("manutec-r3", &[("[controller]\n", "[controller]\nsaturation_ms = 10000\n")]);
     let mut core = core(&robot);
     let plan = |core: &mut rivet_controller::Core, seq| core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
     let (mut q, mut seq) = (Q, 0);
-    // Joint 1 is pushed away at 2 rad/s.
-    while q[0] < Q[0] + 0.6 {
-        (q[0], seq) = (q[0] + 0.002, seq + 1);
+    // Joint 1 is pushed away at 0.1 rad/s.
+    while q[0] < Q[0] + 0.3 {
+        (q[0], seq) = (q[0] + 1e-4, seq + 1);
         plan(&mut core, seq);
         core.tick(&state(seq, &q)).expect("a sound sample");
     }
     assert_eq!(state_of(&core), ControllerState::Strayed);
     assert_eq!(core.counts().strayed, 1);
-    // It stands half a radian away: it is held there, with the torque that it needs there.
+    // It stands there: it is held, with the torque that it needs there.
     let mut torque = [0.0; 8];
-    for _ in 0..500 {
+    // Positions that stop at once are called frozen for a second.
+    for _ in 0..1500 {
         seq += 1;
         plan(&mut core, seq);
         torque = core.tick(&state(seq, &q)).expect("a sound sample").tau;
     }
-    assert_eq!(state_of(&core), ControllerState::Holding);
+    assert_eq!(state_of(&core), ControllerState::Strayed, "the plan is out of reach");
     let mut still = common::core(&robot);
     let mut held = [0.0; 8];
     for seq in 1..=500 {
         held = still.tick(&state(seq, &q)).expect("a sound sample").tau;
     }
-    assert!((torque[0] - held[0]).abs() < 1e-6, "{} against {}", torque[0], held[0]);
+    assert!(
+        (torque[0] - held[0]).abs() < 0.01 * robot.config.drive.torque_limit[0],
+        "{} against {}",
+        torque[0],
+        held[0]
+    );
     // The plan comes to the arm.
-    core.offer_setpoint(&setpoint(seq + 1, &q, &[0.0; 6], &[0.0; 6]));
-    core.tick(&state(seq + 1, &q)).expect("a sound sample");
-    assert_eq!(state_of(&core), ControllerState::Following);
+    let first = seq;
+    while state_of(&core) != ControllerState::Following {
+        seq += 1;
+        core.offer_setpoint(&setpoint(seq, &q, &[0.0; 6], &[0.0; 6]));
+        core.tick(&state(seq, &q)).expect("a sound sample");
+        assert!(seq <= first + 1, "it has been sound for longer than 0.2 s");
+    }
+    assert_eq!((core.counts().stops, core.counts().resumed), (1, 1));
 }
 
 /// At another rate velocity and rate limit are wrong: no command, and no stop reaction either as long as nothing was right.
@@ -268,8 +300,8 @@ fn samples_at_another_rate_get_no_command() {
     // Once right, then wrong: the arm may be in motion, and is stopped.
     let mut core = common::core(&robot);
     skipped(&mut core, 1..=300, 1_000_000, 1).expect("the stated rate");
-    assert_eq!(skipped(&mut core, 301..=600, 2_000_000, 0), Err(Skipped::WrongPeriod));
-    assert!(core.missing(100).is_some());
+    skipped(&mut core, 301..=600, 2_000_000, 0).expect("the stop reaction");
+    assert_eq!(core.stop_cause(), Some((StopCause::WrongPeriod, 0)));
 }
 
 /// While nothing was heard of the arm it sagged: what the law wants at once then comes at the permitted rate.

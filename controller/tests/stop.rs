@@ -2,9 +2,10 @@
 
 mod common;
 
+use common::rig::{Rig, Wrong};
 use common::{Moving, core, largest_step, robot, robot_with};
 use rivet_controller::Core;
-use rivet_ipc_schema::{Command, ControllerHealth, ControllerState};
+use rivet_ipc_schema::{Command, ControllerHealth, ControllerState, StopCause};
 
 fn stopping(core: &Core) -> bool {
     let mut health = ControllerHealth::default();
@@ -57,7 +58,9 @@ fn a_sample_that_is_repeated_is_no_sample() {
             assert!(core.tick(&frozen).is_err(), "{reaction}: repetition {k} is answered");
             stopped.extend(core.missing(k));
         }
-        assert_eq!(stopped.len() as u64, 1001 - stale_periods, "{reaction}: from the configured period on");
+        // Samples that are wrong are waited for less than samples that do not come.
+        let waited = stale_periods.min(12);
+        assert_eq!(stopped.len() as u64, 1001 - waited, "{reaction}");
         assert_eq!((core.counts().stops, stopping(&core)), (1, true), "{reaction}");
         if reaction == "ramp" {
             assert_eq!(stopped.last().expect("commands").tau, [0.0; 8]);
@@ -87,14 +90,16 @@ fn each_reaction_ends_where_it_should() {
     let (robot, _, _, hold) = run_dry("hold", 400);
     let (_, _, moved, damp) = run_dry("damp", 400);
     let mut still = core(&robot);
-    let (sample, _) = Moving { seq: 1999, ..Moving::new(&robot, &robot.nominal_base) }.next();
+    // The fifth missing period: where the arm is then is reckoned.
+    let (sample, _) = Moving { seq: 2004, ..Moving::new(&robot, &robot.nominal_base) }.next();
     let mut gravity = [0.0; 8];
     for seq in 1..=400 {
         gravity = still.tick(&rivet_ipc_schema::JointState { seq, ..sample }).expect("a sound sample").tau;
     }
     for j in 0..6 {
         let held = hold.last().expect("commands").tau[j];
-        assert!((held - gravity[j]).abs() < 1e-6 * (1.0 + gravity[j].abs()), "{held} against {}", gravity[j]);
+        let limit = robot.config.drive.torque_limit[j];
+        assert!((held - gravity[j]).abs() < 2e-3 * limit, "{held} against {}", gravity[j]);
     }
     // The first torque of damp brakes: it is further against the motion than that of the plan.
     let mut speed = sample.q;
@@ -107,17 +112,35 @@ fn each_reaction_ends_where_it_should() {
     }
 }
 
-/// When samples come again the torque goes on from the last command, and a plan that is near is followed again.
+/// When samples come again the torque goes on from the last command, and a plan that is within reach is followed again after as many samples
+/// as are configured, or when somebody asks.
 #[test]
 fn samples_that_come_again_are_answered_without_a_step() {
-    let (robot, mut core, _, stopped) = run_dry("damp", 60);
-    let mut moving = Moving::new(&robot, &robot.nominal_base);
-    moving.seq = 2060;
-    let again = moving.run(&mut core, 500, |_, _| ());
-    assert!(!stopping(&core));
-    let all: Vec<_> = [stopped[stopped.len() - 1]].into_iter().chain(again).collect();
-    assert!(largest_step(&robot, &all) <= 1.0 + 1e-9);
-    assert!(core.plan().is_some());
+    for (resume_after, asked) in [("300", false), ("0", true)] {
+        let words = format!("resume_after = {resume_after}\nstale_periods = 5\n");
+        let mut rig = Rig::new("dd2", 0.001, &words, 0.2);
+        let silent = rig.run(1.5, Wrong::Silence, 0.06, |_, _| ());
+        assert_eq!(silent.stop.map(|(cause, ..)| cause), Some(StopCause::Silence));
+        let resumed = |rig: &Rig| rig.core.counts().resumed;
+        // The planner waits beside the arm.
+        let mut beside = rig.position();
+        beside[0] += 0.1;
+        let wait = |rig: &mut Rig, seconds: f64| {
+            rig.run(0.0, Wrong::Nothing, seconds, |_, plan| *plan = [beside, [0.0; 8], [0.0; 8]]);
+        };
+        wait(&mut rig, 0.299);
+        assert_eq!(resumed(&rig), 0, "not before 300 samples");
+        wait(&mut rig, 2.0);
+        if asked {
+            assert_eq!(resumed(&rig), 0, "only on request");
+            rig.core.ask_to_follow();
+            wait(&mut rig, 2.0);
+        }
+        assert!((rig.position()[0] - beside[0]).abs() < 0.02, "the arm has come to the plan");
+        assert_eq!((resumed(&rig), rig.core.counts().stops), (1, 1), "resume_after = {resume_after}");
+        assert!(rig.core.plan().is_some());
+        assert!(rig.largest_step() <= 1.0 + 1e-9, "{}", rig.largest_step());
+    }
 }
 
 /// However often the loop wakes in a period, the torque takes one step.

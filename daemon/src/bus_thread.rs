@@ -197,6 +197,7 @@ impl Requests {
             (ControlCommand::Save, Some(kept)) if kept.save_now() => Answer::Later,
             (ControlCommand::Save, Some(_)) => refused("there is nothing new that is worth storing"),
             (ControlCommand::Save, None) => refused("rivetd runs without --state: nothing is stored"),
+            (ControlCommand::Follow, _) => refused("only rivet-controller follows a plan"),
             (ControlCommand::Load, _) => refused("what is stored is taken up at the start only"),
             (ControlCommand::Reload, _) => match self.reloads.send(()) {
                 Ok(()) => Answer::Later,

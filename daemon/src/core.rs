@@ -1,14 +1,14 @@
 //! Every decision of the daemon's loop, with no clock, bus or thread in it.
 
 use crate::drift::DriftWatch;
-use crate::input::{FaultRecord, Found, InputGuard};
-use crate::torque_watch::TorqueWatch;
+use crate::fault_record::{FaultRecord, Met};
 use rivet_config::Robot;
-use rivet_dynamics::MAX_JOINTS;
+use rivet_dynamics::{JointKind, MAX_JOINTS};
 use rivet_estimation::{
     Identifier, Instrument, LARGEST_EFFORT, LARGEST_MOTION, Motion, Observer, ParameterState as Estimated, Phase,
     Reconfigured, Row, Sample, SettingsError, Skip, Step,
 };
+use rivet_input_checks::{Fault, JointLimits, Reading, ReadingCheck, TorqueCheck};
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Drift, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel,
     MAX_PARAMETERS, OldNumbers, ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
@@ -79,8 +79,8 @@ const DECIMATE: usize = 4;
 pub struct Core {
     identifier: Identifier,
     clock: SampleClock,
-    guard: InputGuard,
-    watch: TorqueWatch,
+    guard: ReadingCheck,
+    watch: TorqueCheck,
     drift: DriftWatch,
     record: FaultRecord,
     load: LoadLevel,
@@ -119,8 +119,8 @@ impl Core {
             memory: (identifier.memory_len(), identifier.memory_fingerprint()),
             identifier,
             clock: SampleClock::new(robot.config.sample_period_s),
-            guard: InputGuard::new(robot),
-            watch: TorqueWatch::new(robot.model.arm.dof(), robot.config.sample_period_s),
+            guard: ReadingCheck::new(&joint_limits(robot), robot.config.sample_period_s),
+            watch: TorqueCheck::new(robot.model.arm.dof(), robot.config.sample_period_s),
             drift: DriftWatch::new(robot, settings.row_period_s()),
             record: FaultRecord::NONE,
             load: LoadLevel::Normal,
@@ -205,13 +205,13 @@ impl Core {
                 self.interrupted = true;
                 self.guard.restart();
                 self.watch.forget();
-                self.record.interrupt(Found { fault: InputFault::PublisherRestarted, joints: 0 }, 1);
+                self.record.interrupt(Met { fault: InputFault::PublisherRestarted, joints: 0 }, 1);
             } else {
                 let lost = sample.seq - last - 1;
                 self.counts.lost = self.counts.lost.saturating_add(lost);
                 if lost > 0 {
                     self.interrupted = true;
-                    self.record.interrupt(Found { fault: InputFault::Lost, joints: 0 }, lost);
+                    self.record.interrupt(Met { fault: InputFault::Lost, joints: 0 }, lost);
                 }
                 if !self.guard.stamps_fit(lost, self.last_stamp_ns, sample.stamp_ns) {
                     // The rate is looked at anew; the signals know only sequence numbers.
@@ -256,9 +256,11 @@ impl Core {
         if self.setpoints_seen && setpoint.is_none() {
             self.counts.setpoints_missing += 1;
         }
-        if let Some(found) = self.guard.look(sample, setpoint) {
+        let reading = Reading { seq: sample.seq, q: &sample.q[..n], tau: &sample.tau[..n] };
+        if let Some(found) = self.guard.check(&reading, setpoint.map(|s| &s.q[..n])) {
             self.counts.unbelievable += 1;
-            return Err(self.refuse(found.fault, found.joints, Refused::Reading(found.fault)));
+            let fault = input_fault(found.fault);
+            return Err(self.refuse(fault, found.joints, Refused::Reading(fault)));
         }
         if self.load == LoadLevel::Hold {
             // The signals begin anew when learning does: nothing of a fault is in them.
@@ -276,7 +278,7 @@ impl Core {
         }
         let estimate = self.identifier.estimate();
         self.watch.read(&estimate, estimate.updates >= self.provisional_updates);
-        let (wrong, ended) = self.watch.sample(sample, &self.guard);
+        let (wrong, ended) = self.watch.sample(&sample.tau[..n], &self.guard);
         if ended {
             self.counts.gaps += 1;
             self.identifier.restart_signals();
@@ -295,7 +297,7 @@ impl Core {
         self.counts.samples += 1;
         self.counts.doubted += u64::from(step == Step::Skipped(Skip::NotAdmitted));
         match wrong {
-            Some(found) => self.record.interrupt(found, 1),
+            Some(found) => self.record.interrupt(Met { fault: input_fault(found.fault), joints: found.joints }, 1),
             None => self.record.good(step != Step::WarmingUp),
         }
         Ok(())
@@ -303,7 +305,7 @@ impl Core {
 
     fn refuse(&mut self, fault: InputFault, joints: u32, why: Refused) -> Refused {
         self.interrupted = true;
-        self.record.interrupt(Found { fault, joints }, 1);
+        self.record.interrupt(Met { fault, joints }, 1);
         why
     }
 
@@ -418,7 +420,9 @@ impl Core {
                 self.watch.forget();
                 self.guard.restart();
             }
-            ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload => return false,
+            ControlCommand::Save | ControlCommand::Load | ControlCommand::Reload | ControlCommand::Follow => {
+                return false;
+            }
         }
         true
     }
@@ -554,11 +558,35 @@ impl Core {
     }
 }
 
+/// What the robot file says of each joint.
+fn joint_limits(robot: &Robot) -> Vec<JointLimits> {
+    let drive = &robot.config.drive;
+    let limits = |(j, joint): (usize, &rivet_dynamics::Joint)| JointLimits {
+        resolution: drive.encoder_resolution[j],
+        torque: drive.torque_limit[j],
+        revolute: joint.kind == JointKind::Revolute,
+    };
+    robot.model.arm.joints.iter().enumerate().map(limits).collect()
+}
+
+/// The number that health reports a fault under.
+fn input_fault(fault: Fault) -> InputFault {
+    match fault {
+        Fault::Frozen => InputFault::Frozen,
+        Fault::EncoderJump => InputFault::EncoderJump,
+        Fault::Saturated => InputFault::Saturated,
+        Fault::SignFlipped => InputFault::SignFlipped,
+        Fault::TorqueStuck => InputFault::TorqueStuck,
+        // Of the commanded torque: the daemon does not ask for these.
+        Fault::TooFast | Fault::NoResponse | Fault::CommandSaturated => InputFault::Implausible,
+    }
+}
+
 struct Onlooker<'a, F> {
-    watch: &'a mut TorqueWatch,
+    watch: &'a mut TorqueCheck,
     drift: &'a mut DriftWatch,
     seq: u64,
-    guard: &'a InputGuard,
+    guard: &'a ReadingCheck,
     done: F,
 }
 

@@ -8,8 +8,8 @@ mod consistent;
 mod core;
 mod drift;
 mod error;
+mod fault_record;
 mod flight;
-mod input;
 mod keeper;
 mod ladder;
 mod loop_thread;
@@ -21,7 +21,6 @@ pub mod shell;
 mod snapshot;
 mod streams;
 mod timing;
-mod torque_watch;
 
 pub use crate::consistent::Projector;
 pub use crate::core::{Core, Counts, Output, Refused};

@@ -28,6 +28,8 @@
 #define RIVET_HISTOGRAM_BINS 32
 /* Entries of controller_health.refusals. */
 #define RIVET_REFUSALS 16
+/* Entries of controller_health.stop_causes. */
+#define RIVET_STOP_CAUSES 24
 /* Longest control_reply.text [bytes]. */
 #define RIVET_REPLY_TEXT 1000
 /* Entries of health.input_faults. */
@@ -305,6 +307,8 @@ enum {
     /* Made by a daemon that reckons with another sample period, or while samples come at another rate than the robot
      * file's. */
     RIVET_PARAMETER_REFUSAL_OTHER_PERIOD = 14,
+    /* The arm would need several times its drives' torque to carry itself, or against friction. */
+    RIVET_PARAMETER_REFUSAL_IMPLAUSIBLE = 15,
 };
 
 /* What the controller is doing (ControllerHealth::state). */
@@ -315,15 +319,59 @@ enum {
     RIVET_CONTROLLER_STATE_HOLDING = 1,
     /* The plan is followed. */
     RIVET_CONTROLLER_STATE_FOLLOWING = 2,
-    /* Joint states have stopped: the stop reaction acts. */
+    /* The stop reaction acts; controller_health.stop_cause says why. */
     RIVET_CONTROLLER_STATE_STOPPING = 3,
-    /* The arm came too far from the plan: it is braked, and joins the plan where that comes near. */
+    /* The arm came too far from its plan: the stop reaction acts. */
     RIVET_CONTROLLER_STATE_STRAYED = 4,
     /* Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is answered. */
     RIVET_CONTROLLER_STATE_WRONG_PERIOD = 5,
 };
 
-/* A wish to the daemon. */
+/* Why the stop reaction began (ControllerHealth::stop_cause). */
+enum {
+    /* Nothing: the stop reaction has not acted yet. */
+    RIVET_STOP_CAUSE_NONE = 0,
+    /* No joint state came for [controller] stale_periods. */
+    RIVET_STOP_CAUSE_SILENCE = 1,
+    /* Joint states came whose sequence numbers did not go forward. */
+    RIVET_STOP_CAUSE_OLD_SAMPLES = 2,
+    /* The robot controller set fault bits. */
+    RIVET_STOP_CAUSE_ROBOT_FAULT = 3,
+    /* Joint states have another number of joints. */
+    RIVET_STOP_CAUSE_WRONG_SHAPE = 4,
+    /* A position or a torque is not finite. */
+    RIVET_STOP_CAUSE_NOT_FINITE = 5,
+    /* A position or a torque is beyond all that an arm can have. */
+    RIVET_STOP_CAUSE_IMPLAUSIBLE = 6,
+    /* Joint states come at another rate than the robot file's sample_period_s. */
+    RIVET_STOP_CAUSE_WRONG_PERIOD = 7,
+    /* A position repeats although its joint moves, or its plan has left it. */
+    RIVET_STOP_CAUSE_FROZEN = 8,
+    /* A position changed faster than any drive moves its joint. */
+    RIVET_STOP_CAUSE_ENCODER_JUMP = 9,
+    /* A joint is beyond its speed limit. */
+    RIVET_STOP_CAUSE_TOO_FAST = 10,
+    /* A joint does not move as the commanded torque moves it. */
+    RIVET_STOP_CAUSE_NO_RESPONSE = 11,
+    /* A measured torque is opposite to the commanded one. */
+    RIVET_STOP_CAUSE_SIGN_FLIPPED = 12,
+    /* A measured torque repeats although the commanded one changes. */
+    RIVET_STOP_CAUSE_TORQUE_STUCK = 13,
+    /* A commanded torque was at its limit for longer than [controller] saturation_ms. */
+    RIVET_STOP_CAUSE_SATURATED = 14,
+    /* A joint is further from its plan than [controller] tracking_error. */
+    RIVET_STOP_CAUSE_TRACKING_ERROR = 15,
+    /* The plan has a number that is not finite, or another number of joints. */
+    RIVET_STOP_CAUSE_PLAN_NOT_FINITE = 16,
+    /* The plan has a number beyond all that an arm can do. */
+    RIVET_STOP_CAUSE_PLAN_IMPLAUSIBLE = 17,
+    /* The plan jumps further than the joint can follow. */
+    RIVET_STOP_CAUSE_PLAN_JUMP = 18,
+    /* The plan needs more torque than the drives have. */
+    RIVET_STOP_CAUSE_PLAN_ACCELERATION = 19,
+};
+
+/* A wish to the daemon or the controller. */
 enum {
     /* Keep the parameters as they are. */
     RIVET_CONTROL_COMMAND_FREEZE = 0,
@@ -337,6 +385,8 @@ enum {
     RIVET_CONTROL_COMMAND_LOAD = 4,
     /* Read the robot file anew: filters, window and thresholds change between two samples. */
     RIVET_CONTROL_COMMAND_RELOAD = 5,
+    /* Controller: follow the plan again after a stop, once it is within reach. */
+    RIVET_CONTROL_COMMAND_FOLLOW = 6,
 };
 
 /* How a ControlRequest ended. */
@@ -788,7 +838,7 @@ RIVET_ASSERT(offsetof(rivet_drift_v1, reference_rms) == 448);
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.
  * Counters run since the controller's start and never go back. */
-#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v3"
+#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v4"
 typedef struct {
     /* seq of the last joint state answered. */
     uint64_t seq;
@@ -827,6 +877,14 @@ typedef struct {
     uint64_t foreign_setpoints;
     /* Parameter sets of a second publisher, left out likewise. */
     uint64_t foreign_parameters;
+    /* Times a joint came further from its plan than [controller] tracking_error. */
+    uint64_t strayed;
+    /* Setpoints that were refused: not finite, absurd, a jump, or beyond the drives' torque. */
+    uint64_t setpoints_refused;
+    /* Times the plan was followed again after a stop. */
+    uint64_t resumed;
+    /* How often the stop reaction began for which StopCause; the entry is its number. */
+    uint64_t stop_causes[RIVET_STOP_CAUSES];
     /* How many sets were refused for which ParameterRefusal; the entry is its number. */
     uint64_t refusals[RIVET_REFUSALS];
     /* A ParameterSource: whose parameters make the torque. */
@@ -837,6 +895,14 @@ typedef struct {
     uint32_t last_refusal;
     /* A ControllerState. */
     uint32_t state;
+    /* A StopCause: why the stop reaction began last. */
+    uint32_t stop_cause;
+    /* Joints that this concerns, bit 0 the base's; 0 where it concerns none or all. */
+    uint32_t stop_joints;
+    /* A StopCause: why a setpoint was refused last. */
+    uint32_t plan_refusal;
+    /* Joints that this concerns, likewise. */
+    uint32_t plan_joints;
     /* How many entries of the joint arrays are in use, 1..=8. */
     uint32_t joints;
     /* A RIVET_STATE_FOLDER_*: whether flight records can be written. */
@@ -850,37 +916,45 @@ typedef struct {
     double nominal_prediction_rms[RIVET_MAX_JOINTS];
     /* Largest step of the command from one period to the next [N m, or N]. */
     double largest_step[RIVET_MAX_JOINTS];
-} rivet_controller_health_v3;
-RIVET_ASSERT(sizeof(rivet_controller_health_v3) == 552);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, commands) == 16);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, passed_over) == 24);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, stops) == 48);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, broken) == 56);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, saturated) == 64);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, rate_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, setpoints_limited) == 80);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, accepted) == 88);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, switches) == 96);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, epoch) == 104);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, parameters_seq) == 112);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_joint_states) == 120);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_setpoints) == 128);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, foreign_parameters) == 136);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, refusals) == 144);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, source) == 272);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, source_reason) == 276);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, last_refusal) == 280);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, state) == 284);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, joints) == 288);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, state_folder) == 292);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, tracking_rms) == 296);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, prediction_rms) == 360);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, nominal_prediction_rms) == 424);
-RIVET_ASSERT(offsetof(rivet_controller_health_v3, largest_step) == 488);
+} rivet_controller_health_v4;
+RIVET_ASSERT(sizeof(rivet_controller_health_v4) == 784);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, commands) == 16);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, passed_over) == 24);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, stops) == 48);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, broken) == 56);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, saturated) == 64);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, rate_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, setpoints_limited) == 80);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, accepted) == 88);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, switches) == 96);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, epoch) == 104);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, parameters_seq) == 112);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_joint_states) == 120);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_setpoints) == 128);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_parameters) == 136);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, strayed) == 144);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, setpoints_refused) == 152);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, resumed) == 160);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_causes) == 168);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, refusals) == 360);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, source) == 488);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, source_reason) == 492);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, last_refusal) == 496);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, state) == 500);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_cause) == 504);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_joints) == 508);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_refusal) == 512);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_joints) == 516);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, joints) == 520);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, state_folder) == 524);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, tracking_rms) == 528);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, prediction_rms) == 592);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, nominal_prediction_rms) == 656);
+RIVET_ASSERT(offsetof(rivet_controller_health_v4, largest_step) == 720);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

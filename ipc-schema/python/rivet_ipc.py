@@ -29,6 +29,7 @@ BODY_VALUES = 80
 HISTOGRAM_BINS = 32
 #: Entries of ControllerHealth.refusals.
 REFUSALS = 16
+STOP_CAUSES = 24
 #: Longest ControlReply.text [bytes].
 REPLY_TEXT = 1000
 #: Entries of Health.input_faults.
@@ -88,11 +89,12 @@ PARAMETER_SOURCE = {"nominal": 0, "last_good": 1, "live": 2}
 #: Why the source is what it is (ControllerHealth::source_reason).
 SOURCE_REASON = {"start": 0, "stored": 1, "adopted": 2, "silent": 3, "refused": 4, "worse_than_nominal": 5, "better_than_nominal": 6, "inertia_not_positive": 7}
 #: Why a published set may not act (ControllerHealth::last_refusal).
-PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13, "other_period": 14}
+PARAMETER_REFUSAL = {"none": 0, "other_model": 1, "wrong_count": 2, "old": 3, "future": 4, "stale": 5, "epoch_back": 6, "provisional": 7, "not_finite": 8, "driving_friction": 9, "inertia_not_positive": 10, "torque_change": 11, "predicts_worse": 12, "not_judged": 13, "other_period": 14, "implausible": 15}
 #: What the controller is doing (ControllerHealth::state).
 CONTROLLER_STATE = {"waiting": 0, "holding": 1, "following": 2, "stopping": 3, "strayed": 4, "wrong_period": 5}
+STOP_CAUSE = {"none": 0, "silence": 1, "old_samples": 2, "robot_fault": 3, "wrong_shape": 4, "not_finite": 5, "implausible": 6, "wrong_period": 7, "frozen": 8, "encoder_jump": 9, "too_fast": 10, "no_response": 11, "sign_flipped": 12, "torque_stuck": 13, "saturated": 14, "tracking_error": 15, "plan_not_finite": 16, "plan_implausible": 17, "plan_jump": 18, "plan_acceleration": 19}
 #: A wish to the daemon.
-CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4, "reload": 5}
+CONTROL_COMMAND = {"freeze": 0, "resume": 1, "reset": 2, "save": 3, "load": 4, "reload": 5, "follow": 6}
 #: How a ControlRequest ended.
 CONTROL_STATUS = {"done": 0, "refused": 1, "unknown": 2, "failed": 3}
 
@@ -457,7 +459,7 @@ class ControllerHealth(_Message):
     health`. Counters run since the controller's start and never go back.
     """
 
-    TYPE_NAME = "rivet.ControllerHealth.v3"
+    TYPE_NAME = "rivet.ControllerHealth.v4"
     _fields_ = [
         # seq of the last joint state answered.
         ("seq", ctypes.c_uint64),
@@ -496,6 +498,14 @@ class ControllerHealth(_Message):
         ("foreign_setpoints", ctypes.c_uint64),
         # Parameter sets of a second publisher, left out likewise.
         ("foreign_parameters", ctypes.c_uint64),
+        # Times a joint came further from its plan than [controller] tracking_error.
+        ("strayed", ctypes.c_uint64),
+        # Setpoints that were refused: not finite, absurd, a jump, or beyond the drives' torque.
+        ("setpoints_refused", ctypes.c_uint64),
+        # Times the plan was followed again after a stop.
+        ("resumed", ctypes.c_uint64),
+        # How often the stop reaction began for which StopCause; the entry is its number.
+        ("stop_causes", ctypes.c_uint64 * STOP_CAUSES),
         # How many sets were refused for which ParameterRefusal; the entry is its number.
         ("refusals", ctypes.c_uint64 * REFUSALS),
         # A ParameterSource: whose parameters make the torque.
@@ -506,6 +516,14 @@ class ControllerHealth(_Message):
         ("last_refusal", ctypes.c_uint32),
         # A ControllerState.
         ("state", ctypes.c_uint32),
+        # A StopCause: why the stop reaction began last.
+        ("stop_cause", ctypes.c_uint32),
+        # Joints that this concerns, bit 0 the base's; 0 where it concerns none or all.
+        ("stop_joints", ctypes.c_uint32),
+        # A StopCause: why a setpoint was refused last.
+        ("plan_refusal", ctypes.c_uint32),
+        # Joints that this concerns, likewise.
+        ("plan_joints", ctypes.c_uint32),
         # How many entries of the joint arrays are in use, 1..=8.
         ("joints", ctypes.c_uint32),
         # A STATE_FOLDER: whether flight records can be written.
@@ -688,7 +706,7 @@ LAYOUT = {
         "residual_rms": 192,
         "reference_rms": 448,
     }),
-    ControllerHealth: (552, {
+    ControllerHealth: (784, {
         "seq": 0,
         "stamp_ns": 8,
         "commands": 16,
@@ -707,17 +725,25 @@ LAYOUT = {
         "foreign_joint_states": 120,
         "foreign_setpoints": 128,
         "foreign_parameters": 136,
-        "refusals": 144,
-        "source": 272,
-        "source_reason": 276,
-        "last_refusal": 280,
-        "state": 284,
-        "joints": 288,
-        "state_folder": 292,
-        "tracking_rms": 296,
-        "prediction_rms": 360,
-        "nominal_prediction_rms": 424,
-        "largest_step": 488,
+        "strayed": 144,
+        "setpoints_refused": 152,
+        "resumed": 160,
+        "stop_causes": 168,
+        "refusals": 360,
+        "source": 488,
+        "source_reason": 492,
+        "last_refusal": 496,
+        "state": 500,
+        "stop_cause": 504,
+        "stop_joints": 508,
+        "plan_refusal": 512,
+        "plan_joints": 516,
+        "joints": 520,
+        "state_folder": 524,
+        "tracking_rms": 528,
+        "prediction_rms": 592,
+        "nominal_prediction_rms": 656,
+        "largest_step": 720,
     }),
     ControlRequest: (8, {
         "command": 0,

@@ -388,7 +388,16 @@ impl Bus {
 
     /// Daemon: answers control requests.
     pub fn control_server(&self) -> Result<ControlServer, BusError> {
-        let name = self.name(Service::Control)?;
+        self.server(Service::Control)
+    }
+
+    /// Controller: answers control requests.
+    pub fn controller_control_server(&self) -> Result<ControlServer, BusError> {
+        self.server(Service::ControllerControl)
+    }
+
+    fn server(&self, service: Service) -> Result<ControlServer, BusError> {
+        let name = self.name(service)?;
         control::open_service(&self.node, &self.iceoryx, &name, "server")
             .and_then(|factory| ControlServer::new(factory, &name))
             .map_err(|why| self.explained(why))
@@ -396,7 +405,16 @@ impl Bus {
 
     /// Asks the daemon for something.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
-        let name = self.name(Service::Control)?;
+        self.client(Service::Control)
+    }
+
+    /// Asks the controller for something.
+    pub fn controller_control_client(&self) -> Result<ControlClient, BusError> {
+        self.client(Service::ControllerControl)
+    }
+
+    fn client(&self, service: Service) -> Result<ControlClient, BusError> {
+        let name = self.name(service)?;
         control::open_service(&self.node, &self.iceoryx, &name, "client")
             .and_then(|factory| ControlClient::new(factory, &name))
             .map_err(|why| self.explained(why))

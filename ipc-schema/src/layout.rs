@@ -4,7 +4,7 @@ use crate::messages::{
     Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest, ControlStatus,
     ControllerHealth, ControllerState, DaemonMode, Drift, DriftRegime, DriftVerdict, Health, InputFault,
     InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase, ParameterRefusal, ParameterSource, ParameterState,
-    Parameters, PeriodCause, Setpoint, SourceReason, StateFolder, Timing,
+    Parameters, PeriodCause, Setpoint, SourceReason, StateFolder, StopCause, Timing,
 };
 
 /// Where each field of a message lies; asserted at compile time beside the message.
@@ -48,7 +48,7 @@ pub const MESSAGES: [Layout; 12] = [
 ];
 
 /// All enumerations.
-pub const ENUMERATIONS: [Enumeration; 17] = [
+pub const ENUMERATIONS: [Enumeration; 18] = [
     CommandMode::TABLE,
     ParameterState::TABLE,
     InstrumentSource::TABLE,
@@ -64,6 +64,7 @@ pub const ENUMERATIONS: [Enumeration; 17] = [
     SourceReason::TABLE,
     ParameterRefusal::TABLE,
     ControllerState::TABLE,
+    StopCause::TABLE,
     ControlCommand::TABLE,
     ControlStatus::TABLE,
 ];

@@ -51,8 +51,8 @@ pub use messages::{
     ControlStatus, ControllerHealth, ControllerState, DRIFT_REGIMES, DaemonMode, Drift, DriftRegime, DriftVerdict,
     HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase,
     MAX_JOINTS, MAX_PARAMETERS, Message, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, REFUSALS, REPLY_TEXT, Setpoint, SourceReason, Stamped, StateFolder, Timing, UnknownValue,
-    WORST_PERIODS, faults, parameter_flags,
+    PeriodCause, REFUSALS, REPLY_TEXT, STOP_CAUSES, Setpoint, SourceReason, Stamped, StateFolder, StopCause, Timing,
+    UnknownValue, WORST_PERIODS, faults, parameter_flags,
 };
 pub use name::{RobotName, Service};
 pub use old_numbers::OldNumbers;

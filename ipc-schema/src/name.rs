@@ -69,6 +69,8 @@ pub enum Service {
     ControllerHealth,
     /// Request-response: anyone -> daemon.
     Control,
+    /// Request-response: anyone -> controller.
+    ControllerControl,
 }
 
 impl Service {
@@ -86,6 +88,7 @@ impl Service {
             Self::Drift => "drift",
             Self::ControllerHealth => "controller-health",
             Self::Control => "control",
+            Self::ControllerControl => "controller-control",
         }
     }
 

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use rivet_ipc_schema::{
     DRIFT_REGIMES, ENUMERATIONS, HISTOGRAM_BINS, INPUT_FAULTS, MAX_JOINTS, MAX_PARAMETERS, MESSAGES, PHASES, REFUSALS,
-    REPLY_TEXT, WORST_PERIODS, faults, parameter_flags,
+    REPLY_TEXT, STOP_CAUSES, WORST_PERIODS, faults, parameter_flags,
 };
 
 fn path(relative: &str) -> PathBuf {
@@ -68,6 +68,7 @@ fn the_header_has_every_number() {
     has(&format!("#define RIVET_MAX_PARAMETERS {MAX_PARAMETERS}\n"));
     has(&format!("#define RIVET_HISTOGRAM_BINS {HISTOGRAM_BINS}\n"));
     has(&format!("#define RIVET_REFUSALS {REFUSALS}\n"));
+    has(&format!("#define RIVET_STOP_CAUSES {STOP_CAUSES}\n"));
     has(&format!("#define RIVET_REPLY_TEXT {REPLY_TEXT}\n"));
     has(&format!("#define RIVET_INPUT_FAULTS {INPUT_FAULTS}\n"));
     has(&format!("#define RIVET_PHASES {PHASES}\n"));
@@ -128,6 +129,7 @@ fn the_python_mirror_has_every_number() {
     has(&format!("\nMAX_PARAMETERS = {MAX_PARAMETERS}\n"));
     has(&format!("\nHISTOGRAM_BINS = {HISTOGRAM_BINS}\n"));
     has(&format!("\nREFUSALS = {REFUSALS}\n"));
+    has(&format!("\nSTOP_CAUSES = {STOP_CAUSES}\n"));
     has(&format!("\nREPLY_TEXT = {REPLY_TEXT}\n"));
     has(&format!("\nINPUT_FAULTS = {INPUT_FAULTS}\n"));
     has(&format!("\nPHASES = {PHASES}\n"));

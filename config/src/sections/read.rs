@@ -320,12 +320,17 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64, publish_
         );
     }
     let rate_limit = reader.optional_numbers("controller", "rate_limit");
+    reader.derive("controller", "stale_periods", (0.02 / sample_period_s + 1e-9).floor().clamp(2.0, 10.0));
     let stale_periods = reader.count("controller", "stale_periods");
     let stop_reaction = chosen(
         &reader.text("controller", "stop_reaction"),
         &[("damp", StopReaction::Damp), ("hold", StopReaction::Hold), ("ramp", StopReaction::Ramp)],
     );
     let stop_time_s = reader.number("controller", "stop_time_s");
+    reader.derive("controller", "resume_after", (0.2 / sample_period_s).ceil().clamp(1.0, 1e6));
+    let resume_after = reader.count("controller", "resume_after");
+    let tracking_error = reader.numbers("controller", "tracking_error");
+    let saturation_ms = reader.number("controller", "saturation_ms");
     let torque_change = reader.number("controller", "torque_change");
     let between = sample_period_s * publish_every as f64;
     reader.derive("controller", "parameter_timeout_s", (5.0 * between).max(1.0));
@@ -346,6 +351,9 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64, publish_
         stale_periods,
         stop_reaction,
         stop_time_s,
+        resume_after,
+        tracking_error,
+        saturation_ms,
         torque_change,
         parameter_timeout_s,
         return_after,

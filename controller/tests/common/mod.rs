@@ -1,6 +1,8 @@
 //! An arm in motion as the controller sees it, and messages about it.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+pub(crate) mod rig;
+
 use rivet_config::Robot;
 use rivet_controller::Core;
 use rivet_dynamics::Workspace;
@@ -66,6 +68,9 @@ pub(crate) fn place(robot: &Robot, word: &str) -> usize {
     found.expect("a base parameter of that name")
 }
 
+/// Samples of the moving arm for which it stands in its brakes: the controller's torque builds up.
+const BRAKED: u64 = 200;
+
 /// An arm that does exactly what it is told, with the torques that base parameters `x` need for it.
 pub(crate) struct Moving<'a> {
     pub(crate) robot: &'a Robot,
@@ -90,6 +95,7 @@ impl<'a> Moving<'a> {
             (q[j], qd[j], qdd[j]) = (a * (w * t).sin(), a * w * (w * t).cos(), -a * w * w * (w * t).sin());
         }
         let mut sample = state(self.seq, &q);
+        sample.faults = if self.seq <= BRAKED { rivet_ipc_schema::faults::STOPPED } else { 0 };
         let (model, base) = (&self.robot.model, &self.robot.base);
         let (mut full, mut rows) = (vec![0.0; n * model.len()], vec![0.0; n * base.len()]);
         model.regressor(&mut self.workspace, &q, &qd, &qdd, &mut full);
@@ -111,7 +117,11 @@ impl<'a> Moving<'a> {
             let (sample, setpoint) = self.next();
             core.offer_setpoint(&setpoint);
             each(core, &sample);
-            core.tick(&sample).expect("a sound sample")
+            let before = core.stop_cause();
+            let command = core.tick(&sample).expect("a sound sample");
+            let stopped = core.stop_cause().filter(|_| before.is_none());
+            assert!(stopped.is_none(), "a sound run is stopped at sample {}: {stopped:?}", sample.seq);
+            command
         };
         (0..periods).map(step).collect()
     }

@@ -131,6 +131,9 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
         lines.push(plain("parameters  ", format!("{}; {} sets accepted{refused}", source(&c), c.accepted)));
         lines.push(labelled("faults      ", &controller_faults(&c)));
+        for (label, text) in [("stops       ", s.stops(&c)), ("plan        ", s.refused_plan(&c))] {
+            lines.extend(text.map(|text| Line::from(vec![Span::styled(label, STRONG), Span::styled(text, BAD)])));
+        }
     }
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" state ")), area);
 }

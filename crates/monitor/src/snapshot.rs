@@ -5,7 +5,7 @@ use rivet_config::Robot;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
     InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, SourceReason, StateFolder, Subscriber, Timing, parameter_flags,
+    PeriodCause, SourceReason, StateFolder, StopCause, Subscriber, Timing, parameter_flags,
 };
 use rivet_realtime::{LogHistogram, now_ns};
 use std::fmt::Debug;
@@ -181,8 +181,38 @@ impl Snapshot {
     pub(crate) fn state(&self) -> Option<String> {
         let Report { message: health, pauses_ns, .. } = self.controller?;
         let state = ControllerState::try_from(health.state).map_or_else(|_| format!("state {}", health.state), words);
+        let stopped = [ControllerState::Stopping, ControllerState::Strayed].map(u32::from).contains(&health.state);
+        let state =
+            if stopped { format!("{state}: {}", self.cause(health.stop_cause, health.stop_joints)) } else { state };
         let gone = self.gone(health.stamp_ns, pauses_ns);
         Some(if gone { format!("SILENT for {}, was {state}", self.age(health.stamp_ns)) } else { state })
+    }
+
+    /// Why the controller stopped the arm or refused a plan, with the joints.
+    pub(crate) fn cause(&self, cause: u32, joints: u32) -> String {
+        let cause = StopCause::try_from(cause).map_or_else(|_| format!("cause {cause}"), words);
+        let named = self.joints.iter().enumerate().filter(|(j, _)| joints >> j & 1 == 1);
+        let named: Vec<&str> = named.map(|(_, name)| name.as_str()).collect();
+        if named.is_empty() { cause } else { format!("{cause} of {}", named.join(", ")) }
+    }
+
+    /// Stops of the controller by cause, and the last one; `None` before the first.
+    pub(crate) fn stops(&self, health: &ControllerHealth) -> Option<String> {
+        let named = |(i, &count): (usize, &u64)| {
+            let cause = u32::try_from(i).unwrap_or(u32::MAX);
+            format!("{count} {}", self.cause(cause, 0))
+        };
+        let all: Vec<String> =
+            health.stop_causes.iter().enumerate().filter(|(_, count)| **count > 0).map(named).collect();
+        let last = self.cause(health.stop_cause, health.stop_joints);
+        (health.stops > 0).then(|| format!("{}; the last: {last}; {} resumed", all.join(", "), health.resumed))
+    }
+
+    /// Setpoints that the controller refused; `None` before the first.
+    pub(crate) fn refused_plan(&self, health: &ControllerHealth) -> Option<String> {
+        let last = self.cause(health.plan_refusal, health.plan_joints);
+        (health.setpoints_refused > 0)
+            .then(|| format!("{} setpoints refused; the last: {last}", health.setpoints_refused))
     }
 
     /// Time since a stamp.
@@ -442,6 +472,8 @@ pub(crate) fn drops(health: &Health) -> String {
 pub(crate) fn controller_faults(health: &ControllerHealth) -> String {
     happened(&[
         ("stops", health.stops),
+        ("times strayed from the plan", health.strayed),
+        ("setpoints refused", health.setpoints_refused),
         ("broken torques", health.broken),
         ("stale samples", health.refused_stale),
         ("invalid samples", health.refused_invalid),

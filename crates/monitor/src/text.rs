@@ -57,6 +57,12 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
                 c.commands
             )?;
             writeln!(out, "c-faults     {}", controller_faults(&c))?;
+            if let Some(stops) = s.stops(&c) {
+                writeln!(out, "c-stops      {stops}")?;
+            }
+            if let Some(refused) = s.refused_plan(&c) {
+                writeln!(out, "c-plan       {refused}")?;
+            }
             writeln!(out, "c-state      {}", state_folder(c.state_folder))?;
             let refused: Vec<_> = refusals(&c).into_iter().map(|(why, count)| format!("{count} {why}")).collect();
             let refused = if refused.is_empty() { "none".to_owned() } else { refused.join(", ") };

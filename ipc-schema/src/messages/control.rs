@@ -4,7 +4,8 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::{message, wire_enum};
 
-/// What anyone may ask of the daemon, on service `rivet/<robot>/control`.
+/// What anyone may ask of the daemon, on service `rivet/<robot>/control`, and of the controller, on
+/// `rivet/<robot>/controller-control`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ZeroCopySend)]
 #[type_name("rivet.ControlRequest.v1")]
 #[repr(C)]
@@ -34,7 +35,7 @@ pub struct ControlReply {
 }
 
 wire_enum!(
-    /// A wish to the daemon.
+    /// A wish to the daemon or the controller.
     ControlCommand {
         /// Keep the parameters as they are.
         Freeze = 0,
@@ -48,6 +49,8 @@ wire_enum!(
         Load = 4,
         /// Read the robot file anew: filters, window and thresholds change between two samples.
         Reload = 5,
+        /// Controller: follow the plan again after a stop, once it is within reach.
+        Follow = 6,
     }
 );
 

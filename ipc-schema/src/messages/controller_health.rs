@@ -1,4 +1,4 @@
-//! `rivet.ControllerHealth.v3`
+//! `rivet.ControllerHealth.v4`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -7,12 +7,15 @@ use super::{MAX_JOINTS, Stamped, message, wire_enum};
 /// Entries of [`ControllerHealth::refusals`].
 pub const REFUSALS: usize = 16;
 
+/// Entries of [`ControllerHealth::stop_causes`].
+pub const STOP_CAUSES: usize = 24;
+
 /// How the controller is doing and which parameters it trusts, a few times a second and at every change, on service
 /// `rivet/<robot>/controller-health`.
 ///
 /// Counters run since the controller's start and never go back.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.ControllerHealth.v3")]
+#[type_name("rivet.ControllerHealth.v4")]
 #[repr(C)]
 pub struct ControllerHealth {
     /// `seq` of the last joint state answered.
@@ -51,6 +54,14 @@ pub struct ControllerHealth {
     pub foreign_setpoints: u64,
     /// Parameter sets of a second publisher, left out likewise.
     pub foreign_parameters: u64,
+    /// Times a joint came further from its plan than `[controller] tracking_error`.
+    pub strayed: u64,
+    /// Setpoints that were refused: not finite, absurd, a jump, or beyond the drives' torque.
+    pub setpoints_refused: u64,
+    /// Times the plan was followed again after a stop.
+    pub resumed: u64,
+    /// How often the stop reaction began for which [`StopCause`]; the entry is its number.
+    pub stop_causes: [u64; STOP_CAUSES],
     /// How many sets were refused for which [`ParameterRefusal`]; the entry is its number.
     pub refusals: [u64; REFUSALS],
     /// A [`ParameterSource`]: whose parameters make the torque.
@@ -61,6 +72,14 @@ pub struct ControllerHealth {
     pub last_refusal: u32,
     /// A [`ControllerState`].
     pub state: u32,
+    /// A [`StopCause`]: why the stop reaction began last.
+    pub stop_cause: u32,
+    /// Joints that this concerns, bit 0 the base's; 0 where it concerns none or all.
+    pub stop_joints: u32,
+    /// A [`StopCause`]: why a setpoint was refused last.
+    pub plan_refusal: u32,
+    /// Joints that this concerns, likewise.
+    pub plan_joints: u32,
     /// How many entries of the joint arrays are in use, 1..=8.
     pub joints: u32,
     /// A [`StateFolder`](super::StateFolder): whether flight records can be written.
@@ -144,6 +163,8 @@ wire_enum!(
         /// Made by a daemon that reckons with another sample period, or while samples come at another rate than the robot
         /// file's.
         OtherPeriod = 14,
+        /// The arm would need several times its drives' torque to carry itself, or against friction.
+        Implausible = 15,
     }
 );
 
@@ -156,29 +177,76 @@ wire_enum!(
         Holding = 1,
         /// The plan is followed.
         Following = 2,
-        /// Joint states have stopped: the stop reaction acts.
+        /// The stop reaction acts; [`ControllerHealth::stop_cause`] says why.
         Stopping = 3,
-        /// The arm came too far from the plan: it is braked, and joins the plan where that comes near.
+        /// The arm came too far from its plan: the stop reaction acts.
         Strayed = 4,
         /// Stamps say that samples come at another rate than the robot file's `sample_period_s`: none is answered.
         WrongPeriod = 5,
     }
 );
 
-message!(ControllerHealth v 3, size 552 align 8, empty ControllerHealth {
+wire_enum!(
+    /// Why the stop reaction began ([`ControllerHealth::stop_cause`]).
+    StopCause {
+        /// Nothing: the stop reaction has not acted yet.
+        None = 0,
+        /// No joint state came for `[controller] stale_periods`.
+        Silence = 1,
+        /// Joint states came whose sequence numbers did not go forward.
+        OldSamples = 2,
+        /// The robot controller set fault bits.
+        RobotFault = 3,
+        /// Joint states have another number of joints.
+        WrongShape = 4,
+        /// A position or a torque is not finite.
+        NotFinite = 5,
+        /// A position or a torque is beyond all that an arm can have.
+        Implausible = 6,
+        /// Joint states come at another rate than the robot file's `sample_period_s`.
+        WrongPeriod = 7,
+        /// A position repeats although its joint moves, or its plan has left it.
+        Frozen = 8,
+        /// A position changed faster than any drive moves its joint.
+        EncoderJump = 9,
+        /// A joint is beyond its speed limit.
+        TooFast = 10,
+        /// A joint does not move as the commanded torque moves it.
+        NoResponse = 11,
+        /// A measured torque is opposite to the commanded one.
+        SignFlipped = 12,
+        /// A measured torque repeats although the commanded one changes.
+        TorqueStuck = 13,
+        /// A commanded torque was at its limit for longer than `[controller] saturation_ms`.
+        Saturated = 14,
+        /// A joint is further from its plan than `[controller] tracking_error`.
+        TrackingError = 15,
+        /// The plan has a number that is not finite, or another number of joints.
+        PlanNotFinite = 16,
+        /// The plan has a number beyond all that an arm can do.
+        PlanImplausible = 17,
+        /// The plan jumps further than the joint can follow.
+        PlanJump = 18,
+        /// The plan needs more torque than the drives have.
+        PlanAcceleration = 19,
+    }
+);
+
+message!(ControllerHealth v 4, size 784 align 8, empty ControllerHealth {
     seq: 0, stamp_ns: 0, commands: 0, passed_over: 0, refused_stale: 0, refused_invalid: 0, stops: 0, broken: 0,
     saturated: 0, rate_limited: 0, setpoints_limited: 0, accepted: 0, switches: 0, epoch: 0, parameters_seq: 0,
-    foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0,
-    refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0, joints: 0, state_folder: 0,
+    foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0, strayed: 0, setpoints_refused: 0, resumed: 0,
+    stop_causes: [0; STOP_CAUSES], refusals: [0; REFUSALS], source: 0, source_reason: 0, last_refusal: 0, state: 0,
+    stop_cause: 0, stop_joints: 0, plan_refusal: 0, plan_joints: 0, joints: 0, state_folder: 0,
     tracking_rms: [0.0; MAX_JOINTS], prediction_rms: [f64::NAN; MAX_JOINTS],
     nominal_prediction_rms: [f64::NAN; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS],
 }, {
     seq @ 0, stamp_ns @ 8, commands @ 16, passed_over @ 24, refused_stale @ 32, refused_invalid @ 40, stops @ 48,
     broken @ 56, saturated @ 64, rate_limited @ 72, setpoints_limited @ 80, accepted @ 88, switches @ 96, epoch @ 104,
     parameters_seq @ 112, foreign_joint_states @ 120, foreign_setpoints @ 128, foreign_parameters @ 136,
-    refusals @ 144, source @ 272, source_reason @ 276, last_refusal @ 280, state @ 284,
-    joints @ 288, state_folder @ 292, tracking_rms @ 296, prediction_rms @ 360, nominal_prediction_rms @ 424,
-    largest_step @ 488,
+    strayed @ 144, setpoints_refused @ 152, resumed @ 160, stop_causes @ 168, refusals @ 360, source @ 488,
+    source_reason @ 492, last_refusal @ 496, state @ 500, stop_cause @ 504, stop_joints @ 508, plan_refusal @ 512, plan_joints @ 516, joints @ 520,
+    state_folder @ 524, tracking_rms @ 528, prediction_rms @ 592, nominal_prediction_rms @ 656, largest_step @ 720,
 });
 
 impl Stamped for ControllerHealth {

@@ -16,7 +16,8 @@ pub use command::{Command, CommandMode};
 pub use consistent_parameters::{BODY_VALUES, ConsistentParameters};
 pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus, REPLY_TEXT};
 pub use controller_health::{
-    ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, SourceReason,
+    ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, STOP_CAUSES, SourceReason,
+    StopCause,
 };
 pub use drift::{DRIFT_REGIMES, Drift, DriftRegime, DriftVerdict};
 pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel, StateFolder};

@@ -104,6 +104,21 @@ impl TwoMassArm {
         out
     }
 
+    /// Positions \[rad\] and velocities \[rad/s\] of the links.
+    pub fn links(&self) -> [Vector; 2] {
+        [self.state.q, self.state.qd]
+    }
+
+    /// From now on the drive of joint `j` gives `1 + gain` of the torque that it reports.
+    pub fn set_drive_gain(&mut self, j: usize, gain: f64) {
+        self.physics.joints[j].gain = gain;
+    }
+
+    /// From now on motor `j` has this viscous friction \[N·m·s/rad\]: brakes that drag, for instance.
+    pub fn set_viscous(&mut self, j: usize, viscous: f64) {
+        self.physics.joints[j].viscous = viscous;
+    }
+
     /// Motor temperatures \[°C\].
     pub fn temperatures(&self) -> &[f64] {
         &self.state.temperature[..self.n]

@@ -1,9 +1,9 @@
-//! Whether measured torques can be those that make the motion: signs and stuck sensors, by the model as identified so far.
+//! Checks of measured torques against the model: signs and stuck sensors.
 
-use crate::input::{AT_LIMIT, Found, InputGuard};
+use crate::readings::{AT_LIMIT, ReadingCheck};
+use crate::{Fault, Found};
 use rivet_dynamics::MAX_JOINTS;
 use rivet_estimation::{Estimate, Row};
-use rivet_ipc_schema::{InputFault, JointState};
 
 /// A torque is flipped when measured and predicted sum to less than this share of their difference.
 const FLIPPED: f64 = 0.4;
@@ -118,9 +118,9 @@ impl Joint {
     }
 }
 
-/// Judges torques before they are learnt from.
+/// Finds torques that cannot be those of the motion, by the model as identified so far. Nothing allocates.
 #[derive(Clone, Debug)]
-pub(crate) struct TorqueWatch {
+pub struct TorqueCheck {
     dof: usize,
     suspicion: u32,
     /// Samples for which a torque may stand before the model can tell.
@@ -133,11 +133,12 @@ pub(crate) struct TorqueWatch {
     joints: [Joint; MAX_JOINTS],
 }
 
-impl TorqueWatch {
-    pub(crate) fn new(dof: usize, period_s: f64) -> TorqueWatch {
+impl TorqueCheck {
+    /// Starts without a past, for `dof` joints and samples every `period_s`.
+    pub fn new(dof: usize, period_s: f64) -> TorqueCheck {
         let suspicion = (SUSPICION_S / period_s).ceil() as u32;
         let joints = [Joint::default(); MAX_JOINTS];
-        TorqueWatch {
+        TorqueCheck {
             dof,
             suspicion,
             early: (suspicion / EARLY).max(SUSPECT_RUN),
@@ -150,7 +151,7 @@ impl TorqueWatch {
     }
 
     /// The signals begin anew: what was found about them is over.
-    pub(crate) fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.seen = false;
         for joint in &mut self.joints {
             (joint.flipped_rows, joint.right_rows) = (0, 0);
@@ -158,7 +159,7 @@ impl TorqueWatch {
     }
 
     /// Nothing is held against any torque any more: another robot controller, or a request to forget.
-    pub(crate) fn forget(&mut self) {
+    pub fn forget(&mut self) {
         (self.suspect, self.doubted_for, self.doubted) = (0, 0, 0);
         self.restart();
         for joint in &mut self.joints {
@@ -167,7 +168,7 @@ impl TorqueWatch {
     }
 
     /// Reads how well the model explains the torques now.
-    pub(crate) fn read(&mut self, estimate: &Estimate<'_>, established: bool) {
+    pub fn read(&mut self, estimate: &Estimate<'_>, established: bool) {
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             joint.sigma = estimate.torque_noise[j];
             joint.trusted = established && estimate.residual_rms[j] < EXPLAINED * estimate.torque_rms[j];
@@ -175,11 +176,11 @@ impl TorqueWatch {
     }
 
     /// Takes in the torques of a sample that `guard` has looked at; what is wrong with them, and whether that has just ended.
-    pub(crate) fn sample(&mut self, sample: &JointState, guard: &InputGuard) -> (Option<Found>, bool) {
+    pub fn sample(&mut self, tau: &[f64], guard: &ReadingCheck) -> (Option<Found>, bool) {
         self.suspect = self.suspect.saturating_sub(1);
         let (mut stuck, mut flipped, mut ended) = (0, 0, false);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
-            let (tau, least) = (sample.tau[j], LIMIT_SHARE * guard.torque_limit(j));
+            let (tau, least) = (tau[j], LIMIT_SHARE * guard.torque_limit(j));
             let step = tau - joint.tau;
             if self.seen {
                 let large = step * step > (LARGE_STEP * LARGE_STEP * joint.usual).max(least * least);
@@ -234,11 +235,11 @@ impl TorqueWatch {
             self.doubted = if self.doubted_for > 0 { self.doubted } else { 0 };
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
-        (found(InputFault::TorqueStuck, stuck).or_else(|| found(InputFault::SignFlipped, flipped)), ended)
+        (found(Fault::TorqueStuck, stuck).or_else(|| found(Fault::SignFlipped, flipped)), ended)
     }
 
     /// Whether a row may be learnt from.
-    pub(crate) fn admits(&mut self, row: &Row, limits: &InputGuard) -> bool {
+    pub fn admits(&mut self, row: &Row, limits: &ReadingCheck) -> bool {
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             joint.predicted = row.predicted[j];
             joint.missed = row.tau[j] - row.predicted[j];

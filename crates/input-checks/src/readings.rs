@@ -1,8 +1,7 @@
-//! What is wrong with the samples: checks of each reading against the one before, with no model in them.
+//! Checks of each reading against the one before, without a model.
 
-use rivet_config::Robot;
-use rivet_dynamics::{JointKind, MAX_JOINTS};
-use rivet_ipc_schema::{INPUT_FAULTS, InputFault, JointState, Setpoint};
+use crate::{Fault, Found, JointLimits, Reading};
+use rivet_dynamics::MAX_JOINTS;
 use std::f64::consts::TAU;
 
 /// No drive accelerates a joint faster than this, even in a collision \[rad/s²\].
@@ -35,13 +34,6 @@ const MOST_LOST: u64 = 10;
 /// A stamp off by more than this many periods jumps.
 const STAMP_PERIODS: f64 = 20.0;
 
-/// A fault and the joints that it concerns, bit 0 the base's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Found {
-    pub(crate) fault: InputFault,
-    pub(crate) joints: u32,
-}
-
 /// What of one joint is remembered.
 #[derive(Clone, Copy, Debug, Default)]
 struct Joint {
@@ -71,62 +63,50 @@ struct Joint {
     at_limit: u32,
 }
 
-/// Limits of one joint.
+/// Limits of one joint, with what follows from the sample period.
 #[derive(Clone, Copy, Debug, Default)]
 struct Limits {
     /// Largest second difference that is none of an encoder's \[rad\].
     jump: f64,
-    resolution: f64,
-    torque: f64,
-    revolute: bool,
+    joint: JointLimits,
 }
 
-/// Looks at every sample. Nothing allocates.
+/// Finds readings that cannot be true: frozen or jumping encoders, torque at the drive's limit. Nothing allocates.
 #[derive(Clone, Debug)]
-pub(crate) struct InputGuard {
+pub struct ReadingCheck {
     dof: usize,
     period_s: f64,
-    /// Of the last sample looked at.
+    /// Of the last sample checked.
     seq: u64,
     limits: [Limits; MAX_JOINTS],
     joints: [Joint; MAX_JOINTS],
 }
 
-impl InputGuard {
-    /// Other limits of the same arm from the next sample on.
-    pub(crate) fn adopt_limits(&mut self, other: &InputGuard) {
+impl ReadingCheck {
+    /// Starts without a past. `joints` has one entry a joint, at most `MAX_JOINTS`; further ones are left out.
+    pub fn new(joints: &[JointLimits], period_s: f64) -> ReadingCheck {
+        let mut limits = [Limits::default(); MAX_JOINTS];
+        for (limits, joint) in limits.iter_mut().zip(joints) {
+            *limits = Limits { jump: LARGEST_ACCELERATION * period_s.powi(2), joint: *joint };
+        }
+        let dof = joints.len().min(MAX_JOINTS);
+        ReadingCheck { dof, period_s, seq: 0, limits, joints: [Joint::default(); MAX_JOINTS] }
+    }
+
+    /// Takes over the limits of `other`, made for the same arm, from the next sample on.
+    pub fn adopt_limits(&mut self, other: &ReadingCheck) {
         self.limits = other.limits;
     }
 
-    pub(crate) fn new(robot: &Robot) -> InputGuard {
-        let (config, arm) = (&robot.config, &robot.model.arm);
-        let mut limits = [Limits::default(); MAX_JOINTS];
-        for (j, limits) in limits.iter_mut().enumerate().take(arm.dof()) {
-            *limits = Limits {
-                jump: LARGEST_ACCELERATION * config.sample_period_s.powi(2),
-                resolution: config.drive.encoder_resolution[j],
-                torque: config.drive.torque_limit[j],
-                revolute: arm.joints[j].kind == JointKind::Revolute,
-            };
-        }
-        InputGuard {
-            dof: arm.dof(),
-            period_s: config.sample_period_s,
-            seq: 0,
-            limits,
-            joints: [Joint::default(); MAX_JOINTS],
-        }
-    }
-
-    /// Nothing is known of what came before.
-    pub(crate) fn restart(&mut self) {
+    /// Forgets the past of every joint but its noise.
+    pub fn restart(&mut self) {
         for joint in &mut self.joints {
             *joint = Joint { usual: joint.usual, ..Joint::default() };
         }
     }
 
-    /// Whether the stamps go on as the sequence numbers do.
-    pub(crate) fn stamps_fit(&self, lost: u64, before_ns: u64, now_ns: u64) -> bool {
+    /// Whether the stamps \[ns\] advance as the sequence numbers do, after `lost` missing samples.
+    pub fn stamps_fit(&self, lost: u64, before_ns: u64, now_ns: u64) -> bool {
         if before_ns == 0 || now_ns == 0 {
             return true;
         }
@@ -135,18 +115,21 @@ impl InputGuard {
     }
 
     /// Identical torques in a row of joint `j`, and whether it moves.
-    pub(crate) fn torque_run(&self, j: usize) -> (u32, bool) {
+    pub fn torque_run(&self, j: usize) -> (u32, bool) {
         let joint = &self.joints[j];
         (joint.tau_same, joint.speed.abs() > SLOW * self.period_s)
     }
 
     /// Largest torque of joint `j` \[N·m\].
-    pub(crate) fn torque_limit(&self, j: usize) -> f64 {
-        self.limits[j].torque
+    pub fn torque_limit(&self, j: usize) -> f64 {
+        self.limits[j].joint.torque
     }
 
-    /// Looks at a sample of finite numbers, newer than the last; `None` where nothing is wrong.
-    pub(crate) fn look(&mut self, sample: &JointState, setpoint: Option<&Setpoint>) -> Option<Found> {
+    /// Checks a sample of finite numbers that is newer than the last one. `setpoint` holds the planned positions of the same
+    /// period, where there are some. `None` where nothing is wrong.
+    ///
+    /// Real-time safe.
+    pub fn check(&mut self, sample: &Reading<'_>, setpoint: Option<&[f64]>) -> Option<Found> {
         let since = sample.seq.saturating_sub(self.seq);
         self.seq = sample.seq;
         if since > MOST_LOST + 1 {
@@ -161,14 +144,15 @@ impl InputGuard {
             let tau_same = since == 1 && joint.known > 0 && tau == joint.tau;
             joint.tau_same = if tau_same { joint.tau_same + 1 } else { 0 };
             joint.tau = tau;
-            joint.at_limit = if tau.abs() >= AT_LIMIT * limits.torque { joint.at_limit + 1 } else { 0 };
+            joint.at_limit = if tau.abs() >= AT_LIMIT * limits.joint.torque { joint.at_limit + 1 } else { 0 };
             saturated |= if joint.at_limit >= SATURATED_RUN { bit } else { 0 };
             let still = since == 1 && joint.known > 0 && q == joint.q;
             identical &= still && tau_same;
-            let desired = setpoint.map_or(f64::NAN, |s| s.q[j]);
+            let desired = setpoint.map_or(f64::NAN, |q| q[j]);
             let thawed = joint.run(still, desired, q);
             least_run = least_run.min(joint.same);
-            moved |= joint.same > 0 && joint.speed_before.abs() > (SLOW * self.period_s).max(4.0 * limits.resolution);
+            moved |=
+                joint.same > 0 && joint.speed_before.abs() > (SLOW * self.period_s).max(4.0 * limits.joint.resolution);
             let stood = f64::from(joint.same) * self.period_s >= STANDING_S
                 && (desired - joint.setpoint_before).abs().min(1.0) <= SETPOINT_MOVED;
             if joint.position(q, periods, limits, self.period_s) {
@@ -182,7 +166,7 @@ impl InputGuard {
                     jumped |= bit;
                 }
             }
-            let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.resolution);
+            let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.joint.resolution);
             let left = (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
             joint.frozen |= joint.same >= FROZEN_RUN && (fast || left);
             joint.frozen &= joint.same > 0 && !stood;
@@ -192,15 +176,15 @@ impl InputGuard {
             frozen = (1 << self.dof) - 1;
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
-        found(InputFault::Frozen, frozen)
-            .or_else(|| found(InputFault::EncoderJump, jumped))
-            .or_else(|| found(InputFault::Saturated, saturated))
+        found(Fault::Frozen, frozen)
+            .or_else(|| found(Fault::EncoderJump, jumped))
+            .or_else(|| found(Fault::Saturated, saturated))
     }
 
     /// Whether all joints have been still for long, with no setpoint that moves.
-    fn stands(&self, setpoint: Option<&Setpoint>) -> bool {
+    fn stands(&self, setpoint: Option<&[f64]>) -> bool {
         self.joints[..self.dof].iter().enumerate().all(|(j, joint)| {
-            let moved = setpoint.map_or(0.0, |s| (s.q[j] - joint.setpoint_before).abs().min(1.0));
+            let moved = setpoint.map_or(0.0, |q| (q[j] - joint.setpoint_before).abs().min(1.0));
             f64::from(joint.same) * self.period_s >= STANDING_S && moved <= SETPOINT_MOVED
         })
     }
@@ -254,7 +238,7 @@ impl Joint {
         }
         let off = q - self.q - self.step * periods;
         let limit =
-            limits.jump.max(LARGEST_CHANGE * self.usual.sqrt()).max(4.0 * limits.resolution) * periods * periods;
+            limits.jump.max(LARGEST_CHANGE * self.usual.sqrt()).max(4.0 * limits.joint.resolution) * periods * periods;
         self.usual += ((off * off).min(limit * limit) - self.usual) / USUAL;
         if let Some((led, expected)) = self.pending.take() {
             // Had the position jumped, the arm goes on as before; had its speed changed, it goes on with the new one.
@@ -270,7 +254,7 @@ impl Joint {
         self.pending = Some(((q - self.q) / periods, self.step));
         self.offset += off;
         self.q = q;
-        if limits.revolute {
+        if limits.joint.revolute {
             // A whole turn is the same place.
             let rest = self.offset - TAU * (self.offset / TAU).round();
             if rest.abs() <= limit {
@@ -298,55 +282,5 @@ impl Joint {
             self.offset_age = 0;
         }
         self.offset != 0.0
-    }
-}
-
-/// What was wrong, how often, and how long it took to get over it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FaultRecord {
-    pub(crate) now: InputFault,
-    pub(crate) joints: u32,
-    pub(crate) last: InputFault,
-    pub(crate) counts: [u64; INPUT_FAULTS],
-    /// Samples since the last faulty one, until the signals have settled; `None` once they have.
-    since: Option<u64>,
-    pub(crate) recovery: Option<u64>,
-}
-
-impl FaultRecord {
-    pub(crate) const NONE: FaultRecord = FaultRecord {
-        now: InputFault::None,
-        joints: 0,
-        last: InputFault::None,
-        counts: [0; INPUT_FAULTS],
-        since: None,
-        recovery: None,
-    };
-
-    /// Counts an event that leaves the signals as they are.
-    pub(crate) fn count(&mut self, fault: InputFault, times: u64) {
-        let count = &mut self.counts[fault as usize % INPUT_FAULTS];
-        *count = count.saturating_add(times);
-        self.last = fault;
-    }
-
-    /// A fault after which the signals must settle anew.
-    pub(crate) fn interrupt(&mut self, found: Found, times: u64) {
-        self.count(found.fault, times);
-        self.now = found.fault;
-        self.joints = found.joints;
-        self.since = Some(0);
-    }
-
-    /// A good sample was taken in; `settled`: the signals have no more of the fault in them.
-    pub(crate) fn good(&mut self, settled: bool) {
-        let Some(since) = &mut self.since else { return };
-        *since += 1;
-        if settled {
-            self.recovery = Some(*since);
-            self.since = None;
-            self.now = InputFault::None;
-            self.joints = 0;
-        }
     }
 }

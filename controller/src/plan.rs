@@ -1,0 +1,165 @@
+//! Whether a plan is one that the arm can follow.
+
+use crate::law::{ControlLaw, Desired};
+use crate::limits::SetpointLimits;
+use rivet_dynamics::MAX_JOINTS;
+use rivet_ipc_schema::StopCause;
+
+/// Positions and speeds beyond this are those of no arm \[rad, rad/s\].
+const LARGEST_MOTION: f64 = 1e4;
+/// Accelerations beyond this \[rad/s²\].
+const LARGEST_ACCELERATION: f64 = 1e6;
+/// Torque that a plan may need by the acting model, in parts of the drives' limit: the model may be wrong by some tens of per cent.
+const TORQUE_SHARE: f64 = 1.5;
+/// Torque with which feedback may answer a jump of the plan, in parts of the drives' limit.
+const JUMP_SHARE: f64 = 0.5;
+/// Bounds of the jump that follows from it \[rad\]: rounding of a coarse plan, and what no arm is to be jerked by.
+const LEAST_JUMP: f64 = 0.005;
+const MOST_JUMP: f64 = 0.05;
+/// Jump of the planned velocity that is always permitted, in parts of the speed limit: plans of straight lines have corners.
+const CORNER_SHARE: f64 = 0.25;
+/// Share of the speed limit above which steps of the planned position are a jump.
+const STEP_SHARE: f64 = 1.2;
+
+/// A refused plan: the rule that it breaks, and the joints, bit 0 the base's.
+pub(crate) type RefusedPlan = (StopCause, u32);
+
+/// Checks each setpoint against the arm and the setpoint before.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanCheck {
+    dof: usize,
+    period_s: f64,
+    /// Longest gap between two setpoints of one plan \[periods\].
+    longest_gap: u64,
+    torque: [f64; MAX_JOINTS],
+    speed: [f64; MAX_JOINTS],
+    jump: [f64; MAX_JOINTS],
+    corner: [f64; MAX_JOINTS],
+    /// That of the drives' torque on the nominal inertia \[rad/s²\].
+    acceleration: [f64; MAX_JOINTS],
+    /// The setpoint accepted last, the step that led to it, a period's, and the way beyond the speed limit that has added up.
+    last: Option<(u64, Desired)>,
+    step: [f64; MAX_JOINTS],
+    excess: [f64; MAX_JOINTS],
+}
+
+impl PlanCheck {
+    /// `torque` are the drives' limits \[N·m\].
+    pub(crate) fn new(
+        law: &ControlLaw,
+        limits: &SetpointLimits,
+        torque: &[f64],
+        period_s: f64,
+        longest_gap: u64,
+    ) -> PlanCheck {
+        let (mut most, mut speed) = ([0.0; MAX_JOINTS], [f64::INFINITY; MAX_JOINTS]);
+        let (mut jump, mut corner) = ([MOST_JUMP; MAX_JOINTS], [f64::INFINITY; MAX_JOINTS]);
+        let mut accelerations = [f64::INFINITY; MAX_JOINTS];
+        let dof = law.dof();
+        for j in 0..dof {
+            (most[j], speed[j]) = (torque[j], limits.speed(j));
+            let (position, velocity) = law.gains(j);
+            accelerations[j] = torque[j] / law.nominal_inertia(j).max(f64::MIN_POSITIVE);
+            let acceleration = JUMP_SHARE * accelerations[j];
+            jump[j] = (acceleration / position).clamp(LEAST_JUMP, MOST_JUMP);
+            corner[j] = (acceleration / velocity).max(CORNER_SHARE * speed[j]);
+        }
+        PlanCheck {
+            dof,
+            period_s,
+            longest_gap,
+            torque: most,
+            speed,
+            jump,
+            corner,
+            acceleration: accelerations,
+            last: None,
+            step: [0.0; MAX_JOINTS],
+            excess: [0.0; MAX_JOINTS],
+        }
+    }
+
+    /// Farthest distance from the plan that feedback alone brings joint `j` back from \[rad\].
+    pub(crate) fn jump(&self, j: usize) -> f64 {
+        self.jump[j]
+    }
+
+    /// Forgets the setpoints before: the next one begins a plan.
+    pub(crate) fn restart(&mut self) {
+        self.last = None;
+    }
+
+    /// Whether all numbers are those of an arm.
+    ///
+    /// # Errors
+    /// [`StopCause::PlanNotFinite`] or [`StopCause::PlanImplausible`].
+    pub(crate) fn check_numbers(&self, desired: &Desired) -> Result<(), RefusedPlan> {
+        let parts = [(&desired.q, LARGEST_MOTION), (&desired.qd, LARGEST_MOTION), (&desired.qdd, LARGEST_ACCELERATION)];
+        let joints = |bad: &dyn Fn(f64, f64) -> bool| {
+            let is_bad = |j: &usize| parts.iter().any(|(values, most)| bad(values[*j], *most));
+            (0..self.dof).filter(is_bad).fold(0, |bits, j| bits | 1 << j)
+        };
+        match (joints(&|x, _| !x.is_finite()), joints(&|x, most| x.abs() > most)) {
+            (0, 0) => Ok(()),
+            (0, wild) => Err((StopCause::PlanImplausible, wild)),
+            (bad, _) => Err((StopCause::PlanNotFinite, bad)),
+        }
+    }
+
+    /// Whether the arm with base parameters `x` can follow a plan from the setpoint before to this one, which
+    /// [`check_numbers`](Self::check_numbers) has passed. Real-time safe.
+    ///
+    /// # Errors
+    /// [`StopCause::PlanJump`] or [`StopCause::PlanAcceleration`].
+    pub(crate) fn check(
+        &mut self,
+        seq: u64,
+        desired: &Desired,
+        law: &mut ControlLaw,
+        x: &[f64],
+    ) -> Result<(), RefusedPlan> {
+        let n = self.dof;
+        let mut tau = [0.0; MAX_JOINTS];
+        law.model_torque(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x, &mut tau[..n]);
+        // Not a number is too much, too.
+        let within = |j: &usize| tau[*j].abs() <= TORQUE_SHARE * self.torque[*j];
+        let joints = (0..n).filter(|j| !within(j)).fold(0, |bits, j| bits | 1 << j);
+        if joints != 0 {
+            return Err((StopCause::PlanAcceleration, joints));
+        }
+        let before = self.last.filter(|(last, _)| seq > *last && seq - *last <= self.longest_gap);
+        let (mut step, mut excess) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        if let Some((last, before)) = before {
+            let periods = (seq - last) as f64;
+            let joints = (0..n)
+                .filter(|&j| {
+                    let (now, then) = (desired, &before);
+                    step[j] = (now.q[j] - then.q[j]) / periods;
+                    excess[j] = self.excess_way(j, step[j], periods);
+                    self.jumps(j, now, then, periods) || excess[j] > self.jump[j]
+                })
+                .fold(0, |bits, j| bits | 1 << j);
+            if joints != 0 {
+                return Err((StopCause::PlanJump, joints));
+            }
+        }
+        (self.last, self.step, self.excess) = (Some((seq, *desired)), step, excess);
+        Ok(())
+    }
+
+    /// Whether joint `j` jumps from `then` to `now`. Planned velocities lead on, or, where a plan has none, steps do.
+    fn jumps(&self, j: usize, now: &Desired, then: &Desired, periods: f64) -> bool {
+        let span_s = periods * self.period_s;
+        let by_velocity = (now.q[j] - then.q[j] - 0.5 * (now.qd[j] + then.qd[j]) * span_s).abs();
+        let by_steps = (now.q[j] - then.q[j] - self.step[j] * periods).abs();
+        // Beyond a corner the drives may accelerate with all their torque.
+        let corner = self.corner[j] + self.acceleration[j] * span_s;
+        by_velocity.min(by_steps) > self.jump[j] || (now.qd[j] - then.qd[j]).abs() > corner
+    }
+
+    /// Way beyond the speed limit that small jumps of joint `j` have added up to \[rad\].
+    fn excess_way(&self, j: usize, step: f64, periods: f64) -> f64 {
+        let most = STEP_SHARE * self.speed[j] * self.period_s;
+        if most.is_finite() { (self.excess[j] + (step.abs() - most) * periods).max(0.0) } else { 0.0 }
+    }
+}

@@ -1,0 +1,68 @@
+//! Checks of what is measured: encoders that freeze or jump, torques that do not belong to the motion.
+//!
+//! The daemon checks before it learns from a sample, the controller before it acts on one. Both use these checks. Nothing here
+//! knows a clock, a file or a bus, and nothing allocates after construction.
+
+mod drive;
+mod motion;
+mod readings;
+mod torque;
+mod window;
+
+pub use drive::DriveCheck;
+pub use motion::{MotionCheck, MotionLimits, Planned};
+pub use readings::ReadingCheck;
+pub use torque::TorqueCheck;
+pub use window::MeanMotion;
+
+/// What is wrong with a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// A position repeats although its joint moves.
+    Frozen,
+    /// A position changes faster than any drive can move its joint.
+    EncoderJump,
+    /// A measured torque stays at its drive's limit.
+    Saturated,
+    /// A measured torque is opposite to that of the motion.
+    SignFlipped,
+    /// A measured torque repeats although the motion needs another one.
+    TorqueStuck,
+    /// A joint is beyond its speed limit.
+    TooFast,
+    /// A joint does not move as the commanded torque moves it.
+    NoResponse,
+    /// A commanded torque has been at the drive's limit for too long.
+    CommandSaturated,
+}
+
+/// A fault and the joints that it concerns, bit 0 the base's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// What is wrong.
+    pub fault: Fault,
+    /// On which joints.
+    pub joints: u32,
+}
+
+/// What the robot file says of one joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointLimits {
+    /// Step of the encoder \[rad, or m\].
+    pub resolution: f64,
+    /// Most torque of the drive \[N m, or N\].
+    pub torque: f64,
+    /// Whether the joint turns: a whole turn is the same place.
+    pub revolute: bool,
+}
+
+/// The part of a sample that is checked: one entry a joint, all finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading<'a> {
+    /// Sequence number.
+    pub seq: u64,
+    /// Positions \[rad, or m\].
+    pub q: &'a [f64],
+    /// Torques \[N m, or N\].
+    pub tau: &'a [f64],
+}

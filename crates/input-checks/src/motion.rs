@@ -1,0 +1,338 @@
+//! Checks of the motion against its limits, its plan and the torque that was commanded for it.
+
+use crate::window::{MeanMotion, Window};
+use crate::{Fault, Found, JointLimits};
+use rivet_dynamics::MAX_JOINTS;
+
+/// Share of a joint's speed limit above which its speed is a fault: plans end at the limit, and following one may overshoot.
+const SPEED_SHARE: f64 = 1.1;
+/// Noise of a difference of two readings, in encoder steps.
+const NOISE_STEPS: f64 = 4.0;
+/// Identical readings for this long are no pause of a slower encoder \[s\].
+const FROZEN_S: f64 = 0.012;
+/// Fewest identical readings.
+const FROZEN_RUN: u32 = 3;
+/// Speed above which a joint does not stand from one sample to the next while its plan goes on \[rad/s\].
+const ABRUPT: f64 = 0.05;
+/// Encoder steps that it moved by before, at least: a coarse encoder repeats readings in slow motion.
+const MOVED_STEPS: f64 = 8.0;
+/// Share of the torque limit by which the torque that the motion needs and the commanded one may come apart within a moment.
+/// A payload that is grasped or released changes the torque by less.
+const RESPONSE_SHARE: f64 = 0.5;
+/// What the model misses for longer than this is an error of the model \[s\].
+const MODEL_ERROR_S: f64 = 0.1;
+/// Samples in a row that do not answer the torque.
+const RESPONSE_RUN: u32 = 2;
+
+/// Limits of one joint's motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotionLimits {
+    /// What the robot file says of the joint.
+    pub joint: JointLimits,
+    /// Speed limit \[rad/s\]; infinite where there is none.
+    pub speed: f64,
+    /// How far the plan may go while friction holds the joint \[rad\].
+    pub stiction_reach: f64,
+}
+
+/// The plan of one period: positions \[rad\] and velocities \[rad/s\].
+#[derive(Clone, Copy, Debug)]
+pub struct Planned<'a> {
+    /// One entry a joint.
+    pub q: &'a [f64],
+    /// One entry a joint.
+    pub qd: &'a [f64],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Joint {
+    q: f64,
+    /// Change in the last period.
+    step: f64,
+    /// Identical readings in a row.
+    same: u32,
+    /// The run began at speed while the plan went on.
+    abrupt: bool,
+    /// Where the plan was when the run began.
+    plan_before: f64,
+    /// What the model misses \[N·m\], slowly varying.
+    model_error: f64,
+    /// Samples in a row that did not answer the torque.
+    unanswered: u32,
+}
+
+/// Finds motion that the plan, the limits or the commanded torque do not explain. Nothing allocates.
+#[derive(Clone, Debug)]
+pub struct MotionCheck {
+    dof: usize,
+    period_s: f64,
+    limits: [MotionLimits; MAX_JOINTS],
+    joints: [Joint; MAX_JOINTS],
+    window: Window,
+    seq: Option<u64>,
+    /// Whether [`Joint::model_error`] is known.
+    compared: bool,
+}
+
+impl MotionCheck {
+    /// Starts without a past. `limits` has one entry a joint, at most `MAX_JOINTS`; further ones are left out.
+    pub fn new(limits: &[MotionLimits], period_s: f64) -> MotionCheck {
+        let mut all = [MotionLimits::default(); MAX_JOINTS];
+        for (all, limits) in all.iter_mut().zip(limits) {
+            *all = *limits;
+        }
+        MotionCheck {
+            dof: limits.len().min(MAX_JOINTS),
+            period_s,
+            limits: all,
+            joints: [Joint::default(); MAX_JOINTS],
+            window: Window::new(period_s),
+            seq: None,
+            compared: false,
+        }
+    }
+
+    /// Forgets the past, but not what the model misses.
+    pub fn restart(&mut self) {
+        self.window.restart();
+        for joint in &mut self.joints {
+            *joint = Joint { model_error: joint.model_error, ..Joint::default() };
+        }
+        self.seq = None;
+    }
+
+    /// Takes in, instead of a sample whose `jumped` joints (bit 0 the base's) were where no joint can be, where they would have come to. What
+    /// they do next shows whether a single reading was wrong.
+    ///
+    /// Real-time safe.
+    pub fn bridge(&mut self, seq: u64, q: &[f64], jumped: u32, command: &[f64]) {
+        if self.seq.is_none_or(|last| last.checked_add(1) != Some(seq)) {
+            self.restart();
+            return;
+        }
+        self.seq = Some(seq);
+        let mut expected = [0.0; MAX_JOINTS];
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            expected[j] = if jumped >> j & 1 == 1 { joint.q + joint.step } else { q[j] };
+            joint.step = expected[j] - joint.q;
+            (joint.q, joint.same) = (expected[j], 0);
+        }
+        self.window.push(&expected[..self.dof], command);
+    }
+
+    /// Takes in a sample of finite positions, the `command` before it and the plan of its period, if one is followed.
+    /// `None` where nothing is wrong with speed and readings. A gap in the numbers begins anew.
+    ///
+    /// Real-time safe.
+    pub fn check(&mut self, seq: u64, q: &[f64], command: &[f64], planned: Option<Planned<'_>>) -> Option<Found> {
+        if self.seq.is_some_and(|last| last.checked_add(1) != Some(seq)) {
+            self.restart();
+        }
+        let first = self.seq.replace(seq).is_none();
+        // Speed before this sample: a run of identical readings ends it.
+        let speeds: [f64; MAX_JOINTS] = core::array::from_fn(|j| self.window.speed(j).unwrap_or(0.0));
+        self.window.push(q, command);
+        let (mut frozen, mut fast) = (0, 0);
+        let run = ((FROZEN_S / self.period_s).ceil() as u32).max(FROZEN_RUN);
+        for j in 0..self.dof {
+            let (limits, joint, bit) = (&self.limits[j], &mut self.joints[j], 1 << j);
+            let resolution = limits.joint.resolution;
+            let noise = NOISE_STEPS * resolution / self.window.half_s();
+            let most = SPEED_SHARE * limits.speed + noise;
+            fast |= if self.window.speed(j).is_some_and(|speed| speed.abs() > most) { bit } else { 0 };
+            let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
+            let before = Before { speed: speeds[j], period_s: self.period_s, half_s: self.window.half_s(), resolution };
+            joint.read(q[j], first, plan, &before);
+            let reach = limits.stiction_reach.max(NOISE_STEPS * resolution);
+            let left = plan.is_some_and(|(q, _)| (q - joint.plan_before).abs() > reach);
+            frozen |= if joint.same >= run && (joint.abrupt || left) { bit } else { 0 };
+        }
+        let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
+        found(Fault::Frozen, frozen).or_else(|| found(Fault::TooFast, fast))
+    }
+
+    /// Motion and commanded torque of the last samples, once there are enough of them: what
+    /// [`answers`](Self::answers) wants to know the torque of.
+    pub fn motion(&self) -> Option<MeanMotion> {
+        self.window.motion()
+    }
+
+    /// Compares the torque that the model needs for [`motion`](Self::motion) with the commanded one. `None` where the joints
+    /// answer their torque.
+    ///
+    /// Real-time safe.
+    pub fn answers(&mut self, motion: &MeanMotion, needed: &[f64]) -> Option<Found> {
+        let mut joints = 0;
+        let share = (self.period_s / MODEL_ERROR_S).min(1.0);
+        for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
+            let most = RESPONSE_SHARE * self.limits[j].joint.torque;
+            let missed = needed[j] - motion.tau[j];
+            if !self.compared {
+                joint.model_error = missed;
+            }
+            let sudden = missed - joint.model_error;
+            // What is no number is no answer either, and is not remembered.
+            let answered = sudden.abs() <= most;
+            if sudden.is_finite() {
+                joint.model_error += share * sudden.clamp(-most, most);
+            }
+            joint.unanswered = if answered { 0 } else { joint.unanswered.saturating_add(1) };
+            joints |= if joint.unanswered >= RESPONSE_RUN { 1 << j } else { 0 };
+        }
+        self.compared = true;
+        (joints != 0).then_some(Found { fault: Fault::NoResponse, joints })
+    }
+
+    /// Longest time from the first wrong sample until a fault of this check is found \[samples\].
+    pub fn window_samples(&self) -> u64 {
+        (2.0 * self.window.half_s() / self.period_s).round() as u64 + u64::from(RESPONSE_RUN)
+    }
+}
+
+/// What a joint did before a reading.
+struct Before {
+    /// Speed over the last `half_s` seconds \[rad/s\].
+    speed: f64,
+    half_s: f64,
+    period_s: f64,
+    /// Step of the encoder \[rad\].
+    resolution: f64,
+}
+
+impl Before {
+    /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
+    fn steady(&self, last: f64) -> bool {
+        let speed = self.speed.abs();
+        let moved = speed * self.half_s >= MOVED_STEPS * self.resolution;
+        let last = last * self.speed.signum();
+        speed > ABRUPT && moved && last + self.resolution >= 0.5 * speed * self.period_s
+    }
+}
+
+impl Joint {
+    /// Counts identical readings. `plan` is position and velocity of the plan.
+    fn read(&mut self, q: f64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
+        if !first && q == self.q {
+            if self.same == 0 {
+                let goes_on = plan.is_some_and(|(_, qd)| qd * before.speed.signum() > 0.5 * before.speed.abs());
+                self.abrupt = goes_on && before.steady(self.step);
+            }
+            self.same = self.same.saturating_add(1);
+            return;
+        }
+        self.step = if first { 0.0 } else { q - self.q };
+        self.plan_before = plan.map_or(f64::NAN, |(q, _)| q);
+        (self.q, self.same, self.abrupt) = (q, 0, false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIODS: [f64; 2] = [0.004, 0.001];
+
+    fn check(period_s: f64) -> MotionCheck {
+        let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
+        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, stiction_reach: 0.005 }], period_s)
+    }
+
+    /// Position and velocity of a motion of 1 rad/s at the most.
+    fn swing(t: f64) -> (f64, f64) {
+        (0.5 * (2.0 * t).sin(), (2.0 * t).cos())
+    }
+
+    fn rounded(q: f64) -> f64 {
+        (q / 1e-5).round() * 1e-5
+    }
+
+    #[test]
+    fn freezes_are_found_within_20_ms_and_sound_motion_is_not_called_frozen() {
+        for period_s in PERIODS {
+            // Seconds of motion before the reading freezes; speeds are 0.96, 0.41 and -0.42 rad/s there.
+            for frozen_s in [0.14, 0.57, 1.0] {
+                let (mut check, mut seq) = (check(period_s), 0);
+                let mut wrong = None;
+                loop {
+                    seq += 1;
+                    let t = seq as f64 * period_s;
+                    let (q, qd) = swing(t);
+                    let seen = rounded(swing(t.min(frozen_s)).0);
+                    wrong = wrong.or((t > frozen_s).then_some(t));
+                    let planned = Planned { q: &[q], qd: &[qd] };
+                    match check.check(seq, &[seen], &[0.0], Some(planned)) {
+                        None => assert!(t < 3.0, "never found"),
+                        Some(found) => {
+                            assert_eq!(found, Found { fault: Fault::Frozen, joints: 1 });
+                            let late = t - wrong.expect("not before it is wrong");
+                            assert!(late < 0.0201, "{late} s at {period_s} s");
+                            break;
+                        }
+                    }
+                }
+            }
+            let mut check = check(period_s);
+            for seq in 1..=20_000 {
+                let (q, qd) = swing(seq as f64 * period_s);
+                let planned = Planned { q: &[q], qd: &[qd] };
+                assert_eq!(check.check(seq, &[rounded(q)], &[0.0], Some(planned)), None, "sample {seq}");
+            }
+        }
+    }
+
+    /// A joint at rest repeats its reading, with a plan that stands, and one that brakes before it stands.
+    #[test]
+    fn an_arm_at_rest_and_one_that_comes_to_rest_are_sound() {
+        for period_s in PERIODS {
+            let mut check = check(period_s);
+            for seq in 1..=5000 {
+                // From 0.4 rad/s to rest with 2 rad/s².
+                let t = (seq as f64 * period_s).min(0.2);
+                let (q, qd) = (0.4 * t - t * t, 0.4 - 2.0 * t);
+                let planned = Planned { q: &[q], qd: &[qd] };
+                assert_eq!(check.check(seq, &[rounded(q)], &[0.0], Some(planned)), None, "sample {seq}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_joint_beyond_its_speed_limit_is_named() {
+        for period_s in PERIODS {
+            let mut check = check(period_s);
+            let found = (1..=2000).find_map(|seq| {
+                let t = seq as f64 * period_s;
+                check.check(seq, &[rounded(5.0 * t * t)], &[0.0], None).map(|found| (found, 10.0 * t))
+            });
+            let (found, speed) = found.expect("it is found");
+            assert_eq!(found, Found { fault: Fault::TooFast, joints: 1 });
+            assert!((3.3..3.5).contains(&speed), "{speed} rad/s");
+        }
+    }
+
+    /// A joint of 0.1 kg m² whose torque and motion come apart at once; a load that comes slowly is an error of the model.
+    #[test]
+    fn motion_without_its_torque_is_no_answer_and_a_slow_error_of_the_model_is_one() {
+        for period_s in PERIODS {
+            for (sudden, expected) in [(true, true), (false, false)] {
+                let (mut check, mut found) = (check(period_s), false);
+                let (mut q, mut qd) = (0.0, 0.0);
+                for seq in 1..=2000 {
+                    let t = seq as f64 * period_s;
+                    let command = (5.0 * t).sin();
+                    let begun = t - 0.5;
+                    let load = if sudden { 6.0 * f64::from(begun > 0.0) } else { (6.0 * begun).clamp(0.0, 6.0) };
+                    if check.check(seq, &[q], &[command], None).is_some() {
+                        break;
+                    }
+                    if let Some(motion) = check.motion() {
+                        found |= check.answers(&motion, &[0.1 * motion.qdd[0]]).is_some();
+                    }
+                    let qdd = (command - load) / 0.1;
+                    q += qd * period_s + 0.5 * qdd * period_s * period_s;
+                    qd += qdd * period_s;
+                }
+                assert_eq!(found, expected, "sudden: {sudden}, {period_s} s");
+            }
+        }
+    }
+}
