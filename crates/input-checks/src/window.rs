@@ -127,7 +127,7 @@ mod tests {
         for period_s in [0.004, 0.001] {
             let mut window = Window::new(period_s);
             let (mut q, mut qd) = (0.0, 0.0);
-            let (mut before, mut last) = (0.0, 0.0);
+            let mut last = 0.0;
             let mut seen = 0;
             for k in 0..100 {
                 window.push(&[q], &[last]);
@@ -136,7 +136,8 @@ mod tests {
                     seen += 1;
                 }
                 let command = (0.3 * f64::from(k)).sin();
-                (before, last) = (last, command);
+                let before = last;
+                last = command;
                 for tau in [before, last] {
                     // Half a period each, exactly.
                     let h = 0.5 * period_s;
