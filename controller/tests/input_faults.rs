@@ -1,106 +1,258 @@
-//! Every fault ends in the stop reaction: a true arm, in motion, whose joint states or drives go wrong.
+//! Every fault ends in the stop reaction: a true arm, in motion, whose joint states, drives or plan go wrong.
+//!
+//! The arm has no brakes, and its planner goes on as if nothing had happened: only the controller's torque stops it.
 
 mod common;
 
-use common::rig::{Outcome, Rig, Wrong};
+use common::rig::{Outcome, Rig, Values, Wrong, unchecked};
 use rivet_ipc_schema::StopCause;
 
-const ARMS: [&str; 2] = ["dd2", "ur10e"];
+/// Sample periods \[s\].
 const PERIODS: [f64; 2] = [0.004, 0.001];
-/// Seconds of sound motion before the fault: at several phases of it.
-const WRONG_S: f64 = 1.0;
+/// Largest speed of the plan, in parts of the joints' limits.
 const SHARE: f64 = 0.4;
+/// Time that the arm has to come to rest \[s\].
+const AFTER_S: f64 = 1.0;
+/// Bounds of the issue: speed in parts of the joint's limit, distance from the plan \[rad\], time until the stop reaction \[s\].
+const MOST_SPEED: f64 = 1.2;
+const MOST_AWAY: f64 = 0.3;
+const MOST_DELAY_S: f64 = 0.0201;
+/// An arm is at rest below this \[rad/s\]: less than a thousandth of the joints' limits.
+const REST: f64 = 0.01;
 
-fn each(arms: &[&str], wrong: impl Fn(&[usize]) -> Vec<Wrong>) -> Vec<(String, Wrong, Outcome)> {
-    let mut out = Vec::new();
-    for arm in arms {
-        let dd2 = *arm == "dd2";
-        let joints: &[usize] = if dd2 { &[0, 1] } else { &[0, 1, 3, 5] };
-        let phases: &[f64] = if dd2 { &[1.3, 1.5, 1.7, 2.0] } else { &[1.3, 1.8] };
+/// Arm, its joints that go wrong, and the seconds of sound motion before: several phases of it.
+type Arm = (&'static str, &'static [usize], &'static [f64]);
+const ARMS: [Arm; 2] = [("dd2", &[0, 1], &[1.3, 1.5, 1.7, 2.0]), ("ur10e", &[0, 1, 3, 5], &[1.8])];
+
+fn is_harmless(o: &Outcome) -> bool {
+    o.speed <= MOST_SPEED && o.away <= MOST_AWAY && o.rest <= REST
+}
+
+fn holds(name: &str, o: &Outcome, causes: &[StopCause]) {
+    let (cause, _, delay_s) = o.stop.unwrap_or_else(|| panic!("{name}: never stopped, {o:?}"));
+    println!("{name}: {cause:?} after {:.0} ms, speed {:.2}, away {:.3} rad", 1e3 * delay_s, o.speed, o.away);
+    assert!(causes.contains(&cause), "{name}: {o:?}");
+    assert!(delay_s <= MOST_DELAY_S, "{name}: {o:?}");
+    assert!(is_harmless(o), "{name}: {o:?}");
+}
+
+/// Runs a fault on both arms, at both rates, in every phase.
+fn check(wrong: &[Wrong], causes: &[StopCause]) {
+    for (arm, _, phases) in ARMS {
         for period_s in PERIODS {
-            for wrong in wrong(joints) {
+            for &wrong in wrong {
                 for &sound_s in phases {
-                    let mut rig = Rig::new(arm, period_s, "", SHARE);
-                    let outcome = rig.run(sound_s, wrong, WRONG_S, |_, _| ());
-                    let o = outcome;
-                    let ok = o.speed <= 1.2 && o.away <= 0.3 && o.rest < 0.02 && o.stop.is_some_and(|s| s.2 <= 0.0201);
-                    println!(
-                        "{} {arm} {period_s} {wrong:?} {sound_s}: {:?} speed {:.2} away {:.3} rest {:.4} stops {}",
-                        if ok { "ok  " } else { "FAIL" },
-                        o.stop,
-                        o.speed,
-                        o.away,
-                        o.rest,
-                        o.stops
-                    );
-                    out.push((format!("{arm} {period_s} s, {wrong:?} after {sound_s} s"), wrong, outcome));
+                    let o = Rig::new(arm, period_s, "", SHARE).run(sound_s, wrong, AFTER_S, |_, _| ());
+                    holds(&format!("{arm} {period_s} s {wrong:?} after {sound_s} s"), &o, causes);
                 }
             }
         }
     }
-    out
 }
 
-#[test]
-fn survey_dd2() {
-    survey(&ARMS[..1])
-}
-#[test]
-fn survey_ur10e() {
-    survey(&ARMS[1..])
-}
-fn survey(arms: &[&str]) {
-    let _ = each(arms, |joints| {
-        let mut all = vec![
-            Wrong::Silence,
-            Wrong::Repeated,
-            Wrong::AllFrozen,
-            Wrong::Late(0.1),
-            Wrong::Late(0.03),
-            Wrong::Shape,
-            Wrong::FaultBits,
-            Wrong::Rate(2.0),
-        ];
-        if std::env::var_os("QUICK").is_some() {
-            all.truncate(5);
-            for &j in joints {
-                all.extend([
-                    Wrong::Frozen(j),
-                    Wrong::Backwards(j),
-                    Wrong::Negative(j),
-                    Wrong::Jump(j, 0.5),
-                    Wrong::Jump(j, 0.02),
-                ]);
-            }
-            return all;
-        }
-        for &j in joints {
-            all.extend([
-                Wrong::Frozen(j),
-                Wrong::Backwards(j),
-                Wrong::Negative(j),
-                Wrong::Jump(j, 0.5),
-                Wrong::Jump(j, 0.02),
-                Wrong::NotFinite(j),
-                Wrong::Implausible(j),
-                Wrong::TorqueSign(j),
-                Wrong::TorqueStuck(j),
-                Wrong::TorqueAtLimit(j),
-                Wrong::Drive(j, 0.0),
-                Wrong::Drive(j, -1.0),
-            ]);
-        }
-        all
-    });
-    let _ = StopCause::None;
-}
-
-#[test]
-fn sound() {
-    for arm in ARMS {
+/// The same for a fault of each joint.
+fn check_joints(wrong: impl Fn(usize) -> Wrong, causes: &[StopCause]) {
+    for (arm, joints, phases) in ARMS {
         for period_s in PERIODS {
-            let o = Rig::new(arm, period_s, "", SHARE).run(6.0, Wrong::Nothing, 2.0, |_, _| ());
-            println!("{arm} {period_s}: {o:?}");
+            for &joint in joints {
+                for &sound_s in phases {
+                    let wrong = wrong(joint);
+                    let o = Rig::new(arm, period_s, "", SHARE).run(sound_s, wrong, AFTER_S, |_, _| ());
+                    let name = format!("{arm} {period_s} s {wrong:?} after {sound_s} s");
+                    holds(&name, &o, causes);
+                    let joints = o.stop.map_or(0, |(_, joints, _)| joints);
+                    assert!(joints == 0 || joints >> joint & 1 == 1, "{name}: {o:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sound_run_is_not_stopped() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            for share in [0.1, 0.4, 0.6] {
+                // The run asserts it while it is sound.
+                Rig::new(arm, period_s, "", share).run(5.0, Wrong::Nothing, 0.1, |_, _| ());
+            }
+        }
+    }
+}
+
+/// The law alone, on the same arm with the same faults, does harm: the arm does not stop by itself.
+#[test]
+fn without_the_checks_faults_do_harm() {
+    for (name, wrong) in [
+        ("all frozen", Wrong::AllFrozen),
+        ("one frozen", Wrong::Frozen(0)),
+        ("backwards", Wrong::Backwards(0)),
+        ("negative", Wrong::Negative(1)),
+        ("late", Wrong::Late(0.1)),
+        ("a jump", Wrong::Jump(1, 0.5)),
+        ("silence", Wrong::Silence),
+    ] {
+        let mut rig = Rig::new("dd2", 0.004, "", SHARE);
+        let o = unchecked(&mut rig, 2.0, wrong, AFTER_S);
+        println!("{name}: speed {:.2}, away {:.2} rad, {:.2} rad/s at the end", o.speed, o.away, o.rest);
+        assert!(!is_harmless(&o), "{name}: {o:?}");
+    }
+}
+
+#[test]
+fn silence_is_stopped() {
+    check(&[Wrong::Silence], &[StopCause::Silence]);
+}
+
+#[test]
+fn samples_that_are_repeated_are_stopped() {
+    check(&[Wrong::Repeated], &[StopCause::OldSamples]);
+}
+
+#[test]
+fn joint_states_that_freeze_while_their_number_runs_on_are_stopped() {
+    check(&[Wrong::AllFrozen], &[StopCause::Frozen, StopCause::NoResponse, StopCause::TorqueStuck]);
+}
+
+#[test]
+fn late_positions_are_stopped() {
+    // What jumps, turns round or stands depends on the phase of the motion.
+    let causes = [StopCause::EncoderJump, StopCause::NoResponse, StopCause::TooFast, StopCause::Frozen];
+    check(&[Wrong::Late(0.1), Wrong::Late(0.03)], &causes);
+}
+
+#[test]
+fn joint_states_that_say_they_are_wrong_are_stopped() {
+    check(&[Wrong::Shape], &[StopCause::WrongShape]);
+    check(&[Wrong::FaultBits], &[StopCause::RobotFault]);
+}
+
+#[test]
+fn numbers_of_no_arm_are_stopped() {
+    check_joints(Wrong::NotFinite, &[StopCause::NotFinite]);
+    check_joints(Wrong::Implausible, &[StopCause::Implausible]);
+}
+
+/// At a turning point nothing shows until the joint has moved: time counts from the first reading that is visibly wrong.
+fn check_from_visible(wrong: impl Fn(usize) -> Wrong, causes: &[StopCause]) {
+    for (arm, joints, phases) in ARMS {
+        for period_s in PERIODS {
+            for &joint in joints {
+                for &sound_s in phases {
+                    let wrong = wrong(joint);
+                    let mut o = Rig::new(arm, period_s, "", SHARE).run(sound_s, wrong, AFTER_S, |_, _| ());
+                    let name =
+                        format!("{arm} {period_s} s {wrong:?} after {sound_s} s, wrong at {:.0} ms", 1e3 * o.visible_s);
+                    o.stop = o.stop.map(|(cause, joints, delay_s)| (cause, joints, delay_s - o.visible_s));
+                    holds(&name, &o, causes);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn one_frozen_encoder_is_stopped() {
+    check_from_visible(Wrong::Frozen, &[StopCause::Frozen, StopCause::NoResponse]);
+}
+
+#[test]
+fn an_encoder_that_counts_backwards_is_stopped() {
+    let causes = [StopCause::NoResponse, StopCause::EncoderJump, StopCause::TooFast];
+    check_from_visible(Wrong::Backwards, &causes);
+}
+
+#[test]
+fn an_encoder_with_the_other_sign_is_stopped() {
+    let causes = [StopCause::NoResponse, StopCause::EncoderJump, StopCause::TooFast];
+    check_joints(Wrong::Negative, &causes);
+}
+
+#[test]
+fn an_encoder_that_jumps_is_stopped() {
+    check_joints(|joint| Wrong::Jump(joint, 0.5), &[StopCause::EncoderJump]);
+    let causes = [StopCause::EncoderJump, StopCause::NoResponse, StopCause::TooFast];
+    check_joints(|joint| Wrong::Jump(joint, -0.03), &causes);
+}
+
+#[test]
+fn measured_torques_that_are_stuck_are_stopped() {
+    check_joints(Wrong::TorqueStuck, &[StopCause::TorqueStuck]);
+    check_joints(Wrong::TorqueAtLimit, &[StopCause::TorqueStuck, StopCause::SignFlipped]);
+}
+
+/// A torque of the other sign shows where it is not about zero.
+#[test]
+fn measured_torques_of_the_other_sign_are_stopped() {
+    for period_s in PERIODS {
+        let o = Rig::new("ur10e", period_s, "", SHARE).run(1.8, Wrong::TorqueSign(1), AFTER_S, |_, _| ());
+        holds(&format!("ur10e {period_s} s, torque of joint 2"), &o, &[StopCause::SignFlipped]);
+    }
+}
+
+/// A drive that gives nothing is found as soon as its torque is missed; what stops the arm then is not that drive.
+#[test]
+fn a_joint_that_does_not_answer_is_stopped() {
+    for period_s in PERIODS {
+        for (arm, joint, sound_s) in [("dd2", 1, 1.3), ("dd2", 0, 1.3), ("ur10e", 1, 1.8)] {
+            let o = Rig::new(arm, period_s, "", SHARE).run(sound_s, Wrong::Drive(joint, 0.0), AFTER_S, |_, _| ());
+            let (cause, joints, delay_s) = o.stop.expect("stopped");
+            println!("{arm} {period_s} s, drive of joint {}: {cause:?} after {:.0} ms", joint + 1, 1e3 * delay_s);
+            assert_eq!((cause, joints), (StopCause::NoResponse, 1 << joint), "{o:?}");
+        }
+    }
+}
+
+/// A plan with one thing wrong from some time on. The stop reaction follows, and the cause names the rule.
+fn check_plan(bend: impl Fn(f64, &mut [Values; 3]), cause: StopCause) {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            let o = Rig::new(arm, period_s, "", SHARE).run(1.7, Wrong::Nothing, AFTER_S, &bend);
+            holds(&format!("{arm} {period_s} s, plan"), &o, &[cause]);
+        }
+    }
+}
+
+#[test]
+fn a_plan_beyond_the_drives_is_refused() {
+    check_plan(|_, plan| plan[2][1] = 1e4, StopCause::PlanAcceleration);
+    check_plan(|_, plan| plan[2][0] = -300.0, StopCause::PlanAcceleration);
+}
+
+#[test]
+fn a_plan_that_jumps_is_refused() {
+    check_plan(|_, plan| plan[0][0] += 0.1, StopCause::PlanJump);
+    check_plan(|_, plan| plan[0][1] += 0.1, StopCause::PlanJump);
+    // Further and further, in steps that are none by themselves.
+    check_plan(|t, plan| plan[0][0] += 0.02 * (t / 0.004).floor(), StopCause::PlanJump);
+}
+
+#[test]
+fn absurd_plans_are_refused() {
+    for k in 0..3 {
+        check_plan(|_, plan| plan[k][0] = 1e308, StopCause::PlanImplausible);
+        check_plan(|_, plan| plan[k][1] = f64::NAN, StopCause::PlanNotFinite);
+        check_plan(|_, plan| plan[k][1] = f64::NEG_INFINITY, StopCause::PlanNotFinite);
+    }
+}
+
+/// Stored parameters with a right checksum that are those of no arm: they pass the gate of live ones, or do not act.
+#[test]
+fn stored_parameters_times_three_never_act() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            for factor in [3.0, 1e300, -1.0, 0.05] {
+                let mut rig = Rig::new(arm, period_s, "", SHARE);
+                let nominal = rig.robot.base_parameters().to_vec();
+                let stored: Vec<f64> = nominal.iter().map(|x| factor * x).collect();
+                let taken = rig.core.recall(&stored);
+                assert!(factor == 3.0 || taken.is_err(), "{factor}: {taken:?}");
+                let o = rig.run(4.0, Wrong::Nothing, 0.5, |_, _| ());
+                let most = rig.core.acting().iter().zip(&nominal).map(|(a, x)| (a - x).abs()).fold(0.0, f64::max);
+                assert_eq!((most, o.stops), (0.0, 0), "{arm} {period_s} s, {factor}");
+                assert!(o.away < 0.05, "{arm} {period_s} s, {factor}: {o:?}");
+                println!("{arm} {period_s} s, times {factor}: {taken:?}, away {:.3} rad", o.away);
+            }
         }
     }
 }

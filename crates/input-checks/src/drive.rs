@@ -14,6 +14,9 @@ const LEAST_SHARE: f64 = 0.1;
 const FAULT_S: f64 = 0.012;
 /// Fewest samples in that time.
 const FAULT_RUN: u32 = 3;
+/// A run of identical torques this many times as long as the longest before is that of a torque which is stuck: one of fine steps changes
+/// with every sample.
+const LONGEST_TIMES: u32 = 4;
 /// Changes after which a measured torque is known to be measured: a robot without torque sensors reports zeros.
 const KNOWN_CHANGES: u32 = 50;
 
@@ -22,6 +25,10 @@ struct Joint {
     tau: f64,
     changes: u32,
     same: u32,
+    /// Most identical torques in a row so far that were taken for sound.
+    longest: u32,
+    /// Measured torques at the limit in a row, without a command that was near it.
+    measured_at_limit: u32,
     /// The command when the measured torque last changed.
     command_before: f64,
     opposite: u32,
@@ -68,7 +75,7 @@ impl DriveCheck {
     pub fn restart(&mut self) {
         (self.filled, self.next) = (0, 0);
         for joint in &mut self.joints {
-            *joint = Joint { tau: joint.tau, changes: joint.changes, ..Joint::default() };
+            *joint = Joint { tau: joint.tau, changes: joint.changes, longest: joint.longest, ..Joint::default() };
         }
     }
 
@@ -90,16 +97,22 @@ impl DriveCheck {
             let against = low > least && tau[j] < -least || high < -least && tau[j] > least;
             joint.opposite = if against { joint.opposite + 1 } else { 0 };
             opposite |= if joint.opposite >= self.run { bit } else { 0 };
+            let alone = tau[j].abs() >= AT_LIMIT * limit && low.abs().max(high.abs()) < limit - least;
+            joint.measured_at_limit = if alone { joint.measured_at_limit.saturating_add(1) } else { 0 };
             if tau[j] == joint.tau {
                 joint.same = joint.same.saturating_add(1);
             } else {
+                joint.longest = joint.longest.max(joint.same);
                 (joint.tau, joint.same, joint.command_before) = (tau[j], 0, command[j]);
                 joint.changes = joint.changes.saturating_add(1);
             }
             let moved = (command[j] - joint.command_before).abs() > least;
             let away = tau[j] < low - least || tau[j] > high + least;
             let known = joint.changes > KNOWN_CHANGES;
-            stuck |= if known && joint.same >= self.run && moved && away { bit } else { 0 };
+            // At its limit a torque repeats, and a command that repeats is answered by one.
+            let fine = low < high && tau[j].abs() < AT_LIMIT * limit && joint.same > LONGEST_TIMES * joint.longest;
+            stuck |= if known && joint.same >= self.run && (fine || moved && away) { bit } else { 0 };
+            stuck |= if joint.measured_at_limit >= self.run { bit } else { 0 };
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         found(Fault::SignFlipped, opposite)
@@ -136,8 +149,28 @@ mod tests {
             assert!(after <= 0.02, "{after} s");
             let (found, after) = run(period_s, 60.0, |_, before| before).expect("found");
             assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
-            // 10 N m beyond what was commanded meanwhile, at 540 N m/s.
-            assert!(after <= 0.06, "{after} s");
+            assert!(after <= 0.02, "{after} s");
+            let (found, after) = run(period_s, 60.0, |_, _| 100.0).expect("found");
+            assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
+            assert!(after <= 0.02, "{after} s");
+        }
+    }
+
+    /// Torques that come in steps repeat: only one that the command has left is stuck.
+    #[test]
+    fn a_torque_that_comes_in_steps_is_sound() {
+        for period_s in [0.004, 0.001] {
+            assert_eq!(run(period_s, 60.0, |right, _| (right / 4.0).round() * 4.0), None);
+            let mut check = DriveCheck::new(&LIMITS, period_s, 0.1);
+            let torque = |t: f64| (60.0 * (9.0 * t + 1.0).sin() / 4.0).round() * 4.0;
+            let found = (1..=(2.0 / period_s) as u32).find_map(|k| {
+                let t = f64::from(k) * period_s;
+                let tau = torque((t - 0.005).min(1.0));
+                check.check(&[tau], &[60.0 * (9.0 * (t - period_s) + 1.0).sin()]).map(|found| (found, t - 1.0))
+            });
+            let (found, after) = found.expect("found");
+            assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
+            assert!(after > 0.0, "{after} s");
         }
     }
 
