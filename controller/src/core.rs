@@ -8,7 +8,7 @@ use crate::output::{Limits, Output};
 use crate::plan::{PlanCheck, RefusedPlan};
 use crate::recent::{Recent, Verdict};
 use crate::source::{Sources, Values};
-use crate::stop::{Stop, Stopping, reckon};
+use crate::stop::{FEEDBACK, Stop, Stopping, reckon};
 use crate::velocity::VelocityFilter;
 use crate::watch::{Watch, Wrong};
 use rivet_config::Robot;
@@ -95,7 +95,7 @@ pub struct Core {
     last_plan_refused: RefusedPlan,
     /// Whether the plan is followed; else the arm is held at `held`.
     following: bool,
-    held: Option<[f64; MAX_JOINTS]>,
+    held: Option<Held>,
     /// What is added to the plan since it was joined: position and velocity \[rad, rad/s\].
     joining: [[f64; MAX_JOINTS]; 2],
     /// Stored parameters that have not passed the gate yet.
@@ -134,6 +134,16 @@ pub struct Core {
     missed: u64,
     tracking: [f64; MAX_JOINTS],
     counts: Counts,
+}
+
+/// Where and how fast the arm was when nothing was left to follow, and the sample's number.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    q: [f64; MAX_JOINTS],
+    qd: [f64; MAX_JOINTS],
+    since: u64,
+    /// It has come to rest there.
+    resting: bool,
 }
 
 /// Time constant with which acting parameters follow those of the source \[s\]: short beside the motion, long beside a
@@ -708,7 +718,7 @@ impl Core {
         // A plan of the future is one of another time, too: a robot controller that was started anew counts from 1.
         let Some((_, plan)) = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods) else {
             self.following = false;
-            return self.hold(sample);
+            return self.hold(sample, qd);
         };
         if !self.following && self.distance(&plan, sample) <= REJOIN {
             let near = self.is_near(&plan, sample, qd);
@@ -719,7 +729,7 @@ impl Core {
             }
         }
         if !self.following {
-            return self.hold(sample);
+            return self.hold(sample, qd);
         }
         let mut desired = plan;
         let [offset, speed] = &mut self.joining;
@@ -760,13 +770,41 @@ impl Core {
         if !self.following {
             return None;
         }
-        let refused = self.plan_refused.filter(|(_, first)| sample.seq.saturating_sub(*first) >= self.bridged);
+        // Before the last plan that was good is too old to be followed.
+        let bridged = self.bridged.min(self.stale_periods.saturating_sub(1)).max(1);
+        let refused = self.plan_refused.filter(|(_, first)| sample.seq.saturating_sub(*first) >= bridged);
         let refused = refused.map(|((cause, joints), _)| Wrong { cause, joints, lasting: true });
         refused.or_else(|| self.watch.tracking(&sample.q, desired))
     }
 
-    fn hold(&mut self, sample: &JointState) -> Desired {
-        Desired { q: *self.held.get_or_insert(sample.q), ..Desired::default() }
+    /// The arm is held where it is. One in motion is first brought to rest as `damp` does it, with feedback that the rate limit of the
+    /// torque does not turn into a swing.
+    fn hold(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
+        if self.held.is_none() {
+            let here = Desired { q: sample.q, ..Desired::default() };
+            let resting = self.is_near(&here, sample, qd);
+            self.held = Some(Held { q: sample.q, qd: *qd, since: sample.seq, resting });
+        }
+        let Some(held) = &mut self.held else { return Desired::default() };
+        let elapsed_s = sample.seq.saturating_sub(held.since) as f64 * self.period_s;
+        if !held.resting && elapsed_s >= self.stop.time_s {
+            *held = Held { q: sample.q, qd: [0.0; MAX_JOINTS], since: sample.seq, resting: true };
+        }
+        if held.resting {
+            return Desired { q: held.q, ..Desired::default() };
+        }
+        let time_s = self.stop.decay_s();
+        let rest = (-elapsed_s / time_s).exp();
+        let mut desired = Desired { q: sample.q, qd: *qd, qdd: [0.0; MAX_JOINTS] };
+        for j in 0..self.dof {
+            let (position, velocity) = self.law.gains(j);
+            let planned = held.qd[j] * rest;
+            desired.q[j] +=
+                FEEDBACK * FEEDBACK / position * (held.q[j] + time_s * (held.qd[j] - planned) - sample.q[j]);
+            desired.qd[j] += 2.0 * FEEDBACK / velocity * (planned - qd[j]);
+            desired.qdd[j] = -planned / time_s;
+        }
+        desired
     }
 
     fn blend_parameters(&mut self) {

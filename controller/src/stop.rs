@@ -23,7 +23,7 @@ pub(crate) struct Stop {
 const DECAY_SHARE: f64 = 0.25;
 
 /// Bandwidth of the feedback on a stop \[rad/s\], critically damped: stable with readings that are 100 ms late (up to 6 rad/s).
-const FEEDBACK: f64 = 4.0;
+pub(crate) const FEEDBACK: f64 = 4.0;
 
 /// Longest time over which the arm's motion is reckoned from commands \[s\].
 const LONGEST_RECKONED_S: f64 = 0.1;
@@ -61,6 +61,11 @@ impl Stopping {
 }
 
 impl Stop {
+    /// Time constant with which `damp` slows down, and an arm that has no plan any more \[s\].
+    pub(crate) fn decay_s(self) -> f64 {
+        DECAY_SHARE * self.time_s
+    }
+
     /// Torque \[N·m\] of a stop that has lasted for `stopping_s`. `seen` are positions and velocities of a sample, if there is
     /// one. `x` are base parameters without friction.
     ///
@@ -87,7 +92,7 @@ impl Stop {
                 }
             }
             StopReaction::Damp => {
-                let time = DECAY_SHARE * self.time_s;
+                let time = self.decay_s();
                 let rest = if stopping_s >= self.time_s { 0.0 } else { (-stopping_s / time).exp() };
                 let (mut q, mut qd, mut qdd) = (stopping.q, zero, zero);
                 for j in 0..n {

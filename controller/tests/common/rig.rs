@@ -97,6 +97,8 @@ pub(crate) fn physics(robot: &Robot, q: &[f64]) -> Physics {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wrong {
     Nothing,
+    /// No plan comes any more.
+    Planless,
     /// No sample comes any more.
     Silence,
     /// The last sample comes again and again.
@@ -157,6 +159,7 @@ pub(crate) struct Rig {
     pub(crate) swing: Swing,
     largest_step: f64,
     law: Option<LawAlone>,
+    planless: bool,
     physics: Physics,
     arm: TwoMassArm,
     random: Random,
@@ -189,6 +192,7 @@ impl Rig {
             states: Vec::new(),
             largest_step: 0.0,
             law: None,
+            planless: false,
             physics,
             robot,
             swing,
@@ -200,6 +204,11 @@ impl Rig {
         self.physics.pushes.push(push);
         self.arm = TwoMassArm::new(&self.physics, &self.swing.centre);
         self
+    }
+
+    /// Where the plan is after so many seconds of a run \[rad\].
+    pub(crate) fn planned(&self, sound_s: f64) -> Values {
+        self.swing.at(sound_s)[0]
     }
 
     /// Where the arm is \[rad\].
@@ -237,7 +246,7 @@ impl Rig {
         // The last sound sample: the present one is not among them yet.
         let before = ago(k);
         match wrong {
-            Wrong::Nothing | Wrong::Drive(..) => {}
+            Wrong::Nothing | Wrong::Planless | Wrong::Drive(..) => {}
             Wrong::Silence => return None,
             Wrong::Repeated => seen = *before,
             Wrong::AllFrozen => (seen.q, seen.tau) = (before.q, before.tau),
@@ -274,7 +283,9 @@ impl Rig {
         let n = self.robot.dof();
         let mut setpoint = Setpoint { seq: self.seq, joints: n as u32, ..Setpoint::default() };
         [setpoint.q, setpoint.qd, setpoint.qdd] = *plan;
-        self.core.offer_setpoint(&setpoint);
+        if !self.planless {
+            self.core.offer_setpoint(&setpoint);
+        }
         let answered = seen.and_then(|seen| self.core.tick(&seen).ok());
         let command = answered.or_else(|| self.core.missing(lost + 1));
         let before = self.acting;
@@ -339,6 +350,7 @@ impl Rig {
             {
                 self.arm.set_drive_gain(j, share - 1.0);
             }
+            self.planless = k >= sound && wrong == Wrong::Planless;
             if k >= sound {
                 bend((k - sound) as f64 * period_s, &mut plan);
             }
