@@ -34,11 +34,10 @@ pub(crate) fn verdict(robot: &Robot) -> String {
     for warning in &warnings {
         out += &paragraph("warning: ", warning);
     }
-    let name = &robot.config.name;
-    out += &match warnings.len() {
-        0 => format!("{name} is sound.\n"),
-        1 => format!("{name} can be used, with 1 warning.\n"),
-        n => format!("{name} can be used, with {n} warnings.\n"),
+    let verdict = match warnings.len() {
+        0 => "is sound".to_owned(),
+        1 => "can be used, with 1 warning".to_owned(),
+        n => format!("can be used, with {n} warnings"),
     };
-    out
+    out + &format!("{} {verdict}.\n", robot.config.name)
 }

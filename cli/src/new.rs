@@ -78,7 +78,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     show(&format!("written to {}\n", args.output.display()))?;
     let unknown = new.unknown();
     if !unknown.is_empty() {
-        show(&paragraph("unknown: ", &format!("{}. Each starts with a wide prior", unknown.join("; "))))?;
+        let text = format!("{}. The file marks them; parameters among them have a wide prior", unknown.join("; "));
+        show(&paragraph("unknown: ", &text))?;
     }
     show(&check::verdict(&robot))?;
     Ok(ExitCode::SUCCESS)

@@ -78,7 +78,7 @@ fn load(urdf: &Path, folder: &Path) -> Result<(Robot, Outcome), String> {
             }
             Some(Mend::Robot(lines)) => {
                 let more = lines.trim_start_matches("[model]\n");
-                let _ = write!(outcome.robot_lines, "{more}\n");
+                let _ = writeln!(outcome.robot_lines, "{more}");
             }
             Some(Mend::Urdf(line)) => {
                 text = text.replace("</robot>", &format!("{line}\n</robot>"));

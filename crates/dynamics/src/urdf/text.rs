@@ -128,8 +128,11 @@ fn filled(mut file: File, robot: urdf_rs::Robot) -> File {
     file
 }
 
-/// Parts of a joint that urdf-rs reads, and their attributes that are numbers: key, how many, what it is.
-const JOINT_NUMBERS: [(&str, &[(&str, usize, &str)]); 5] = [
+/// An attribute that holds numbers: key, how many, what it is.
+type Number = (&'static str, usize, &'static str);
+
+/// Parts of a joint that urdf-rs reads, and their attributes that are numbers.
+const JOINT_NUMBERS: [(&str, &[Number]); 5] = [
     ("origin", &POSE),
     ("axis", &[("xyz", 3, "axis")]),
     (
@@ -145,7 +148,7 @@ const JOINT_NUMBERS: [(&str, &[(&str, usize, &str)]); 5] = [
     ("mimic", &[("multiplier", 1, "mimic multiplier"), ("offset", 1, "mimic offset")]),
 ];
 /// The same of an `<inertial>`.
-const INERTIAL_NUMBERS: [(&str, &[(&str, usize, &str)]); 3] = [
+const INERTIAL_NUMBERS: [(&str, &[Number]); 3] = [
     ("origin", &POSE),
     ("mass", &[("value", 1, "mass")]),
     (
@@ -160,7 +163,7 @@ const INERTIAL_NUMBERS: [(&str, &[(&str, usize, &str)]); 3] = [
         ],
     ),
 ];
-const POSE: [(&str, usize, &str); 2] = [("xyz", 3, "origin xyz"), ("rpy", 3, "origin rpy")];
+const POSE: [Number; 2] = [("xyz", 3, "origin xyz"), ("rpy", 3, "origin rpy")];
 /// Types of joints that urdf-rs knows.
 const KINDS: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
@@ -219,7 +222,7 @@ impl Looked {
             match found[..] {
                 [] if part == "mass" => unreadable.push(self.mistake(element, missing("<mass> in its <inertial>"))),
                 [] if part == "inertia" => {
-                    unreadable.push(self.mistake(element, missing("<inertia> in its <inertial>")))
+                    unreadable.push(self.mistake(element, missing("<inertia> in its <inertial>")));
                 }
                 [] => {}
                 [one] => {
@@ -301,7 +304,7 @@ impl Looked {
     }
 
     /// Mistakes of a part of a joint, which is taken out of the text then.
-    fn joint_part(&mut self, joint: &str, part: &Element, keys: &[(&str, usize, &'static str)]) -> Vec<UrdfMistake> {
+    fn joint_part(&mut self, joint: &str, part: &Element, keys: &[Number]) -> Vec<UrdfMistake> {
         let before = self.edits.len();
         let mut unreadable = self.numbers(("joint", joint), part, keys);
         let missing = |quantity| UrdfError::Missing { what: "joint", name: joint.to_owned(), quantity };
@@ -327,13 +330,8 @@ impl Looked {
     }
 
     /// Attributes that should be so many numbers and are not.
-    fn numbers(
-        &self,
-        (what, name): (&'static str, &str),
-        element: &Element,
-        keys: &[(&str, usize, &'static str)],
-    ) -> Vec<UrdfMistake> {
-        let wrong = |(key, count, quantity): &(&str, usize, &'static str)| {
+    fn numbers(&self, (what, name): (&'static str, &str), element: &Element, keys: &[Number]) -> Vec<UrdfMistake> {
+        let wrong = |(key, count, quantity): &Number| {
             let written = element.attribute(key)?;
             let values: Result<Vec<f64>, _> = written.split_whitespace().map(str::parse).collect();
             if values.is_ok_and(|values| values.len() == *count) {

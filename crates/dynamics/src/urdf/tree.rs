@@ -120,33 +120,27 @@ impl<'a> Tree<'a> {
         let before = mistakes.len();
         let mut welds = HashMap::new();
         for (name, value) in &options.fixed {
-            match self.joints.get(name.as_str()).copied() {
-                Some(j) => {
-                    if self.file.joints[j].kind != "fixed" {
-                        welds.insert(j, *value);
-                    }
-                }
-                None => {
-                    let moving = self.file.joints.iter().filter(|j| j.kind != "fixed").map(|j| j.name.clone());
-                    let joints = moving.take(MAX_LISTED).collect();
-                    let error = UrdfError::NoFixed { joint: name.clone(), joints };
-                    mistakes.push(UrdfMistake { line: 0, error });
-                }
+            let Some(&j) = self.joints.get(name.as_str()) else {
+                let moving = self.file.joints.iter().filter(|j| j.kind != "fixed").map(|j| j.name.clone());
+                let joints = moving.take(MAX_LISTED).collect();
+                mistakes.push(UrdfMistake { line: 0, error: UrdfError::NoFixed { joint: name.clone(), joints } });
+                continue;
+            };
+            if self.file.joints[j].kind != "fixed" {
+                welds.insert(j, *value);
             }
         }
         let fail = |mistakes: &mut Vec<UrdfMistake>, line: usize, error| mistakes.push(UrdfMistake { line, error });
-        let found = match &options.tip {
-            Some(tip) => match self.links.get(tip.as_str()) {
-                Some(&tip) => Some(self.path(tip, &welds)),
-                None => {
-                    let (tip, proposal) = (tip.clone(), Box::new(self.propose(&welds)));
-                    fail(mistakes, 0, UrdfError::NoTip { tip, proposal });
-                    None
-                }
-            },
-            None => self.only_chain(&welds, mistakes),
+        let (root, joints) = if let Some(tip) = &options.tip {
+            let Some(&tip) = self.links.get(tip.as_str()) else {
+                let (tip, proposal) = (tip.clone(), Box::new(self.propose(&welds)));
+                fail(mistakes, 0, UrdfError::NoTip { tip, proposal });
+                return None;
+            };
+            self.path(tip, &welds)
+        } else {
+            self.only_chain(&welds, mistakes)?
         };
-        let (root, joints) = found?;
         let moving =
             |j: &&usize| !matches!(self.file.joints[**j].kind.as_str(), "revolute" | "continuous" | "prismatic");
         for &j in joints.iter().filter(moving) {
@@ -155,7 +149,7 @@ impl<'a> Tree<'a> {
             fail(mistakes, joint.line, error);
         }
         let followers: Vec<usize> = joints.iter().copied().filter(|&j| self.follows(j)).take(MAX_LISTED).collect();
-        let proposed = (!followers.is_empty()).then(|| self.propose(&welds)).unwrap_or_default();
+        let proposed = if followers.is_empty() { Proposal::default() } else { self.propose(&welds) };
         for j in followers {
             let joint = &self.file.joints[j];
             if let Some(mimic) = &joint.mimic {
@@ -301,7 +295,7 @@ impl<'a> Tree<'a> {
     pub(super) fn propose(&self, given: &HashMap<usize, f64>) -> Proposal {
         let length = self.lengths();
         let of_root = |&root: &usize| self.children[root].iter().map(|&j| length[j]).max().unwrap_or(0);
-        let Some(&root) = self.roots.iter().rev().max_by_key(|root| of_root(*root)) else { return Proposal::default() };
+        let Some(&root) = self.roots.iter().rev().max_by_key(|root| of_root(root)) else { return Proposal::default() };
         let mut welds = given.clone();
         let (mut carrier, mut chain) = (root, Vec::new());
         loop {
@@ -382,7 +376,9 @@ impl<'a> Tree<'a> {
 /// A link of a loop, the first of the file: what no root reaches hangs on one.
 fn looped(reached: &[usize], parent: &[Option<usize>], above: &[usize]) -> usize {
     let mut seen = vec![false; parent.len()];
-    reached.iter().for_each(|&link| seen[link] = true);
+    for &link in reached {
+        seen[link] = true;
+    }
     let up = |link: usize| parent[link].map_or(link, |joint: usize| above[joint]);
     let mut link = (0..parent.len()).find(|&link| !seen[link]).unwrap_or(0);
     for _ in 0..parent.len() {

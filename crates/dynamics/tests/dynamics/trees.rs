@@ -290,7 +290,7 @@ fn long_chains_of_followers_are_refused_at_once() {
     for i in 1..=count {
         let (parent, child) = (format!("l{}", i - 1), format!("l{i}"));
         let mimic = format!("<mimic joint=\"j{}\"/>", if i == 1 { count } else { i - 1 });
-        text += &format!("<link name=\"{child}\"/>");
+        let _ = write!(text, "<link name=\"{child}\"/>");
         text += &joint(&format!("j{i}"), "revolute", [&parent, &child], "", &mimic);
     }
     let mistakes = refused(&robot(&text));

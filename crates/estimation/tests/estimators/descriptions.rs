@@ -105,7 +105,9 @@ fn identified(model: &Model, base: &BaseSet, truth: (&Model, &[f64]), nominal: &
     let mut tau = torque(truth.0, truth.1, &desired);
     for tau in &mut tau {
         let size = (tau.iter().map(|x| x * x).sum::<f64>() / tau.len() as f64).sqrt();
-        tau.iter_mut().for_each(|x| *x += 0.02 * size * random.normal());
+        for x in tau.iter_mut() {
+            *x += 0.02 * size * random.normal();
+        }
     }
     let q: Vec<Vec<f64>> = desired.q.iter().map(|q| q.iter().map(|q| q + 1e-5 * random.normal()).collect()).collect();
     let measured = Trajectory::from_positions(&q, PERIOD);
@@ -167,7 +169,9 @@ fn unknown_bodies_are_identified_as_well_as_with_a_nominal_model() {
         let mut truth = drives(n);
         let scale = known.arm.joints[0].effort / 330.0;
         for list in [&mut truth.rotor_inertia, &mut truth.viscous, &mut truth.coulomb] {
-            list.iter_mut().for_each(|x| *x *= scale);
+            for x in list.iter_mut() {
+                *x *= scale;
+            }
         }
         let x = known.nominal(&truth);
         let base = BaseSet::new(&known).expect("a base");
