@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -123,4 +124,34 @@ fn keeps_files_and_names_lines() {
         assert!(said.contains(words), "{words}: {said}");
     }
     assert_eq!(fs::read_to_string(folder.path().join("robot.toml")).expect("kept"), "mine");
+}
+
+/// An arm without a single body: from its URDF and two logs to a diagnosis that names the contact, and that bodies cannot be compared.
+#[test]
+fn diagnoses_an_arm_without_bodies() {
+    let case = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/practice/case-01"));
+    let Ok(urdf) = fs::read_to_string(case.join("robot.urdf")) else {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there, no diagnosis without bodies", case.display());
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut bare = String::new();
+    for (k, part) in urdf.split("<inertial>").enumerate() {
+        bare += if k == 0 { part } else { part.split_once("</inertial>").expect("closed").1 };
+    }
+    fs::write(folder.path().join("bare.urdf"), bare).expect("written");
+    let [a, b] = ["log-a.parquet", "log-b.parquet"].map(|log| case.join(log).display().to_string());
+    let output = rivet(folder.path(), &["new", "bare.urdf", &a]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let output = rivet(folder.path(), &["diagnose", "robot.toml", &a, &b, "--json", "found.json"]);
+    let said = text(&output.stdout);
+    assert!(said.contains("nothing to compare these bodies with"), "{said}{}", text(&output.stderr));
+    let document = fs::read_to_string(folder.path().join("found.json")).expect("written");
+    for words in ["\"bodies_unknown\"", "\"external_force\""] {
+        assert!(document.contains(words), "{words}: {said}");
+    }
+    // Bodies that nobody knew are no wrong values.
+    for words in ["link_inertia", "link_mass", "payload"] {
+        assert!(!said.contains(words), "{words}: {said}");
+    }
 }
