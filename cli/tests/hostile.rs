@@ -58,6 +58,88 @@ fn stored_hostile_files_are_refused() {
     }
 }
 
+/// A name with what a terminal acts on: ESC [2J, its C1 form, a carriage return, and an override of the writing direction.
+const HOSTILE: &str = "\u{1b}[2J\u{9b}2J\r\u{202e}";
+
+/// An arm whose names are hostile, and a log of it with hostile columns, in a folder and in files of hostile names.
+fn hostile_arm(into: &Path) -> (PathBuf, PathBuf) {
+    let folder = into.join(format!("folder{HOSTILE}"));
+    fs::create_dir_all(&folder).expect("folder");
+    let read = |name: &str| fs::read_to_string(project("robots/dd2").join(name)).expect("a file of the project");
+    let mut urdf = read("robot.urdf");
+    for name in ["joint_1", "joint_2", "link_1", "link_2", "base_link"] {
+        let escaped = HOSTILE.replace('\u{1b}', "&#27;").replace('\r', "&#13;");
+        urdf = urdf.replace(&format!("\"{name}\""), &format!("\"{name}{escaped}\""));
+    }
+    assert!(urdf.contains("&#27;[2J"), "names were replaced");
+    fs::write(folder.join("robot.urdf"), urdf).expect("written");
+    let robot = folder.join("robot.toml");
+    fs::write(&robot, read("robot.toml")).expect("written");
+    let mut log = format!("t,q1,q2,tau1,tau2,odd{}\n", HOSTILE.replace('\r', ""));
+    for k in 0..6000 {
+        let t = f64::from(k) * 1e-3;
+        let q = [(3.0 * t).sin() + 0.3 * (7.1 * t).sin(), (4.3 * t).cos() + 0.4 * (8.7 * t).sin()];
+        let _ = writeln!(log, "{t},{},{},{},{},1", q[0], q[1], 20.0 * q[0].sin(), 2.0 * q[1].cos());
+    }
+    let path = folder.join(format!("log{HOSTILE}\n.csv"));
+    fs::write(&path, log).expect("written");
+    (robot, path)
+}
+
+#[test]
+fn names_of_files_reach_no_output_unescaped() {
+    let dir = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("folder");
+    let (robot, log) = hostile_arm(dir.path());
+    let bad_cell = dir.path().join(format!("cell{HOSTILE}.csv"));
+    fs::write(&bad_cell, format!("t,q1,q2,tau1,tau2\n0,\"{HOSTILE}\",0,0,0\n")).expect("written");
+    let bad_key = dir.path().join(format!("key{HOSTILE}.toml"));
+    let known = fs::read_to_string(&robot).expect("read");
+    let toml = known + "[\"x\\u001b[2J\u{9b}\"]\n\"\u{202e}\" = \"\u{9b}2J\"\n";
+    fs::write(&bad_key, toml).expect("written");
+    let missing = dir.path().join(HOSTILE);
+    let json = dir.path().join("out.json");
+    let [r, l, o] = [&*robot, &*log, &*json];
+    let word = Path::new;
+    let runs: [&[&Path]; 13] = [
+        &[word("check"), r],
+        &[word("check"), &bad_key],
+        &[word("check"), &missing],
+        &[word("check"), r, &missing],
+        &[word("identify"), r, l, word("--json"), o],
+        &[word("identify"), r, l, word("--json"), word("/dev/stdout")],
+        &[word("identify"), r, &bad_cell],
+        &[word("identify"), word("--online"), r, l],
+        &[word("predict"), r, l, word("--out"), &dir.path().join("p.csv")],
+        &[word("compare"), l, l],
+        &[word("daemon"), &bad_key],
+        &[word("controller"), &missing],
+        &[word("sim"), r, word("--setpoints"), l],
+    ];
+    for arguments in runs {
+        let output = rivet(arguments);
+        let (shown, said) = (assert_printable(&output.stdout), assert_printable(&output.stderr));
+        assert!(output.status.code().is_some_and(|code| code != 101), "{arguments:?}: {output:?}");
+        // Each shows the name, escaped.
+        assert!((shown + &said).contains("\\u"), "{arguments:?}: {output:?}");
+    }
+    assert_printable(&fs::read(&json).expect("JSON"));
+}
+
+#[test]
+fn standard_error_that_is_full_ends_nothing() {
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let dir = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("folder");
+    let (robot, log) = hostile_arm(dir.path());
+    let run = |arguments: &[&Path]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rivet"));
+        command.args(arguments).stderr(full()).output().expect("it runs").status.code()
+    };
+    assert_eq!(run(&[Path::new("check"), Path::new("/none")]), Some(78));
+    assert_eq!(run(&[Path::new("identify"), &robot, Path::new("/none.csv")]), Some(74));
+    let out = dir.path().join("p.parquet");
+    assert_eq!(run(&[Path::new("predict"), &robot, &log, Path::new("--out"), &out]), Some(0));
+}
+
 #[test]
 fn nested_text_is_refused() {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("hostile");

@@ -17,6 +17,25 @@ pub(crate) const MOST_KEPT: usize = 400;
 /// Longest word that is compared with known names \[bytes\].
 const LONGEST_WORD: usize = 64;
 
+/// The text of a file with the start of each of its lines: a place is found without counting the lines before it.
+pub(crate) struct Source<'a> {
+    pub(crate) file: &'a Path,
+    pub(crate) text: &'a str,
+    starts: Vec<usize>,
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn new(file: &'a Path, text: &'a str) -> Source<'a> {
+        let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
+        Source { file, text, starts }
+    }
+
+    /// The line (from 1) of a byte.
+    pub(crate) fn line(&self, byte: usize) -> usize {
+        self.starts.partition_point(|start| *start <= byte).max(1)
+    }
+}
+
 /// One mistake, at one place of one file.
 ///
 /// `Display` gives `file:line:column: key = value: rule; hint`.
@@ -41,25 +60,26 @@ pub struct ConfigError {
 }
 
 impl ConfigError {
-    /// An error at bytes `span` of `text`.
+    /// An error at bytes `span` of a file's text.
     pub(crate) fn at(
-        file: &Path,
-        text: &str,
+        source: &Source<'_>,
         span: &Range<usize>,
         key: impl Into<String>,
         value: &str,
         rule: impl Into<String>,
         hint: impl Into<String>,
     ) -> ConfigError {
+        let text = source.text;
         let start = floor_boundary(text, span.start);
         let end = floor_boundary(text, span.end.max(start));
-        let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
+        let line = source.line(start);
+        let line_start = source.starts[line - 1];
         let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
         let column = text[line_start..start].chars().count() + 1;
         let marked = text[start..end.min(line_end).max(start)].chars().count().max(1);
         ConfigError {
-            file: file.to_path_buf(),
-            line: text[..line_start].matches('\n').count() + 1,
+            file: source.file.to_path_buf(),
+            line,
             column,
             key: key.into(),
             value: shorten(value),
@@ -224,7 +244,14 @@ mod tests {
     fn place_counts_characters_not_bytes() {
         let text = "a = 1\n\"ü\" = -2\n";
         let start = text.find("-2").expect("in the text");
-        let error = ConfigError::at(Path::new("r.toml"), text, &(start..start + 2), "ü", "-2", "must be > 0", "try 2");
+        let error = ConfigError::at(
+            &Source::new(Path::new("r.toml"), text),
+            &(start..start + 2),
+            "ü",
+            "-2",
+            "must be > 0",
+            "try 2",
+        );
         assert_eq!((error.line, error.column), (2, 7));
         assert_eq!(error.to_string(), "r.toml:2:7: ü = -2: must be > 0; try 2");
     }

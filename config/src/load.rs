@@ -10,7 +10,7 @@ use rivet_dynamics::{
 };
 use toml::de::DeTable;
 
-use crate::error::{ConfigError, ConfigErrors, MOST_KEPT};
+use crate::error::{ConfigError, ConfigErrors, MOST_KEPT, Source};
 use crate::reader::{RawParameter, Reader};
 use crate::sections::{self, Bus, RobotConfig, read};
 use crate::supervision::{supervision, workload};
@@ -101,7 +101,7 @@ pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
         return parse(path, &text).map(|robot| (robot.config.name, robot.config.bus));
     }
     let (root, _) = DeTable::parse_recoverable(&text);
-    let mut reader = Reader::new(path, &text, &root, Vec::new());
+    let mut reader = Reader::new(Source::new(path, &text), &root, Vec::new());
     let found = (read::name(&mut reader), read::bus(&mut reader));
     if reader.is_sound("", "name") && reader.good(&[("bus", "prefix"), ("bus", "root")]) {
         return Ok(found);
@@ -117,13 +117,14 @@ const LARGEST: u64 = 16 << 20;
 /// # Errors
 /// Every mistake in the text, not only the first.
 pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
+    let source = Source::new(path, text);
     if let Err((at, rule)) = toml_limits::ensure_bounded(text) {
         let hint = "give the path of a robot.toml";
-        return Err(ConfigErrors::new(vec![ConfigError::at(path, text, &(at..at + 1), "", "", rule, hint)]));
+        return Err(ConfigErrors::new(vec![ConfigError::at(&source, &(at..at + 1), "", "", rule, hint)]));
     }
     let (root, syntax) = DeTable::parse_recoverable(text);
-    let syntax = syntax.iter().take(MOST_KEPT).map(|e| syntax_error(path, text, e)).collect();
-    let mut reader = Reader::new(path, text, &root, syntax);
+    let syntax = syntax.iter().take(MOST_KEPT).map(|e| syntax_error(&source, e)).collect();
+    let mut reader = Reader::new(source, &root, syntax);
 
     let name = read::name(&mut reader);
     let written_urdf = reader.text("", "urdf");
@@ -382,7 +383,8 @@ fn identified(
 }
 
 /// A mistake of the TOML itself.
-fn syntax_error(path: &Path, text: &str, error: &toml::de::Error) -> ConfigError {
+fn syntax_error(source: &Source<'_>, error: &toml::de::Error) -> ConfigError {
+    let text = source.text;
     let span = error.span().unwrap_or(0..0);
     let start = span.start.min(text.len());
     let line = text[..start].rfind('\n').map_or(0, |i| i + 1);
@@ -398,7 +400,7 @@ fn syntax_error(path: &Path, text: &str, error: &toml::de::Error) -> ConfigError
         m if m.contains("array") => "separate the values with commas and close the bracket",
         _ => "the file is TOML: `key = value` lines below `[section]` lines",
     };
-    ConfigError::at(path, text, &span, key, value, error.message(), hint)
+    ConfigError::at(source, &span, key, value, error.message(), hint)
 }
 
 #[cfg(test)]

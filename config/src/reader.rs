@@ -2,12 +2,11 @@
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
-use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{ConfigError, MOST_KEPT, nearest};
+use crate::error::{ConfigError, MOST_KEPT, Source, nearest};
 use crate::keys::{self, Bounds, Fallback, Key, SECTIONS, Shape};
 
 /// A value as it holds after reading.
@@ -67,8 +66,7 @@ const EFFECTS: &str = "effects";
 type Path2 = (&'static str, &'static str);
 
 pub(crate) struct Reader<'a> {
-    file: &'a Path,
-    text: &'a str,
+    source: Source<'a>,
     /// Values by section and name.
     values: HashMap<Path2, &'a Spanned<DeValue<'a>>>,
     /// Where a section begins, of those in the file.
@@ -89,15 +87,9 @@ pub(crate) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Sorts the tree into known keys; everything else is a mistake.
-    pub(crate) fn new(
-        file: &'a Path,
-        text: &'a str,
-        root: &'a Spanned<DeTable<'a>>,
-        errors: Vec<ConfigError>,
-    ) -> Reader<'a> {
+    pub(crate) fn new(source: Source<'a>, root: &'a Spanned<DeTable<'a>>, errors: Vec<ConfigError>) -> Reader<'a> {
         let mut reader = Reader {
-            file,
-            text,
+            source,
             values: HashMap::new(),
             sections: HashMap::new(),
             bad: HashSet::new(),
@@ -170,7 +162,7 @@ impl<'a> Reader<'a> {
 
     /// The text of a span, as it stands in the file.
     fn written(&self, span: &Range<usize>) -> &'a str {
-        self.text.get(span.clone()).unwrap_or("")
+        self.source.text.get(span.clone()).unwrap_or("")
     }
 
     fn fail(
@@ -184,7 +176,7 @@ impl<'a> Reader<'a> {
         if self.full() {
             return;
         }
-        let error = ConfigError::at(self.file, self.text, span, key, value, rule, hint);
+        let error = ConfigError::at(&self.source, span, key, value, rule, hint);
         let last = error.line + self.written(span).matches('\n').count();
         if !(error.line..=last).any(|line| self.broken.contains(&line)) {
             self.errors.push(error);
@@ -218,7 +210,7 @@ impl<'a> Reader<'a> {
         };
         match self.sections.get(section) {
             Some(span) if !section.is_empty() => self.fail(&span.clone(), key, &value, rule, hint),
-            _ => self.errors.push(ConfigError::nowhere(self.file, key, &value, rule, hint)),
+            _ => self.errors.push(ConfigError::nowhere(self.source.file, key, &value, rule, hint)),
         }
     }
 
@@ -314,7 +306,7 @@ impl<'a> Reader<'a> {
 
     fn resolve(&mut self, key: &'static Key, value: Value) {
         let origin = match self.values.get(&(key.section, key.name)) {
-            Some(v) => Origin::Line(self.text[..v.span().start.min(self.text.len())].matches('\n').count() + 1),
+            Some(v) => Origin::Line(self.source.line(v.span().start)),
             None if self.of_urdf.contains_key(&(key.section, key.name)) => Origin::Urdf,
             None => Origin::Default,
         };

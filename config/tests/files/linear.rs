@@ -1,4 +1,4 @@
-//! A robot file with twice as many mistakes, and a URDF with twice as many links, take twice the work.
+//! A robot file with twice as many mistakes, and a URDF with twice as many links, take twice the work; the deepest take a small stack.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -79,4 +79,34 @@ fn fixed_links_take_linear_work() {
     };
     // Four elements a link, of at most 50 000.
     assert_linear("fixed links", 12_000, input, |robot| load(robot).is_ok());
+}
+
+/// Stack of the thread that reads \[bytes\]; threads of the daemon have 2 MiB.
+const SMALL_STACK_BYTES: usize = 256 << 10;
+
+#[test]
+fn deepest_accepted_file_is_read_on_a_small_stack() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = folder.path().join("robot.toml");
+    let (toml, urdf) = sound();
+    fs::write(folder.path().join("robot.urdf"), urdf).expect("written");
+    let nested =
+        |open: &str, close: &str, depth: usize| format!("k = {}1{}\n{toml}", open.repeat(depth), close.repeat(depth));
+    // 32 brackets and 16 dots are the limits (config/src/toml_limits.rs).
+    let dotted = |dots: usize| format!("{}k = 1\n{toml}", "k.".repeat(dots));
+    let cases = [
+        (nested("[", "]", 32), "unknown"),
+        (nested("{ k = ", " }", 32), "unknown"),
+        (dotted(16), "unknown"),
+        (nested("[", "]", 33), "nested more than 32 deep"),
+        (nested("{ k = ", " }", 33), "nested more than 32 deep"),
+        (dotted(17), "more than 16 dots"),
+    ];
+    for (text, why) in cases {
+        fs::write(&robot, text).expect("written");
+        let path = robot.clone();
+        let small = std::thread::Builder::new().stack_size(SMALL_STACK_BYTES).spawn(move || load(&path));
+        let said = small.expect("a thread").join().expect("it ends").expect_err("no key of a robot file").to_string();
+        assert!(said.contains(why), "{why}: {said}");
+    }
 }

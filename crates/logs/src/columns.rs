@@ -67,7 +67,7 @@ pub(crate) fn is_known(name: &str) -> bool {
 }
 
 /// The columns of a file as they stand in it; an empty cell is NaN.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Table {
     pub(crate) columns: BTreeMap<String, Vec<f64>>,
     /// Names of columns outside the contract, in the order of the file.
