@@ -52,7 +52,19 @@ impl Destination {
                 // With O_CREAT the kernel keeps its protection of pipes in folders that everybody may write (fs.protected_fifos).
                 let no_follow = if is_open_file(&path) { 0 } else { rustix::fs::OFlags::NOFOLLOW.bits() };
                 let create = !is_open_file(&path);
-                OpenOptions::new().append(true).create(create).custom_flags(no_follow.cast_signed()).open(path)
+                let file =
+                    OpenOptions::new().append(true).create(create).custom_flags(no_follow.cast_signed()).open(&path)?;
+                // What was looked at by its name may have been replaced by a link to a file since.
+                let opened = file.metadata()?;
+                if create && !is_special(&opened) {
+                    let why =
+                        format!("{} has become a file while it was opened; run the command again", path.display());
+                    return Err(io::Error::new(io::ErrorKind::PermissionDenied, why));
+                }
+                if create {
+                    ensure_trusted(&path, &opened)?
+                }
+                Ok(file)
             }
             Destination::Replaced { .. } => Err(io::ErrorKind::InvalidInput.into()),
         }
@@ -93,6 +105,7 @@ fn in_place(path: &Path) -> io::Result<Option<Destination>> {
         let Ok(there) = fs::symlink_metadata(&at) else { return Ok(None) };
         if is_special(&there) {
             let Some(name) = at.file_name() else { return Ok(None) };
+            ensure_trusted(&at, &there)?;
             return Ok(Some(Destination::InPlace(resolved_folder(parent(&at))?.join(name))));
         }
         if !there.is_symlink() || !is_trusted(there.uid()) {
@@ -101,6 +114,20 @@ fn in_place(path: &Path) -> io::Result<Option<Destination>> {
         at = parent(&at).join(fs::read_link(&at)?);
     }
     Ok(None)
+}
+
+/// That a pipe or a device is this user's or root's: another one's reader would get the output, or hold the command up for ever.
+fn ensure_trusted(path: &Path, there: &Metadata) -> io::Result<()> {
+    if is_trusted(there.uid()) {
+        return Ok(());
+    }
+    let (path, uid, me) = (path.display(), there.uid(), me());
+    Err(io::Error::new(
+        io::ErrorKind::PermissionDenied,
+        format!(
+            "{path} is a pipe or a device of user {uid}, and only those of user {me} or root are written; name another path"
+        ),
+    ))
 }
 
 fn is_trusted(uid: u32) -> bool {

@@ -137,6 +137,23 @@ fn writes_to_a_pipe_also_through_an_own_link() {
     write_whole(Path::new("/dev/null"), "nowhere").expect("a device");
 }
 
+/// Its reader would get the output, or hold the writer up for ever.
+#[test]
+fn pipe_of_another_user_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (pipe, link) = (folder.path().join("pipe"), folder.path().join("link"));
+    let made = Command::new("mkfifo").arg(&pipe).status().is_ok_and(|status| status.success());
+    if !made || lchown(&pipe, Some(STRANGER), None).is_err() {
+        let _ = writeln!(io::stderr(), "SKIPPED: only root can give a pipe away");
+        return;
+    }
+    symlink("pipe", &link).expect("a link");
+    for path in [&pipe, &link] {
+        let why = writable(path).and_then(|()| write_whole(path, "secret")).expect_err("another user's").to_string();
+        assert!(why.contains(&format!("pipe or a device of user {STRANGER}")), "{why}");
+    }
+}
+
 /// Into a file, a name of standard output goes on where the shell has begun.
 #[test]
 fn standard_output_in_a_file_is_written_where_it_stands() {
