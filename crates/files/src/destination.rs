@@ -62,7 +62,7 @@ impl Destination {
                     return Err(io::Error::new(io::ErrorKind::PermissionDenied, why));
                 }
                 if create {
-                    ensure_trusted(&path, &opened)?
+                    ensure_trusted(&path, &opened)?;
                 }
                 Ok(file)
             }
