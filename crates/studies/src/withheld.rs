@@ -523,7 +523,7 @@ mod tests {
             outcomes: vec![outcome(0.6, false), outcome(0.4, false), outcome(0.6, true)],
         };
         let text = markdown(&[arm]);
-        assert!(text.contains("Of 3 parts 1 can be seen") && text.contains("1 named, 1 of them on"), "{text}");
+        assert!(text.contains("Of 3 parts 1 are visible") && text.contains("1 named, 1 of them on"), "{text}");
         assert!(text.contains("| payload | 1 | 1 | 1 | 0 |") && text.contains("0.40, 0.50"), "{text}");
     }
 }
