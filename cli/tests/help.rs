@@ -27,7 +27,7 @@ fn man_pages_and_completions_cover_the_commands() {
     }
     let read = |path: &str| std::fs::read_to_string(folder.path().join(path)).expect(path);
     let scripts =
-        ["bash-completion/completions/rivet", "zsh/site-functions/_rivet", "fish/vendor_completions.d/rivet.fish"]
+        ["bash-completion/completions/rivet.bash", "zsh/site-functions/_rivet", "fish/vendor_completions.d/rivet.fish"]
             .map(read);
     for command in ["demo", "identify", "diagnose", "check", "control", "doctor", "monitor"] {
         let page = read(&format!("man/man1/rivet-{command}.1"));
