@@ -1,6 +1,5 @@
 //! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
 
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
