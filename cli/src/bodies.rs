@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use rivet_config::Robot;
+use rivet_diagnosis::TRAINING_SHARE;
 use rivet_dynamics::{LINK_PARAMETERS, Parameter};
 use rivet_estimation::consistency::project;
 use rivet_estimation::offline::{Equations, Method, fit};
@@ -9,9 +10,6 @@ use rivet_logs::Log;
 
 use crate::evidence::Distrust;
 use crate::identify::{WEAKER_PRIOR, rows_without_plan};
-
-/// Share of a single log before the part that a diagnosis seals.
-const TRAINING_SHARE: f64 = 0.6;
 
 /// The robot with bodies from the logs in the place of those that its URDF does not have; the robot as it is where none is missing.
 ///

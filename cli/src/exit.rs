@@ -6,11 +6,11 @@ use rivet_config::ConfigErrors;
 use rivet_diagnosis::DiagnosisError;
 use rivet_estimation::offline::OfflineError;
 use rivet_logs::{LogError, LogFault};
+// Below it a code is an answer (`rivet diagnose`: 0 to 3), never a failure.
+use rivet_service::USAGE;
 
 use crate::changes::Mismatch;
 
-/// The command line is not understood. Below 64 a code is an answer (`rivet diagnose`: 0 to 3), never a failure.
-pub(crate) const USAGE: u8 = 64;
 /// Bad input data.
 const DATA: u8 = 65;
 /// A file that cannot be read or written.

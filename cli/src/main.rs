@@ -118,17 +118,9 @@ impl Command {
 }
 
 fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let arguments: Arguments = match rivet_service::command_line() {
         Ok(arguments) => arguments,
-        Err(why) => {
-            // Help and version go to standard output and are no error. A terminal that is gone changes nothing here.
-            if rivet_files::arguments_are_printable() {
-                let _ = why.print();
-            } else {
-                rivet_files::note(why.render());
-            }
-            return if why.use_stderr() { ExitCode::from(exit::USAGE) } else { ExitCode::SUCCESS };
-        }
+        Err(code) => return code,
     };
     let command = arguments.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
     if command.works_through_logs() {

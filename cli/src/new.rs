@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_dynamics::{Arm, JointKind, Proposal, UrdfArm, UrdfError, UrdfMistakes, UrdfNote, UrdfOptions};
+use rivet_dynamics::{Proposal, UrdfArm, UrdfError, UrdfMistakes, UrdfNote, UrdfOptions};
 use rivet_estimation::offline::position_step;
 use rivet_logs::{Log, ReadOptions, read};
 
@@ -56,7 +56,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         ))
         .into());
     }
-    let text = std::fs::read_to_string(&args.urdf).with_context(|| args.urdf.display().to_string())?;
+    let text = rivet_files::read_text(&args.urdf, rivet_config::MAX_FILE_BYTES)
+        .with_context(|| args.urdf.display().to_string())?;
     let named = |why: UrdfMistakes| Fault::Config(refusal(&args.urdf, &why));
     let (arm, options) = chain(&text).map_err(named)?;
     let logs: Vec<Log> = args
@@ -273,8 +274,8 @@ impl New<'_> {
     fn limit(&self) -> Line {
         let arm = &self.arm.arm;
         let missing: Vec<usize> = (0..arm.dof()).filter(|&j| !arm.joints[j].effort.is_finite()).collect();
-        let of = |j: usize| if missing.contains(&j) { self.placeholder(j) } else { arm.joints[j].effort };
-        let value = list(&(0..arm.dof()).map(of).collect::<Vec<f64>>());
+        let limit = |j: usize| if missing.contains(&j) { self.placeholder(j) } else { arm.joints[j].effort };
+        let value = list(&(0..arm.dof()).map(limit).collect::<Vec<f64>>());
         let names: Vec<&str> = missing.iter().map(|&j| arm.joints[j].name.as_str()).collect();
         let whose = if names.len() == arm.dof() { "all joints".to_owned() } else { names.join(", ") };
         let comment = match (missing.is_empty(), self.torques().is_some()) {
@@ -292,12 +293,12 @@ impl New<'_> {
     /// Largest torque of each joint in the logs, without the rarest thousandth of the rows.
     fn torques(&self) -> Option<Vec<f64>> {
         let logged: Vec<_> = self.logs.iter().filter_map(|log| log.torque().ok()).collect();
-        let of = |j: usize| {
+        let largest = |j: usize| {
             let mut all: Vec<f64> = logged.iter().flat_map(|tau| tau[j].iter().map(|x| x.abs())).collect();
             all.sort_by(f64::total_cmp);
             all.get((all.len() * 999 / 1000).min(all.len().saturating_sub(1))).copied().unwrap_or(0.0)
         };
-        (!logged.is_empty()).then(|| (0..self.arm.arm.dof()).map(of).collect())
+        (!logged.is_empty()).then(|| (0..self.arm.arm.dof()).map(largest).collect())
     }
 
     /// A torque limit where the URDF has none.
@@ -305,7 +306,7 @@ impl New<'_> {
         if let Some(torques) = self.torques() {
             return rounded_up((LOGGED_TORQUE_SHARE * torques[j]).max(LEAST_LIMIT));
         }
-        let beyond = |from: usize| -> f64 { reach(&self.arm.arm, from) + self.arm.tip_length };
+        let beyond = |from: usize| -> f64 { self.arm.arm.reach(from) + self.arm.tip_length };
         let (whole, from_here) = (beyond(0), beyond(j + 1));
         let share = if whole > 0.0 { (from_here / whole).max(0.1) } else { 1.0 };
         rounded_up((TORQUE_OVER_CUBE * whole.powi(3) * share).max(LEAST_LIMIT))
@@ -318,7 +319,7 @@ impl New<'_> {
         let found = steps.iter().filter(|step| step.is_finite()).count();
         let value = list(&steps.iter().map(|s| if s.is_finite() { rounded(*s) } else { 0.0 }).collect::<Vec<f64>>());
         let comment = match found {
-            0 => "rad, UNKNOWN: smallest step of a joint position; 0 is none".to_owned(),
+            0 => "rad, UNKNOWN: smallest step of a joint position; 0 disables its use".to_owned(),
             n if n == dof => "rad, steps of the log's positions".to_owned(),
             _ => "rad, steps of the log's positions; UNKNOWN where 0".to_owned(),
         };
@@ -340,12 +341,12 @@ impl New<'_> {
 
     fn friction(&self) -> [Line; 3] {
         let dof = self.arm.arm.dof();
-        let of = |k: usize| -> Vec<f64> {
-            let value = |of: &Option<[f64; 2]>| of.map_or(0.0, |of| of[k]);
+        let of_urdf = |k: usize| -> Vec<f64> {
+            let value = |dynamics: &Option<[f64; 2]>| dynamics.map_or(0.0, |dynamics| dynamics[k]);
             self.arm.friction.iter().map(value).map(|x| if x.is_finite() && x > 0.0 { x } else { 0.0 }).collect()
         };
         let line = |key, k: usize, unit: &str, attribute: &str| {
-            let values = of(k);
+            let values = of_urdf(k);
             let comment = if values.iter().any(|x| *x > 0.0) {
                 format!("{unit}, <dynamics {attribute}> of the URDF")
             } else {
@@ -375,16 +376,6 @@ fn rounded(x: f64) -> f64 {
 fn rounded_up(x: f64) -> f64 {
     let unit = 10.0_f64.powf(x.log10().floor() - 1.0);
     rounded((x / unit).ceil() * unit)
-}
-
-/// Distance from joint `from` (from 0) to the last one along the arm \[m\].
-fn reach(arm: &Arm, from: usize) -> f64 {
-    let length = |t: &[f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
-    let slides = |joint: &rivet_dynamics::Joint| match joint.kind {
-        JointKind::Prismatic => (joint.upper - joint.lower).min(1.0),
-        JointKind::Revolute => 0.0,
-    };
-    arm.joints.iter().skip(from).map(|joint| length(&joint.translation) + slides(joint)).sum()
 }
 
 /// A name that a robot file takes.

@@ -20,7 +20,7 @@ pub use error::{ConfigError, ConfigErrors};
 pub use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Supervision};
 
 pub use friction_law::FrictionLaw;
-pub use load::{Description, Identified, Robot, address, load, parse};
+pub use load::{Description, Identified, MAX_FILE_BYTES, Robot, address, load, parse};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Overrun, Publish, Realtime, RobotConfig,

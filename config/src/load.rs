@@ -1,6 +1,5 @@
 //! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
 
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -84,7 +83,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
 
 fn text_of(path: &Path) -> Result<String, ConfigErrors> {
     let whole = |why: &str, hint: &str| ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]);
-    let bytes = rivet_files::read_whole(path, LARGEST)
+    let bytes = rivet_files::read_whole(path, MAX_FILE_BYTES)
         .map_err(|e| whole(&format!("cannot be read ({e})"), "give the path of a robot.toml"))?;
     String::from_utf8(bytes).map_err(|_| whole("is not UTF-8 text", "save it as UTF-8"))
 }
@@ -109,8 +108,8 @@ pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
     parse(path, &text).map(|robot| (robot.config.name, robot.config.bus))
 }
 
-/// Robot files and URDFs of more bytes are a mistake.
-const LARGEST: u64 = 16 << 20;
+/// Robot files and URDFs of more bytes are refused.
+pub const MAX_FILE_BYTES: u64 = 16 << 20;
 
 /// As [`load`], with the text of the file given; `path` names it and anchors relative paths.
 ///
@@ -312,10 +311,7 @@ fn read_urdf(
     written: &str,
     how: &Reading<'_>,
 ) -> Option<UrdfArm> {
-    let utf8 = |bytes| {
-        String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
-    };
-    let text = match rivet_files::read_whole(urdf, LARGEST).and_then(utf8) {
+    let text = match rivet_files::read_text(urdf, MAX_FILE_BYTES) {
         Ok(text) => text,
         Err(why) => {
             let hint = format!("the path is relative to this file; looked for {}", urdf.display());
@@ -413,7 +409,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let large = folder.path().join("large.toml");
         std::fs::File::create(&large)
-            .and_then(|file| file.set_len(LARGEST + 1))
+            .and_then(|file| file.set_len(MAX_FILE_BYTES + 1))
             .expect("made, without taking the room");
         for (path, why) in
             [(Path::new("/dev/zero"), "a pipe or a device"), (folder.path(), "a folder"), (&large, "bytes")]

@@ -46,7 +46,7 @@ impl Robot {
     pub fn warnings(&self) -> Vec<String> {
         let arm = &self.model.arm;
         let known: Vec<usize> = (0..self.dof()).filter(|j| !self.description.unknown_bodies.contains(j)).collect();
-        let reach = reach(arm);
+        let reach = arm.reach(0);
         let bodies = units_of_bodies(arm, &known, reach);
         let mut warnings = self.of_notes();
         warnings.extend(self.gravity_warning());
@@ -203,15 +203,6 @@ fn size(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// What the arm reaches at most \[m\], by its joints: origins, and travels of those that slide.
-fn reach(arm: &Arm) -> f64 {
-    let travel = |joint: &Joint| match joint.kind {
-        JointKind::Prismatic => (joint.upper - joint.lower).min(1.0),
-        JointKind::Revolute => 0.0,
-    };
-    arm.joints.iter().map(|joint| size(&joint.translation) + travel(joint)).sum()
-}
-
 /// Links whose bodies are larger than the arm.
 fn units_of_bodies(arm: &Arm, known: &[usize], reach: f64) -> Vec<String> {
     if reach <= 0.0 {
@@ -222,7 +213,7 @@ fn units_of_bodies(arm: &Arm, known: &[usize], reach: f64) -> Vec<String> {
     let far = |body: &&Body| body.centre > MAX_CENTRE_OVER_REACH * reach;
     let gyrations: Vec<f64> = bodies.iter().filter(large).map(|body| body.gyration).collect();
     let unit = inertia_unit(&gyrations, reach);
-    let of = |body: &Body| {
+    let warning = |body: &Body| {
         let (link, reach) = (body.link, brief(reach));
         if far(&body) {
             let centre = short(body.centre);
@@ -240,7 +231,7 @@ fn units_of_bodies(arm: &Arm, known: &[usize], reach: f64) -> Vec<String> {
             )
         })
     };
-    bodies.iter().filter_map(of).collect()
+    bodies.iter().filter_map(warning).collect()
 }
 
 /// Sizes of the body that a joint moves.

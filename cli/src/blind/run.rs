@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     });
     let verdicts = verdicts.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let failed = verdicts.values().filter(|v| v.get("error").is_some()).count();
-    write_whole(&args.out, &rivet_files::printable_json(serde_json::to_string_pretty(&verdicts)? + "\n"))
+    write_whole(&args.out, rivet_files::printable_json(serde_json::to_string_pretty(&verdicts)? + "\n"))
         .with_context(|| args.out.display().to_string())?;
     show(&format!("{} verdicts written to {}, {failed} failed\n", verdicts.len(), args.out.display()))?;
     Ok(ExitCode::from(u8::from(failed > 0)))

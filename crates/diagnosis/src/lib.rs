@@ -118,5 +118,5 @@ pub use patch::{Patch, Stays};
 pub use power::{Named, Probe, probe};
 pub use regimes::Regime;
 pub use report::{BetweenRuns, Cause, Cell, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict};
-pub use run::Run;
+pub use run::{Run, TRAINING_SHARE};
 pub use views::{Axis, Contrast, View, Views};

@@ -71,8 +71,8 @@ impl Run {
     }
 }
 
-/// Share of a single run that is looked at; the rest is sealed.
-const LOOKED_AT: f64 = 0.6;
+/// Share of a single run that is trained on; the rest is held out.
+pub const TRAINING_SHARE: f64 = 0.6;
 
 /// Runs to look at and the run to seal.
 pub(crate) fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
@@ -80,7 +80,7 @@ pub(crate) fn split(mut runs: Vec<Run>) -> Option<(Vec<Run>, Run)> {
     if !runs.is_empty() {
         return Some((runs, last));
     }
-    let cut = (last.len() as f64 * LOOKED_AT) as usize;
+    let cut = (last.len() as f64 * TRAINING_SHARE) as usize;
     let first = last.part(0..cut, format!("{} (first part)", last.name));
     let rest = last.part(cut..last.len(), format!("{} (rest)", last.name));
     Some((vec![first], rest))

@@ -138,6 +138,17 @@ impl Arm {
         self.joints.len()
     }
 
+    /// What the arm reaches at most beyond the frame of the joint before `first` (from 0), along its joints \[m\]: origins, and travels of
+    /// joints that slide, each at most 1 m.
+    pub fn reach(&self, first: usize) -> f64 {
+        let travel = |joint: &Joint| match joint.kind {
+            JointKind::Prismatic => (joint.upper - joint.lower).min(1.0),
+            JointKind::Revolute => 0.0,
+        };
+        let length = |joint: &Joint| joint.translation.iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.joints.iter().skip(first).map(|joint| length(joint) + travel(joint)).sum()
+    }
+
     /// Whether the first axis is along gravity, within some 11 degrees: it then has no torque on it.
     pub fn is_upright(&self) -> bool {
         let Some(first) = self.joints.first() else { return false };

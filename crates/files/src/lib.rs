@@ -72,6 +72,15 @@ pub fn read_whole(path: &Path, largest: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// The same of text.
+///
+/// # Errors
+/// As [`read_whole`], and of text that is not UTF-8.
+pub fn read_text(path: &Path, largest: u64) -> io::Result<String> {
+    let bytes = read_whole(path, largest)?;
+    String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
+}
+
 /// That [`write_whole`] can write there: asked before what takes long. Leaves nothing behind and opens no pipe.
 ///
 /// # Errors

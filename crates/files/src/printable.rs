@@ -76,7 +76,8 @@ pub fn printable_json(text: String) -> String {
     for c in text.chars() {
         if unsafe_here(c) {
             // All of them are in the basic plane. Outside strings JSON has none but white space, which serde_json does not write.
-            out.push_str(&format!("\\u{:04x}", u32::from(c)));
+            // Writing to a string cannot fail.
+            let _ = fmt::Write::write_fmt(&mut out, format_args!("\\u{:04x}", u32::from(c)));
         } else {
             out.push(c);
         }

@@ -3,11 +3,13 @@
 //!
 //! Without a service manager every call to it does nothing, and the log is plain text on standard error.
 
+mod command_line;
 mod flight;
 mod journal;
 mod manager;
 mod state_folder;
 
+pub use command_line::{USAGE, command_line};
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;

@@ -11,21 +11,10 @@ struct Arguments {
     options: rivet_daemon::Options,
 }
 
-/// Wrong usage, as in sysexits.h: the unit does not try that again.
-const USAGE: u8 = 64;
-
 fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let arguments: Arguments = match rivet_service::command_line() {
         Ok(arguments) => arguments,
-        Err(why) => {
-            // Help and version go to standard output and are no error.
-            if rivet_files::arguments_are_printable() {
-                let _ = why.print();
-            } else {
-                rivet_files::note(why.render());
-            }
-            return if why.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
-        }
+        Err(code) => return code,
     };
     match rivet_daemon::run(&arguments.options) {
         Ok(()) => ExitCode::SUCCESS,

@@ -12,21 +12,10 @@ struct Line {
     options: rivet_simulation::process::Options,
 }
 
-/// Wrong usage, as in sysexits.h and as the other programs have it.
-const USAGE: u8 = 64;
-
 fn main() -> ExitCode {
-    let line = match Line::try_parse() {
+    let line: Line = match rivet_service::command_line() {
         Ok(line) => line,
-        Err(why) => {
-            // Help and version go to standard output and are no error.
-            if rivet_files::arguments_are_printable() {
-                let _ = why.print();
-            } else {
-                rivet_files::note(why.render());
-            }
-            return if why.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
-        }
+        Err(code) => return code,
     };
     rivet_simulation::process::main(&line.options)
 }
