@@ -225,7 +225,7 @@ impl Core {
         Ok(Core {
             gate: Gate::new(robot, &mut law),
             plan_check: PlanCheck::new(&law, &limits, &torque, period_s, stale_periods),
-            watch: Watch::new(robot, &law, &limits, &torque),
+            watch: Watch::new(robot, &limits, &torque),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),

@@ -10,12 +10,13 @@ use rivet_input_checks::{
 };
 use rivet_ipc_schema::{JointState, StopCause, faults};
 
-/// Friction that the robot file may have wrong, as a share of its Coulomb friction, and, where it has none, of the torque limit.
-const FRICTION_SHARE: f64 = 0.5;
-const UNKNOWN_FRICTION_SHARE: f64 = 0.08;
-/// Bounds of the way that a plan may go while friction holds a joint \[rad\].
-const LEAST_REACH: f64 = 0.004;
-const MOST_REACH: f64 = 0.02;
+/// Static friction in parts of the robot file's Coulomb friction: breakaway is up to 1.3 times Coulomb friction, and friction of the
+/// same gear differs by half as much again with temperature and wear.
+const BREAKAWAY_TIMES: f64 = 2.0;
+/// The same where the robot file has no friction, as a share of the torque limit.
+const UNKNOWN_BREAKAWAY_SHARE: f64 = 0.15;
+/// Torque of a load that the model does not know, as a share of the torque limit.
+const UNKNOWN_LOAD_SHARE: f64 = 0.05;
 
 /// Something that is wrong with a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +51,7 @@ pub(crate) struct Watch {
 
 impl Watch {
     /// `torque` are the limits of the commands \[N·m\].
-    pub(crate) fn new(robot: &Robot, law: &ControlLaw, limits: &SetpointLimits, torque: &[f64]) -> Watch {
+    pub(crate) fn new(robot: &Robot, limits: &SetpointLimits, torque: &[f64]) -> Watch {
         let (config, arm) = (&robot.config, &robot.model.arm);
         let period_s = config.sample_period_s;
         let joints: Vec<JointLimits> = (0..arm.dof())
@@ -60,16 +61,15 @@ impl Watch {
                 revolute: arm.joints[j].kind == JointKind::Revolute,
             })
             .collect();
-        let reach = |j: usize| {
+        let breakaway = |j: usize| {
             let coulomb = config.friction.coulomb[j];
-            let friction = if coulomb > 0.0 { FRICTION_SHARE * coulomb } else { UNKNOWN_FRICTION_SHARE * torque[j] };
-            let stiffness = law.gains(j).0 * law.nominal_inertia(j);
-            (friction / stiffness.max(f64::MIN_POSITIVE)).clamp(LEAST_REACH, MOST_REACH)
+            let friction = if coulomb > 0.0 { BREAKAWAY_TIMES * coulomb } else { UNKNOWN_BREAKAWAY_SHARE * torque[j] };
+            friction + UNKNOWN_LOAD_SHARE * torque[j]
         };
         let motion: Vec<MotionLimits> = joints
             .iter()
             .enumerate()
-            .map(|(j, joint)| MotionLimits { joint: *joint, speed: limits.speed(j), stiction_reach: reach(j) })
+            .map(|(j, joint)| MotionLimits { joint: *joint, speed: limits.speed(j), breakaway: breakaway(j) })
             .collect();
         let mut tracking_error = [f64::INFINITY; MAX_JOINTS];
         for (most, configured) in tracking_error.iter_mut().zip(&config.controller.tracking_error) {

@@ -6,6 +6,7 @@ mod common;
 
 use common::rig::{Outcome, Rig, Values, Wrong, unchecked};
 use rivet_ipc_schema::StopCause;
+use rivet_simulation::two_mass::Physics;
 
 /// Sample periods \[s\].
 const PERIODS: [f64; 2] = [0.004, 0.001];
@@ -75,6 +76,47 @@ fn a_sound_run_is_not_stopped() {
             for share in [0.1, 0.4, 0.6] {
                 // The run asserts it while it is sound.
                 Rig::new(arm, period_s, "", share).run(5.0, Wrong::Nothing, 0.1, |_, _| ());
+            }
+        }
+    }
+}
+
+/// A load of so many kilograms 0.1 m beyond the last joint.
+fn load(physics: &mut Physics, mass: f64) {
+    let (z, flange) = (0.1, physics.arm.links.last_mut().expect("links"));
+    for (entry, part) in flange.iter_mut().zip([1.0, 0.0, 0.0, z, z * z, 0.0, z * z]) {
+        *entry += mass * part;
+    }
+}
+
+/// Friction times `factor`, and a quarter more before a joint breaks away.
+fn friction(physics: &mut Physics, factor: f64) {
+    for joint in &mut physics.joints {
+        joint.dry.coulomb *= factor;
+        joint.viscous *= factor;
+        joint.dry.stribeck = [0.25 * joint.dry.coulomb, 0.02];
+    }
+}
+
+/// Friction and load of no file: joints that rest longer and go later than planned are sound.
+#[test]
+fn a_sound_arm_that_is_not_that_of_its_file_is_not_stopped() {
+    for (arm, ..) in ARMS {
+        let most = if arm == "dd2" { 1.0 } else { 5.0 };
+        for period_s in PERIODS {
+            for share in [0.02, 0.1, 0.4] {
+                for factor in [0.5, 1.0, 1.6] {
+                    for mass in [0.0, most] {
+                        let rig = Rig::new(arm, period_s, "", share);
+                        let mut rig = rig.differing(|physics| {
+                            friction(physics, factor);
+                            load(physics, mass);
+                        });
+                        println!("{arm} {period_s} s, {share} of the speed, friction times {factor}, {mass} kg");
+                        let o = rig.run(8.0, Wrong::Nothing, 0.1, |_, _| ());
+                        assert_eq!(o.stops, 0, "{o:?}");
+                    }
+                }
             }
         }
     }
@@ -218,6 +260,59 @@ fn a_joint_that_does_not_answer_is_stopped() {
             let (cause, joints, delay_s) = o.stop.expect("stopped");
             println!("{arm} {period_s} s, drive of joint {}: {cause:?} after {:.0} ms", joint + 1, 1e3 * delay_s);
             assert_eq!((cause, joints), (StopCause::NoResponse, 1 << joint), "{o:?}");
+        }
+    }
+}
+
+/// A load that the drives cannot hold: the arm sinks with its commands at their limit.
+fn overloaded(period_s: f64, words: &str) -> Rig {
+    Rig::new("dd2", period_s, &format!("tracking_error = 10\n{words}"), 0.1).differing(|physics| load(physics, 12.0))
+}
+
+#[test]
+fn a_command_that_stays_at_its_limit_is_stopped() {
+    for period_s in PERIODS {
+        let o = overloaded(period_s, "saturation_ms = 150\n").run(0.0, Wrong::Nothing, AFTER_S, |_, _| ());
+        let (cause, joints, delay_s) = o.stop.expect("stopped");
+        println!("{period_s} s: joints {joints:b} after {:.0} ms", 1e3 * delay_s);
+        assert_eq!(cause, StopCause::Saturated, "{o:?}");
+        assert!((0.149..0.17).contains(&delay_s), "{o:?}");
+    }
+}
+
+#[test]
+fn a_joint_beyond_its_speed_limit_is_stopped() {
+    for period_s in PERIODS {
+        let o = overloaded(period_s, "saturation_ms = 10000\n").run(0.0, Wrong::Nothing, 2.0, |_, _| ());
+        let (cause, joints, delay_s) = o.stop.expect("stopped");
+        println!("{period_s} s: joints {joints:b} after {:.0} ms", 1e3 * delay_s);
+        assert_eq!(cause, StopCause::TooFast, "{o:?}");
+    }
+}
+
+#[test]
+fn an_arm_that_leaves_its_plan_is_stopped() {
+    for period_s in PERIODS {
+        let rig = Rig::new("dd2", period_s, "tracking_error = 0.1\nsaturation_ms = 10000\n", 0.1);
+        let o = rig.differing(|physics| load(physics, 12.0)).run(0.0, Wrong::Nothing, AFTER_S, |_, _| ());
+        let (cause, joints, _) = o.stop.expect("stopped");
+        assert_eq!((cause, joints >> 1 & 1), (StopCause::TrackingError, 1), "{o:?}");
+    }
+}
+
+/// The rate is known after a look of 128 stamps, of which more than half of 64 slopes have to be wrong.
+#[test]
+fn samples_at_another_rate_are_stopped() {
+    for (arm, _, phases) in ARMS {
+        for period_s in PERIODS {
+            for rate in [0.5, 2.0] {
+                let mut rig = Rig::new(arm, period_s, "", SHARE);
+                let o = rig.run(phases[0], Wrong::Rate(rate), 2.0, |_, _| ());
+                let (cause, _, delay_s) = o.stop.expect("stopped");
+                println!("{arm} {period_s} s, stamps times {rate}: after {:.0} ms", 1e3 * delay_s);
+                assert_eq!(cause, StopCause::WrongPeriod, "{o:?}");
+                assert!(delay_s <= 200.0 * period_s && is_harmless(&o), "{arm} {period_s} s {rate}: {o:?}");
+            }
         }
     }
 }

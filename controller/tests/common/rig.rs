@@ -200,8 +200,13 @@ impl Rig {
     }
 
     /// The same with a force on the flange.
-    pub(crate) fn pushed(mut self, push: Push) -> Rig {
-        self.physics.pushes.push(push);
+    pub(crate) fn pushed(self, push: Push) -> Rig {
+        self.differing(|physics| physics.pushes.push(push))
+    }
+
+    /// The same with an arm that is not the one of the robot file.
+    pub(crate) fn differing(mut self, change: impl FnOnce(&mut Physics)) -> Rig {
+        change(&mut self.physics);
         self.arm = TwoMassArm::new(&self.physics, &self.swing.centre);
         self
     }

@@ -116,29 +116,17 @@ fn in_place(path: &Path) -> io::Result<Option<Destination>> {
     Ok(None)
 }
 
-<<<<<<< HEAD
-/// That a pipe or a device is this user's or root's: another one's reader would get the output, or hold the command up for ever.
-fn ensure_trusted(path: &Path, there: &Metadata) -> io::Result<()> {
-    if is_trusted(there.uid()) {
-=======
 /// That a pipe is this user's or root's: another one's reader would get the output, or hold the command up for ever. A device is the
 /// administrator's work, whoever owns it: in a container `/dev/null` is nobody's.
 fn ensure_trusted(path: &Path, there: &Metadata) -> io::Result<()> {
     let kind = there.file_type();
     if is_trusted(there.uid()) || kind.is_char_device() || kind.is_block_device() {
->>>>>>> origin/main
         return Ok(());
     }
     let (path, uid, me) = (path.display(), there.uid(), me());
     Err(io::Error::new(
         io::ErrorKind::PermissionDenied,
-<<<<<<< HEAD
-        format!(
-            "{path} is a pipe or a device of user {uid}, and only those of user {me} or root are written; name another path"
-        ),
-=======
         format!("{path} is a pipe of user {uid}, and only those of user {me} or root are written; name another path"),
->>>>>>> origin/main
     ))
 }
 

@@ -31,8 +31,8 @@ pub struct MotionLimits {
     pub joint: JointLimits,
     /// Speed limit \[rad/s\]; infinite where there is none.
     pub speed: f64,
-    /// How far the plan may go while friction holds the joint \[rad\].
-    pub stiction_reach: f64,
+    /// Torque that friction, and a load that the model does not know, may hold at rest \[N·m\].
+    pub breakaway: f64,
 }
 
 /// The plan of one period: positions \[rad\] and velocities \[rad/s\].
@@ -55,6 +55,8 @@ struct Joint {
     abrupt: bool,
     /// Where the plan was when the run began.
     plan_before: f64,
+    /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
+    ahead: f64,
     /// What the model misses \[N·m\], slowly varying.
     model_error: f64,
     /// Samples in a row that did not answer the torque.
@@ -143,9 +145,11 @@ impl MotionCheck {
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before { speed: speeds[j], period_s: self.period_s, half_s: self.window.half_s(), resolution };
             joint.read(q[j], first, plan, &before);
-            let reach = limits.stiction_reach.max(NOISE_STEPS * resolution);
-            let left = plan.is_some_and(|(q, _)| (q - joint.plan_before).abs() > reach);
-            frozen |= if joint.same >= run && (joint.abrupt || left) { bit } else { 0 };
+            joint.ahead = plan.map_or(0.0, |(planned, _)| {
+                let gone = (planned - joint.plan_before).abs() > NOISE_STEPS * resolution;
+                if gone { planned - q[j] } else { 0.0 }
+            });
+            frozen |= if joint.same >= run && joint.abrupt { bit } else { 0 };
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         found(Fault::Frozen, frozen).or_else(|| found(Fault::TooFast, fast))
@@ -160,13 +164,19 @@ impl MotionCheck {
     /// Compares the torque that the model needs for [`motion`](Self::motion) with the commanded one. `None` where the joints
     /// answer their torque.
     ///
+    /// A joint that is pushed towards its plan by more than can hold it, and repeats its reading all the same, is frozen.
+    ///
     /// Real-time safe.
     pub fn answers(&mut self, motion: &MeanMotion, needed: &[f64]) -> Option<Found> {
-        let mut joints = 0;
+        let (mut joints, mut frozen) = (0, 0);
+        let whole = self.window.samples();
         let share = (self.period_s / MODEL_ERROR_S).min(1.0);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             let most = RESPONSE_SHARE * self.limits[j].joint.torque;
             let missed = needed[j] - motion.tau[j];
+            let pushed = -missed * joint.ahead.signum();
+            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= self.limits[j].breakaway;
+            frozen |= if held { 0 } else { 1 << j };
             if !self.compared {
                 joint.model_error = missed;
             }
@@ -180,7 +190,8 @@ impl MotionCheck {
             joints |= if joint.unanswered >= RESPONSE_RUN { 1 << j } else { 0 };
         }
         self.compared = true;
-        (joints != 0).then_some(Found { fault: Fault::NoResponse, joints })
+        let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
+        found(Fault::Frozen, frozen).or_else(|| found(Fault::NoResponse, joints))
     }
 
     /// Longest time from the first wrong sample until a fault of this check is found \[samples\].
@@ -234,7 +245,7 @@ mod tests {
 
     fn check(period_s: f64) -> MotionCheck {
         let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
-        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, stiction_reach: 0.005 }], period_s)
+        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, breakaway: 1.0 }], period_s)
     }
 
     /// Position and velocity of a motion of 1 rad/s at the most.

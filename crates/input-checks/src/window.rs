@@ -91,6 +91,11 @@ impl Window {
         self.half as f64 * self.period_s
     }
 
+    /// Periods from the first sample of the whole window to its last.
+    pub(crate) fn samples(&self) -> u32 {
+        2 * self.half as u32
+    }
+
     /// Motion and torque of the whole window, once it is filled.
     pub(crate) fn motion(&self) -> Option<MeanMotion> {
         let half = self.half;
