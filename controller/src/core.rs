@@ -229,7 +229,7 @@ impl Core {
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
-            output: Output::new(Limits { torque, step }),
+            output: Output::new(Limits { torque, step }, (1e-3 * settings.saturation_ms / period_s) as u32),
             clock: SampleClock::new(period_s),
             confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
@@ -446,7 +446,7 @@ impl Core {
         let wrong = wrong.or_else(|| {
             // What brakes or a stop do is no answer to a plan.
             let moves = sample.faults == 0 && self.stopping.is_none();
-            if moves { self.watch.response(&mut self.law, &self.acting[..self.count]) } else { None }
+            if moves { self.answers() } else { None }
         });
         if wrong.is_none() && sample.faults == 0 {
             if self.observed_seq.is_some_and(|last| last.checked_add(1) != Some(sample.seq)) {
@@ -458,6 +458,13 @@ impl Core {
         }
         self.observed_seq = Some(sample.seq);
         wrong
+    }
+
+    /// Whether the arm answers its torque, and feedback is not held back.
+    fn answers(&mut self) -> Option<Wrong> {
+        let held_back = self.output.held_back();
+        let late = (held_back != 0).then_some(Wrong { cause: StopCause::Saturated, joints: held_back, lasting: true });
+        self.watch.response(&mut self.law, &self.acting[..self.count]).or(late)
     }
 
     /// Asks the pose and recent torques whether the right parameters act.
@@ -671,6 +678,7 @@ impl Core {
         (self.stopping, self.asked) = (None, false);
         self.counts.resumed += 1;
         self.watch.restart_motion();
+        self.output.restart();
         self.history.restart();
         self.plan_refused = None;
         self.law.restart();

@@ -30,12 +30,35 @@ pub struct Output {
     limits: Limits,
     last: [f64; MAX_JOINTS],
     largest_step: [f64; MAX_JOINTS],
+    /// Commands that were held back by the rate limit, less those that were not, from zero on.
+    held_back: [u32; MAX_JOINTS],
+    /// Most of them that are none too many.
+    most_held_back: [u32; MAX_JOINTS],
 }
 
 impl Output {
-    /// Starts from zero torque: the first commands rise at the permitted rate.
-    pub fn new(limits: Limits) -> Output {
-        Output { limits, last: [0.0; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS] }
+    /// Starts from zero torque: the first commands rise at the permitted rate. `longest` is the most commands that may be at a limit.
+    pub fn new(limits: Limits, longest: u32) -> Output {
+        let mut most_held_back = [longest; MAX_JOINTS];
+        for (most, (torque, step)) in most_held_back.iter_mut().zip(limits.torque.iter().zip(&limits.step)) {
+            let swing = 2.0 * torque / step;
+            // A cast saturates: without a limit of the rate nothing is held back.
+            *most = (*most).max(swing.ceil() as u32);
+        }
+        let zero = [0.0; MAX_JOINTS];
+        Output { limits, last: zero, largest_step: zero, held_back: [0; MAX_JOINTS], most_held_back }
+    }
+
+    /// Joints, bit 0 the base's, whose torque has been held back by the rate limit for longer than it may be at a limit and longer than
+    /// the drive takes from one limit to the other: feedback that comes so late swings the joint further with each turn.
+    pub fn held_back(&self) -> u32 {
+        let too_long = |j: &usize| self.held_back[*j] > self.most_held_back[*j];
+        (0..MAX_JOINTS).filter(too_long).fold(0, |bits, j| bits | 1 << j)
+    }
+
+    /// Forgets for how long torques have been held back.
+    pub fn restart(&mut self) {
+        self.held_back = [0; MAX_JOINTS];
     }
 
     /// Limits `wanted` in place. A joint whose torque is not a number keeps its last command. Real-time safe.
@@ -46,7 +69,10 @@ impl Output {
             if tau.is_finite() {
                 applied.saturated |= tau.abs() > limit;
                 let within = tau.clamp(-limit, limit);
-                applied.rate_limited |= (within - last).abs() > step;
+                let held_back = (within - last).abs() > step;
+                applied.rate_limited |= held_back;
+                let before = self.held_back[j];
+                self.held_back[j] = if held_back { before.saturating_add(1) } else { before.saturating_sub(1) };
                 // Saturating last as well as first: a step may not lead out of the limits.
                 let given = within.clamp(last - step, last + step).clamp(-limit, limit);
                 applied.limited[j] = given != *tau;
@@ -78,7 +104,27 @@ mod tests {
     use super::*;
 
     fn output() -> Output {
-        Output::new(Limits { torque: vec![10.0, 10.0], step: vec![4.0, 100.0] })
+        Output::new(Limits { torque: vec![10.0, 10.0], step: vec![4.0, 100.0] }, 4)
+    }
+
+    /// A torque that asks for more than the rate limit with every command, this way and that; joint 2 may step as it likes.
+    #[test]
+    fn a_torque_that_is_held_back_for_too_long_is_named() {
+        let mut out = output();
+        let found = (1..20).find(|k| {
+            let wanted = if k % 5 < 3 { 10.0 } else { -10.0 };
+            let _ = out.apply(&mut [3.0 * wanted, wanted]);
+            out.held_back() != 0
+        });
+        // From one limit to the other takes five commands.
+        assert_eq!((found, out.held_back()), (Some(6), 1));
+        out.restart();
+        assert_eq!(out.held_back(), 0);
+        let mut out = output();
+        for _ in 0..20 {
+            let _ = out.apply(&mut [10.0, 10.0]);
+            assert_eq!(out.held_back(), 0, "it arrives");
+        }
     }
 
     #[test]

@@ -20,7 +20,9 @@ pub fn stop_text(cause: u32, joints: u32) -> String {
         StopCause::NoResponse => "the joint does not move as the commanded torque moves it",
         StopCause::SignFlipped => "measured torque opposite to the commanded one",
         StopCause::TorqueStuck => "measured torque does not follow the commanded one",
-        StopCause::Saturated => "commanded torque at its limit for longer than [controller] saturation_ms",
+        StopCause::Saturated => {
+            "commanded torque at its limit, or at that of its rate, for longer than [controller] saturation_ms"
+        }
         StopCause::TrackingError => "further from the plan than [controller] tracking_error",
         StopCause::PlanNotFinite => "the plan has a number that is not finite, or another number of joints",
         StopCause::PlanImplausible => "the plan has a number beyond all that an arm can do",

@@ -48,6 +48,48 @@ impl Swing {
         Swing { centre, amplitude, omega }
     }
 
+    /// Deviations from the centre of joint `j`, with two derivatives.
+    fn deviation(&self, j: usize, t: f64) -> [f64; 3] {
+        let (a, w) = (self.amplitude[j], self.omega[j]);
+        [a * (w * t).sin(), a * w * (w * t).cos(), -a * w * w * (w * t).sin()]
+    }
+}
+
+/// A motion that was recorded: positions of each joint, one every `period_s`.
+#[derive(Clone, Debug)]
+pub(crate) struct Recorded {
+    pub(crate) q: Vec<Vec<f64>>,
+    pub(crate) period_s: f64,
+}
+
+impl Recorded {
+    /// Deviations from the first position of joint `j`, with two derivatives by differences. Ends where the record does.
+    fn deviation(&self, j: usize, t: f64) -> [f64; 3] {
+        let (q, h) = (&self.q[j], self.period_s);
+        let at = (t / h).clamp(1.0, (q.len() - 3) as f64);
+        let (k, part) = (at as usize, at.fract());
+        let value = |k: usize| q[k] + part * (q[k + 1] - q[k]);
+        let (before, now, after) = (value(k - 1), value(k), value(k + 1));
+        [now - q[0], (after - before) / (2.0 * h), (after - 2.0 * now + before) / (h * h)]
+    }
+}
+
+/// A planned motion. It grows from rest.
+#[derive(Clone, Debug)]
+pub(crate) enum Motion {
+    Swing(Swing),
+    Recorded(Recorded),
+}
+
+impl Motion {
+    /// Where the arm starts \[rad\].
+    pub(crate) fn centre(&self) -> Vec<f64> {
+        match self {
+            Motion::Swing(swing) => swing.centre.clone(),
+            Motion::Recorded(recorded) => recorded.q.iter().map(|q| q[0]).collect(),
+        }
+    }
+
     pub(crate) fn at(&self, t: f64) -> [Values; 3] {
         let mut out = [[0.0; MAX_JOINTS]; 3];
         let s = (t / GROWTH_S).min(1.0);
@@ -56,8 +98,11 @@ impl Swing {
             30.0 * s * s * (1.0 - s) * (1.0 - s) / GROWTH_S,
             60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (GROWTH_S * GROWTH_S),
         );
-        for (j, ((c, a), w)) in self.centre.iter().zip(&self.amplitude).zip(&self.omega).enumerate() {
-            let (x, xd, xdd) = (a * (w * t).sin(), a * w * (w * t).cos(), -a * w * w * (w * t).sin());
+        for (j, c) in self.centre().into_iter().enumerate() {
+            let [x, xd, xdd] = match self {
+                Motion::Swing(swing) => swing.deviation(j, t),
+                Motion::Recorded(recorded) => recorded.deviation(j, t),
+            };
             out[0][j] = c + g * x;
             out[1][j] = g * xd + gd * x;
             out[2][j] = g * xdd + 2.0 * gd * xd + gdd * x;
@@ -156,7 +201,7 @@ pub(crate) struct Outcome {
 pub(crate) struct Rig {
     pub(crate) robot: Robot,
     pub(crate) core: Core,
-    pub(crate) swing: Swing,
+    motion: Motion,
     largest_step: f64,
     law: Option<LawAlone>,
     planless: bool,
@@ -181,11 +226,16 @@ impl Rig {
             }
         }
         let robot = robot_with(arm, &changes);
-        let swing = Swing::new(&robot, share);
-        let physics = physics(&robot, &swing.centre);
+        let motion = Motion::Swing(Swing::new(&robot, share));
+        Rig::of(robot, motion)
+    }
+
+    /// The arm of a robot file with a motion.
+    pub(crate) fn of(robot: Robot, motion: Motion) -> Rig {
+        let physics = physics(&robot, &motion.centre());
         Rig {
             core: Core::new(&robot, 0).expect("sound settings"),
-            arm: TwoMassArm::new(&physics, &swing.centre),
+            arm: TwoMassArm::new(&physics, &motion.centre()),
             random: Random::stream(1, 7),
             seq: 0,
             acting: [0.0; MAX_JOINTS],
@@ -195,7 +245,7 @@ impl Rig {
             planless: false,
             physics,
             robot,
-            swing,
+            motion,
         }
     }
 
@@ -207,13 +257,13 @@ impl Rig {
     /// The same with an arm that is not the one of the robot file.
     pub(crate) fn differing(mut self, change: impl FnOnce(&mut Physics)) -> Rig {
         change(&mut self.physics);
-        self.arm = TwoMassArm::new(&self.physics, &self.swing.centre);
+        self.arm = TwoMassArm::new(&self.physics, &self.motion.centre());
         self
     }
 
     /// Where the plan is after so many seconds of a run \[rad\].
     pub(crate) fn planned(&self, sound_s: f64) -> Values {
-        self.swing.at(sound_s)[0]
+        self.motion.at(sound_s)[0]
     }
 
     /// Where the arm is \[rad\].
@@ -247,7 +297,7 @@ impl Rig {
     /// The sample with its fault, `k` periods after the first wrong one; `None` where none comes.
     fn spoilt(&self, sample: &JointState, wrong: Wrong, k: usize) -> Option<JointState> {
         let mut seen = *sample;
-        let ago = |samples: usize| &self.states[self.states.len().saturating_sub(samples + 1)];
+        let ago = |samples: usize| self.states.get(self.states.len().saturating_sub(samples + 1)).unwrap_or(sample);
         // The last sound sample: the present one is not among them yet.
         let before = ago(k);
         match wrong {
@@ -323,7 +373,7 @@ impl Rig {
             self.seq += 1;
             let mut sample = self.sample();
             sample.faults = rivet_ipc_schema::faults::STOPPED;
-            let plan = self.swing.at(0.0);
+            let plan = self.motion.at(0.0);
             self.answer(Some(sample), &plan, 0);
         }
         for j in 0..self.robot.dof() {
@@ -348,7 +398,7 @@ impl Rig {
         for k in 0..all {
             self.seq += 1;
             let t = self.time_s();
-            let mut plan = self.swing.at(t);
+            let mut plan = self.motion.at(t);
             let sample = self.sample();
             if k >= sound
                 && let Wrong::Drive(j, share) = wrong
@@ -380,9 +430,9 @@ impl Rig {
             }
             if let (None, Some((cause, joints))) = (out.stop, self.core.stop_cause()) {
                 out.stop = Some((cause, joints, (k - sound) as f64 * period_s));
-                at_stop = Some(self.swing.at(t)[0]);
+                at_stop = Some(self.motion.at(t)[0]);
             }
-            let target = at_stop.unwrap_or(self.swing.at(t)[0]);
+            let target = at_stop.unwrap_or(self.motion.at(t)[0]);
             for j in 0..n {
                 let speed = speeds[j].abs();
                 out.speed = out.speed.max(speed / self.robot.model.arm.joints[j].velocity);

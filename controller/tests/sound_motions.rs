@@ -1,0 +1,85 @@
+//! Arms that were not met before, in motions that were recorded on them: nothing is wrong, and nothing is stopped.
+
+mod common;
+
+use common::rig::{Motion, Recorded, Rig, Wrong};
+use rivet_config::Robot;
+use rivet_dynamics::Joint;
+use std::io::Write as _;
+use std::path::Path;
+
+/// Half of the triangle by which recorded positions are smoothed \[s\]: planners do not plan encoder steps.
+const SMOOTHING_S: f64 = 0.04;
+/// Longest part of a record \[s\].
+const LONGEST_S: f64 = 4.0;
+
+/// Largest planned speed, in parts of the joints' limits.
+const SHARE: f64 = 0.8;
+/// Motions are slower by this, at least: the arms of the records had drives without limits.
+const SLOWER: f64 = 2.5;
+
+/// Positions of a record up to its first break, smoothed twice by a moving average, and slowed down until every joint keeps its speed
+/// limit.
+fn recorded(log: &Path, robot: &Robot) -> Recorded {
+    let names: Vec<String> = (1..=robot.dof()).map(|j| format!("q{j}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let (period_s, joints) = (robot.config.sample_period_s, &robot.model.arm.joints);
+    let q = rivet_logs::read_columns(log, &names).expect("a log with positions");
+    let breaks = |(q, joint): (&Vec<f64>, &Joint)| {
+        q.windows(2).position(|two| (two[1] - two[0]).abs() > 10.0 * joint.velocity * period_s)
+    };
+    let whole = q.iter().zip(joints).filter_map(breaks).min().unwrap_or(usize::MAX);
+    let rows = whole.min((LONGEST_S / period_s) as usize);
+    let half = (0.5 * SMOOTHING_S / period_s).round() as usize;
+    let smooth = |q: &[f64]| -> Vec<f64> {
+        q.windows(2 * half + 1).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
+    };
+    let q: Vec<Vec<f64>> = q.iter().map(|q| smooth(&smooth(&q[..q.len().min(rows)]))).collect();
+    let speed = |(q, joint): (&Vec<f64>, &Joint)| {
+        q.windows(2).map(|two| (two[1] - two[0]).abs() / period_s / joint.velocity).fold(0.0, f64::max)
+    };
+    let slower = q.iter().zip(joints).map(speed).fold(0.0, f64::max) / SHARE;
+    Recorded { q, period_s: slower.max(SLOWER) * period_s }
+}
+
+/// Follows the recorded motions of every third case in a folder of `../shared/data`, with friction of half to 1.6 times the file's.
+fn follows(folder: &str) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(folder);
+    let Ok(entries) = std::fs::read_dir(&root) else {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: ../shared/data/{folder} is not on this machine");
+        return;
+    };
+    let mut cases: Vec<_> = entries.flatten().map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    cases.sort();
+    let mut stopped = Vec::new();
+    for (case, factor) in cases.iter().step_by(3).zip([0.5, 1.0, 1.6].into_iter().cycle()) {
+        let Ok(robot) = rivet_config::load(case.join("robot.toml")) else { continue };
+        let motion = recorded(&case.join("log-a.parquet"), &robot);
+        let span_s = motion.q[0].len() as f64 * motion.period_s;
+        let rig = Rig::of(robot, Motion::Recorded(motion));
+        let mut rig = rig.differing(|physics| {
+            for joint in &mut physics.joints {
+                joint.dry.coulomb *= factor;
+                joint.dry.stribeck = [0.25 * joint.dry.coulomb, 0.02];
+            }
+        });
+        let o = rig.run(0.0, Wrong::Nothing, span_s, |_, _| ());
+        let refused = rig.core.counts().setpoints_refused;
+        println!("{} x{factor}: {:?} {refused} refused", case.display(), o.stop);
+        if o.stops > 0 || refused > 0 {
+            stopped.push(format!("{} x{factor}: {o:?}, {refused} refused", case.display()));
+        }
+    }
+    assert!(cases.len() >= 10, "{} cases", cases.len());
+    assert!(stopped.is_empty(), "{stopped:#?}");
+}
+
+#[test]
+fn recorded_motions_are_followed() {
+    follows("practice");
+}
+
+#[test]
+fn recorded_motions_are_followed_with_wrong_files() {
+    follows("practice-wrong-nominal");
+}
