@@ -6,10 +6,15 @@ use std::io::{ErrorKind, Write as _};
 /// Widest line that is printed.
 pub(crate) const WIDTH: usize = 100;
 
-/// Writes to standard output. A reader that has seen enough (`| head`) is no failure.
+/// Writes to standard output, with unsafe characters escaped. A reader that has seen enough (`| head`) is no failure.
 pub(crate) fn show(text: &str) -> std::io::Result<()> {
+    show_picture(&rivet_files::Printable(text).to_string())
+}
+
+/// The same for a picture that moves the terminal's cursor: its lines were made printable before.
+pub(crate) fn show_picture(text: &str) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    match write!(out, "{}", rivet_files::Printable(text)).and_then(|()| out.flush()) {
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(why) if why.kind() == ErrorKind::BrokenPipe => Ok(()),
         done => done,
     }

@@ -10,7 +10,7 @@ use iceoryx2::prelude::{
 };
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
-use crate::cleanup::{close_to_others, ensure_counter, ensure_room, has_files, remove_half_made};
+use crate::cleanup::{close_to_others, ensure_room, has_files, remove_half_made, remove_half_made_memory};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -116,7 +116,7 @@ impl BusConfig {
     pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
         let name = NodeName::new(role).map_err(|e| cannot_join(self, &e))?;
         ensure_own(self)?;
-        ensure_counter(self)?;
+        remove_half_made_memory(self)?;
         let node = NodeBuilder::new()
             .name(&name)
             .config(config)

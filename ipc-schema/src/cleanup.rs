@@ -46,6 +46,7 @@ pub struct Leftovers {
 fn sweep(config: &BusConfig) -> Result<(usize, usize), BusError> {
     quieten();
     let iceoryx = config.iceoryx()?;
+    remove_half_made_memory(config)?;
     let (mut alive, mut freed) = (0, 0);
     let listed = Node::<ipc::Service>::list(&iceoryx, |state| {
         match state {
@@ -231,18 +232,27 @@ pub(crate) fn remove_half_made(config: &Config) {
 /// Bytes of the counter that all parties share.
 const COUNTER: u64 = 16;
 
-/// Removes the counter from which ids of parties are made if whoever made it was killed on the way: the library would wait for
-/// it for ever, or refuse for ever.
+/// Removes shared memory of the bus whose maker was killed on the way: the library makes it readable when it is ready, and would wait
+/// for that for ever, in whoever joins or clears up. The counter from which ids of parties are made it would refuse for ever as well.
+///
+/// Waits for what is under way, which takes well below a millisecond.
 ///
 /// # Errors
 /// It is another user's.
-pub(crate) fn ensure_counter(config: &BusConfig) -> Result<(), BusError> {
+pub(crate) fn remove_half_made_memory(config: &BusConfig) -> Result<(), BusError> {
     let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return Ok(()) };
-    for entry in entries.flatten().filter(|entry| is_counter(config, entry)) {
-        let path = entry.path();
+    let ours = |entry: &fs::DirEntry| belongs(entry.file_name().as_encoded_bytes(), &config.prefix);
+    for entry in entries.flatten().filter(ours) {
+        let (path, counter) = (entry.path(), is_counter(config, &entry));
         let unfinished = || {
             let data = fs::metadata(&path).ok()?;
-            (data.len() < COUNTER || data.permissions().mode() & 0o600 != 0o600).then_some(data)
+            let mode = data.permissions().mode();
+            let is_made = if counter {
+                data.len() >= COUNTER && mode & 0o600 == 0o600
+            } else {
+                data.len() > 0 && mode & 0o400 != 0
+            };
+            (!is_made).then_some(data)
         };
         while let Some(data) = unfinished() {
             if !is_old(&data) {

@@ -1,9 +1,10 @@
-//! Who is on a bus, and what lies there that should not: looked at without touching anything.
+//! Who is on a bus, and what lies there that should not: looked at without touching what lives.
 
 use iceoryx2::node::{Node, NodeState, NodeView as _};
 use iceoryx2::prelude::{CallbackProgression, ServiceName, ipc};
 
 use crate::bus::BusConfig;
+use crate::cleanup::remove_half_made_memory;
 use crate::error::{BusError, VersionMismatch};
 use crate::messages::{
     ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters, Setpoint, Timing,
@@ -25,7 +26,8 @@ pub struct Survey {
     pub foreign: Vec<VersionMismatch>,
 }
 
-/// Looks at the bus of `robot`. Nothing is opened or removed.
+/// Looks at the bus of `robot`. Nothing is opened, and nothing removed but memory whose maker was killed on the way: who reads the
+/// description of its service would wait for it for ever.
 ///
 /// # Errors
 /// Values that break a rule, or a bus that cannot be listed.
@@ -45,6 +47,10 @@ pub fn survey(config: &BusConfig, robot: &RobotName) -> Result<Survey, BusError>
         CallbackProgression::Continue
     });
     listed.map_err(|e| cannot_join(config, &e))?;
+    if remove_half_made_memory(config).is_err() {
+        // Another user's: his next process removes it.
+        return Ok(found);
+    }
     let mut look = |service: Service, mismatch: &dyn Fn(&str, &str) -> VersionMismatch, expected: &str| {
         let name = service.of(robot);
         if let Ok(full) = ServiceName::new(&name)

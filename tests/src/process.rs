@@ -24,7 +24,12 @@ impl Process {
     /// Sends a signal and waits for the end.
     pub fn end(&mut self, signal: &str) -> ExitStatus {
         self.signal(signal);
-        self.0.wait().expect("a child that ends")
+        self.ends()
+    }
+
+    /// Waits for the end; only a hang fails.
+    pub fn ends(&mut self) -> ExitStatus {
+        eventually("the child ends", || self.0.try_wait().expect("a child"))
     }
 }
 

@@ -1,6 +1,9 @@
 //! The demonstration, as a user on a fresh machine runs it.
 
 use rivet_tests::rivet;
+use rustix::pty::OpenptFlags;
+use std::fs::File;
+use std::io::Read as _;
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -71,4 +74,49 @@ fn goes_on_to_its_exit_code_when_nobody_reads_its_output() {
     assert!(output.status.success(), "{:?}: {text}", output.status);
     assert!(!text.contains("panicked"), "{text}");
     assert_eq!(traces(pid), Vec::<String>::new());
+}
+
+/// A terminal of 80 by 24: pictures that fit, drawn one over the other, and no control sequence shown as text.
+#[test]
+fn draws_pictures_that_fit_a_terminal() {
+    let (columns, rows) = (80, 24);
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+    let terminal = rustix::pty::openpt(flags).expect("a terminal");
+    rustix::pty::grantpt(&terminal).and_then(|()| rustix::pty::unlockpt(&terminal)).expect("its other side");
+    let name = rustix::pty::ptsname(&terminal, Vec::new()).expect("its name");
+    let size = rustix::termios::Winsize { ws_col: columns, ws_row: rows, ws_xpixel: 0, ws_ypixel: 0 };
+    rustix::termios::tcsetwinsize(&terminal, size).expect("a size");
+    let side = File::options().read(true).write(true).open(name.to_str().expect("a path")).expect("opened");
+    let mut demo = rivet().arg("demo").stdout(side).stderr(Stdio::null()).spawn().expect("it starts");
+    let (mut shown, mut terminal) = (Vec::new(), File::from(terminal));
+    // A picture begins by erasing to its end the one before.
+    let pictures = |shown: &[u8]| String::from_utf8_lossy(shown).matches("\u{1b}[J").count();
+    let mut part = [0; 4096];
+    while pictures(&shown) < 6 {
+        let read = terminal.read(&mut part).expect("the demonstration draws");
+        shown.extend_from_slice(&part[..read]);
+    }
+    assert!(Command::new("kill").args(["-INT", &demo.id().to_string()]).status().expect("kill runs").success());
+    // A terminal that nobody reads would hold it up.
+    std::thread::spawn(move || std::io::copy(&mut terminal, &mut std::io::sink()));
+    demo.wait().expect("it ends");
+    let text = String::from_utf8(shown).expect("text");
+    assert!(!text.contains("u{1b}"), "{text}");
+    for picture in text.split("\u{1b}[J") {
+        let lines: Vec<&str> = picture.lines().collect();
+        assert!(lines.len() <= usize::from(rows), "{picture}");
+        for line in lines {
+            let mut shown = 0;
+            let mut characters = line.chars();
+            while let Some(c) = characters.next() {
+                if c == '\u{1b}' {
+                    // A sequence ends with its letter.
+                    let _ = characters.by_ref().find(char::is_ascii_alphabetic);
+                } else {
+                    shown += usize::from(!c.is_control());
+                }
+            }
+            assert!(shown <= usize::from(columns), "{line}");
+        }
+    }
 }

@@ -62,6 +62,32 @@ fn what_a_killed_process_left_half_made_keeps_nobody_from_starting() {
     }
 }
 
+/// A process that is killed between making shared memory and making it ready leaves what the bus library waits for, for ever: neither
+/// who comes next does, nor who clears up, nor who only looks.
+#[test]
+fn memory_that_a_killed_process_left_half_made_holds_nobody_up() {
+    let private = PrivateBus::new("halfmem");
+    let config = private.config();
+    let killed = || {
+        let mut process = comes_up(config);
+        assert!(!process.end("-KILL").success());
+        let made = names(Path::new("/dev/shm"), ".dynamic", &config.prefix);
+        assert!(made.len() >= 4, "memory is where we look: {made:?}");
+        for path in &made {
+            half_made(path, &[], 0o200);
+        }
+    };
+    killed();
+    assert!(comes_up(config).end("-TERM").success());
+    killed();
+    let mut look = rivet();
+    look.arg("doctor").arg(robot("dd2")).args(["--seconds", "0", "--json", "--prefix", &config.prefix, "--root"]);
+    Process::start(look.arg(&config.root).stdout(Stdio::null()).stderr(Stdio::null())).ends();
+    killed();
+    clean(config);
+    assert_eq!(remains(config), Vec::<std::path::PathBuf>::new());
+}
+
 /// Kills of a test run; `RIVET_KILLS` asks for another number.
 const KILLS: u64 = 25;
 
@@ -86,8 +112,10 @@ fn remains(config: &BusConfig) -> Vec<std::path::PathBuf> {
 fn clean(config: &BusConfig) {
     let mut doctor = rivet();
     doctor.args(["doctor", "--seconds", "0", "--clean", "--json", "--prefix", &config.prefix, "--root"]);
-    let output = doctor.arg(&config.root).output().expect("the program starts");
-    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let mut process = Process::start(doctor.arg(&config.root).stdout(Stdio::piped()));
+    process.ends();
+    let said = process.0.stdout.take().expect("a pipe");
+    let found: serde_json::Value = serde_json::from_reader(said).expect("JSON");
     let clean = found["findings"].as_array().expect("a list").iter().find(|finding| finding["check"] == "clean");
     assert_eq!(clean.expect("cleaned")["severity"], "ok", "{found}");
 }

@@ -2,7 +2,7 @@
 
 use super::reference::GROUPS;
 use super::tracking::Tracking;
-use crate::table::show;
+use crate::table::{show, show_picture};
 use ratatui::crossterm::terminal;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
@@ -79,7 +79,7 @@ impl Screen {
         }
         let redrawn = redrawn(&text, self.lines);
         self.lines = text.lines().count();
-        show(&redrawn)
+        show_picture(&redrawn)
     }
 
     /// Takes the picture away, so that what follows has the screen.
@@ -88,7 +88,7 @@ impl Screen {
     /// As of [`draw_if_due`](Self::draw_if_due).
     pub(crate) fn end(&mut self) -> io::Result<()> {
         let up = std::mem::take(&mut self.lines);
-        if up > 0 { show(&format!("\x1b[{up}A\x1b[J")) } else { Ok(()) }
+        if up > 0 { show_picture(&format!("\x1b[{up}A\x1b[J")) } else { Ok(()) }
     }
 
     /// The picture in at most `columns` by `rows`: a line that wraps would not be drawn over by the next picture.
@@ -97,7 +97,7 @@ impl Screen {
         let (columns, rows) = (usize::from(columns).max(2) - 1, usize::from(rows).max(2) - 1);
         let mut text = String::new();
         for line in self.draw(frame, columns).lines().take(rows) {
-            text.extend(line.chars().take(columns));
+            text.extend(rivet_files::printable(line).chars().take(columns));
             text.push('\n');
         }
         text
