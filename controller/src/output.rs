@@ -2,6 +2,9 @@
 
 use rivet_dynamics::MAX_JOINTS;
 
+/// Torque by which the rate limit holds a command back that swings an arm, in parts of its limit: less is the chatter of feedback.
+const LACKING_SHARE: f64 = 0.25;
+
 /// What no command may exceed, joint by joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
@@ -30,7 +33,7 @@ pub struct Output {
     limits: Limits,
     last: [f64; MAX_JOINTS],
     largest_step: [f64; MAX_JOINTS],
-    /// Commands that were held back by the rate limit, less those that were not, from zero on.
+    /// Commands that the rate limit held back by much, less those that it did not, from zero on.
     held_back: [u32; MAX_JOINTS],
     /// Most of them that are none too many.
     most_held_back: [u32; MAX_JOINTS],
@@ -49,7 +52,7 @@ impl Output {
         Output { limits, last: zero, largest_step: zero, held_back: [0; MAX_JOINTS], most_held_back }
     }
 
-    /// Joints, bit 0 the base's, whose torque has been held back by the rate limit for longer than it may be at a limit and longer than
+    /// Joints, bit 0 the base's, whose torque the rate limit has held back by a quarter of its limit and more for longer than it may be at a limit and longer than
     /// the drive takes from one limit to the other: feedback that comes so late swings the joint further with each turn.
     pub fn held_back(&self) -> u32 {
         let too_long = |j: &usize| self.held_back[*j] > self.most_held_back[*j];
@@ -69,12 +72,11 @@ impl Output {
             if tau.is_finite() {
                 applied.saturated |= tau.abs() > limit;
                 let within = tau.clamp(-limit, limit);
-                let held_back = (within - last).abs() > step;
-                applied.rate_limited |= held_back;
-                let before = self.held_back[j];
-                self.held_back[j] = if held_back { before.saturating_add(1) } else { before.saturating_sub(1) };
+                applied.rate_limited |= (within - last).abs() > step;
                 // Saturating last as well as first: a step may not lead out of the limits.
                 let given = within.clamp(last - step, last + step).clamp(-limit, limit);
+                let (lacking, before) = ((within - given).abs() > LACKING_SHARE * limit, self.held_back[j]);
+                self.held_back[j] = if lacking { before.saturating_add(1) } else { before.saturating_sub(1) };
                 applied.limited[j] = given != *tau;
                 *tau = given;
             } else {
@@ -112,7 +114,7 @@ mod tests {
     fn a_torque_that_is_held_back_for_too_long_is_named() {
         let mut out = output();
         let found = (1..20).find(|k| {
-            let wanted = if k % 5 < 3 { 10.0 } else { -10.0 };
+            let wanted = if k % 4 < 2 { 10.0 } else { -10.0 };
             let _ = out.apply(&mut [3.0 * wanted, wanted]);
             out.held_back() != 0
         });

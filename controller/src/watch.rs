@@ -10,13 +10,13 @@ use rivet_input_checks::{
 };
 use rivet_ipc_schema::{JointState, StopCause, faults};
 
-/// Static friction in parts of the robot file's Coulomb friction: breakaway is up to 1.3 times Coulomb friction, and friction of the
-/// same gear differs by half as much again with temperature and wear.
-const BREAKAWAY_TIMES: f64 = 2.0;
+/// Torque that friction may hold at rest beyond what it was in motion, in parts of the robot file's Coulomb friction: a joint that turns
+/// round holds the kinetic and the static level, 1 and up to 1.3, of friction that differs by half from the file's.
+const BREAKAWAY_TIMES: f64 = 3.0;
 /// The same where the robot file has no friction, as a share of the torque limit.
 const UNKNOWN_BREAKAWAY_SHARE: f64 = 0.15;
-/// Torque of a load that the model does not know, as a share of the torque limit.
-const UNKNOWN_LOAD_SHARE: f64 = 0.05;
+/// What else the model may miss, as a share of the torque limit.
+const UNKNOWN_SHARE: f64 = 0.05;
 
 /// Something that is wrong with a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl Watch {
         let breakaway = |j: usize| {
             let coulomb = config.friction.coulomb[j];
             let friction = if coulomb > 0.0 { BREAKAWAY_TIMES * coulomb } else { UNKNOWN_BREAKAWAY_SHARE * torque[j] };
-            friction + UNKNOWN_LOAD_SHARE * torque[j]
+            friction + UNKNOWN_SHARE * torque[j]
         };
         let motion: Vec<MotionLimits> = joints
             .iter()

@@ -31,7 +31,7 @@ pub struct MotionLimits {
     pub joint: JointLimits,
     /// Speed limit \[rad/s\]; infinite where there is none.
     pub speed: f64,
-    /// Torque that friction, and a load that the model does not know, may hold at rest \[N·m\].
+    /// Torque beyond what it was in motion that friction may hold at rest \[N·m\].
     pub breakaway: f64,
 }
 
@@ -57,8 +57,9 @@ struct Joint {
     plan_before: f64,
     /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
     ahead: f64,
-    /// What the model misses \[N·m\], slowly varying.
+    /// What the model misses \[N·m\], slowly varying, and the same when the run began.
     model_error: f64,
+    error_before: f64,
     /// Samples in a row that did not answer the torque.
     unanswered: u32,
 }
@@ -174,7 +175,8 @@ impl MotionCheck {
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             let most = RESPONSE_SHARE * self.limits[j].joint.torque;
             let missed = needed[j] - motion.tau[j];
-            let pushed = -missed * joint.ahead.signum();
+            // A load that the model does not know was missed in motion as well.
+            let pushed = (joint.error_before - missed) * joint.ahead.signum();
             let held = joint.ahead == 0.0 || joint.same < whole || pushed <= self.limits[j].breakaway;
             frozen |= if held { 0 } else { 1 << j };
             if !self.compared {
@@ -225,6 +227,7 @@ impl Joint {
     fn read(&mut self, q: f64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
         if !first && q == self.q {
             if self.same == 0 {
+                self.error_before = self.model_error;
                 let goes_on = plan.is_some_and(|(_, qd)| qd * before.speed.signum() > 0.5 * before.speed.abs());
                 self.abrupt = goes_on && before.steady(self.step);
             }
