@@ -402,13 +402,12 @@ impl Core {
         self.gate.check_physics(values, Some(q), &mut self.law)?;
         let target = self.sources.target();
         let same = values == &target[..self.count];
-        let desired = match self.plan.filter(|_| self.following) {
-            Some((_, desired)) => desired,
-            None => {
-                let mut here = Desired::default();
-                here.q[..self.dof].copy_from_slice(q);
-                here
-            }
+        let desired = if let Some((_, desired)) = self.plan.filter(|_| self.following) {
+            desired
+        } else {
+            let mut here = Desired::default();
+            here.q[..self.dof].copy_from_slice(q);
+            here
         };
         self.gate.check_change(values, &target[..self.count], &desired, &mut self.law)?;
         if same {

@@ -181,7 +181,7 @@ fn recall(core: &mut Core, store: &Store, hash: u64) {
     match loaded.knowledge.map(|knowledge| core.recall(&knowledge.parameters.values)) {
         None => log::info!(rivet_event = "state-none"; "no stored parameters: starts on the robot file's"),
         Some(Ok(())) => {
-            log::info!(rivet_event = "state-read"; "stored parameters act once they have passed the gate; until then the robot file's do")
+            log::info!(rivet_event = "state-read"; "stored parameters act once they have passed the gate; until then the robot file's do");
         }
         Some(Err(why)) => {
             log::warn!(rivet_event = "state-refused"; "stored parameters are not used: {}", refusal_text(why));
