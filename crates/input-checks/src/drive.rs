@@ -150,7 +150,7 @@ mod tests {
             let (found, after) = run(period_s, 60.0, |_, before| before).expect("found");
             assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
             assert!(after <= 0.02, "{after} s");
-            let (found, after) = run(period_s, 60.0, |_, _| 100.0).expect("found");
+            let (found, after) = run(period_s, 60.0, |_, _| -100.0).expect("found");
             assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
             assert!(after <= 0.02, "{after} s");
         }

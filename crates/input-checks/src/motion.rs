@@ -334,7 +334,7 @@ mod tests {
                     let t = seq as f64 * period_s;
                     let command = (5.0 * t).sin();
                     let begun = t - 0.5;
-                    let load = if sudden { 6.0 * f64::from(begun > 0.0) } else { (6.0 * begun).clamp(0.0, 6.0) };
+                    let load = if sudden { 8.0 * f64::from(begun > 0.0) } else { (8.0 * begun).clamp(0.0, 8.0) };
                     if check.check(seq, &[q], &[command], None).is_some() {
                         break;
                     }

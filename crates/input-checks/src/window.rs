@@ -31,8 +31,8 @@ pub(crate) struct Window {
     period_s: f64,
     half: usize,
     q: [Values; LENGTH],
-    /// Mean command between the sample before and this one.
-    tau: [Values; LENGTH],
+    /// Commands of the two halves of the period between the sample before and this one.
+    tau: [[Values; 2]; LENGTH],
     /// The command before the last one.
     before: Option<Values>,
     filled: usize,
@@ -45,7 +45,7 @@ impl Window {
             period_s,
             half: ((HALF_S / period_s).round() as usize).clamp(1, MOST_HALF),
             q: [[0.0; MAX_JOINTS]; LENGTH],
-            tau: [[0.0; MAX_JOINTS]; LENGTH],
+            tau: [[[0.0; MAX_JOINTS]; 2]; LENGTH],
             before: None,
             filled: 0,
             next: 0,
@@ -66,9 +66,7 @@ impl Window {
         last[..command.len()].copy_from_slice(command);
         let before = self.before.replace(last).unwrap_or(last);
         self.q[self.next] = now;
-        for j in 0..MAX_JOINTS {
-            self.tau[self.next][j] = 0.5 * (before[j] + last[j]);
-        }
+        self.tau[self.next] = [before, last];
         self.next = (self.next + 1) % LENGTH;
         self.filled = (self.filled + 1).min(LENGTH);
     }
@@ -111,11 +109,16 @@ impl Window {
             mean.qdd[j] = (now - 2.0 * middle + old) / (span * span);
         }
         for age in 0..2 * half {
-            // The torque of this slot acted in the period that ends with its sample.
-            let from_end = (age.min(2 * half - 1 - age)) as f64 + 0.5;
-            let weight = from_end / (half * half) as f64;
-            for (sum, tau) in mean.tau.iter_mut().zip(&self.tau[self.slot(age)]) {
-                *sum += weight * tau;
+            // The torques of this slot acted in the period that ends with its sample, which is in the rising half of the triangle or in
+            // the falling one.
+            let rises = age >= half;
+            let near_end = (if rises { 2 * half - 1 - age } else { age }) as f64;
+            for (part, tau) in self.tau[self.slot(age)].iter().enumerate() {
+                let from_end = near_end + if rises == (part == 0) { 0.25 } else { 0.75 };
+                let weight = 0.5 * from_end / (half * half) as f64;
+                for (sum, tau) in mean.tau.iter_mut().zip(tau) {
+                    *sum += weight * tau;
+                }
             }
         }
         Some(mean)
