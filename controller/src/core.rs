@@ -225,7 +225,7 @@ impl Core {
         Ok(Core {
             gate: Gate::new(robot, &mut law),
             plan_check: PlanCheck::new(&law, &limits, &torque, period_s, stale_periods),
-            watch: Watch::new(robot, &limits, &torque),
+            watch: Watch::new(robot, &law, &limits, &torque),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
@@ -342,6 +342,10 @@ impl Core {
         };
         let checked = shape.and_then(|()| self.plan_check.check_numbers(&desired)).and_then(|()| {
             self.counts.setpoints_limited += u64::from(self.limits.apply(&mut desired));
+            if self.following && self.plan_check.is_apart(setpoint.seq) {
+                // Numbers that leap hide a jump: it is joined anew, from where the arm is.
+                self.following = false;
+            }
             if !self.following {
                 // What is not followed yet may begin anywhere.
                 self.plan_check.restart();

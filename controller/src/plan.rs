@@ -89,6 +89,11 @@ impl PlanCheck {
         self.last = None;
     }
 
+    /// Whether a setpoint's number is too far from that of the one before to be compared with it.
+    pub(crate) fn is_apart(&self, seq: u64) -> bool {
+        self.last.is_some_and(|(last, _)| seq.saturating_sub(last) > self.longest_gap)
+    }
+
     /// Whether all numbers are those of an arm.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use crate::gate::refusal_text;
 use crate::stop_text::stop_text;
 use rivet_ipc_schema::{
     Answer, Bus, BusConfig, BusError, BusWatch, ControlCommand, ControlStatus, ControllerHealth, ControllerState,
-    ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason, StateFolder,
+    ParameterRefusal, ParameterSource, Publisher, RobotName, SourceReason, StateFolder, StopCause,
 };
 use rivet_realtime::{Hangup, Shutdown};
 use rivet_service::{Flight, Manager, Storage};
@@ -195,8 +195,12 @@ impl Service {
                     log::error!(rivet_event = "strayed"; "strayed: {}", stop_text(health.stop_cause, health.stop_joints));
                 }
                 ControllerState::Following => log::info!(rivet_event = "following"; "following the plan"),
+                ControllerState::WrongPeriod => {
+                    let why = stop_text(StopCause::WrongPeriod.into(), 0);
+                    log::error!(rivet_event = "wrong-period"; "no commands: {why}");
+                }
                 // The cause has been said.
-                ControllerState::Stopping | ControllerState::Waiting | ControllerState::WrongPeriod => {}
+                ControllerState::Stopping | ControllerState::Waiting => {}
             }
         }
         let (counted, named) = self.refused;

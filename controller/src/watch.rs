@@ -51,7 +51,7 @@ pub(crate) struct Watch {
 
 impl Watch {
     /// `torque` are the limits of the commands \[N·m\].
-    pub(crate) fn new(robot: &Robot, limits: &SetpointLimits, torque: &[f64]) -> Watch {
+    pub(crate) fn new(robot: &Robot, law: &ControlLaw, limits: &SetpointLimits, torque: &[f64]) -> Watch {
         let (config, arm) = (&robot.config, &robot.model.arm);
         let period_s = config.sample_period_s;
         let joints: Vec<JointLimits> = (0..arm.dof())
@@ -69,7 +69,12 @@ impl Watch {
         let motion: Vec<MotionLimits> = joints
             .iter()
             .enumerate()
-            .map(|(j, joint)| MotionLimits { joint: *joint, speed: limits.speed(j), breakaway: breakaway(j) })
+            .map(|(j, joint)| MotionLimits {
+                joint: *joint,
+                speed: limits.speed(j),
+                inertia: law.nominal_inertia(j),
+                breakaway: breakaway(j),
+            })
             .collect();
         let mut tracking_error = [f64::INFINITY; MAX_JOINTS];
         for (most, configured) in tracking_error.iter_mut().zip(&config.controller.tracking_error) {

@@ -265,6 +265,43 @@ fn a_joint_that_does_not_answer_is_stopped() {
     }
 }
 
+/// Samples that are lost now and then neither end the checks nor look like a fault. It takes twice the time to find one.
+#[test]
+fn lost_samples_hide_no_fault() {
+    for (arm, joints, phases) in ARMS {
+        for (period_s, every) in [(0.004, 6), (0.001, 16)] {
+            let lossy = || {
+                let mut rig = Rig::new(arm, period_s, "", SHARE);
+                rig.lossy = Some(every);
+                rig
+            };
+            let o = lossy().run(5.0, Wrong::Nothing, 0.1, |_, _| ());
+            assert_eq!(o.stops, 0, "{arm} {period_s} s, one of {every} lost: {o:?}");
+            for &joint in joints {
+                for wrong in [Wrong::Backwards(joint), Wrong::Negative(joint), Wrong::Frozen(joint)] {
+                    let o = lossy().run(phases[0], wrong, AFTER_S, |_, _| ());
+                    let (_, _, delay_s) = o.stop.expect("stopped");
+                    let name = format!("{arm} {period_s} s, one of {every} lost, {wrong:?}");
+                    assert!(delay_s - o.visible_s <= 2.0 * MOST_DELAY_S && is_harmless(&o), "{name}: {o:?}");
+                }
+            }
+        }
+    }
+}
+
+/// Setpoints whose numbers leap cannot be compared with those before: the arm joins them from where it is.
+#[test]
+fn a_jump_behind_numbers_that_leap_is_joined() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            let mut rig = Rig::new(arm, period_s, "", SHARE);
+            rig.leap = rig.robot.config.controller.stale_periods as u64;
+            let o = rig.run(1.7, Wrong::Nothing, AFTER_S, |_, plan| plan[0][0] += 0.18);
+            assert!(o.speed <= MOST_SPEED && o.stops == 0, "{arm} {period_s} s: {o:?}");
+        }
+    }
+}
+
 /// A load that the drives cannot hold: the arm sinks with its commands at their limit.
 fn overloaded(period_s: f64, words: &str) -> Rig {
     Rig::new("dd2", period_s, words, 0.1).differing(|physics| load(physics, 25.0))

@@ -1,7 +1,8 @@
 //! `rivet-controller` at its start, without samples, and with strangers on the bus: real processes.
 
 use rivet_ipc_schema::{
-    BlackboardReader, Bus, ControllerState, JointState, ParameterSource, PrivateBus, RobotName, SourceReason,
+    BlackboardReader, Bus, ControllerHealth, ControllerState, JointState, ParameterSource, PrivateBus, RobotName,
+    SourceReason,
 };
 use rivet_tests::process::eventually;
 use rivet_tests::stage::{Stage, columns, turn};
@@ -69,8 +70,7 @@ fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {
     let private = PrivateBus::new("silent");
     let folder = tempfile::tempdir().expect("a folder");
     // A busy machine must not look like a stopped robot: half a second of silence.
-    let stage =
-        Stage::new(private.config(), folder.path(), "manutec-r3", "stale_periods = 500\nstop_reaction = \"ramp\"");
+    let stage = Stage::new(private.config(), folder.path(), "manutec-r3", "stale_periods = 500");
     let _controller = stage.controller(&[]);
     let plant = stage.plant(&["--stale-periods", "100000"]);
     stage.wait("a second of motion", |health| health.seq > 2000);
@@ -88,8 +88,10 @@ fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {
     let follows = (1..1000).filter(|&k| (tau[k].1[0] - command[k - 1].1[0]).abs() < 1e-9).count();
     assert!(follows > 900, "{follows}");
     plant.signal("-CONT");
-    let on = stage.wait("samples again", |health| health.seq > stopped.seq + 500);
-    assert_ne!(ControllerState::try_from(on.state), Ok(ControllerState::Stopping));
+    // Samples are sound again, and the plan, which waited as well, is within reach.
+    let following = |health: &ControllerHealth| health.state == u32::from(ControllerState::Following);
+    let on = stage.wait("the plan is followed again", |health| health.seq > stopped.seq + 500 && following(health));
+    assert_eq!((on.stops, on.resumed), (1, 1));
 }
 
 /// How long after the last answer the stop reaction comes, in periods: the configured number and no more than one beyond it, by the

@@ -202,6 +202,11 @@ pub(crate) struct Rig {
     pub(crate) robot: Robot,
     pub(crate) core: Core,
     motion: Motion,
+    /// Every so many samples one is lost.
+    pub(crate) lossy: Option<u64>,
+    /// Added to the numbers of setpoints from the first wrong one on.
+    pub(crate) leap: u64,
+    leaping: u64,
     largest_step: f64,
     law: Option<LawAlone>,
     planless: bool,
@@ -240,6 +245,9 @@ impl Rig {
             seq: 0,
             acting: [0.0; MAX_JOINTS],
             states: Vec::new(),
+            lossy: None,
+            leap: 0,
+            leaping: 0,
             largest_step: 0.0,
             law: None,
             planless: false,
@@ -336,7 +344,7 @@ impl Rig {
             return seen.is_some();
         }
         let n = self.robot.dof();
-        let mut setpoint = Setpoint { seq: self.seq, joints: n as u32, ..Setpoint::default() };
+        let mut setpoint = Setpoint { seq: self.seq + self.leaping, joints: n as u32, ..Setpoint::default() };
         [setpoint.q, setpoint.qd, setpoint.qdd] = *plan;
         if !self.planless {
             self.core.offer_setpoint(&setpoint);
@@ -406,6 +414,7 @@ impl Rig {
                 self.arm.set_drive_gain(j, share - 1.0);
             }
             self.planless = k >= sound && wrong == Wrong::Planless;
+            self.leaping = if k >= sound { self.leap } else { 0 };
             if k >= sound {
                 bend((k - sound) as f64 * period_s, &mut plan);
             }
@@ -417,6 +426,7 @@ impl Rig {
                     out.visible_s = (k - sound) as f64 * period_s;
                 }
             }
+            let seen = seen.filter(|_| self.lossy.is_none_or(|every| !self.seq.is_multiple_of(every)));
             let answered = self.answer(seen, &plan, lost);
             lost = if answered { 0 } else { lost + 1 };
             let [links, speeds] = self.arm.links();

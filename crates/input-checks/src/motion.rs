@@ -23,6 +23,8 @@ const RESPONSE_SHARE: f64 = 0.5;
 const MODEL_ERROR_S: f64 = 0.1;
 /// Samples in a row that do not answer the torque.
 const RESPONSE_RUN: u32 = 2;
+/// Across more lost samples than this nothing is said about motion: arms move on evenly across fewer.
+const MOST_LOST: u64 = 10;
 
 /// Limits of one joint's motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,6 +33,8 @@ pub struct MotionLimits {
     pub joint: JointLimits,
     /// Speed limit \[rad/s\]; infinite where there is none.
     pub speed: f64,
+    /// Inertia that a reading's noise is multiplied by where its second difference is taken for a torque \[kg·m²\].
+    pub inertia: f64,
     /// Torque beyond what it was in motion that friction may hold at rest \[N·m\].
     pub breakaway: f64,
 }
@@ -123,13 +127,28 @@ impl MotionCheck {
         self.window.push(&expected[..self.dof], command);
     }
 
+    /// Takes in the `lost` samples between the last one and `q`: what a robot controller loses now and then must not end the checks.
+    fn bridge_gap(&mut self, lost: u64, q: &[f64], command: &[f64]) {
+        for k in 1..=lost {
+            let part = k as f64 / (lost + 1) as f64;
+            let mut between = [0.0; MAX_JOINTS];
+            for ((between, joint), q) in between.iter_mut().zip(&self.joints).zip(q) {
+                *between = joint.q + part * (q - joint.q);
+            }
+            self.window.push(&between[..q.len()], command);
+        }
+    }
+
     /// Takes in a sample of finite positions, the `command` before it and the plan of its period, if one is followed.
-    /// `None` where nothing is wrong with speed and readings. A gap in the numbers begins anew.
+    /// `None` where nothing is wrong with speed and readings. Across a short gap in the numbers the arm moved evenly; a long one begins anew.
     ///
     /// Real-time safe.
     pub fn check(&mut self, seq: u64, q: &[f64], command: &[f64], planned: Option<Planned<'_>>) -> Option<Found> {
-        if self.seq.is_some_and(|last| last.checked_add(1) != Some(seq)) {
+        let lost = self.seq.map_or(0, |last| seq.saturating_sub(last).saturating_sub(1));
+        if lost > MOST_LOST || self.seq.is_some_and(|last| seq <= last) {
             self.restart();
+        } else {
+            self.bridge_gap(lost, q, command);
         }
         let first = self.seq.replace(seq).is_none();
         // Speed before this sample: a run of identical readings ends it.
@@ -145,7 +164,7 @@ impl MotionCheck {
             fast |= if self.window.speed(j).is_some_and(|speed| speed.abs() > most) { bit } else { 0 };
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before { speed: speeds[j], period_s: self.period_s, half_s: self.window.half_s(), resolution };
-            joint.read(q[j], first, plan, &before);
+            joint.read(q[j], lost, first, plan, &before);
             joint.ahead = plan.map_or(0.0, |(planned, _)| {
                 let gone = (planned - joint.plan_before).abs() > NOISE_STEPS * resolution;
                 if gone { planned - q[j] } else { 0.0 }
@@ -173,7 +192,9 @@ impl MotionCheck {
         let whole = self.window.samples();
         let share = (self.period_s / MODEL_ERROR_S).min(1.0);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
-            let most = RESPONSE_SHARE * self.limits[j].joint.torque;
+            let limits = &self.limits[j];
+            let noise = NOISE_STEPS * limits.joint.resolution / self.window.half_s().powi(2);
+            let most = RESPONSE_SHARE * limits.joint.torque + noise * limits.inertia;
             let missed = needed[j] - motion.tau[j];
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
@@ -223,18 +244,18 @@ impl Before {
 }
 
 impl Joint {
-    /// Counts identical readings. `plan` is position and velocity of the plan.
-    fn read(&mut self, q: f64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
+    /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
+    fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
         if !first && q == self.q {
             if self.same == 0 {
                 self.error_before = self.model_error;
                 let goes_on = plan.is_some_and(|(_, qd)| qd * before.speed.signum() > 0.5 * before.speed.abs());
                 self.abrupt = goes_on && before.steady(self.step);
             }
-            self.same = self.same.saturating_add(1);
+            self.same = self.same.saturating_add(1).saturating_add(lost as u32);
             return;
         }
-        self.step = if first { 0.0 } else { q - self.q };
+        self.step = if first { 0.0 } else { (q - self.q) / (lost + 1) as f64 };
         self.plan_before = plan.map_or(f64::NAN, |(q, _)| q);
         (self.q, self.same, self.abrupt) = (q, 0, false);
     }
@@ -248,7 +269,7 @@ mod tests {
 
     fn check(period_s: f64) -> MotionCheck {
         let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
-        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, breakaway: 1.0 }], period_s)
+        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, inertia: 0.1, breakaway: 1.0 }], period_s)
     }
 
     /// Position and velocity of a motion of 1 rad/s at the most.
@@ -332,9 +353,10 @@ mod tests {
                 let (mut q, mut qd) = (0.0, 0.0);
                 for seq in 1..=2000 {
                     let t = seq as f64 * period_s;
-                    let command = (5.0 * t).sin();
                     let begun = t - 0.5;
                     let load = if sudden { 8.0 * f64::from(begun > 0.0) } else { (8.0 * begun).clamp(0.0, 8.0) };
+                    // Feedback answers what comes slowly.
+                    let command = 0.5 * (5.0 * t).sin() + if sudden { 0.0 } else { load };
                     if check.check(seq, &[q], &[command], None).is_some() {
                         break;
                     }
