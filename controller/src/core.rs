@@ -435,18 +435,17 @@ impl Core {
     /// Takes in a sample that will not be answered, because a newer one is at hand: its torques are worth remembering, and what is
     /// wrong with it is wrong with the arm.
     pub fn observe(&mut self, sample: &JointState) {
-        if let Some(wrong) = self.screen(sample) {
+        if let Some(wrong) = self.watch.numbers(sample).or_else(|| self.screen(sample)) {
             self.passed_wrong = Some(wrong);
         }
     }
 
-    /// Checks a sample, and remembers its torques if nothing is wrong with it.
+    /// Checks a sample whose numbers are valid, and remembers its torques if nothing is wrong with it.
     fn screen(&mut self, sample: &JointState) -> Option<Wrong> {
         let n = self.dof;
         let plan = self.plan.filter(|_| self.following).map(|(_, plan)| plan);
         let command = *self.output.last();
-        let wrong = self.watch.numbers(sample).or_else(|| self.watch.readings(sample, &command, plan.as_ref()));
-        let wrong = wrong.or_else(|| {
+        let wrong = self.watch.readings(sample, &command, plan.as_ref()).or_else(|| {
             // What brakes or a stop do is no answer to a plan.
             let moves = sample.faults == 0 && self.stopping.is_none();
             if moves { self.answers() } else { None }

@@ -35,7 +35,7 @@ pub struct Output {
     largest_step: [f64; MAX_JOINTS],
     /// Commands that the rate limit held back by much, less those that it did not, from zero on.
     held_back: [u32; MAX_JOINTS],
-    /// Most of them that are none too many.
+    /// Largest permitted value of that count.
     most_held_back: [u32; MAX_JOINTS],
 }
 

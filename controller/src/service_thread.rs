@@ -197,7 +197,7 @@ impl Service {
                 ControllerState::Following => log::info!(rivet_event = "following"; "following the plan"),
                 ControllerState::WrongPeriod => {
                     let why = stop_text(StopCause::WrongPeriod.into(), 0);
-                    log::error!(rivet_event = "wrong-period"; "no commands: {why}");
+                    log::error!(rivet_event = "wrong-period"; "{why}; the plan is not followed");
                 }
                 // The cause has been said.
                 ControllerState::Stopping | ControllerState::Waiting => {}

@@ -297,7 +297,9 @@ fn a_jump_behind_numbers_that_leap_is_joined() {
             let mut rig = Rig::new(arm, period_s, "", SHARE);
             rig.leap = rig.robot.config.controller.stale_periods as u64;
             let o = rig.run(1.7, Wrong::Nothing, AFTER_S, |_, plan| plan[0][0] += 0.18);
-            assert!(o.speed <= MOST_SPEED && o.stops == 0, "{arm} {period_s} s: {o:?}");
+            println!("{arm} {period_s} s: {o:?}");
+            // Joining adds 0.33 rad/s to the plan's speed; an unannounced jump adds 2.
+            assert!(o.speed <= SHARE + 0.1 && o.stops == 0, "{arm} {period_s} s: {o:?}");
         }
     }
 }

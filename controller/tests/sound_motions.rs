@@ -53,7 +53,7 @@ fn follows(folder: &str) {
     cases.sort();
     let mut stopped = Vec::new();
     for (case, factor) in cases.iter().step_by(3).zip([0.5, 1.0, 1.6].into_iter().cycle()) {
-        let Ok(robot) = rivet_config::load(case.join("robot.toml")) else { continue };
+        let robot = rivet_config::load(case.join("robot.toml")).expect("a valid robot file");
         let motion = recorded(&case.join("log-a.parquet"), &robot);
         let span_s = motion.q[0].len() as f64 * motion.period_s;
         let rig = Rig::of(robot, Motion::Recorded(motion));
