@@ -4,6 +4,7 @@ use crate::gate::{Gate, Newest, Refusal};
 use crate::history::{History, Moment};
 use crate::law::{ControlLaw, Desired, Gains};
 use crate::limits::SetpointLimits;
+use crate::load::Load;
 use crate::output::{Limits, Output};
 use crate::plan::{PlanCheck, RefusedPlan};
 use crate::recent::{Recent, Verdict};
@@ -628,6 +629,7 @@ impl Core {
             q: [0.0; MAX_JOINTS],
             qd: [0.0; MAX_JOINTS],
             tau: *self.output.last(),
+            load: Load::default(),
             periods: 0,
             sound: 0,
             until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
@@ -641,7 +643,14 @@ impl Core {
         }
         let since = [doubted, usize::try_from(unseen).unwrap_or(usize::MAX)];
         let (law, x) = (&mut self.law, &self.acting[..self.count]);
-        if let Some(now) = reckon(law, x, &mut self.mass, &self.history, stopping.untrusted, since, self.period_s) {
+        stopping.load = self.watch.load();
+        if stopping.may_have_met_an_obstacle() {
+            stopping.load = stopping.load.of_mass();
+        }
+        law.carry(Some(stopping.load));
+        let reckoned = reckon(law, x, &mut self.mass, &self.history, stopping.untrusted, since, self.period_s);
+        law.carry(None);
+        if let Some(now) = reckoned {
             (stopping.q, stopping.qd) = (now.q, now.qd);
         }
         if stopping.cause == StopCause::TrackingError {
@@ -705,7 +714,9 @@ impl Core {
             stopping.periods = stopping.periods.saturating_add(elapsed);
             let stopping_s = stopping.periods as f64 * self.period_s;
             let x = &x[..self.count];
+            self.law.carry(Some(stopping.load));
             self.stop.torque(&mut self.law, x, stopping, seen, stopping_s, &mut tau[..n]);
+            self.law.carry(None);
         }
         self.give(seq, stamp_ns, tau, false)
     }

@@ -1,8 +1,9 @@
 //! The control laws: torque from published base parameters, and nothing else.
 
 use crate::inertia::inertia_of;
+use crate::load::Load;
 use rivet_config::Law;
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use rivet_dynamics::{BaseSet, LINK_PARAMETERS, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
 /// A desired state: positions \[rad\], velocities \[rad/s\] and accelerations \[rad/s²\], one entry a joint.
@@ -63,6 +64,8 @@ pub struct ControlLaw {
     rows: Vec<f64>,
     inertia: [f64; MAX_JOINTS],
     integral: [f64; MAX_JOINTS],
+    /// What hangs on the arm beside the model.
+    load: Option<Load>,
     /// Error that the integral would take in, once the output has said that it was not at a limit.
     pending: [f64; MAX_JOINTS],
 }
@@ -88,6 +91,7 @@ impl ControlLaw {
             rows: vec![0.0; dof * base.len()],
             inertia: [0.0; MAX_JOINTS],
             integral: [0.0; MAX_JOINTS],
+            load: None,
             pending: [0.0; MAX_JOINTS],
             model,
             base,
@@ -155,6 +159,11 @@ impl ControlLaw {
         for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
             *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
         }
+        if let Some(load) = self.load {
+            for ((j, columns), out) in self.last_body_columns().enumerate().zip(tau.iter_mut()) {
+                *out += load.torque(j, columns);
+            }
+        }
         self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
     }
 
@@ -163,6 +172,17 @@ impl ControlLaw {
         self.model.regressor(&mut self.workspace, q, qd, qdd, &mut self.full);
         self.base.select(&self.full, self.model.len(), &mut self.rows);
         self.rows.chunks_exact(self.base.len())
+    }
+
+    /// Columns of mass and first moments of the last body in the last [`regressor`](Self::regressor), one row a joint.
+    pub(crate) fn last_body_columns(&self) -> impl Iterator<Item = &[f64]> {
+        let first = LINK_PARAMETERS * (self.model.arm.dof() - 1);
+        self.full.chunks_exact(self.model.len()).map(move |row| &row[first..first + LINK_PARAMETERS])
+    }
+
+    /// From now on [`model_torque`](Self::model_torque) is that of an arm that carries `load` beside its model, or nothing.
+    pub(crate) fn carry(&mut self, load: Option<Load>) {
+        self.load = load;
     }
 
     /// Feedback gains on position \[1/s²\] and velocity \[1/s\] of joint `j`.

@@ -10,6 +10,7 @@ mod history;
 mod inertia;
 pub mod law;
 mod limits;
+mod load;
 pub mod output;
 mod plan;
 mod recent;
