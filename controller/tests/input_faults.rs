@@ -161,6 +161,51 @@ fn an_arm_with_an_unknown_load_is_stopped() {
     }
 }
 
+/// Encoders of others: coarse ones, and ones that are read less often than samples are sent.
+#[test]
+fn x_encoders() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            for share in [0.02, 0.1, 0.4] {
+                for (step, refresh_s) in [(3e-4, 0.0), (8e-4, 0.0), (1.5e-3, 0.0), (0.0, 0.002), (0.0, 0.004), (0.0, 0.008), (0.0, 0.01)] {
+                    let robot = Rig::new(arm, period_s, "", share).robot;
+                    let mut robot = robot;
+                    if step > 0.0 {
+                        robot.config.drive.encoder_resolution.fill(step);
+                    }
+                    let motion = Motion::Swing(Swing::new(&robot, share));
+                    let result = std::panic::catch_unwind(|| {
+                        let mut rig = Rig::of(robot, motion);
+                        rig.refresh = ((refresh_s / period_s) as f64).round().max(1.0) as u64;
+                        rig.run(5.0, Wrong::Nothing, 0.1, |_, _| ())
+                    });
+                    let word = match result { Ok(o) if o.stops == 0 => format!("ok {:.3}", o.away), Ok(o) => format!("STOP {:?}", o.stop), Err(e) => format!("STOP {}", e.downcast_ref::<String>().cloned().unwrap_or_default()) };
+                    println!("ENC {arm} {period_s} s share {share} step {step} refresh {refresh_s}: {word}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn x_friction() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            for share in [0.02, 0.1, 0.4] {
+                for factor in [0.3, 1.8, 2.2, 3.0, 0.0] {
+                    let result = std::panic::catch_unwind(|| {
+                    let rig = Rig::new(arm, period_s, "", share);
+                    let mut rig = rig.differing(|physics| friction(physics, factor));
+                    rig.run(8.0, Wrong::Nothing, 0.1, |_, _| ())
+                    });
+                    let word = match result { Ok(o) if o.stops == 0 => format!("ok {:.3}", o.away), Ok(o) => format!("STOP {:?}", o.stop), Err(e) => format!("STOP {}", e.downcast_ref::<String>().cloned().unwrap_or_default()) };
+                    println!("FRI {arm} {period_s} s share {share} friction {factor}: {word}");
+                }
+            }
+        }
+    }
+}
+
 /// The law alone, on the same arm with the same faults, does harm: the arm does not stop by itself.
 #[test]
 fn without_the_checks_faults_do_harm() {

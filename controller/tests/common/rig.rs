@@ -204,6 +204,8 @@ pub(crate) struct Rig {
     motion: Motion,
     /// Every so many samples one is lost.
     pub(crate) lossy: Option<u64>,
+    /// Encoders are read every so many samples.
+    pub(crate) refresh: u64,
     /// Added to the numbers of setpoints from the first wrong one on.
     pub(crate) leap: u64,
     leaping: u64,
@@ -246,6 +248,7 @@ impl Rig {
             acting: [0.0; MAX_JOINTS],
             states: Vec::new(),
             lossy: None,
+            refresh: 1,
             leap: 0,
             leaping: 0,
             largest_step: 0.0,
@@ -297,6 +300,9 @@ impl Rig {
         for j in 0..n {
             let (step, noise) = (config.drive.encoder_resolution[j], config.simulation.position_noise[j]);
             sample.q[j] = ((encoders[j] + noise * self.random.normal()) / step).round() * step;
+            if let Some(last) = self.states.last().filter(|_| !seq.is_multiple_of(self.refresh)) {
+                sample.q[j] = last.q[j];
+            }
             sample.tau[j] = self.acting[j] + config.simulation.torque_noise[j] * self.random.normal();
         }
         sample
