@@ -77,6 +77,8 @@ pub struct MotionCheck {
     joints: [Joint; MAX_JOINTS],
     window: Window,
     seq: Option<u64>,
+    /// Samples in a row that repeat the readings of all joints.
+    repeats: u32,
     /// Whether [`Joint::model_error`] is known.
     compared: bool,
 }
@@ -95,6 +97,7 @@ impl MotionCheck {
             joints: [Joint::default(); MAX_JOINTS],
             window: Window::new(period_s),
             seq: None,
+            repeats: 0,
             compared: false,
         }
     }
@@ -105,7 +108,7 @@ impl MotionCheck {
         for joint in &mut self.joints {
             *joint = Joint { model_error: joint.model_error, ..Joint::default() };
         }
-        self.seq = None;
+        (self.seq, self.repeats) = (None, 0);
     }
 
     /// Takes in, instead of a sample whose `jumped` joints (bit 0 the base's) were where no joint can be, where they would have come to. What
@@ -151,17 +154,26 @@ impl MotionCheck {
             self.bridge_gap(lost, q, command);
         }
         let first = self.seq.replace(seq).is_none();
+        let repeats = !first && self.joints[..self.dof].iter().zip(q).all(|(joint, q)| joint.q == *q);
         // Speed before this sample: a run of identical readings ends it.
         let speeds: [f64; MAX_JOINTS] = core::array::from_fn(|j| self.window.speed(j).unwrap_or(0.0));
         self.window.push(q, command);
-        let (mut frozen, mut fast) = (0, 0);
         let run = ((FROZEN_S / self.period_s).ceil() as u32).max(FROZEN_RUN);
+        self.repeats = if repeats {
+            self.repeats.saturating_add(1 + lost as u32)
+        } else {
+            if self.repeats < run {
+                self.window.interpolate(self.repeats as usize);
+            }
+            0
+        };
+        let (mut frozen, mut fast, fresh) = (0, 0, self.is_fresh());
         for j in 0..self.dof {
             let (limits, joint, bit) = (&self.limits[j], &mut self.joints[j], 1 << j);
             let resolution = limits.joint.resolution;
             let noise = NOISE_STEPS * resolution / self.window.half_s();
             let most = SPEED_SHARE * limits.speed + noise;
-            fast |= if self.window.speed(j).is_some_and(|speed| speed.abs() > most) { bit } else { 0 };
+            fast |= if fresh && self.window.speed(j).is_some_and(|speed| speed.abs() > most) { bit } else { 0 };
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before { speed: speeds[j], period_s: self.period_s, half_s: self.window.half_s(), resolution };
             joint.read(q[j], lost, first, plan, &before);
@@ -178,7 +190,14 @@ impl MotionCheck {
     /// Motion and commanded torque of the last samples, once there are enough of them: what
     /// [`answers`](Self::answers) wants to know the torque of.
     pub fn motion(&self) -> Option<MeanMotion> {
-        self.window.motion()
+        if self.is_fresh() { self.window.motion() } else { None }
+    }
+
+    /// Whether the last sample was read from the encoders: those that are read less often than samples are sent repeat all their readings in
+    /// between. An arm that repeats them for longer stands, or is frozen.
+    fn is_fresh(&self) -> bool {
+        let run = ((FROZEN_S / self.period_s).ceil() as u32).max(FROZEN_RUN);
+        self.repeats == 0 || self.repeats >= run
     }
 
     /// Compares the torque that the model needs for [`motion`](Self::motion) with the commanded one. `None` where the joints
@@ -193,12 +212,12 @@ impl MotionCheck {
         let share = (self.period_s / MODEL_ERROR_S).min(1.0);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             let limits = &self.limits[j];
-            let noise = NOISE_STEPS * limits.joint.resolution / self.window.half_s().powi(2);
-            let most = RESPONSE_SHARE * limits.joint.torque + noise * limits.inertia;
+            let noise = NOISE_STEPS * limits.joint.resolution / self.window.half_s().powi(2) * limits.inertia;
+            let most = RESPONSE_SHARE * limits.joint.torque + noise;
             let missed = needed[j] - motion.tau[j];
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= self.limits[j].breakaway;
+            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.breakaway + noise;
             frozen |= if held { 0 } else { 1 << j };
             if !self.compared {
                 joint.model_error = missed;

@@ -12,9 +12,10 @@ const LARGEST_CHANGE: f64 = 12.0;
 const USUAL: f64 = 500.0;
 /// Memory of a joint's speed \[samples\].
 const SPEED: f64 = 8.0;
-/// Identical readings, while moving, that are a reading which is frozen. Logs of a slower source repeat each sample a few
-/// times.
+/// Identical readings, while moving, that are a reading which is frozen: so many, and for so long \[s\]. Encoders that are read less often
+/// than samples are sent repeat each reading a few times.
 const FROZEN_RUN: u32 = 4;
+const FROZEN_S: f64 = 0.012;
 /// Speed above which one joint alone does not stop from one sample to the next \[rad/s\].
 const FAST: f64 = 0.2;
 /// Speed above which a joint moves \[rad/s\].
@@ -76,6 +77,8 @@ struct Limits {
 pub struct ReadingCheck {
     dof: usize,
     period_s: f64,
+    /// Identical readings that are too many for a joint in motion.
+    frozen_run: u32,
     /// Of the last sample checked.
     seq: u64,
     limits: [Limits; MAX_JOINTS],
@@ -90,7 +93,8 @@ impl ReadingCheck {
             *limits = Limits { jump: LARGEST_ACCELERATION * period_s.powi(2), joint: *joint };
         }
         let dof = joints.len().min(MAX_JOINTS);
-        ReadingCheck { dof, period_s, seq: 0, limits, joints: [Joint::default(); MAX_JOINTS] }
+        let frozen_run = ((FROZEN_S / period_s).ceil() as u32).max(FROZEN_RUN);
+        ReadingCheck { dof, period_s, frozen_run, seq: 0, limits, joints: [Joint::default(); MAX_JOINTS] }
     }
 
     /// Takes over the limits of `other`, made for the same arm, from the next sample on.
@@ -149,7 +153,7 @@ impl ReadingCheck {
             let still = since == 1 && joint.known > 0 && q == joint.q;
             identical &= still && tau_same;
             let desired = setpoint.map_or(f64::NAN, |q| q[j]);
-            let thawed = joint.run(still, desired, q);
+            let thawed = joint.run(still, desired, q, self.frozen_run);
             least_run = least_run.min(joint.same);
             moved |=
                 joint.same > 0 && joint.speed_before.abs() > (SLOW * self.period_s).max(4.0 * limits.joint.resolution);
@@ -168,11 +172,11 @@ impl ReadingCheck {
             }
             let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.joint.resolution);
             let left = (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
-            joint.frozen |= joint.same >= FROZEN_RUN && (fast || left);
+            joint.frozen |= joint.same >= self.frozen_run && (fast || left);
             joint.frozen &= joint.same > 0 && !stood;
             frozen |= if joint.frozen { bit } else { 0 };
         }
-        if identical && moved && least_run >= FROZEN_RUN && !self.stands(setpoint) {
+        if identical && moved && least_run >= self.frozen_run && !self.stands(setpoint) {
             frozen = (1 << self.dof) - 1;
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
@@ -198,7 +202,7 @@ impl Joint {
 
     /// Counts identical positions. Whether a run of them has ended in which the arm may have moved: the setpoint, if there is
     /// one, has gone about as far.
-    fn run(&mut self, still: bool, desired: f64, q: f64) -> bool {
+    fn run(&mut self, still: bool, desired: f64, q: f64, frozen_run: u32) -> bool {
         if still {
             if self.same == 0 {
                 self.speed_before = self.speed;
@@ -209,7 +213,7 @@ impl Joint {
         } else {
             let (gone, planned) = (q - self.q, desired - self.setpoint_before);
             let elsewhere = planned.is_finite() && (gone - planned).abs() > 0.5 * gone.abs();
-            let thawed = self.same >= FROZEN_RUN && !elsewhere;
+            let thawed = self.same >= frozen_run && !elsewhere;
 
             if self.frozen {
                 // Where it has been meanwhile is not known: the first sample after it says nothing about jumps.

@@ -76,6 +76,17 @@ impl Window {
         (self.next + LENGTH - 1 - age) % LENGTH
     }
 
+    /// The `repeats` samples before the last were none: the arm moved evenly from the one before them.
+    pub(crate) fn interpolate(&mut self, repeats: usize) {
+        let repeats = repeats.min(self.filled.saturating_sub(2));
+        let (now, old) = (self.q[self.slot(0)], self.q[self.slot(repeats + 1)]);
+        for age in 1..=repeats {
+            let part = age as f64 / (repeats + 1) as f64;
+            let slot = self.slot(age);
+            self.q[slot] = core::array::from_fn(|j| now[j] + part * (old[j] - now[j]));
+        }
+    }
+
     /// Velocity over the later half of the window \[rad/s\].
     pub(crate) fn speed(&self, j: usize) -> Option<f64> {
         (self.filled > self.half).then(|| {
