@@ -212,8 +212,8 @@ fn is_old(data: &fs::Metadata) -> bool {
     data.modified().ok().and_then(|at| at.elapsed().ok()).is_none_or(|age| age >= HALF_MADE)
 }
 
-/// Removes descriptions of services that their maker did not finish, since he was killed: the library writes a file and then
-/// makes it read-only, and waits for that for ever.
+/// Removes descriptions of services that their maker did not finish, since he was killed. The library writes a file, makes it read-only, then
+/// makes the service's memory, and waits for both for ever.
 pub(crate) fn remove_half_made(config: &Config) {
     let prefix = config.global.prefix.to_string();
     let services = config.global.service_dir();
@@ -221,12 +221,34 @@ pub(crate) fn remove_half_made(config: &Config) {
     let half_made = |entry: &fs::DirEntry| {
         let name = entry.file_name();
         let ours = belongs(name.as_encoded_bytes(), &prefix) && name.as_encoded_bytes().ends_with(b".service");
-        ours && entry.metadata().is_ok_and(|data| data.permissions().mode() & 0o200 != 0 && is_old(&data))
+        let Ok(data) = entry.metadata() else { return false };
+        let unfinished = data.permissions().mode() & 0o200 != 0;
+        ours && is_old(&data) && (unfinished || is_without_memory(&entry.path(), &prefix))
     };
     for entry in entries.flatten().filter(half_made) {
         // Who else starts now may have been faster.
         let _ = fs::remove_file(entry.path());
     }
+}
+
+/// Whether a service that is described at `path` has no memory. What cannot be read or asked has some.
+fn is_without_memory(path: &Path, prefix: &str) -> bool {
+    let Some(id) = fs::read_to_string(path).ok().and_then(|text| service_id(&text)) else { return false };
+    let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return false };
+    let memory = format!("_{id}.dynamic");
+    let is_memory = |name: &[u8]| belongs(name, prefix) && name.ends_with(memory.as_bytes());
+    !entries.flatten().any(|entry| is_memory(entry.file_name().as_encoded_bytes()))
+}
+
+/// The number in the name of a service's memory, from its description: `[unique_service_id]` has the two halves of it.
+fn service_id(description: &str) -> Option<u128> {
+    let section = description.split("[unique_service_id]").nth(1)?;
+    let number = |key: &str| {
+        let line =
+            section.lines().skip(1).take_while(|line| !line.starts_with('[')).find(|line| line.starts_with(key))?;
+        line.split_once('=')?.1.trim().parse::<u64>().ok()
+    };
+    Some(u128::from(number("unique_value")?) << 64 | u128::from(number("payload_value")?))
 }
 
 /// Bytes of the counter that all parties share.

@@ -88,6 +88,39 @@ fn memory_that_a_killed_process_left_half_made_holds_nobody_up() {
     assert_eq!(remains(config), Vec::<std::path::PathBuf>::new());
 }
 
+/// A process that is killed between describing a service and making its memory leaves a description that looks ready. Who comes next would wait
+/// for the memory.
+#[test]
+fn services_without_memory_keep_nobody_from_starting() {
+    let private = PrivateBus::new("nomem");
+    let config = private.config();
+    let services = || names(&config.root.join("services"), ".service", &config.prefix);
+    let orphan = |which: usize| {
+        let mut process = comes_up(config);
+        assert!(!process.end("-KILL").success());
+        let made = names(Path::new("/dev/shm"), ".dynamic", &config.prefix);
+        assert!(made.len() >= 4, "memory is where we look: {made:?}");
+        for path in made.iter().skip(which).step_by(2) {
+            std::fs::remove_file(path).expect("removed");
+        }
+        // The descriptions are older than a service that is being made.
+        for path in services() {
+            let description = std::fs::read(&path).expect("read");
+            half_made(&path, &description, 0o400);
+        }
+    };
+    for which in 0..2 {
+        orphan(which);
+        let waits = std::time::Instant::now();
+        let mut up = comes_up(config);
+        println!("up after {:?}", waits.elapsed());
+        // What is left of the first run went, and the second has all of its services.
+        let all = services().len();
+        assert!(all >= 8 && names(Path::new("/dev/shm"), ".dynamic", &config.prefix).len() >= all, "{all}");
+        assert!(up.end("-TERM").success());
+    }
+}
+
 /// Kills of a test run; `RIVET_KILLS` asks for another number.
 const KILLS: u64 = 25;
 
