@@ -128,12 +128,13 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     if let Some(report) = s.controller {
         let c = report.message;
         lines.extend(lost(c.state_folder));
-        let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
-        lines.push(plain("parameters  ", format!("{}; {} sets accepted{refused}", source(&c), c.accepted)));
-        lines.push(labelled("faults      ", &controller_faults(&c)));
+        // What stopped the arm is not to be cut off by a small screen.
         for (label, text) in [("stops       ", s.stops(&c)), ("plan        ", s.refused_plan(&c))] {
             lines.extend(text.map(|text| Line::from(vec![Span::styled(label, STRONG), Span::styled(text, BAD)])));
         }
+        let refused = refusals(&c).into_iter().next().map_or(String::new(), |(why, count)| format!("; {count} {why}"));
+        lines.push(plain("parameters  ", format!("{}; {} sets accepted{refused}", source(&c), c.accepted)));
+        lines.push(labelled("faults      ", &controller_faults(&c)));
     }
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" state ")), area);
 }
@@ -315,6 +316,40 @@ mod tests {
         }
         s.now_ns += 60_000_000_000;
         assert!(screen(&s, 100, 30, &mut view).contains("SILENT for 60 s"));
+    }
+
+    /// A stop that has ended by itself, on the smallest usual terminal.
+    #[test]
+    fn the_last_stop_is_seen_on_80_by_24() {
+        let mut s = snapshot();
+        s.take_health(&Health { stamp_ns: s.now_ns, ..Health::default() });
+        let mut stop_causes = [0; rivet_ipc_schema::STOP_CAUSES];
+        let cause = u32::from(rivet_ipc_schema::StopCause::Frozen);
+        stop_causes[cause as usize] = 1;
+        let (stop_cause, stop_joints) = (cause, 1);
+        s.take_controller(&ControllerHealth {
+            stamp_ns: s.now_ns,
+            stops: 1,
+            resumed: 1,
+            stop_causes,
+            stop_cause,
+            stop_joints,
+            ..ControllerHealth::default()
+        });
+        let text = screen(&s, 80, 24, &mut View::default());
+        assert!(text.contains("stops       frozen"), "{text}");
+    }
+
+    /// Terminals act on C1 controls too.
+    #[test]
+    fn control_characters_of_names_are_escaped() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/ur10e");
+        let mut robot = rivet_config::load(folder.join("robot.toml")).expect("the arm is there");
+        let mut model = (*robot.model).clone();
+        model.arm.joints[0].name = "a\u{9b}31mb".to_owned();
+        robot.model = model.into();
+        let text = screen(&Snapshot::new(&robot, &BusConfig::default()), 120, 40, &mut View::default());
+        assert!(text.contains("a\\u{9b}31mb") && !text.contains('\u{9b}'), "{text}");
     }
 
     /// Whatever arrives, on whatever terminal.

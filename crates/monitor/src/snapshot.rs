@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use rivet_config::Robot;
+use rivet_files::printable;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
     InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
@@ -82,7 +83,8 @@ impl Snapshot {
         Snapshot {
             robot: robot.config.name.clone(),
             bus: format!("{} in {}", bus.prefix, bus.root.display()),
-            joints: robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect(),
+            // A terminal acts on control characters, and ratatui leaves them out.
+            joints: robot.model.arm.joints.iter().map(|joint| printable(&joint.name).into_owned()).collect(),
             names: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
             nominal: robot.nominal_base.clone(),
             hash: robot.hash,
@@ -196,7 +198,7 @@ impl Snapshot {
         if named.is_empty() { cause } else { format!("{cause} of {}", named.join(", ")) }
     }
 
-    /// Stops of the controller by cause, and the last one; `None` before the first.
+    /// The last stop of the controller first, then all of them by cause; `None` before the first.
     pub(crate) fn stops(&self, health: &ControllerHealth) -> Option<String> {
         let named = |(i, &count): (usize, &u64)| {
             let cause = u32::try_from(i).unwrap_or(u32::MAX);
@@ -205,7 +207,7 @@ impl Snapshot {
         let all: Vec<String> =
             health.stop_causes.iter().enumerate().filter(|(_, count)| **count > 0).map(named).collect();
         let last = self.cause(health.stop_cause, health.stop_joints);
-        (health.stops > 0).then(|| format!("{}; the last: {last}; {} resumed", all.join(", "), health.resumed))
+        (health.stops > 0).then(|| format!("{last} (the last); {}; {} resumed", all.join(", "), health.resumed))
     }
 
     /// Setpoints that the controller refused; `None` before the first.
