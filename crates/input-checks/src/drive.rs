@@ -27,6 +27,8 @@ struct Joint {
     same: u32,
     /// Most identical torques in a row so far that were taken for sound.
     longest: u32,
+    /// Smallest change so far \[N·m\]: the step of a quantised signal. 0 before the first.
+    step: f64,
     /// Measured torques at the limit in a row, without a command that was near it.
     measured_at_limit: u32,
     /// The command when the measured torque last changed.
@@ -75,7 +77,13 @@ impl DriveCheck {
     pub fn restart(&mut self) {
         (self.filled, self.next) = (0, 0);
         for joint in &mut self.joints {
-            *joint = Joint { tau: joint.tau, changes: joint.changes, longest: joint.longest, ..Joint::default() };
+            *joint = Joint {
+                tau: joint.tau,
+                changes: joint.changes,
+                longest: joint.longest,
+                step: joint.step,
+                ..Joint::default()
+            };
         }
     }
 
@@ -103,6 +111,8 @@ impl DriveCheck {
                 joint.same = joint.same.saturating_add(1);
             } else {
                 joint.longest = joint.longest.max(joint.same);
+                let step = (tau[j] - joint.tau).abs();
+                joint.step = if joint.step > 0.0 { joint.step.min(step) } else { step };
                 (joint.tau, joint.same, joint.command_before) = (tau[j], 0, command[j]);
                 joint.changes = joint.changes.saturating_add(1);
             }
@@ -110,7 +120,10 @@ impl DriveCheck {
             let away = tau[j] < low - least || tau[j] > high + least;
             let known = joint.changes > KNOWN_CHANGES;
             // At its limit a torque repeats, and a command that repeats is answered by one.
-            let fine = low < high && tau[j].abs() < AT_LIMIT * limit && joint.same > LONGEST_TIMES * joint.longest;
+            // A command that changes by less than a step of the signal may be answered by one torque for long.
+            let fine = high - low > joint.step
+                && tau[j].abs() < AT_LIMIT * limit
+                && joint.same > LONGEST_TIMES * joint.longest;
             stuck |= if known && joint.same >= self.run && (fine || moved && away) { bit } else { 0 };
             stuck |= if joint.measured_at_limit >= self.run { bit } else { 0 };
         }
@@ -171,6 +184,21 @@ mod tests {
             let (found, after) = found.expect("found");
             assert_eq!(found, Found { fault: Fault::TorqueStuck, joints: 1 });
             assert!(after > 0.0, "{after} s");
+        }
+    }
+
+    /// An arm that moves and then rests, with feedback that changes its command by less than the measured torque's steps.
+    #[test]
+    fn a_torque_that_repeats_at_rest_is_sound() {
+        for period_s in [0.004, 0.001] {
+            let mut check = DriveCheck::new(&LIMITS, period_s, 0.1);
+            for k in 1..=(4.0 / period_s) as u32 {
+                let t = f64::from(k) * period_s;
+                let torque = |t: f64| 40.0 + if t < 2.0 { 20.0 * (20.0 * t).sin() } else { 20.0 * (40.0_f64).sin() };
+                let tau = (torque(t - 0.005) / 0.05).round() * 0.05;
+                let command = torque(t - period_s) + if t > 2.0 { 0.004 * (300.0 * t).sin() } else { 0.0 };
+                assert_eq!(check.check(&[tau], &[command]), None, "{t} s at {period_s} s");
+            }
         }
     }
 
