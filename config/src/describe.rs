@@ -2,11 +2,10 @@
 
 use std::fmt::Write as _;
 
-use rivet_dynamics::toml_key;
-
 use crate::keys::SECTIONS;
 use crate::load::Robot;
-use crate::reader::{Origin, Resolved, Value};
+use crate::number_text::short;
+use crate::reader::{Origin, Resolved, value_text};
 
 const WIDTH: usize = 100;
 /// Where the unit and the origin of a value begin.
@@ -158,36 +157,4 @@ fn tail(text: &str, width: usize) -> String {
         return text.to_owned();
     }
     "...".chars().chain(text.chars().skip(count + 3 - width)).collect()
-}
-
-/// Up to five digits.
-pub(crate) fn short(x: f64) -> String {
-    if !x.is_finite() {
-        return if x > 0.0 { "none".into() } else { "-none".into() };
-    }
-    let text = format!("{x:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" || text.is_empty() { "0".into() } else { text.to_owned() }
-}
-
-/// A value as it would stand in the file.
-pub(crate) fn value_text(value: &Value) -> String {
-    match value {
-        Value::Absent => "none".into(),
-        Value::Number(x) => number_text(*x),
-        Value::Integer(x) => format!("{x}"),
-        Value::Bool(x) => format!("{x}"),
-        Value::Text(x) => format!("{x:?}"),
-        Value::Numbers(x) => format!("[{}]", x.iter().map(|x| number_text(*x)).collect::<Vec<_>>().join(", ")),
-        Value::JointPositions(x) => {
-            let entries: Vec<String> =
-                x.iter().map(|(joint, at)| format!("{} = {}", toml_key(joint), number_text(*at))).collect();
-            format!("{{ {} }}", entries.join(", "))
-        }
-    }
-}
-
-/// Shortest text that reads back as the same number; exponents where zeros would hide it.
-pub(crate) fn number_text(x: f64) -> String {
-    if x != 0.0 && !(1e-3..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x:?}") }
 }

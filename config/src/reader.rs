@@ -3,11 +3,13 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
+use rivet_dynamics::toml_key;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{ConfigError, MOST_KEPT, Source, nearest};
 use crate::keys::{self, Bounds, Fallback, Key, SECTIONS, Shape};
+use crate::number_text::number_text;
 
 /// A value as it holds after reading.
 #[derive(Clone, Debug, PartialEq)]
@@ -206,7 +208,7 @@ impl<'a> Reader<'a> {
         let default = self.resolved.iter().find(|r| r.key.section == section && r.key.name == name);
         let value = match default.map(|r| &r.value) {
             None | Some(Value::Absent) => "(missing)".to_owned(),
-            Some(value) => format!("{} (default)", crate::describe::value_text(value)),
+            Some(value) => format!("{} (default)", value_text(value)),
         };
         match self.sections.get(section) {
             Some(span) if !section.is_empty() => self.fail(&span.clone(), key, &value, rule, hint),
@@ -645,4 +647,21 @@ fn unknown_hint(section: &str, word: &str) -> String {
     let effects = section.is_empty().then_some("effects.<name>");
     let known: Vec<_> = keys::names(section).chain(sections().filter(|_| section.is_empty())).chain(effects).collect();
     format!("known here: {}", known.join(", "))
+}
+
+/// A value as it would stand in the file.
+pub(crate) fn value_text(value: &Value) -> String {
+    match value {
+        Value::Absent => "none".into(),
+        Value::Number(x) => number_text(*x),
+        Value::Integer(x) => format!("{x}"),
+        Value::Bool(x) => format!("{x}"),
+        Value::Text(x) => format!("{x:?}"),
+        Value::Numbers(x) => format!("[{}]", x.iter().map(|x| number_text(*x)).collect::<Vec<_>>().join(", ")),
+        Value::JointPositions(x) => {
+            let entries: Vec<String> =
+                x.iter().map(|(joint, at)| format!("{} = {}", toml_key(joint), number_text(*at))).collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
+    }
 }

@@ -5,8 +5,8 @@
 use rivet_dynamics::{Arm, Joint, JointKind, UrdfNote, Workspace, com_from_body, inverse_dynamics};
 use rivet_estimation::Differentiator;
 
-use crate::describe::{number_text, short};
 use crate::load::Robot;
+use crate::number_text::{number_text, short};
 
 /// Window of the differentiator \[s\] from which on values are off by more than their standard deviations say: with 0.1 s 88 to 94 % of
 /// simulated values are within two, with 0.2 s 59 to 64.

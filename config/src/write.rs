@@ -6,9 +6,9 @@ use std::path::{Component, Path, PathBuf};
 
 use rivet_dynamics::{Joints, KnownEffect};
 
-use crate::describe::{number_text, value_text};
 use crate::load::Robot;
-use crate::reader::{Origin, Resolved, Value};
+use crate::number_text::number_text;
+use crate::reader::{Origin, Resolved, Value, value_text};
 
 /// Writes `robot` with identified base parameters as a robot file that [`load`](crate::load) reads again.
 ///

@@ -1,8 +1,9 @@
 //! Which parameters may act: every published set has to earn it.
 
-use crate::inertia::{StoredPoses, cholesky_succeeds, inertia_of};
+use crate::inertia::StoredPoses;
 use crate::law::{ControlLaw, Desired};
 use crate::limits::middle;
+use crate::matrix::cholesky_succeeds;
 use rivet_config::Robot;
 use rivet_dynamics::{MAX_JOINTS, Parameter};
 pub use rivet_ipc_schema::ParameterRefusal as Refusal;
@@ -174,7 +175,7 @@ impl Gate {
     pub fn has_inertia(&mut self, values: &[f64], q: &[f64], law: &mut ControlLaw) -> bool {
         self.exceed(values);
         // It is linear in the parameters.
-        inertia_of(law, q, &self.beyond, &mut self.mass);
+        law.inertia(q, &self.beyond, &mut self.mass);
         cholesky_succeeds(&mut self.mass, self.dof)
     }
 

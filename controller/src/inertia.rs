@@ -1,23 +1,8 @@
-//! The inertia matrix that base parameters imply, and whether it is one.
+//! Accelerations that base parameters imply, and whether their inertia matrix is one.
 
 use crate::law::ControlLaw;
+use crate::matrix::{cholesky_succeeds, solve_factored};
 use rivet_dynamics::MAX_JOINTS;
-
-/// M(q), row-major, of base parameters `x`: column j is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`. Real-time safe.
-pub(crate) fn inertia_of(law: &mut ControlLaw, q: &[f64], x: &[f64], mass: &mut [f64]) {
-    let dof = law.dof();
-    let zero = [0.0; MAX_JOINTS];
-    let (mut bias, mut column) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
-    law.model_torque(q, &zero[..dof], &zero[..dof], x, &mut bias[..dof]);
-    for j in 0..dof {
-        let mut unit = zero;
-        unit[j] = 1.0;
-        law.model_torque(q, &zero[..dof], &unit[..dof], x, &mut column[..dof]);
-        for i in 0..dof {
-            mass[i * dof + j] = column[i] - bias[i];
-        }
-    }
-}
 
 /// Acceleration \[rad/s²\] of an arm with base parameters `x` under `tau`: `M(q)⁻¹·(τ − h(q, q̇))`. `mass` is scratch of dof²
 /// numbers. Zeros where the inertia matrix is that of no arm. Real-time safe.
@@ -31,24 +16,15 @@ pub(crate) fn acceleration_of(
     let n = law.dof();
     let (zero, mut bias) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
     law.model_torque(q, qd, &zero[..n], x, &mut bias[..n]);
-    inertia_of(law, q, x, mass);
+    law.inertia(q, x, mass);
     if !cholesky_succeeds(mass, n) {
         return zero;
     }
     let mut a = zero;
     for i in 0..n {
-        let mut sum = tau[i] - bias[i];
-        for k in 0..i {
-            sum -= mass[i * n + k] * a[k];
-        }
-        a[i] = sum / mass[i * n + i];
+        a[i] = tau[i] - bias[i];
     }
-    for i in (0..n).rev() {
-        for k in i + 1..n {
-            a[i] -= mass[k * n + i] * a[k];
-        }
-        a[i] /= mass[i * n + i];
-    }
+    solve_factored(mass, n, &mut a);
     a
 }
 
@@ -127,28 +103,4 @@ impl StoredPoses {
         }
         true
     }
-}
-
-/// In-place Cholesky of a symmetric `n` x `n` row-major matrix, of which the lower triangle is read; false when a pivot is
-/// not positive (or not a number).
-pub(crate) fn cholesky_succeeds(a: &mut [f64], n: usize) -> bool {
-    for j in 0..n {
-        let mut pivot = a[j * n + j];
-        for k in 0..j {
-            pivot -= a[j * n + k] * a[j * n + k];
-        }
-        if pivot.is_nan() || pivot <= 0.0 {
-            return false;
-        }
-        let root = pivot.sqrt();
-        a[j * n + j] = root;
-        for i in j + 1..n {
-            let mut sum = a[i * n + j];
-            for k in 0..j {
-                sum -= a[i * n + k] * a[j * n + k];
-            }
-            a[i * n + j] = sum / root;
-        }
-    }
-    true
 }

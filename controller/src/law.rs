@@ -1,21 +1,11 @@
 //! The control laws: torque from published base parameters, and nothing else.
 
-use crate::inertia::inertia_of;
-use crate::load::Load;
+use crate::limits::middle;
 use rivet_config::Law;
-use rivet_dynamics::{BaseSet, LINK_PARAMETERS, MAX_JOINTS, Model, Workspace};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
 use std::sync::Arc;
 
-/// A desired state: positions \[rad\], velocities \[rad/s\] and accelerations \[rad/s²\], one entry a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Desired {
-    /// Desired positions.
-    pub q: [f64; MAX_JOINTS],
-    /// Desired velocities.
-    pub qd: [f64; MAX_JOINTS],
-    /// Desired accelerations.
-    pub qdd: [f64; MAX_JOINTS],
-}
+pub use crate::desired::Desired;
 
 /// Error feedback, joint by joint, in units of acceleration.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,8 +54,6 @@ pub struct ControlLaw {
     rows: Vec<f64>,
     inertia: [f64; MAX_JOINTS],
     integral: [f64; MAX_JOINTS],
-    /// What hangs on the arm beside the model.
-    load: Option<Load>,
     /// Error that the integral would take in, once the output has said that it was not at a limit.
     pending: [f64; MAX_JOINTS],
 }
@@ -91,16 +79,15 @@ impl ControlLaw {
             rows: vec![0.0; dof * base.len()],
             inertia: [0.0; MAX_JOINTS],
             integral: [0.0; MAX_JOINTS],
-            load: None,
             pending: [0.0; MAX_JOINTS],
             model,
             base,
             gains,
             period_s,
         };
-        let middle: Vec<f64> = law.model.arm.joints.iter().map(|j| crate::limits::middle(j.lower, j.upper)).collect();
+        let middle: Vec<f64> = law.model.arm.joints.iter().map(|j| middle(j.lower, j.upper)).collect();
         let mut mass = vec![0.0; dof * dof];
-        inertia_of(&mut law, &middle, nominal, &mut mass);
+        law.inertia(&middle, nominal, &mut mass);
         for j in 0..dof {
             law.inertia[j] = mass[j * dof + j].max(0.0);
         }
@@ -159,12 +146,23 @@ impl ControlLaw {
         for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
             *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
         }
-        if let Some(load) = self.load {
-            for ((j, columns), out) in self.last_body_columns().enumerate().zip(tau.iter_mut()) {
-                *out += load.torque(j, columns);
+        self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
+    }
+
+    /// M(q), row-major, of base parameters `x`: column j is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`. Real-time safe.
+    pub(crate) fn inertia(&mut self, q: &[f64], x: &[f64], mass: &mut [f64]) {
+        let dof = self.dof();
+        let zero = [0.0; MAX_JOINTS];
+        let (mut bias, mut column) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        self.model_torque(q, &zero[..dof], &zero[..dof], x, &mut bias[..dof]);
+        for j in 0..dof {
+            let mut unit = zero;
+            unit[j] = 1.0;
+            self.model_torque(q, &zero[..dof], &unit[..dof], x, &mut column[..dof]);
+            for i in 0..dof {
+                mass[i * dof + j] = column[i] - bias[i];
             }
         }
-        self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
     }
 
     /// Rows of `Y(q, q̇, q̈)`, one a joint.
@@ -172,17 +170,6 @@ impl ControlLaw {
         self.model.regressor(&mut self.workspace, q, qd, qdd, &mut self.full);
         self.base.select(&self.full, self.model.len(), &mut self.rows);
         self.rows.chunks_exact(self.base.len())
-    }
-
-    /// Columns of mass and first moments of the last body in the last [`regressor`](Self::regressor), one row a joint.
-    pub(crate) fn last_body_columns(&self) -> impl Iterator<Item = &[f64]> {
-        let first = LINK_PARAMETERS * (self.model.arm.dof() - 1);
-        self.full.chunks_exact(self.model.len()).map(move |row| &row[first..first + LINK_PARAMETERS])
-    }
-
-    /// From now on [`model_torque`](Self::model_torque) is that of an arm that carries `load` beside its model, or nothing.
-    pub(crate) fn carry(&mut self, load: Option<Load>) {
-        self.load = load;
     }
 
     /// Feedback gains on position \[1/s²\] and velocity \[1/s\] of joint `j`.

@@ -4,13 +4,14 @@
 //! bus.
 
 mod core;
+mod desired;
 mod error;
 pub mod gate;
 mod history;
 mod inertia;
 pub mod law;
 mod limits;
-mod load;
+mod matrix;
 pub mod output;
 mod plan;
 mod recent;

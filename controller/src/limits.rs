@@ -1,6 +1,6 @@
 //! What the robot file lets a plan ask for: joint ranges and speeds.
 
-use crate::law::Desired;
+use crate::desired::Desired;
 use rivet_dynamics::{Arm, MAX_JOINTS};
 
 /// The middle of a joint's range \[rad\]; 0 for a joint without one.

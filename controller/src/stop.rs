@@ -7,7 +7,6 @@
 use crate::history::{History, Moment};
 use crate::inertia::acceleration_of;
 use crate::law::ControlLaw;
-use crate::load::Load;
 use rivet_config::StopReaction;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::StopCause;
@@ -45,8 +44,6 @@ pub(crate) struct Stopping {
     pub(crate) qd: [f64; MAX_JOINTS],
     /// The command before it \[N·m\].
     pub(crate) tau: [f64; MAX_JOINTS],
-    /// What hangs on the arm beside its model: it goes on.
-    pub(crate) load: Load,
     /// Periods since then.
     pub(crate) periods: u64,
     /// Valid samples in a row.
@@ -56,11 +53,6 @@ pub(crate) struct Stopping {
 }
 
 impl Stopping {
-    /// Whether something in the arm's way may be the cause. What held it back is not to be pushed on.
-    pub(crate) fn may_have_met_an_obstacle(&self) -> bool {
-        matches!(self.cause, StopCause::NoResponse | StopCause::Saturated | StopCause::TrackingError)
-    }
-
     /// Whether the encoders themselves are in doubt: then no later sample makes a joint trusted again.
     pub(crate) fn doubts_encoders(&self) -> bool {
         use StopCause::{EncoderJump, Frozen, NoResponse, TooFast, TrackingError};

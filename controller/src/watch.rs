@@ -2,7 +2,6 @@
 
 use crate::law::{ControlLaw, Desired};
 use crate::limits::SetpointLimits;
-use crate::load::{Load, LoadEstimate};
 use rivet_config::Robot;
 use rivet_dynamics::{JointKind, MAX_JOINTS};
 use rivet_estimation::{LARGEST_EFFORT, LARGEST_MOTION};
@@ -47,7 +46,6 @@ pub(crate) struct Watch {
     readings: ReadingCheck,
     motion: MotionCheck,
     drives: DriveCheck,
-    load: LoadEstimate,
     tracking_error: [f64; MAX_JOINTS],
 }
 
@@ -87,7 +85,6 @@ impl Watch {
             readings: ReadingCheck::new(&joints, period_s),
             motion: MotionCheck::new(&motion, period_s),
             drives: DriveCheck::new(&joints, period_s, 1e-3 * config.controller.saturation_ms),
-            load: LoadEstimate::new(torque, breakaway, period_s),
             tracking_error,
         }
     }
@@ -102,7 +99,6 @@ impl Watch {
     pub(crate) fn restart_motion(&mut self) {
         self.motion.restart();
         self.drives.restart();
-        self.load.restart();
     }
 
     /// What is wrong with the numbers of a sample themselves.
@@ -166,19 +162,7 @@ impl Watch {
         let motion = self.motion.motion()?;
         let mut needed = [0.0; MAX_JOINTS];
         law.model_torque(&motion.q[..n], &motion.qd[..n], &motion.qdd[..n], x, &mut needed[..n]);
-        let found = self.motion.answers(&motion, &needed[..n]);
-        if found.is_none() {
-            for (needed, tau) in needed.iter_mut().zip(&motion.tau) {
-                *needed = tau - *needed;
-            }
-            self.load.take(law.last_body_columns(), &motion.qd[..n], &needed[..n]);
-        }
-        found.map(wrong_of)
-    }
-
-    /// What hangs on the arm beside its model, as far as its motion has shown. Real-time safe.
-    pub(crate) fn load(&self) -> Load {
-        self.load.load()
+        self.motion.answers(&motion, &needed[..n]).map(wrong_of)
     }
 
     /// Whether the arm at `q` is further from its plan than it may be.

@@ -16,11 +16,7 @@ fn stopping(core: &Core) -> bool {
 /// Two seconds of motion, then nothing for `periods` periods.
 fn run_dry(reaction: &str, periods: u64) -> (rivet_config::Robot, Core, Vec<Command>, Vec<Command>) {
     let words = format!("[controller]\nstop_reaction = \"{reaction}\"\nstop_time_s = 0.1\nstale_periods = 5\n");
-    // This arm moves exactly as planned, whatever it gets: feedback, and dry friction that turns round between two samples, would be taken
-    // for a load.
-    let bandwidth = ("bandwidth_hz = [3.0, 3.0, 4.0, 6.0, 6.0, 6.0]", "bandwidth_hz = 0.01");
-    let friction = ("coulomb = [42, 105, 42, 21.8, 30.1, 10.9]", "coulomb = [0, 0, 0, 0, 0, 0]");
-    let robot = robot_with("manutec-r3", &[("[controller]\n", &words), bandwidth, friction]);
+    let robot = robot_with("manutec-r3", &[("[controller]\n", &words)]);
     let mut core = core(&robot);
     let moved = Moving::new(&robot, &robot.nominal_base).run(&mut core, 2000, |_, _| ());
     let stopped: Vec<Command> = (1..=periods).filter_map(|k| core.missing(k)).collect();

@@ -7,7 +7,6 @@ use crate::ladder::Ladder;
 use crate::outbound::Outbound;
 use crate::progress::{Progress, Snapshot};
 use crate::reload::Incoming;
-use crate::shell::SHARED_MEMORY;
 use crate::snapshot::Snapshots;
 use crate::streams::Streams;
 use crate::timing::Timing;
@@ -21,6 +20,9 @@ use rivet_service::Flight;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
+
+/// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
+pub(crate) const SHARED_MEMORY: u64 = 32 << 20;
 
 /// How the loop runs.
 #[derive(Clone, Debug)]

@@ -66,9 +66,6 @@ fn parse_trigger(word: &str) -> Result<Trigger, String> {
 /// Messages that may wait for the bus thread: about a quarter of a second of them at the usual rates.
 const OUTBOUND: usize = 64;
 
-/// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
-pub(crate) const SHARED_MEMORY: u64 = 32 << 20;
-
 /// A loop that stands still for this long is recorded, before the service manager's watchdog ends the process.
 const STUCK: Duration = Duration::from_millis(700);
 
@@ -106,7 +103,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let mut core = Core::new(&robot).map_err(StartError::Settings)?;
-    rivet_ipc_schema::ensure_room(SHARED_MEMORY)?;
+    rivet_ipc_schema::ensure_room(loop_thread::SHARED_MEMORY)?;
     rivet_ipc_schema::cleanup(&bus)?;
     let keeper = match &options.state {
         Some(folder) => {

@@ -18,14 +18,13 @@ use iceoryx2::service::builder::blackboard::{BlackboardCreateError as CreateErro
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use crate::bus::{BusConfig, MAX_NODES, MAX_ONLOOKERS, retry};
+use crate::bus_config::{BusConfig, LOCK_DIRECTORY, MAX_NODES, MAX_ONLOOKERS};
 use crate::error::BusError;
+use crate::join::retry;
 use crate::messages::Stamped;
-use crate::name::{RobotName, Service};
+use crate::name::RobotName;
+use crate::service::Service;
 use crate::version;
-
-/// Directory of the writers' lock files, below the root of the bus.
-pub(crate) const LOCK_DIRECTORY: &str = "locks";
 
 /// The only entry of a blackboard.
 const ENTRY: u64 = 0;

@@ -1,16 +1,11 @@
 //! Opening the bus of one robot and its ports.
 
-use std::path::PathBuf;
-use std::time::{Duration, Instant};
-
 use iceoryx2::node::Node;
-use iceoryx2::prelude::{
-    Config, FileName, LogLevel, NodeBuilder, NodeName, Path, SemanticString, ServiceName, SignalHandlingMode, ipc,
-    set_log_level_from_env_or,
-};
+use iceoryx2::prelude::{Config, ServiceName, ipc};
 
 use crate::blackboard::{BlackboardReader, BlackboardWriter};
-use crate::cleanup::{close_to_others, ensure_room, has_files, remove_half_made, remove_half_made_memory};
+use crate::bus_config::{BusConfig, quieten};
+use crate::cleanup::{ensure_room, has_files};
 use crate::control::{self, ControlClient, ControlServer};
 use crate::error::BusError;
 use crate::event::{self, Listener, Notifier};
@@ -18,148 +13,14 @@ use crate::messages::{
     Command, ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters,
     Setpoint, Stamped, Timing,
 };
-use crate::name::{RobotName, Service};
-use crate::owner::{cannot_join, ensure_own, in_shared_memory};
+use crate::name::RobotName;
+use crate::owner::in_shared_memory;
 use crate::pubsub::{self, Publisher, Quality, Subscriber};
+use crate::service::Service;
 use crate::version;
-
-/// Publishers (and notifiers) of a service: one, and one for a network bridge that mirrors it.
-pub(crate) const MAX_PUBLISHERS: usize = 2;
-/// Subscribers (listeners, readers, clients) of a service.
-pub(crate) const MAX_SUBSCRIBERS: usize = 16;
-/// The same of what the daemon and the controller publish: anyone may look on.
-pub(crate) const MAX_ONLOOKERS: usize = 72;
-/// Parties of a service.
-pub(crate) const MAX_NODES: usize = 96;
-
-/// How long `send` may stall on a subscriber that it cannot reach (another user's). The default of a second
-/// would stop a publisher for as long.
-const CREATION_TIMEOUT: Duration = Duration::from_millis(10);
 
 /// Room in shared memory for a party that only listens \[bytes\]: with less no one can join.
 pub const LEAST_ROOM: u64 = 1 << 20;
-
-/// How long an opening waits for a service that another process is making or removing.
-const OPENING_PATIENCE: Duration = Duration::from_secs(2);
-
-/// Which bus: processes with equal values meet, others do not see each other.
-///
-/// Always passed on explicitly; neither the working directory nor a configuration file of the user's has a say.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BusConfig {
-    /// First part of the name of every file in shared memory; 3 to 32 of `a-z A-Z 0-9 - _`.
-    pub prefix: String,
-    /// Directory for the bus's own files, absolute; made when absent.
-    pub root: PathBuf,
-}
-
-impl Default for BusConfig {
-    /// Prefix `rivet_`, root `/tmp/rivet`.
-    fn default() -> Self {
-        Self { prefix: "rivet_".to_owned(), root: PathBuf::from("/tmp/rivet") }
-    }
-}
-
-impl BusConfig {
-    /// Longest root path and prefix together \[bytes\]: the bus adds up to 46 for the path of an event's socket,
-    /// and the system allows 107.
-    pub const MAX_LEN: usize = 60;
-
-    /// Checks the values.
-    ///
-    /// # Errors
-    /// The rule that one breaks.
-    pub fn check(&self) -> Result<(), BusError> {
-        let prefix_ok = (3..=32).contains(&self.prefix.len())
-            && self.prefix.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
-        if !prefix_ok {
-            return Err(BusError::Prefix { prefix: self.prefix.clone() });
-        }
-        let refuse = |why| Err(BusError::Root { root: self.root.clone(), why });
-        match self.root.to_str() {
-            None => refuse("it must be valid UTF-8"),
-            Some(root) if root.len() + self.prefix.len() > Self::MAX_LEN => {
-                refuse("it and the prefix together must have at most 60 characters (the path of a socket is limited)")
-            }
-            Some(_) if !self.root.is_absolute() => refuse("it must be absolute"),
-            Some(_) if self.root.parent().is_none() => refuse("it must not be the root of the file system"),
-            Some(_) => Ok(()),
-        }
-    }
-
-    /// The same as options of rivet's programs.
-    pub fn options(&self) -> String {
-        format!("--prefix {} --root {}", self.prefix, self.root.display())
-    }
-
-    /// What removes the leftovers of this bus, and nothing that is in use.
-    pub fn clean_command(&self) -> String {
-        format!("rivet doctor --seconds 0 --clean {}", self.options())
-    }
-
-    /// The same as the bus library wants it. For tests that put a foreign program onto a bus.
-    #[doc(hidden)]
-    pub fn iceoryx(&self) -> Result<Config, BusError> {
-        self.check()?;
-        let mut config = Config::default();
-        config.global.prefix =
-            FileName::new(self.prefix.as_bytes()).map_err(|_| BusError::Prefix { prefix: self.prefix.clone() })?;
-        let root = self.root.to_str().and_then(|root| Path::new(root.as_bytes()).ok());
-        let root =
-            root.ok_or(BusError::Root { root: self.root.clone(), why: "it has a character paths may not have" })?;
-        config.global.set_root_path(&root);
-        config.global.creation_timeout = CREATION_TIMEOUT;
-        Ok(config)
-    }
-
-    /// Joins the bus as `role`.
-    pub(crate) fn join(&self, config: &Config, role: &str) -> Result<Node<ipc::Service>, BusError> {
-        let name = NodeName::new(role).map_err(|e| cannot_join(self, &e))?;
-        ensure_own(self)?;
-        remove_half_made_memory(self)?;
-        let node = NodeBuilder::new()
-            .name(&name)
-            .config(config)
-            // Otherwise it takes SIGINT and SIGTERM away from the program.
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|e| cannot_join(self, &e))?;
-        close_to_others(self);
-        Ok(node)
-    }
-}
-
-/// Keeps the library to errors. Not warnings: they are dumps of internal state, made whenever a killed process is cleared away.
-pub(crate) fn quieten() {
-    set_log_level_from_env_or(LogLevel::Error);
-}
-
-/// Tries until it works, fails for good, or patience ends. What a process that was killed in the middle of making a service
-/// has left half-made would stand in the way for ever: it is removed then, and it is tried once more.
-pub(crate) fn retry<R, E>(
-    config: &Config,
-    mut attempt: impl FnMut() -> Result<R, E>,
-    passing: impl Fn(&E) -> bool,
-) -> Result<R, E> {
-    let mut begin = Instant::now();
-    let mut healed = false;
-    loop {
-        match attempt() {
-            Err(e) if passing(&e) => {
-                if begin.elapsed() >= OPENING_PATIENCE {
-                    if healed {
-                        return Err(e);
-                    }
-                    // Where there is none, another party may have removed it a moment ago and be about to make it anew.
-                    remove_half_made(config);
-                    (begin, healed) = (Instant::now(), true);
-                }
-                std::thread::sleep(Duration::from_millis(2));
-            }
-            result => return result,
-        }
-    }
-}
 
 /// One party on the bus of one robot. Stays on the thread that opened it, as do its ports.
 ///

@@ -10,13 +10,9 @@ use std::time::{Duration, Instant};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::{CallbackProgression, Config, ipc};
 
-use crate::blackboard::LOCK_DIRECTORY;
-use crate::bus::{BusConfig, quieten};
+use crate::bus_config::{BusConfig, LOCK_DIRECTORY, SHARED_MEMORY, belongs, quieten};
 use crate::error::BusError;
 use crate::owner::{User, cannot_join, ensure_own, ownership};
-
-/// Where POSIX shared memory lies.
-pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// How long to wait for another process that clears up the same party.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -139,14 +135,6 @@ fn mapped_elsewhere(config: &BusConfig) -> usize {
             .any(|(_, file)| belongs(file.as_bytes(), &config.prefix))
     };
     fs::read_dir("/proc").into_iter().flatten().flatten().map(maps).filter(|uses| *uses).count()
-}
-
-/// Whether a file of the bus's belongs to `prefix`, and not to a longer prefix that begins alike: what follows
-/// is a hash or an id, to the next `_` or `.`.
-pub(crate) fn belongs(name: &[u8], prefix: &str) -> bool {
-    let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };
-    let id = rest.iter().take_while(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f')).count();
-    id >= 12 && matches!(rest.get(id), Some(b'_' | b'.'))
 }
 
 /// Whether the bus has descriptions of services and shared memory. What cannot be asked is taken to be there.

@@ -13,10 +13,11 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::request_response::PortFactory;
 
-use crate::bus::{MAX_NODES, MAX_SUBSCRIBERS, retry};
+use crate::bus_config::{MAX_NODES, MAX_SUBSCRIBERS};
 use crate::error::{BusError, PortError};
+use crate::join::retry;
 use crate::messages::{ControlCommand, ControlReply, ControlRequest, ControlStatus, Message as _};
-use crate::name::Service;
+use crate::service::Service;
 use crate::version;
 
 type Factory = PortFactory<ipc::Service, ControlRequest, (), ControlReply, ()>;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::name::Service;
+use crate::service::Service;
 
 /// Why a bus or a port could not be opened. Made at start-up, for the person who can act on it.
 #[derive(Debug, thiserror::Error)]

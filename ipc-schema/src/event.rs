@@ -14,9 +14,10 @@ use iceoryx2::service::builder::event::{
 };
 use iceoryx2::service::port_factory::event::PortFactory;
 
-use crate::bus::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS, retry};
+use crate::bus_config::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
 use crate::error::{BusError, PortError};
-use crate::name::Service;
+use crate::join::retry;
+use crate::service::Service;
 
 /// Opens the event service, or creates it with the full limits.
 pub(crate) fn open_service(

@@ -24,10 +24,12 @@
 
 mod blackboard;
 mod bus;
+mod bus_config;
 mod cleanup;
 mod control;
 mod error;
 mod event;
+mod join;
 mod layout;
 mod messages;
 mod name;
@@ -36,16 +38,19 @@ mod one_source;
 mod owner;
 mod pubsub;
 mod sample_clock;
+mod service;
 mod survey;
+mod tables;
 mod version;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
-pub use bus::{Bus, BusConfig, LEAST_ROOM};
+pub use bus::{Bus, LEAST_ROOM};
+pub use bus_config::BusConfig;
 pub use cleanup::{BusWatch, Leftovers, PrivateBus, cleanup, ensure_room, purge, sweep_private};
 pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier, SampleWait};
-pub use layout::{ENUMERATIONS, Enumeration, Layout, MESSAGES};
+pub use layout::{Enumeration, Layout};
 pub use messages::{
     BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
     ControlStatus, ControllerHealth, ControllerState, DRIFT_REGIMES, DaemonMode, Drift, DriftRegime, DriftVerdict,
@@ -54,10 +59,12 @@ pub use messages::{
     PeriodCause, REFUSALS, REPLY_TEXT, STOP_CAUSES, Setpoint, SourceReason, Stamped, StateFolder, StopCause, Timing,
     UnknownValue, WORST_PERIODS, faults, parameter_flags,
 };
-pub use name::{RobotName, Service};
+pub use name::RobotName;
 pub use old_numbers::OldNumbers;
 pub use one_source::OneSource;
 pub use owner::{Owned, Ownership, User, ownership};
 pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;
+pub use service::Service;
 pub use survey::{Survey, survey};
+pub use tables::{ENUMERATIONS, MESSAGES};

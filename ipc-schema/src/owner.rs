@@ -6,9 +6,7 @@ use std::fs;
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
-use crate::blackboard::LOCK_DIRECTORY;
-use crate::bus::BusConfig;
-use crate::cleanup::{SHARED_MEMORY, belongs};
+use crate::bus_config::{BusConfig, LOCK_DIRECTORY, SHARED_MEMORY, belongs};
 use crate::error::BusError;
 
 /// A user of this machine.

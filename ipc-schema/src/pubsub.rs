@@ -13,10 +13,11 @@ use iceoryx2::service::builder::publish_subscribe::{
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::bus::{MAX_NODES, MAX_ONLOOKERS, MAX_PUBLISHERS, MAX_SUBSCRIBERS, retry};
+use crate::bus_config::{MAX_NODES, MAX_ONLOOKERS, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
 use crate::error::{BusError, PortError};
+use crate::join::retry;
 use crate::messages::Message;
-use crate::name::Service;
+use crate::service::Service;
 use crate::version;
 
 /// How a service is made by whoever comes first; all sides ask for the same.

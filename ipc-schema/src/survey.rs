@@ -3,14 +3,15 @@
 use iceoryx2::node::{Node, NodeState, NodeView as _};
 use iceoryx2::prelude::{CallbackProgression, ServiceName, ipc};
 
-use crate::bus::BusConfig;
+use crate::bus_config::BusConfig;
 use crate::cleanup::remove_half_made_memory;
 use crate::error::{BusError, VersionMismatch};
 use crate::messages::{
     ConsistentParameters, ControllerHealth, Drift, Health, JointState, LinkState, Message, Parameters, Setpoint, Timing,
 };
-use crate::name::{RobotName, Service};
+use crate::name::RobotName;
 use crate::owner::cannot_join;
+use crate::service::Service;
 use crate::version;
 
 /// What was found.

@@ -9,8 +9,8 @@ use super::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Overrun, Publish, Realtime, Scheduler, Signal,
     Simulation, StopReaction, Trigger,
 };
-use crate::describe::short;
 use crate::keys::{HIGHEST_FILTER_SHARE, HIGHEST_STATE_FILTER_SHARE};
+use crate::number_text::short;
 use crate::reader::Reader;
 
 /// Most delayed rows that the estimator keeps.

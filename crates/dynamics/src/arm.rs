@@ -1,7 +1,7 @@
 //! The arm: a serial chain of one-axis joints and the rigid bodies they carry.
 
 use crate::lanes::Lanes;
-use crate::parameters::LinkParameters;
+use crate::link::LinkParameters;
 use crate::spatial::{IDENTITY, Mat3, Vec3, add, multiply, rotate, scale, skew, splat};
 
 /// The most joints an arm may have. Messages on the bus and all scratch space are sized by it.

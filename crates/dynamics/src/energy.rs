@@ -9,8 +9,8 @@
 //! in differences of e: base parameters are the same.
 
 use crate::arm::Arm;
+use crate::link::LINK_PARAMETERS;
 use crate::model::{Model, friction_sign};
-use crate::parameters::LINK_PARAMETERS;
 use crate::rigid::Workspace;
 use crate::spatial::{Vec3, add, cross, dot, rotate_back, scale};
 

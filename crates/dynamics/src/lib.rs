@@ -7,10 +7,12 @@
 
 mod arm;
 mod base;
+mod effect_torque;
 mod effects;
 mod energy;
 mod hash;
 mod lanes;
+mod link;
 mod mjcf;
 mod model;
 pub mod parameters;
@@ -25,12 +27,13 @@ pub use arm::{Arm, Joint, JointKind, MAX_JOINTS, flange_pose};
 pub use base::{BaseError, BaseSet, RankGap};
 pub use effects::{EffectKind, KnownEffect, KnownEffects, own_torque};
 pub use hash::{Fnv, model_hash};
+pub use link::{LINK_PARAMETERS, LinkParameters, body_from_com, body_in_frame};
 pub use mjcf::{Mjcf, MjcfDrive, MjcfError, MjcfTendon};
-pub use model::{Joints, Model, Structure, WristCoupling, friction_sign};
-pub use parameters::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, body_from_com, body_in_frame};
+pub use model::{Joints, Model, Structure, friction_sign};
+pub use parameters::{Parameter, ParameterGroup};
 pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia, smallest_eigenvalue};
 pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
-pub use slip::Slip;
+pub use slip::{Slip, WristCoupling};
 pub use urdf::{
     Proposal, UrdfArm, UrdfError, UrdfKey, UrdfMistake, UrdfMistakes, UrdfNote, UrdfOptions, WrittenUrdf, guess_bodies,
     toml_key, write_urdf,

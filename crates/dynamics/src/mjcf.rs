@@ -15,8 +15,8 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::arm::{Arm, Joint, JointKind};
+use crate::link::body_from_com;
 use crate::model::friction_sign;
-use crate::parameters::body_from_com;
 use crate::pseudo_inertia::com_from_body;
 use crate::rigid::{Workspace, inverse_dynamics};
 use crate::spatial::Mat3;

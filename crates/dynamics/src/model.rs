@@ -3,19 +3,10 @@
 use crate::arm::{Arm, MAX_JOINTS};
 use crate::effects::KnownEffects;
 use crate::lanes::{Lanes, Pair};
-use crate::parameters::{LINK_PARAMETERS, LinkParameters, Parameter};
+use crate::link::{LINK_PARAMETERS, LinkParameters};
+use crate::parameters::Parameter;
 use crate::rigid::{State, Workspace, regressor_pair_rows, regressor_rows};
-use crate::slip::Slip;
-
-/// A motor that turns with two joints (0-based), as in the TX40's wrist `{ driving: 4, driven: 5 }`: motor 6 turns
-/// with q5 + q6, so its inertia and friction act on both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WristCoupling {
-    /// The joint whose motion also turns the other's motor.
-    pub driving: usize,
-    /// The joint that the motor is for.
-    pub driven: usize,
-}
+use crate::slip::{Slip, WristCoupling};
 
 /// Which drive effects the model has.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -69,6 +60,14 @@ impl Joints {
             viscous_quadratic: zeros,
             coupling: [0.0; 3],
         }
+    }
+}
+
+impl Slip {
+    /// Friction of `model` that no motion has directed yet.
+    #[must_use]
+    pub fn new(model: &Model) -> Slip {
+        Slip::undirected(model.arm.dof(), model.structure.presliding_travel, model.structure.coupling)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use nalgebra::Matrix4;
 
-use crate::parameters::{LinkParameters, inertia_matrix};
+use crate::link::{LinkParameters, inertia_matrix};
 use crate::spatial::{Vec3, dot};
 
 /// `P = [[Σ, h], [hᵀ, m]]` with `Σ = ½·tr(I)·1 − I = ∫ x·xᵀ dm` \[kg·m²\], first moment h \[kg·m\] and mass m \[kg\],
@@ -69,7 +69,7 @@ pub fn com_from_body(body: &LinkParameters) -> (f64, [f64; 3], [[f64; 3]; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::body_from_com;
+    use crate::link::body_from_com;
 
     /// A sum of mass points has Σ, h and m by definition.
     #[test]

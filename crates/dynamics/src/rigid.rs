@@ -14,7 +14,7 @@
 
 use crate::arm::{Arm, JointMotion, MAX_JOINTS};
 use crate::lanes::{Lanes, Pair};
-use crate::parameters::{LINK_PARAMETERS, LinkParameters, body_in_frame, inertia_matrix};
+use crate::link::{LINK_PARAMETERS, LinkParameters, body_in_frame, inertia_matrix};
 use crate::spatial::{IDENTITY, Mat3, Vec3, add, cross, dot, rotate, rotate_back, scale, splat};
 
 /// Scratch space of the recursions and the joint constants of the arm it was made for.

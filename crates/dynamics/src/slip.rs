@@ -10,7 +10,16 @@
 //! It depends on positions only, so speed noise at rest does not shake it, and a joint that stops keeps its friction.
 
 use crate::arm::MAX_JOINTS;
-use crate::model::{Model, WristCoupling};
+
+/// A motor that turns with two joints (0-based), as in the TX40's wrist `{ driving: 4, driven: 5 }`: motor 6 turns
+/// with q5 + q6, so its inertia and friction act on both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WristCoupling {
+    /// The joint whose motion also turns the other's motor.
+    pub driving: usize,
+    /// The joint that the motor is for.
+    pub driven: usize,
+}
 
 /// Direction of friction of every joint along one motion, and of the coupled motor.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,16 +33,8 @@ pub struct Slip {
 }
 
 impl Slip {
-    /// Friction that no motion has directed yet.
-    #[must_use]
-    pub fn new(model: &Model) -> Slip {
-        Slip {
-            dof: model.arm.dof(),
-            travel: model.structure.presliding_travel,
-            pair: model.structure.coupling,
-            last: None,
-            z: [0.0; MAX_JOINTS + 1],
-        }
+    pub(crate) fn undirected(dof: usize, travel: f64, pair: Option<WristCoupling>) -> Slip {
+        Slip { dof, travel, pair, last: None, z: [0.0; MAX_JOINTS + 1] }
     }
 
     /// Another motion begins.

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::fmt;
 
 use crate::arm::{Arm, Joint, JointKind};
-use crate::parameters::{LINK_PARAMETERS, LinkParameters, body_in_frame};
+use crate::link::{LINK_PARAMETERS, LinkParameters, body_in_frame};
 use crate::spatial::{IDENTITY, Mat3, Vec3, add, dot, multiply, rotate, scale};
 
 pub use bodies::guess_bodies;

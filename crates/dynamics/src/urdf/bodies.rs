@@ -7,7 +7,7 @@ use urdf_rs::Pose;
 
 use super::text::Link;
 use crate::arm::{Arm, JointKind};
-use crate::parameters::{LINK_PARAMETERS, LinkParameters, assemble, body_from_com, body_in_frame, inertia_matrix};
+use crate::link::{LINK_PARAMETERS, LinkParameters, assemble, body_from_com, body_in_frame, inertia_matrix};
 use crate::pseudo_inertia::com_from_body;
 use crate::spatial::{Mat3, Vec3, dot, from_roll_pitch_yaw};
 

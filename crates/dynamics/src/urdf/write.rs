@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::scan::{Element, elements};
 use super::{UrdfArm, UrdfError, UrdfMistakes, UrdfOptions};
-use crate::parameters::LinkParameters;
+use crate::link::LinkParameters;
 use crate::pseudo_inertia::com_from_body;
 
 /// A URDF with new values.

@@ -1,8 +1,8 @@
 //! Arms, motions and noise shared by the tests of this crate.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
-use rivet_dynamics::parameters::{LINK_PARAMETERS, body_from_com};
 use rivet_dynamics::{Arm, BaseSet, Joints, Model, Structure, Workspace, WristCoupling};
+use rivet_dynamics::{LINK_PARAMETERS, body_from_com};
 use rivet_estimation::{Correlation, EstimatorKind, EstimatorSettings, Motion, Prior, Supervision};
 use std::io::Write as _;
 use std::path::PathBuf;
