@@ -1,11 +1,12 @@
 //! Joint velocity from encoder positions, for feedback only.
 
 use rivet_dynamics::MAX_JOINTS;
+use rivet_input_checks::LONGEST_REPEAT_S;
 
 /// Difference quotient behind a first-order low-pass: `q̇ ← q̇ + α·((q − q_last)/T − q̇)`.
 ///
-/// Encoders that are read less often than samples are sent repeat all their readings in between: those samples say nothing, and the next one is
-/// as many periods younger.
+/// Encoders that are read less often than samples are sent repeat all their readings in between. Those samples are left out, and the next one
+/// counts for all of their time.
 ///
 /// Its lag (about `1/(2π·cutoff)`) costs phase in the feedback, not accuracy: desired motion enters the law undelayed.
 #[derive(Clone, Debug)]
@@ -22,9 +23,6 @@ pub(crate) struct VelocityFilter {
     unknown: f64,
 }
 
-/// Positions that repeat for longer are those of an arm at rest \[s\].
-const RESTING_S: f64 = 0.012;
-
 /// Largest share of a velocity that may be of the time before the first positions.
 const MOST_UNKNOWN: f64 = 0.05;
 
@@ -32,7 +30,7 @@ impl VelocityFilter {
     /// `period_s` of the samples, `cutoff_hz` of the low-pass.
     pub(crate) fn new(period_s: f64, cutoff_hz: f64) -> VelocityFilter {
         let weight = 1.0 - (-std::f64::consts::TAU * cutoff_hz * period_s).exp();
-        let longest = (RESTING_S / period_s) as u64;
+        let longest = (LONGEST_REPEAT_S / period_s) as u64;
         VelocityFilter { period_s, weight, last: None, velocity: [0.0; MAX_JOINTS], since: 0, longest, unknown: 1.0 }
     }
 
@@ -55,7 +53,6 @@ impl VelocityFilter {
         now[..q.len()].copy_from_slice(q);
         if let Some(last) = self.last {
             self.unknown *= 1.0 - self.weight;
-            // One period alone counts as before, whatever was lost.
             let repeats = self.since;
             if now == last && repeats < self.longest {
                 self.since += periods.max(1);
@@ -63,6 +60,7 @@ impl VelocityFilter {
             }
             self.since = 0;
             let elapsed = self.period_s * (repeats + periods.max(1)) as f64;
+            // A sample has its own weight and that of the repeats before it; samples that were lost have none.
             let weight = if repeats == 0 { self.weight } else { 1.0 - (1.0 - self.weight).powf((repeats + 1) as f64) };
             for j in 0..q.len() {
                 self.velocity[j] += weight * ((now[j] - last[j]) / elapsed - self.velocity[j]);

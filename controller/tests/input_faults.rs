@@ -106,7 +106,7 @@ fn a_sound_arm_that_is_not_that_of_its_file_is_not_stopped() {
         let most = if arm == "dd2" { 1.0 } else { 5.0 };
         for period_s in PERIODS {
             for share in [0.02, 0.1, 0.4] {
-                for factor in [0.5, 1.0, 1.6] {
+                for factor in [0.5, 1.0, 2.5] {
                     for mass in [0.0, most] {
                         let rig = Rig::new(arm, period_s, "", share);
                         let mut rig = rig.differing(|physics| {
@@ -124,7 +124,7 @@ fn a_sound_arm_that_is_not_that_of_its_file_is_not_stopped() {
 }
 
 /// Coarse encoders, steps \[rad\], and ones that are read less often than samples are sent \[s\].
-const ENCODERS: [(f64, f64); 5] = [(3e-4, 0.0), (8e-4, 0.0), (0.0, 0.002), (0.0, 0.004), (0.0, 0.008)];
+const ENCODERS: [(f64, f64); 6] = [(3e-4, 0.0), (8e-4, 0.0), (1.5e-3, 0.0), (0.0, 0.002), (0.0, 0.004), (0.0, 0.008)];
 
 #[test]
 fn coarse_encoders_and_ones_that_are_read_seldom_are_sound() {
@@ -132,6 +132,10 @@ fn coarse_encoders_and_ones_that_are_read_seldom_are_sound() {
         for period_s in PERIODS {
             for share in [0.02, 0.1, 0.4] {
                 for (step, read_s) in ENCODERS {
+                    // At 1 kHz steps of 1.5 mrad make this arm's torque chatter at its rate limit (docs/realtime.md).
+                    if step > 1e-3 && arm == "ur10e" && period_s < 0.004 && share > 0.02 {
+                        continue;
+                    }
                     println!("{arm} {period_s} s, {share} of the speed, steps of {step} rad, read every {read_s} s");
                     let mut robot = Rig::new(arm, period_s, "", share).robot;
                     if step > 0.0 {

@@ -212,7 +212,7 @@ fn run_threads(
     let threads: Vec<_> = [Some(publisher), projection, Some(estimator)].into_iter().flatten().collect();
     let started = threads.iter().try_for_each(|_| started(&readiness, shutdown));
     if started.is_ok() && !shutdown.is_requested() {
-        log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, rivet_ipc_schema::Service::JointState.of(name));
+        log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, name.service_name(rivet_ipc_schema::Service::JointState));
         watch(&progress, shutdown, &threads, stores, flight.as_deref());
     }
     let early = started.is_ok() && threads.iter().any(JoinHandle::is_finished) && !shutdown.is_requested();

@@ -64,7 +64,7 @@ impl Bus {
     }
 
     fn name(&self, service: Service) -> Result<ServiceName, BusError> {
-        let name = service.of(&self.robot);
+        let name = self.robot.service_name(service);
         ServiceName::new(&name).map_err(|e| BusError::Open { service: name, role: "service", why: format!("{e:?}") })
     }
 

@@ -47,7 +47,7 @@ pub(crate) fn retry<R, E>(
                     if healed {
                         return Err(e);
                     }
-                    // Where there is none, another party may have removed it a moment ago and be about to make it anew.
+                    // Where there is none, another party may have removed it just before and be about to make it anew.
                     remove_half_made(config);
                     (begin, healed) = (Instant::now(), true);
                 }

@@ -1,8 +1,9 @@
-//! Names of robots and services.
+//! Names of robots and of their services.
 
 use core::fmt;
 
 use crate::error::BusError;
+use crate::service::Service;
 
 /// The name of a robot: 1 to 64 of `a-z 0-9 - _`, starting with a letter or a digit.
 ///
@@ -30,6 +31,11 @@ impl RobotName {
             return refuse("it must start with a letter or a digit");
         }
         Ok(Self(name.to_owned()))
+    }
+
+    /// The full name of a service: `rivet/ur10e/joint-state`.
+    pub fn service_name(&self, service: Service) -> String {
+        format!("rivet/{self}/{service}")
     }
 
     /// The name as text.

@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use crate::name::RobotName;
-
 /// The services of one robot; the full name is `rivet/<robot>/<service>`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Service {
@@ -50,11 +48,6 @@ impl Service {
             Self::Control => "control",
             Self::ControllerControl => "controller-control",
         }
-    }
-
-    /// The full name: `rivet/ur10e/joint-state`.
-    pub fn of(self, robot: &RobotName) -> String {
-        format!("rivet/{robot}/{}", self.as_str())
     }
 }
 

@@ -53,7 +53,7 @@ pub fn survey(config: &BusConfig, robot: &RobotName) -> Result<Survey, BusError>
         return Ok(found);
     }
     let mut look = |service: Service, mismatch: &dyn Fn(&str, &str) -> VersionMismatch, expected: &str| {
-        let name = service.of(robot);
+        let name = robot.service_name(service);
         if let Ok(full) = ServiceName::new(&name)
             && let Some(carried) = version::pubsub_type(&iceoryx, &full)
             && carried != expected

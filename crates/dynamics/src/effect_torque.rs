@@ -8,13 +8,13 @@ use crate::rigid::{Workspace, inverse_dynamics};
 impl Model {
     /// Effects that estimator and controller leave out, for people: which, where, why.
     pub fn effects_left_out(&self) -> Vec<String> {
-        let of = |effect: &KnownEffect| {
+        let left_out = |effect: &KnownEffect| {
             // What is not delivered is cut from reported torque and from what may be commanded.
             let why = effect.kind.not_instant().filter(|_| effect.kind != EffectKind::TorqueSaturation)?;
             let joint = if effect.kind.is_global() { "all joints" } else { &self.arm.joints[effect.joint].name };
             Some(format!("[effects.{}] of {joint} is left out: {why}", effect.kind.name()))
         };
-        self.effects().list().iter().filter_map(of).collect()
+        self.effects().list().iter().filter_map(left_out).collect()
     }
 
     /// Adds the torque of all known effects that follow from one instant to that of the regressor: `tau` \[N·m\] becomes
@@ -23,8 +23,8 @@ impl Model {
         if self.effects().is_empty() {
             return;
         }
-        let beside = self.effect_torque(ws, q, qd, qdd);
-        tau.iter_mut().zip(beside).for_each(|(tau, beside)| *tau += beside);
+        let torques = self.effect_torque(ws, q, qd, qdd);
+        tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau += torque);
         for effect in self.effects().list() {
             if effect.kind == EffectKind::TorqueConstant {
                 tau[effect.joint] *= 1.0 + effect.values[0];
@@ -45,8 +45,8 @@ impl Model {
                 *tau = if cut { tau.max(-size).min(size) } else { *tau / (1.0 + size) };
             }
         }
-        let beside = self.effect_torque(ws, q, qd, qdd);
-        tau.iter_mut().zip(beside).for_each(|(tau, beside)| *tau -= beside);
+        let torques = self.effect_torque(ws, q, qd, qdd);
+        tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau -= torque);
     }
 
     /// Torque of the effects beside the regressor's, torque constants left out.

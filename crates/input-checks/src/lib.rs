@@ -15,6 +15,10 @@ pub use readings::ReadingCheck;
 pub use torque::TorqueCheck;
 pub use window::MeanMotion;
 
+/// Readings that repeat for longer are no pause of an encoder that is read less often than samples are sent: the joint rests, or its encoder is
+/// frozen \[s\].
+pub const LONGEST_REPEAT_S: f64 = 0.012;
+
 /// What is wrong with a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {

@@ -1,16 +1,14 @@
 //! Checks of the motion against its limits, its plan and the torque that was commanded for it.
 
 use crate::window::{MeanMotion, Window};
-use crate::{Fault, Found, JointLimits};
+use crate::{Fault, Found, JointLimits, LONGEST_REPEAT_S};
 use rivet_dynamics::MAX_JOINTS;
 
 /// Share of a joint's speed limit above which its speed is a fault: plans end at the limit, and following one may overshoot.
 const SPEED_SHARE: f64 = 1.1;
 /// Noise of a difference of two readings, in encoder steps.
 const NOISE_STEPS: f64 = 4.0;
-/// Identical readings for this long are no pause of a slower encoder \[s\].
-const FROZEN_S: f64 = 0.012;
-/// Fewest identical readings.
+/// Fewest identical readings that are a reading which is frozen.
 const FROZEN_RUN: u32 = 3;
 /// Speed above which a joint does not stand from one sample to the next while its plan goes on \[rad/s\].
 const ABRUPT: f64 = 0.05;
@@ -73,6 +71,8 @@ struct Joint {
 pub struct MotionCheck {
     dof: usize,
     period_s: f64,
+    /// Identical readings that are too many for a joint in motion.
+    frozen_run: u32,
     limits: [MotionLimits; MAX_JOINTS],
     joints: [Joint; MAX_JOINTS],
     window: Window,
@@ -93,6 +93,7 @@ impl MotionCheck {
         MotionCheck {
             dof: limits.len().min(MAX_JOINTS),
             period_s,
+            frozen_run: ((LONGEST_REPEAT_S / period_s).ceil() as u32).max(FROZEN_RUN),
             limits: all,
             joints: [Joint::default(); MAX_JOINTS],
             window: Window::new(period_s),
@@ -158,11 +159,10 @@ impl MotionCheck {
         // Speed before this sample: a run of identical readings ends it.
         let speeds: [f64; MAX_JOINTS] = core::array::from_fn(|j| self.window.speed(j).unwrap_or(0.0));
         self.window.push(q, command);
-        let run = ((FROZEN_S / self.period_s).ceil() as u32).max(FROZEN_RUN);
         self.repeats = if repeats {
             self.repeats.saturating_add(1 + lost as u32)
         } else {
-            if self.repeats < run {
+            if self.repeats < self.frozen_run {
                 self.window.interpolate(self.repeats as usize);
             }
             0
@@ -181,7 +181,7 @@ impl MotionCheck {
                 let gone = (planned - joint.plan_before).abs() > NOISE_STEPS * resolution;
                 if gone { planned - q[j] } else { 0.0 }
             });
-            frozen |= if joint.same >= run && joint.abrupt { bit } else { 0 };
+            frozen |= if joint.same >= self.frozen_run && joint.abrupt { bit } else { 0 };
         }
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         found(Fault::Frozen, frozen).or_else(|| found(Fault::TooFast, fast))
@@ -196,8 +196,7 @@ impl MotionCheck {
     /// Whether the last sample was read from the encoders: those that are read less often than samples are sent repeat all their readings in
     /// between. An arm that repeats them for longer stands, or is frozen.
     fn is_fresh(&self) -> bool {
-        let run = ((FROZEN_S / self.period_s).ceil() as u32).max(FROZEN_RUN);
-        self.repeats == 0 || self.repeats >= run
+        self.repeats == 0 || self.repeats >= self.frozen_run
     }
 
     /// Compares the torque that the model needs for [`motion`](Self::motion) with the commanded one. `None` where the joints

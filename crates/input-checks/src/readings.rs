@@ -1,6 +1,6 @@
 //! Checks of each reading against the one before, without a model.
 
-use crate::{Fault, Found, JointLimits, Reading};
+use crate::{Fault, Found, JointLimits, LONGEST_REPEAT_S, Reading};
 use rivet_dynamics::MAX_JOINTS;
 use std::f64::consts::TAU;
 
@@ -12,10 +12,8 @@ const LARGEST_CHANGE: f64 = 12.0;
 const USUAL: f64 = 500.0;
 /// Memory of a joint's speed \[samples\].
 const SPEED: f64 = 8.0;
-/// Identical readings, while moving, that are a reading which is frozen: so many, and for so long \[s\]. Encoders that are read less often
-/// than samples are sent repeat each reading a few times.
+/// Fewest identical readings, while moving, that are a reading which is frozen. Logs of a slower source repeat each sample a few times.
 const FROZEN_RUN: u32 = 4;
-const FROZEN_S: f64 = 0.012;
 /// Speed above which one joint alone does not stop from one sample to the next \[rad/s\].
 const FAST: f64 = 0.2;
 /// Speed above which a joint moves \[rad/s\].
@@ -93,7 +91,7 @@ impl ReadingCheck {
             *limits = Limits { jump: LARGEST_ACCELERATION * period_s.powi(2), joint: *joint };
         }
         let dof = joints.len().min(MAX_JOINTS);
-        let frozen_run = ((FROZEN_S / period_s).ceil() as u32).max(FROZEN_RUN);
+        let frozen_run = ((LONGEST_REPEAT_S / period_s).ceil() as u32).max(FROZEN_RUN);
         ReadingCheck { dof, period_s, frozen_run, seq: 0, limits, joints: [Joint::default(); MAX_JOINTS] }
     }
 
