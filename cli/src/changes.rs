@@ -8,6 +8,7 @@ use rivet_files::write_whole;
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
+use crate::exit::Mismatch;
 use crate::outputs::Outputs;
 use crate::table::{Table, paragraph, show};
 
@@ -23,15 +24,6 @@ pub(crate) struct Args {
     /// Write the changes as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-}
-
-/// Two diagnoses that were made by different rules; a list of them.
-#[derive(Debug, thiserror::Error)]
-#[error("{} and {} do not compare: {}", .a.display(), .b.display(), .rules.join("; "))]
-pub(crate) struct Mismatch {
-    a: PathBuf,
-    b: PathBuf,
-    rules: Vec<String>,
 }
 
 /// Exit codes: 0 the same verdict and causes, 1 something changed.

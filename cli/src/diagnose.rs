@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_diagnosis::{MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
+use rivet_config::Robot;
+use rivet_diagnosis::{Diagnosis, LogFault, MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
 use rivet_report::{Cause, Document, JointGap, LogFinding, Power, SelfCheck, formats, page};
 
@@ -13,12 +14,13 @@ use crate::bodies::{BODIES_UNKNOWN, with_bodies};
 use crate::control::bus_of;
 use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
-use crate::glitches::refuse_most;
+use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
 use crate::live;
 use crate::outputs::Outputs;
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::progress::Progress;
+use crate::reading;
 use crate::rollout::{rollout, undriven};
 use crate::runs;
 use crate::self_check::self_check;
@@ -26,6 +28,8 @@ use crate::table::{Table, WIDTH, paragraph, show};
 
 /// Share of the work that is left after each thing said.
 const STEP_LEAVES: f64 = 0.9;
+/// Effects that are values of the file.
+const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"];
 /// Names of two joints are both told where they are no longer together.
 const JOINTS_WIDTH: usize = 24;
 
@@ -85,16 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         live::record(&robot, &bus_of(&robot.config.bus, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
         logs.push(path);
     }
-    let (mut sources, mut stood) = (Vec::new(), Vec::new());
-    for path in &logs {
-        let log = runs::read_log(&robot, path)?;
-        // A torque that stands while its joint moves says nothing of the arm.
-        let Stood { found, rows } = Stood::of(&robot, &log);
-        refuse_most(&log, &rows, &found)?;
-        stood.extend(found);
-        let pieces = runs::pieces_without(&rows, &log, log.median_step_s())?;
-        sources.push(Source { path, log, pieces });
-    }
+    let Sources { logs: sources, mut stood, spoilt } = Sources::read(&robot, &logs)?;
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
     let (robot, nothing_to_compare) = with_bodies(robot, &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
     stood.extend(nothing_to_compare);
@@ -121,6 +116,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let passport = passport(&robot, &args.robot, &sources, &found.used)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
     document.log.splice(0..0, stood.into_iter().map(log_finding));
+    let spoilt = spoilt.filter(|reading| is_void(reading, &found, &document));
+    if let Some(reading) = &spoilt {
+        document.is_misread(&reading.text);
+    }
+    let patch = patch.filter(|_| spoilt.is_none());
     if let Some(patch) = &patch {
         document.export = formats(patch);
         document.tells_motions(patch, &runs::joint_names(&robot));
@@ -165,11 +165,59 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     exported?;
     checked?;
     Ok(ExitCode::from(match found.verdict {
+        _ if spoilt.is_some() => 3,
         Verdict::NoGap => 0,
         Verdict::Parameter | Verdict::Effect | Verdict::Several => 1,
         Verdict::Unexplained => 2,
         Verdict::NotEvaluated => 3,
     }))
+}
+
+/// The logs of a diagnosis, and what was found while they were read.
+struct Sources<'a> {
+    logs: Vec<Source<'a>>,
+    stood: Vec<Distrust>,
+    /// The first reading other than the log as it is, with which causes may mean nothing.
+    spoilt: Option<reading::Found>,
+}
+
+impl Sources<'_> {
+    fn read<'a>(robot: &Robot, logs: &'a [PathBuf]) -> Result<Sources<'a>> {
+        let mut all = Sources { logs: Vec::new(), stood: Vec::new(), spoilt: None };
+        for path in logs {
+            let (log, mended) = bridged(robot, runs::read_log(robot, path)?)?;
+            all.stood.extend(mended);
+            let reading = reading::of(robot, &log);
+            all.stood.extend(reading.iter().map(reading::Found::distrust));
+            all.spoilt = all.spoilt.or(reading.filter(|found| found.spoils || found.drifts));
+            // A torque that stands while its joint moves says nothing of the arm.
+            let Stood { found, rows } = Stood::of(robot, &log);
+            refuse_most(&log, &rows, &found)?;
+            all.stood.extend(found);
+            let pieces = runs::pieces_without(&rows, &log, log.median_step_s())?;
+            all.logs.push(Source { path, log, pieces });
+        }
+        Ok(all)
+    }
+}
+
+/// Whether a reading makes the diagnosis void.
+fn is_void(reading: &reading::Found, found: &Diagnosis, document: &Document) -> bool {
+    if reading.drifts {
+        // Friction that drifts looks like laws of friction and limits of torque, unless it follows a temperature.
+        let laws = document.causes.iter().any(|c| !VALUES.contains(&c.effect.as_str()));
+        return laws && !document.causes.iter().any(|c| c.effect == "temperature_dependent_friction");
+    }
+    // The diagnosis found the same as an effect of the arm, with its size.
+    if reading.is_expressed(document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice()))) {
+        return false;
+    }
+    if reading.is_late() {
+        // Laws of friction and elasticity fit what is left of a delay that the diagnosis does not take out.
+        return !found.log.iter().any(|f| matches!(f.fault, LogFault::Late(_)) && f.run.starts_with(&reading.log));
+    }
+    // Where a joint alone is not trusted the diagnosis of the others stands.
+    !found.log.iter().any(|f| f.fault.spoils())
 }
 
 fn log_finding(of: Distrust) -> LogFinding {
@@ -215,6 +263,12 @@ fn as_text(found: &Document) -> String {
     }
     for stood in found.log.iter().filter(|finding| finding.fault == TORQUE_STOOD_NAME) {
         out += &paragraph("  torque       ", &format!("of {} in {}: {}", stood.joint, stood.run, stood.text));
+    }
+    for mended in found.log.iter().filter(|finding| [JUMP_NAME, WRAPPED_NAME].contains(&finding.fault.as_str())) {
+        out += &paragraph("  position     ", &format!("of {} in {}: {}", mended.joint, mended.run, mended.text));
+    }
+    for reading in found.log.iter().filter(|finding| finding.fault == reading::READING_NAME) {
+        out += &paragraph("  reading      ", &format!("of {}: {}", reading.run, reading.text));
     }
     if let Some(rollout) = &found.rollout {
         out += &paragraph("  simulator    ", &rollout.text());
@@ -325,6 +379,7 @@ mod tests {
             temperature: None,
             desired: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         };
         let logs = || vec![(vec![run()], vec![4.0]), (vec![run()], vec![8.0]), (vec![run()], vec![0.0])];
         let apart = on_their_clocks(logs(), true);

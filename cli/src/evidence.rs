@@ -275,6 +275,15 @@ pub(crate) struct Distrust {
     pub(crate) text: String,
 }
 
+impl Distrust {
+    /// A warning on standard error, for commands without a list of them.
+    pub(crate) fn warn(&self) {
+        let place: Vec<&str> = [&self.log, &self.joint].into_iter().flatten().map(String::as_str).collect();
+        let text = paragraph("warning: ", &format!("{}: {}", place.join(", "), self.text));
+        rivet_files::note(format_args!("{}", text.trim_end()));
+    }
+}
+
 /// What a log that is there twice was given for.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {

@@ -1,6 +1,7 @@
 //! What a failed command tells the shell (the numbers of sysexits.h).
 
 use std::error::Error;
+use std::path::PathBuf;
 
 use rivet_config::ConfigErrors;
 use rivet_diagnosis::DiagnosisError;
@@ -9,7 +10,14 @@ use rivet_logs::{LogError, LogFault};
 // Below it a code is an answer (`rivet diagnose`: 0 to 3), never a failure.
 use rivet_service::USAGE;
 
-use crate::changes::Mismatch;
+/// Two diagnoses that were made by different rules; a list of them.
+#[derive(Debug, thiserror::Error)]
+#[error("{} and {} do not compare: {}", .a.display(), .b.display(), .rules.join("; "))]
+pub(crate) struct Mismatch {
+    pub(crate) a: PathBuf,
+    pub(crate) b: PathBuf,
+    pub(crate) rules: Vec<String>,
+}
 
 /// Bad input data.
 const DATA: u8 = 65;

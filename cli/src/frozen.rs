@@ -4,8 +4,8 @@ use rivet_config::Robot;
 use rivet_logs::{Frozen, Log};
 
 use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
-use crate::glitches::Sound;
 use crate::runs;
+use crate::sound::Sound;
 use crate::table::number;
 
 /// So many spans are told one by one.

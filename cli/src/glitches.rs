@@ -14,6 +14,7 @@ use crate::evidence::Distrust;
 use crate::exit::Fault;
 use crate::frozen;
 use crate::runs;
+use crate::sound::{Sound, reason};
 use crate::stairs;
 use crate::table::number;
 
@@ -21,25 +22,8 @@ use crate::table::number;
 const MOST_STOOD: f64 = 0.5;
 /// Positions that jump.
 pub(crate) const JUMP_NAME: &str = "position_jump";
-
-/// A log without what no arm gives.
-pub(crate) struct Sound<'a> {
-    /// The log, angles unwrapped.
-    pub(crate) log: Cow<'a, Log>,
-    /// Rows that are not to be used, ascending.
-    pub(crate) left_out: Vec<usize>,
-    /// Share of the rows in motion at which positions repeated, per joint, where they were drawn anew for it.
-    pub(crate) repeated: Option<Vec<f64>>,
-    /// What was found.
-    pub(crate) found: Vec<Distrust>,
-}
-
-impl Sound<'_> {
-    /// What was found, as the reason why nothing is left.
-    pub(crate) fn reason(&self) -> Option<String> {
-        (!self.left_out.is_empty()).then(|| reason(&self.found))
-    }
-}
+/// Angles that wrap.
+pub(crate) const WRAPPED_NAME: &str = "position_wrapped";
 
 /// # Errors
 /// Where more than half of the rows would be left out, for what was `found`.
@@ -55,19 +39,104 @@ pub(crate) fn refuse_most(log: &Log, left_out: &[usize], found: &[Distrust]) -> 
     .into())
 }
 
-fn reason(found: &[Distrust]) -> String {
-    let of = |d: &Distrust| format!("{}: {}", d.joint.as_deref().unwrap_or_default(), d.text);
-    found.iter().map(of).collect::<Vec<_>>().join("; ")
+/// A glitch is bridged where it takes no more rows than this: over more a joint may have turned.
+const MOST_BRIDGED: usize = 5;
+
+/// A log whose angles are unwrapped and whose glitches are bridged by a curve, so that every row stays; for commands that use
+/// whole runs. Torque is as logged.
+///
+/// # Errors
+/// Where more than a tenth of the rows would be bridged.
+pub(crate) fn bridged(robot: &Robot, mut log: Log) -> Result<(Log, Vec<Distrust>)> {
+    let (mut found, mut all) = (Vec::new(), Vec::new());
+    for (j, joint) in robot.model.arm.joints.iter().enumerate() {
+        let (Jumps { wraps, rows, farthest }, whole) = unwrap(&log.t, &log.q[j], reach(robot, j));
+        let short = rows.chunk_by(|a, b| b - a == 1).all(|run| run.len() <= MOST_BRIDGED);
+        if wraps.is_empty() && (rows.is_empty() || !short) {
+            continue;
+        }
+        let mut q = whole.into_owned();
+        let mut said = Vec::new();
+        if let Some(first) = wraps.first() {
+            let at = number(log.t[*first], 5);
+            said.push((
+                WRAPPED_NAME,
+                format!("position wraps by a whole turn {} (first at {at} s) and is unwrapped", times(wraps.len())),
+            ));
+        }
+        if let (Some(first), true) = (rows.first(), short) {
+            bridge_positions(&log.t, &mut q, &rows);
+            let at = number(log.t[*first], 5);
+            let rows = share(rows.len(), log.len());
+            said.push((
+                JUMP_NAME,
+                format!("position jumps by up to {} rad: {rows} (first at {at} s) bridged", number(farthest.abs(), 3)),
+            ));
+        }
+        let (log_name, name) = (Some(runs::short_name(&log.path)), Some(joint.name.clone()));
+        found.extend(said.into_iter().map(|(fault, text)| Distrust {
+            log: log_name.clone(),
+            joint: name.clone(),
+            name: fault,
+            text,
+        }));
+        log.q[j] = q;
+        all.extend(rows);
+    }
+    all.sort_unstable();
+    all.dedup();
+    if all.len() as f64 > MOST_LEFT_OUT * log.len() as f64 {
+        let (file, rows) = (log.path.display(), share(all.len(), log.len()));
+        return Err(Fault::Data(format!(
+            "{file}: {rows} cannot be true, more than a tenth: {}; mend the log or give the part that is sound",
+            reason(&found)
+        ))
+        .into());
+    }
+    Ok((log, found))
+}
+
+/// Rows (ascending) at which a position of some joint cannot be true.
+pub(crate) fn jumps(robot: &Robot, log: &Log) -> Vec<usize> {
+    let of = |j: usize| unwrap(&log.t, &log.q[j], reach(robot, j)).0.rows;
+    let mut rows: Vec<usize> = (0..log.q.len()).flat_map(of).collect();
+    rows.sort_unstable();
+    rows.dedup();
+    rows
+}
+
+/// Positions over rows (ascending) by the cubic through the two rows before and the two behind.
+fn bridge_positions(t: &[f64], q: &mut [f64], rows: &[usize]) {
+    for run in rows.chunk_by(|a, b| b - a == 1) {
+        let (first, last) = (run[0], run[run.len() - 1]);
+        let is_sound = |k: &usize| rows.binary_search(k).is_err();
+        let before: Vec<usize> = (0..first).rev().filter(is_sound).take(2).collect();
+        let behind: Vec<usize> = (last + 1..q.len()).filter(is_sound).take(2).collect();
+        let nodes: Vec<usize> = before.into_iter().chain(behind).collect();
+        let values: Vec<f64> = nodes.iter().map(|k| q[*k]).collect();
+        for k in run {
+            // Lagrange's form; at an end of the log fewer rows make a polynomial of less degree.
+            let weight = |a: usize| {
+                let others = (0..nodes.len()).filter(|b| *b != a);
+                others.map(|b| (t[*k] - t[nodes[b]]) / (t[nodes[a]] - t[nodes[b]])).product::<f64>()
+            };
+            q[*k] = (0..nodes.len()).map(|a| weight(a) * values[a]).sum();
+        }
+    }
+}
+
+fn reach(robot: &Robot, j: usize) -> Reach {
+    let joint = &robot.model.arm.joints[j];
+    Reach {
+        speed: joint.velocity,
+        resolution: robot.config.drive.encoder_resolution[j],
+        revolute: joint.kind == JointKind::Revolute,
+    }
 }
 
 /// Looks through the positions and torques of a log, row by row as logged.
 pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
     let joints = &robot.model.arm.joints;
-    let reach = |j: usize| Reach {
-        speed: joints[j].velocity,
-        resolution: robot.config.drive.encoder_resolution[j],
-        revolute: joints[j].kind == JointKind::Revolute,
-    };
     let mut sound = Sound { log: Cow::Borrowed(log), left_out: Vec::new(), repeated: None, found: Vec::new() };
     let mut say = |j: usize, name: &'static str, text: String| {
         let (log, joint) = (Some(runs::short_name(&log.path)), Some(joints[j].name.clone()));
@@ -82,7 +151,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
                 times(wraps.len()),
                 number(log.t[*first], 5)
             );
-            say(j, "position_wrapped", text);
+            say(j, WRAPPED_NAME, text);
         }
         if let Some(first) = rows.first() {
             let text = format!(
@@ -98,7 +167,7 @@ pub(crate) fn screen<'a>(robot: &Robot, log: &'a Log) -> Result<Sound<'a>> {
         (!wraps.is_empty()).then(|| whole.into_owned())
     };
     let looked_through: Vec<Looked<'_>> =
-        (0..joints.len()).into_par_iter().map(|j| Looked::through(log, j, reach(j), joints[j].effort)).collect();
+        (0..joints.len()).into_par_iter().map(|j| Looked::through(log, j, reach(robot, j), joints[j].effort)).collect();
     let mut torques = Vec::new();
     for (j, Looked { measured, second, desired, torque }) in looked_through.into_iter().enumerate() {
         torques.push(torque);

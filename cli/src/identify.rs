@@ -35,6 +35,7 @@ use crate::kinematics;
 use crate::outputs::Outputs;
 use crate::predict;
 use crate::progress::Progress;
+use crate::reading;
 use crate::refine::refine;
 use crate::rounding;
 use crate::runs::{self, Piece};
@@ -224,6 +225,7 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
         all.runs.extend(taken.runs);
         all.rows.extend(taken.rows);
         all.distrusts.extend(taken.distrusts);
+        all.distrusts.extend(reading::distrust(robot, &log));
         all.torque_steps.extend(torque_steps(&log));
     }
     progress.done();
@@ -354,6 +356,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(misread.or_else(|| kinematics::another_arm(robot, &residuals[0]).filter(|_| believed)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
     distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
+    reading::first(&mut distrusts);
     Ok(Findings {
         runs,
         rows,

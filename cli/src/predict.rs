@@ -11,10 +11,13 @@ use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
 use rivet_logs::{Log, interpolate, read_columns, write_columns};
 
 use crate::coarse::coarse;
+use crate::evidence::Distrust;
 use crate::exit::Fault;
-use crate::glitches::Sound;
+use crate::glitches::bridged;
 use crate::outputs::Outputs;
+use crate::reading;
 use crate::runs::{self, Piece};
+use crate::sound::Sound;
 use crate::table::{Table, paragraph, show};
 
 /// The prediction is smoothed at this many times the cut-off of the model filter: second differences of quantised
@@ -112,7 +115,9 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.model)?;
     Outputs::beside(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
-    let log = runs::read_log(&robot, &args.log)?;
+    let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
+    mended.iter().for_each(Distrust::warn);
+    reading::warn(&robot, &log);
     let pieces = smoothed(&robot, &log, whole_pieces(&log)?);
     let n = robot.dof();
     let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
@@ -142,10 +147,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 /// Time of the rows as in the file, with those that were taken together, and `tau` on them.
 fn every_row(file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Result<Vec<f64>> {
     let own = log.logged_t();
-    if log.crowded == 0 {
+    // Rows were taken together, or left out as a second publisher's.
+    let t = read_columns(file, &["t"])?.pop().unwrap_or_default();
+    if t.len() == own.len() {
         return Ok(own.to_vec());
     }
-    let t = read_columns(file, &["t"])?.pop().unwrap_or_default();
     for tau in tau {
         *tau = interpolate(own, tau, &t);
     }

@@ -11,6 +11,7 @@ use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Traje
 use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, Signals, read};
 
 use crate::exit::Fault;
+use crate::publishers;
 
 /// A step of time this long is a hole: nothing is made up across it.
 const HOLE_S: f64 = 0.1;
@@ -36,6 +37,7 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         // What asks for these columns stands in another file.
         if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
     })?;
+    let log = publishers::without_second_publisher(log, short_name(path));
     let log = log.by_its_positions().without_crowds();
     let (step, period) = (log.median_step_s(), config.sample_period_s);
     let file = path.display();
@@ -165,6 +167,11 @@ fn squares(a: &[f64], b: &[f64]) -> [f64; 3] {
     })
 }
 
+/// Between rows that are more than so many usual steps apart rows are missing.
+const LACKS_STEPS: f64 = 1.5;
+/// A sample this near to a row has its noise \[usual steps\].
+const NEAR_STEPS: f64 = 0.25;
+
 /// A stretch of a log without holes, on a uniform grid.
 pub(crate) struct Piece {
     /// Time of the rows as logged \[s\].
@@ -173,6 +180,20 @@ pub(crate) struct Piece {
     pub(crate) grid: Log,
     /// What resampling did.
     pub(crate) report: ResampleReport,
+}
+
+impl Piece {
+    /// Samples of the grid (ascending) that no row is near where rows are missing.
+    fn interpolated(&self) -> Vec<usize> {
+        let usual = self.report.median_step_s;
+        let is_far = |t: f64| {
+            let next = self.logged_t.partition_point(|logged| *logged < t);
+            let [before, behind] = [next.checked_sub(1), Some(next)].map(|k| self.logged_t.get(k?).copied());
+            let (Some(before), Some(behind)) = (before, behind) else { return false };
+            behind - before > LACKS_STEPS * usual && (t - before).min(behind - t) > NEAR_STEPS * usual
+        };
+        (0..self.grid.len()).filter(|k| is_far(self.grid.t[*k])).collect()
+    }
 }
 
 /// The step of time that is a hole in a log of usual step `usual_s` \[s\].
@@ -279,6 +300,7 @@ pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
             temperature: piece.grid.temperature.clone(),
             desired: desired(&piece.grid, piece.report.period_s),
             past: Past::default(),
+            interpolated: piece.interpolated(),
         })
     };
     let mut runs: Vec<Run> = pieces.iter().map(run).collect::<Result<_>>()?;
@@ -307,6 +329,7 @@ fn motion_of(piece: &Piece) -> Run {
         temperature: piece.grid.temperature.clone(),
         desired: None,
         past: Past::default(),
+        interpolated: Vec::new(),
     }
 }
 

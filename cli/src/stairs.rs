@@ -6,8 +6,8 @@ use rivet_config::Robot;
 use rivet_logs::{Holds, Stairs};
 
 use crate::evidence::{Distrust, HELD_NAME, PLAN_HELD_NAME, STOOD_NAME};
-use crate::glitches::Sound;
 use crate::runs;
+use crate::sound::Sound;
 use crate::table::number;
 
 /// Draws held positions and a held desired motion of a log anew. Stairs shorter than a sample of the robot file fall to the low-pass before rows are dropped.

@@ -4,6 +4,7 @@ use crate::channels::doubted;
 use crate::coarse::{TorqueSteps, torque_steps};
 use crate::evidence::{self, Distrust};
 use crate::exit::Fault;
+use crate::reading;
 use crate::runs::{hole_s, not_derived, read_log, short_name};
 use crate::table::number;
 use anyhow::{Context, Result};
@@ -55,6 +56,7 @@ impl Recording {
         let joints = robot.model.arm.dof();
         let log = read_log(robot, path)?;
         let mut distrusts = doubted(robot, &log)?;
+        distrusts.extend(reading::distrust(robot, &log));
         let period_s = config.sample_period_s;
         let begin = log.t.first().copied().unwrap_or(0.0);
         let mut pieces: Vec<Stretch> = Vec::new();
@@ -71,6 +73,7 @@ impl Recording {
         }
         let underived = pieces.iter().flat_map(|piece| not_derived(&piece.log, period_s)).collect();
         distrusts.extend(evidence::underived(robot, &short_name(path), &underived));
+        reading::first(&mut distrusts);
         let report = first_report
             .ok_or_else(|| Fault::Data(format!("{}: no ten rows without a hole in time", path.display())))?;
         let (coarse, torque_steps) = (coarse(robot, &log, &report), torque_steps(&log));

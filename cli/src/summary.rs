@@ -6,6 +6,7 @@ use crate::doubts::{missing_more, unexplained};
 use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
 use crate::exit::Fault;
 use crate::kinematics::{another_arm, misread};
+use crate::reading::READING_NAME;
 use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
@@ -177,6 +178,8 @@ impl<'a> Summary<'a> {
         let place = |of: Parameter| (0..p.len()).find(|i| base.parameter(model, *i) == of);
         // In standard deviations; an open value is not one by one.
         let size = |of| place(of).filter(|i| self.state(*i) != "open").map(|i| p.values[i] / p.std[i]);
+        // A reading of the whole arm explains what its joints show.
+        let is_misread = self.distrusts.iter().any(|d| d.name == READING_NAME && d.joint.is_none());
         let joint = |(j, joint): (usize, &rivet_dynamics::Joint)| {
             let name = &joint.name;
             if self.distrusts.iter().any(|d| d.joint.as_ref() == Some(name)) {
@@ -188,7 +191,7 @@ impl<'a> Summary<'a> {
             }
             let friction = [size(Parameter::Coulomb(j))?, size(Parameter::Viscous(j))?];
             let gives = friction.iter().all(|s| *s < 0.0) && friction.iter().any(|s| *s < -SURELY);
-            gives.then(|| {
+            (gives && !is_misread).then(|| {
                 format!(
                     "friction of {name} as found gives energy: the sign of its torque is wrong, or values hold what the model lacks"
                 )
@@ -217,7 +220,8 @@ impl<'a> Summary<'a> {
         // Nothing is left of no torque.
         let left = |j: usize| self.left(j).map_or(0.0, |left| left.min(last(j)));
         let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
-        let unexplained = unexplained(&runs::joint_names(self.robot), &left);
+        let mut unexplained = unexplained(&runs::joint_names(self.robot), &left);
+        unexplained.retain(|_| !is_misread);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
         let nominal = nominal_percent(self.robot, self.health);

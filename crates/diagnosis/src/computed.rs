@@ -227,6 +227,7 @@ mod tests {
             desired: Some(desired.clone()),
             temperature: None,
             past: crate::past::Past::default(),
+            interpolated: Vec::new(),
         }
     }
 

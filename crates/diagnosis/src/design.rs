@@ -98,7 +98,8 @@ impl Prepared {
         let effects = nominal.model.effects().list();
         let known = if effects.is_empty() { Vec::new() } else { known::torque(nominal, effects, &run, &motion) };
         let known_rows = known.iter().map(|t| chain.apply(t)).collect();
-        let white: Vec<f64> = run.tau.iter().map(|t| signals::white_noise(t) * chain.white_gain()).collect();
+        let noise = |t: &Vec<f64>| signals::white_noise_without(t, &run.interpolated) * chain.white_gain();
+        let white: Vec<f64> = run.tau.iter().map(noise).collect();
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
         let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
@@ -278,6 +279,7 @@ fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
         desired: None,
         temperature: None,
         past: Past::default(),
+        interpolated: Vec::new(),
     };
     let motion = Motion::of(&pulse);
     let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();

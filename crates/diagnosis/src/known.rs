@@ -310,6 +310,7 @@ mod tests {
             temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
             desired: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         };
         let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
         let physics = Physics::new(&run, &motion, &nominal, &x);

@@ -462,6 +462,7 @@ mod tests {
             temperature: None,
             desired: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         };
         let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);

@@ -23,6 +23,8 @@ pub struct Run {
     pub temperature: Option<Vec<Vec<f64>>>,
     /// What the joints did before.
     pub past: Past,
+    /// Samples (ascending) that no row of the log is near: interpolated over rows that are missing.
+    pub interpolated: Vec<usize>,
 }
 
 impl Run {
@@ -49,10 +51,12 @@ impl Run {
         } else {
             Past::after(&self.part(0..range.start, String::new()), 0.0)
         };
-        Run { name, past, ..self.each(self.period_s, of) }
+        let within = self.interpolated.iter().filter(|k| range.contains(k));
+        let interpolated = within.map(|k| k - range.start).collect();
+        Run { name, past, interpolated, ..self.each(self.period_s, of) }
     }
 
-    /// With all signals changed alike.
+    /// With all signals changed alike; samples may be other ones.
     pub(crate) fn each(&self, period_s: f64, of: impl Fn(&Vec<Vec<f64>>) -> Vec<Vec<f64>>) -> Run {
         Run {
             name: self.name.clone(),
@@ -62,6 +66,7 @@ impl Run {
             desired: self.desired.as_ref().map(|d| Trajectory { q: of(&d.q), qd: of(&d.qd), qdd: of(&d.qdd) }),
             temperature: self.temperature.as_ref().map(&of),
             past: self.past.clone(),
+            interpolated: Vec::new(),
         }
     }
 

@@ -210,7 +210,12 @@ fn frozen(run: &Run) -> Vec<(usize, Range<usize>)> {
 
 /// Standard deviation of white noise on a smooth signal: sixth differences leave nothing but it.
 pub(crate) fn white_noise(x: &[f64]) -> f64 {
-    rivet_estimation::offline::white_noise(x, 6)
+    white_noise_without(x, &[])
+}
+
+/// The same by differences that meet none of the rows that were interpolated (ascending).
+pub(crate) fn white_noise_without(x: &[f64], interpolated: &[usize]) -> f64 {
+    rivet_estimation::offline::white_noise_without(x, 6, interpolated)
 }
 
 /// Standard deviation of what a position's steps or noise add to it \[rad\].
@@ -259,6 +264,7 @@ mod tests {
             desired: None,
             temperature: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         }
     }
 

@@ -68,7 +68,7 @@ pub(crate) fn is_mute(run: &Run, x: &[f64]) -> bool {
     let (motion, chain) = (Motion::of(run), Chain::new(run.period_s));
     let moving: Vec<usize> = (0..run.joints()).filter(|j| !is_still(&motion, *j)).collect();
     let silent = |j: &usize| {
-        let noise = signals::white_noise(&run.tau[*j]) * chain.white_gain();
+        let noise = signals::white_noise_without(&run.tau[*j], &run.interpolated) * chain.white_gain();
         of(&chain.apply(&run.tau[*j]), noise, &motion, &chain, x, *j).is_some()
     };
     !moving.is_empty() && moving.iter().all(silent)

@@ -15,6 +15,9 @@ const FAR_OFF: f64 = 8.0;
 /// So many joints at least, and two thirds of those that can be heard.
 const JOINTS: usize = 3;
 
+/// A rotor that comes out at less than this share of the file's is none that the torque moves.
+const NO_ROTOR: f64 = 0.15;
+
 /// A model that misses so many times a joint's torque is of a stronger arm.
 const SEVERAL: f64 = 2.0;
 
@@ -35,8 +38,16 @@ pub(crate) fn joints(
         let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));
         all.map(|(at, _)| off(at)).sum::<f64>().sqrt()
     };
+    let rotor = |j: usize| nominal.model.parameters.iter().position(|p| *p == Parameter::RotorInertia(j));
+    let is_none =
+        |j: &usize| rotor(*j).is_some_and(|at| nominal.x[at] > 0.0 && values[at].abs() < NO_ROTOR * nominal.x[at]);
+    // Torque behind the gears has no rotors, whosever the arm: then bodies alone say whose it is.
+    let behind_gears = heard.len() > 1 && heard.iter().all(is_none);
     let far = |j: &usize| {
         let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
+        if behind_gears {
+            return body > FAR_OFF;
+        }
         impossible.contains(j) || body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();

@@ -189,7 +189,16 @@ mod tests {
             let signal = |f: fn(f64) -> f64| vec![(0..rows).map(|k| f(0.05 * k as f64)).collect::<Vec<f64>>(); n];
             let (q, tau) = (signal(f64::sin), signal(|_| 0.0));
             let temperature = measured.then(|| signal(|_| 30.0));
-            Run { name: String::new(), period_s: 0.05, q, tau, desired: None, temperature, past: Past::default() }
+            Run {
+                name: String::new(),
+                period_s: 0.05,
+                q,
+                tau,
+                desired: None,
+                temperature,
+                past: Past::default(),
+                interpolated: Vec::new(),
+            }
         };
         let runs: Vec<Run> = runs.iter().map(run).collect();
         let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();

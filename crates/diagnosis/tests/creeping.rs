@@ -56,7 +56,16 @@ fn log(model: &Model, x: &[f64], creeps: bool, excess: f64, seed: u64) -> Run {
         }
     }
     let temperature = Some(vec![vec![30.0; q[0].len()]; n]);
-    Run { name: format!("log {seed}"), period_s: PERIOD_S, q, tau, temperature, desired: None, past: Past::default() }
+    Run {
+        name: format!("log {seed}"),
+        period_s: PERIOD_S,
+        q,
+        tau,
+        temperature,
+        desired: None,
+        past: Past::default(),
+        interpolated: Vec::new(),
+    }
 }
 
 fn told(excess: f64) -> rivet_diagnosis::Diagnosis {

@@ -79,7 +79,16 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
     }
     // With a thermometer no time constants are looked for, which only long logs have.
     let temperature = Some(vec![vec![30.0; q[0].len()]; n]);
-    Run { name: "pushed".into(), period_s: PERIOD_S, q, tau, temperature, desired: None, past: Past::default() }
+    Run {
+        name: "pushed".into(),
+        period_s: PERIOD_S,
+        q,
+        tau,
+        temperature,
+        desired: None,
+        past: Past::default(),
+        interpolated: Vec::new(),
+    }
 }
 
 /// Bytes held at once at most and bytes asked for in all, of a diagnosis that finds the pushes and nothing else: what hats

@@ -45,6 +45,6 @@ pub use rows::{InstrumentSource, OfflineSettings, Rows, moving_range};
 pub use sense::{TorqueSense, friction_share, giving_friction, one_way, torque_sense};
 pub use setpoint::{underived, unfollowed};
 pub use shifts::REACH_S;
-pub use steps::{position_noise, position_step, told_up_to_hz, white_noise};
+pub use steps::{position_noise, position_step, told_up_to_hz, white_noise, white_noise_without};
 pub use sums::{Equations, brief};
 pub use zero_phase::ZeroPhase;

@@ -75,6 +75,11 @@ pub(crate) struct Table {
 }
 
 impl Table {
+    /// Names of all columns, those outside the contract first.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.unused.iter().chain(self.columns.keys()).cloned().collect()
+    }
+
     /// The first column that belongs to a joint beyond `joints`.
     pub(crate) fn beyond(&self, joints: usize) -> Option<&str> {
         self.columns

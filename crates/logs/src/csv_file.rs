@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::columns::Table;
 use crate::error::{LogError, LogFault};
+use crate::guess;
 
 /// Reads the columns that `wanted` picks by name from a CSV file.
 pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
@@ -16,9 +17,8 @@ pub(crate) fn read(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, 
         .from_reader(Lines::new(File::open(path).map_err(|e| LogFault::Io(e).at(path))?));
     let names: Vec<String> = reader.headers().map_err(|e| fault(e).at(path))?.iter().map(str::to_owned).collect();
     if let [one] = &names[..]
-        && let Some(other) = [';', '\t'].into_iter().find(|other| one.contains(*other))
+        && let Some(why) = not_commas(one)
     {
-        let why = format!("its columns are separated by {other:?}; a log's are by commas, with points in its numbers");
         return Err(LogFault::Format { format: "CSV", why }.at(path));
     }
     let mut known: Vec<(usize, Vec<f64>)> = Vec::new();
@@ -60,6 +60,20 @@ fn shortened(cell: &str) -> String {
         text.push_str("...");
     }
     text
+}
+
+/// Why a header line of one column is none.
+fn not_commas(header: &str) -> Option<String> {
+    if header.starts_with('%') {
+        return Some(
+            "its first line begins with %; a comment line begins with #: put # there, or remove the line".to_owned(),
+        );
+    }
+    let (separator, names) = guess::separator(header)?;
+    let columns = guess::sentence(&names);
+    Some(format!(
+        "its columns are separated by {separator}; a log's are by commas, with points in its numbers. {columns}"
+    ))
 }
 
 fn fault(error: csv::Error) -> LogFault {

@@ -36,6 +36,7 @@ mod crowded;
 mod csv_file;
 mod error;
 mod frozen;
+mod guess;
 mod holds;
 mod log;
 mod overlap;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::columns::{Group, Table, is_known};
 use crate::error::{LogError, LogFault};
-use crate::{csv_file, parquet_file};
+use crate::{csv_file, guess, parquet_file};
 
 /// One signal a joint: `signals[joint][row]`.
 pub type Signals = Vec<Vec<f64>>;
@@ -169,6 +169,18 @@ impl Log {
         Log { stamps, ..self.map(thinned(&self.t), |_, signal| thinned(signal)) }
     }
 
+    /// The log without rows (ascending): their time is a hole of a row each.
+    #[must_use]
+    pub fn without(&self, rows: &[usize]) -> Log {
+        let kept = |signal: &[f64]| {
+            let mut rows = rows.iter().peekable();
+            let stays = |(k, x): (usize, &f64)| if rows.next_if_eq(&&k).is_some() { None } else { Some(*x) };
+            signal.iter().enumerate().filter_map(stays).collect::<Vec<f64>>()
+        };
+        let stamps = self.stamps.as_deref().map(kept);
+        Log { stamps, ..self.map(kept(&self.t), |_, signal| kept(signal)) }
+    }
+
     /// Cuts the log where time jumps by more than `gap_s`, so that nothing is made up across a hole.
     /// Pieces too short to work with are dropped; a log without a hole is its own piece.
     pub fn split_at_gaps(&self, gap_s: f64) -> Vec<Cow<'_, Log>> {
@@ -233,7 +245,7 @@ impl Log {
         }
         let t = table.columns.remove("t").ok_or_else(|| LogFault::MissingColumn {
             column: "t".to_owned(),
-            rule: "a log has t [s] and q1..N [rad]".to_owned(),
+            rule: format!("a log has t [s] and q1..N [rad]. {}", guess::sentence(&table.names())),
         })?;
         if t.len() < LEAST_ROWS {
             return Err(LogFault::TooFewRows { rows: t.len(), least: LEAST_ROWS, purpose: "in a log" });
@@ -243,10 +255,11 @@ impl Log {
             return Err(LogFault::Time { row: k + 1, value: t[k], previous: t[k - 1] });
         }
         let rows = t.len();
+        let names: Vec<String> = std::iter::once("t".to_owned()).chain(table.names()).collect();
         let mut group = |group: Group| take_group(&mut table, group, joints, rows);
         let mut q = group(Group::Position)?.ok_or_else(|| LogFault::MissingColumn {
             column: Group::Position.column(0),
-            rule: format!("a log of this robot has q1..{joints} [rad]"),
+            rule: format!("a log of this robot has q1..{joints} [rad]. {}", guess::sentence(&names)),
         })?;
         let tau = group(Group::Torque)?;
         let current = group(Group::Current)?;

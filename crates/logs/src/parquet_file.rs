@@ -44,6 +44,7 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
     ensure_plausible(reader.metadata(), bytes).map_err(|e| fault(&e).at(path))?;
     let (picked, unused): (Vec<_>, Vec<_>) =
         schema.columns().iter().enumerate().partition(|(_, column)| wanted(&column.path().string()));
+    ensure_codecs(reader.metadata(), &picked.iter().map(|(k, _)| *k).collect::<Vec<_>>()).map_err(why)?;
     let mut table = Table { unused: unused.iter().map(|(_, c)| c.path().string()).collect(), ..Table::default() };
     // All of them first: which error is told does not depend on who is done first.
     let read: Vec<_> = picked.par_iter().map(|(k, _)| read_column(path, &file, &reader, *k)).collect();
@@ -54,6 +55,24 @@ fn read_columns(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, Log
         }
     }
     Ok(table)
+}
+
+/// Columns that are wanted are compressed as this reader can undo.
+fn ensure_codecs(metadata: &ParquetMetaData, wanted: &[usize]) -> Result<(), String> {
+    let chunks = metadata.row_groups().iter().flat_map(|group| {
+        let columns = group.columns();
+        wanted.iter().filter_map(move |k| columns.get(*k))
+    });
+    for chunk in chunks {
+        let codec = chunk.compression();
+        if !matches!(codec, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_)) {
+            let codec = format!("{codec:?}").split('(').next().unwrap_or_default().to_lowercase();
+            return Err(format!(
+                "its columns are compressed by {codec}; a log's are by zstd, snappy or not at all: write it again with compression = \"zstd\""
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Column `k` of all row groups.

@@ -271,7 +271,7 @@ impl Cause {
         } else if self.magnitude.contains_key(Self::CONSTANT) {
             "a constant torque".to_owned()
         } else {
-            crate::words::effect(&self.effect)
+            crate::terms::effect(&self.effect)
         }
     }
 }
@@ -280,6 +280,14 @@ impl Document {
     /// The JSON Schema of documents.
     pub fn schema() -> schemars::Schema {
         schemars::schema_for!(Document)
+    }
+
+    /// Takes back what the log says as it is: it has to be read otherwise, as `why` says.
+    pub fn is_misread(&mut self, why: &str) {
+        "not_evaluated".clone_into(&mut self.verdict);
+        self.remark = Some(why.to_owned());
+        self.hints.splice(0..0, self.causes.drain(..));
+        self.other_arm.clear();
     }
 
     /// The verdict alone, without what only a page shows.
@@ -296,6 +304,11 @@ impl Document {
 }
 
 /// A document with no more than the contract asks for.
+/// Whether a cause is a touch from outside.
+pub(crate) fn is_contact(cause: &Cause) -> bool {
+    cause.effect == "external_force"
+}
+
 #[cfg(test)]
 pub(crate) const CONTRACT: &str = r#"{"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
             "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":

@@ -10,6 +10,7 @@ mod page;
 mod rollout;
 mod scores;
 mod sizes;
+mod terms;
 mod verdict;
 mod views;
 pub mod words;

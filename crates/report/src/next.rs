@@ -1,7 +1,6 @@
 //! What to do next, in a sentence.
 
-use crate::document::{Cause, Document};
-use crate::verdict::is_contact;
+use crate::document::{Cause, Document, is_contact};
 use crate::words::{effect, figure, list};
 
 /// What to do about torque that was computed.

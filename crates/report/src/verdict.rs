@@ -1,6 +1,6 @@
 //! The verdict as a person would say it: the gap, its cause, its place, its worth, what is not covered, what to do next.
 
-use crate::document::{Cause, Document};
+use crate::document::{Cause, Document, is_contact};
 use crate::next::MEASURE;
 use crate::words::{effect, figure, joints_in_short, list, percent, quantity_of, rival};
 
@@ -41,7 +41,11 @@ impl Document {
             if !self.log.is_empty() {
                 lines.push(Line { head: "Not covered", text: self.findings().join("; ") + "." });
             }
-            let motion = "Record a motion that uses every joint over its range and speed.";
+            let motion = if self.log.iter().any(|f| f.fault == "log_reading") {
+                "Mend the log or the file as the verdict says, then diagnose again."
+            } else {
+                "Record a motion that uses every joint over its range and speed."
+            };
             let next = self
                 .next_of_signs()
                 .unwrap_or_else(|| if self.has_computed() { MEASURE.to_owned() } else { motion.to_owned() });
@@ -340,7 +344,11 @@ impl Document {
             };
             let fault = fault.replace('_', " ");
             // What belongs to no log is a fact about the robot file.
-            if run.is_empty() && on.is_empty() { fault } else { format!("{fault} of {run}: {on}") }
+            match (run.is_empty(), on.is_empty()) {
+                (true, true) => fault,
+                (false, true) => format!("{fault} of {run}"),
+                _ => format!("{fault} of {run}: {on}"),
+            }
         };
         kinds.into_iter().map(of).collect()
     }
@@ -354,11 +362,6 @@ impl Document {
     pub(crate) fn has_computed(&self) -> bool {
         self.log.iter().any(|f| f.fault == "torque_computed")
     }
-}
-
-/// Whether a cause is a touch from outside.
-pub(crate) fn is_contact(cause: &Cause) -> bool {
-    cause.effect == "external_force"
 }
 
 /// Why a contact has a share and shrinks nothing.

@@ -4,6 +4,8 @@ use rivet_diagnosis::{Effect, Kind};
 
 use crate::document::{Document, Number};
 
+pub use crate::terms::effect;
+
 /// A share in percent, one digit after the point; a dash for what is not known.
 pub fn percent(share: Number) -> String {
     share.map_or_else(|| "-".to_owned(), |x| format!("{:.1}", 100.0 * x))
@@ -21,11 +23,6 @@ pub fn figure(x: f64, digits: i32) -> String {
     } else {
         format!("{x:.*e}", (digits - 1).max(0) as usize)
     }
-}
-
-/// The name of an effect in a sentence.
-pub fn effect(name: &str) -> String {
-    name.replace('_', " ")
 }
 
 /// The name of a member of a class, which says whether the model has it with a wrong value.

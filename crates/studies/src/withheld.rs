@@ -428,6 +428,7 @@ mod tests {
             temperature: None,
             desired: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         };
         (Known { model: (*robot.model).clone(), standard }, vec![run])
     }

@@ -254,7 +254,19 @@ fn log(name: &str, gives: Gives<'_>, seconds: f64, pace: f64, seed: u64) -> (Rob
         moves.step();
     }
     let period_s = STEP_S * STEPS as f64;
-    (robot, Run { name: "log".into(), period_s, q, tau, temperature: None, desired: None, past: Past::default() })
+    (
+        robot,
+        Run {
+            name: "log".into(),
+            period_s,
+            q,
+            tau,
+            temperature: None,
+            desired: None,
+            past: Past::default(),
+            interpolated: Vec::new(),
+        },
+    )
 }
 
 fn found(robot: &Robot, run: Run) -> Diagnosis {

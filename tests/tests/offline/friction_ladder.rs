@@ -34,6 +34,7 @@ fn run(robot: &Robot, log: &Path, effects: &[Injected]) -> Run {
         temperature: None,
         desired: None,
         past: Past::default(),
+        interpolated: Vec::new(),
     }
 }
 

@@ -22,6 +22,7 @@ fn undisturbed() -> Option<(Robot, [Run; 2])> {
             temperature: log.temperature,
             desired: None,
             past: Past::default(),
+            interpolated: Vec::new(),
         }
     };
     let runs = ["log-a.parquet", "log-b.parquet"].map(run);

@@ -3,10 +3,13 @@
 
 use rivet_config::Robot;
 use rivet_dynamics::Workspace;
+use rivet_estimation::offline::{white_noise, white_noise_without};
 use rivet_estimation::{Identifier, Motion, ParameterState};
+use rivet_logs::interpolate;
 use rivet_simulation::motion::{Fourier, FourierSettings, MotionLimits, load_ratio};
 use rivet_simulation::process::nominal_joints;
 use rivet_simulation::{Disturbances, FrictionLaw, Plant, PlantSettings, Sensors, Truth, closed_loop};
+use rivet_tests::altered::Random;
 use rivet_tests::{rivet, robot, shared, succeed};
 use serde_json::Value;
 
@@ -152,5 +155,23 @@ fn disjoint_runs_of_the_ur10e_agree() {
     for run in json["runs"].as_array().expect("runs") {
         let percent = run["median_std_torque_percent"].as_f64().expect("a number");
         assert!(percent < 1.0, "{percent}");
+    }
+}
+
+/// Rows that are interpolated are smoother than measured ones: beside them the noise is that of the measured rows.
+#[test]
+fn noise_is_that_of_measured_rows_where_others_are_interpolated() {
+    let mut random = Random(3);
+    let t: Vec<f64> = (0..4000).map(|k| 0.008 * f64::from(k)).collect();
+    let x: Vec<f64> = t.iter().map(|t| 30.0 * t.sin() + 0.5 * random.normal()).collect();
+    for share in [0.03, 0.1] {
+        let missing: Vec<usize> = (1..t.len() - 1).filter(|_| random.uniform() + 0.5 < share).collect();
+        let is_kept = |k: &usize| missing.binary_search(k).is_err();
+        let [kept_t, kept_x] = [&t, &x].map(|of| (0..of.len()).filter(is_kept).map(|k| of[k]).collect::<Vec<f64>>());
+        let filled = interpolate(&kept_t, &kept_x, &t);
+        let (all, measured) = (white_noise(&filled, 6), white_noise_without(&filled, 6, &missing));
+        println!("{share}: {all:.3} of all rows, {measured:.3} of those that were measured, 0.5 is right");
+        assert!((measured / 0.5 - 1.0).abs() < 0.06, "{measured}");
+        assert!(all < 0.95 * measured, "{all}, {measured}");
     }
 }

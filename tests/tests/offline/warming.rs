@@ -114,7 +114,16 @@ impl<'a> Work<'a> {
             }
             self.time_s += h;
         }
-        Run { name: "log".into(), period_s: PERIOD_S, q, tau, temperature: None, desired: None, past: Past::default() }
+        Run {
+            name: "log".into(),
+            period_s: PERIOD_S,
+            q,
+            tau,
+            temperature: None,
+            desired: None,
+            past: Past::default(),
+            interpolated: Vec::new(),
+        }
     }
 }
 

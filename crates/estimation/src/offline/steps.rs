@@ -64,15 +64,32 @@ pub fn position_noise(q: &[f64]) -> f64 {
     if least > 16.0 * f64::EPSILON * size { least } else { 0.0 }
 }
 
+/// Differences whose median is a measure of noise, at least: it is then known to a tenth.
+const MIN_DIFFERENCES: usize = 100;
+
 /// Standard deviation of white noise on a signal so smooth that differences of order `order` leave nothing but it; their median is deaf to
 /// jumps. 0 of fewer than `order` + 1 samples.
 ///
 /// A difference of order k of white noise has the variance σ²·C(2k, k), the sum of the squares of its binomials.
 pub fn white_noise(x: &[f64], order: usize) -> f64 {
+    white_noise_without(x, order, &[])
+}
+
+/// The same by differences that meet none of some rows (ascending): rows that were interpolated are smoother than measured ones. Of all rows
+/// where too few differences are left.
+pub fn white_noise_without(x: &[f64], order: usize, rows: &[usize]) -> f64 {
     let next = |b: &mut f64, k: usize| Some(std::mem::replace(b, -*b * (order - k) as f64 / (k + 1) as f64));
     let binomials: Vec<f64> = (0..=order).scan(1.0, next).collect();
+    let size = |w: &[f64]| w.iter().zip(&binomials).map(|(x, b)| x * b).sum::<f64>().abs();
+    let meets_none = |from: usize| {
+        let next = rows.partition_point(|row| *row < from);
+        rows.get(next).is_none_or(|row| *row > from + order)
+    };
     let mut sizes: Vec<f64> =
-        x.windows(order + 1).map(|w| w.iter().zip(&binomials).map(|(x, b)| x * b).sum::<f64>().abs()).collect();
+        x.windows(order + 1).enumerate().filter(|(from, _)| meets_none(*from)).map(|(_, w)| size(w)).collect();
+    if sizes.len() < MIN_DIFFERENCES && !rows.is_empty() {
+        return white_noise_without(x, order, &[]);
+    }
     if sizes.is_empty() {
         return 0.0;
     }

@@ -173,7 +173,12 @@ fn every_broken_rule_names_column_row_value_and_rule() {
         columns
     };
     let cases: Vec<(Cells, ReadOptions<'_>, &str)> = vec![
-        (change(&|c| drop(c.remove(0))), two, "run.csv: column t is missing; a log has t [s] and q1..N [rad]"),
+        (
+            change(&|c| drop(c.remove(0))),
+            two,
+            "run.csv: column t is missing; a log has t [s] and q1..N [rad]. Of its 4 columns tau1 tau2 look like torques; q1 q2 look \
+             like positions",
+        ),
         (
             change(&|c| drop(c.remove(2))),
             two,
@@ -185,7 +190,8 @@ fn every_broken_rule_names_column_row_value_and_rule() {
                 c.remove(1);
             }),
             two,
-            "run.csv: column q1 is missing; a log of this robot has q1..2 [rad]",
+            "run.csv: column q1 is missing; a log of this robot has q1..2 [rad]. Of its 3 columns t looks like time; tau1 tau2 look \
+             like torques",
         ),
         (
             sound(),
@@ -268,7 +274,19 @@ fn unequal_lines_and_foreign_files_are_refused() {
     assert!(why.contains("cannot be read as Parquet: it does not begin with PAR1"), "{why}");
     std::fs::write(&short, "t;q1;tau1\n0;1,5;2\n").expect("written");
     let why = read(&short, &ReadOptions::new(1)).expect_err("semicolons").to_string();
-    assert!(why.contains("separated by ';'; a log's are by commas"), "{why}");
+    assert!(why.contains("separated by semicolons; a log's are by commas"), "{why}");
+    std::fs::write(&short, "t q1 tau1\n0 1 2\n").expect("written");
+    let why = read(&short, &ReadOptions::new(1)).expect_err("spaces").to_string();
+    assert!(why.contains("separated by spaces") && why.contains("tau1 looks like torques"), "{why}");
+    std::fs::write(&short, "% recorded\nt,q1,tau1\n0,1,2\n").expect("written");
+    let why = read(&short, &ReadOptions::new(1)).expect_err("a comment").to_string();
+    assert!(why.contains("first line begins with %") && why.contains("put # there"), "{why}");
+    std::fs::write(&short, "__time,arm/a/position,arm/a/effort\n0,1,2\n").expect("written");
+    let why = read(&short, &ReadOptions::new(1)).expect_err("other names").to_string();
+    assert!(
+        why.contains("__time looks like time (name it t)") && why.contains("arm/a/effort looks like torques"),
+        "{why}"
+    );
     std::fs::write(&odd, [0_u8, 1, 2, 3]).expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("binary").to_string();
     assert!(why.contains("neither Parquet nor text"), "{why}");

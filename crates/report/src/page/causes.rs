@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
+use crate::document::is_contact;
 use crate::document::{Cause, Curve, Document, Excerpt};
-use crate::verdict::{OTHER_CONTACT, is_contact};
+use crate::verdict::OTHER_CONTACT;
 use crate::words::{figure, joints, list, percent, quantity_of, rival};
 
 const WIDTH: f64 = 340.0;

@@ -1,0 +1,37 @@
+//! Rows that a second publisher sent, left out wherever a log is read.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use rivet_logs::Log;
+use rivet_screening::second_publisher;
+
+use crate::evidence::Distrust;
+use crate::table::number;
+
+/// Name of rows that another publisher sent.
+const PUBLISHER_NAME: &str = "second_publisher";
+
+/// The log without the rows of a second publisher, which is reported under `name` the first time that the file is read.
+pub(crate) fn without_second_publisher(log: Log, name: String) -> Log {
+    let rows = second_publisher(&log.q);
+    let Some(first) = rows.first() else { return log };
+    let text = format!(
+        "{} of {} rows (first at {} s) hold one and the same position, far from the rows around: a second publisher; they are excluded. \
+         Record one publisher",
+        rows.len(),
+        log.len(),
+        number(log.t[*first], 5)
+    );
+    if is_first_read(&log) {
+        Distrust { log: Some(name), joint: None, name: PUBLISHER_NAME, text }.warn();
+    }
+    log.without(&rows)
+}
+
+/// Some commands read a file again.
+fn is_first_read(log: &Log) -> bool {
+    static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    READ.lock().map_or(true, |mut files| files.insert(log.path.clone()))
+}

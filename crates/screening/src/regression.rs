@@ -1,0 +1,329 @@
+//! Log marginal likelihood of a log's torque under one reading: a linear Gaussian model with a prior of its values.
+//!
+//! With `τ_j = Y_j x + e_j`, `x ~ N(x0, P)`, `e_j ~ N(0, σ_j²)` on `n_j` rows that count as `m_j`:
+//! `log p = Σ_j −m_j/2·(log 2πσ_j² + RSS_j/(n_j σ_j²)) − |z|²/2 − log|A|/2`, `z = P^−½ (x̂ − x0)`,
+//! `A = 1 + Σ_j m_j/(n_j σ_j²) P^½ Y_jᵀY_j P^½`. The σ_j maximise it under an inverse-chi-squared prior.
+
+use std::sync::Arc;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rivet_dynamics::{Model, Parameter, Workspace};
+
+use crate::arm_state::{EXTRA_COLUMNS, RobotFile, ValuePrior};
+use crate::fault::{MotionView, View};
+use crate::priors::{COARSENING, DELAYS_S, INADEQUACY_ROWS, MIN_ROWS, MIN_TORQUE_OVER_LIMIT};
+use crate::samples::{Samples, rms};
+
+/// Steps in which values and residuals are found in turn.
+const STEPS: usize = 8;
+/// No step changes a residual by more than this share any more.
+const SETTLED: f64 = 0.03;
+
+/// Regressor of the model's rows under one reading of the motion.
+pub(crate) struct Design {
+    /// `[row]`: joints x columns, row-major.
+    rows: Vec<Vec<f64>>,
+    /// Torque of effects that the file knows, `[row][joint]`.
+    known: Vec<Vec<f64>>,
+    /// Columns that act on each joint.
+    active: Vec<Vec<usize>>,
+    columns: usize,
+    /// Rms of speed and acceleration of each joint as read.
+    pub(crate) motion: Vec<[f64; 2]>,
+}
+
+impl Design {
+    pub(crate) fn new(file: &RobotFile<'_>, samples: &Samples, view: &MotionView) -> Design {
+        let (joints, size) = (file.joints(), file.model.len());
+        let columns = size + EXTRA_COLUMNS * joints;
+        let mut model: Model = file.model.clone();
+        if let Some(gravity) = view.gravity {
+            model.arm.gravity = gravity;
+        }
+        let mut workspace = Workspace::new(&model.arm);
+        let (mut rows, mut known) = (Vec::with_capacity(samples.rows()), Vec::with_capacity(samples.rows()));
+        let mut standard = vec![0.0; joints * size];
+        let mut squares = vec![[0.0; 2]; joints];
+        let read = |row: &[f64], shift: &[f64]| -> Vec<f64> {
+            (0..joints).map(|j| view.factor[j] * row[view.column[j]] + shift[j]).collect()
+        };
+        let none = vec![0.0; joints];
+        for k in 0..samples.rows() {
+            let (q, qd, qdd) =
+                (read(&samples.q[k], &view.shift), read(&samples.qd[k], &none), read(&samples.qdd[k], &none));
+            model.regressor(&mut workspace, &q, &qd, &qdd, &mut standard);
+            let mut effects = vec![0.0; joints];
+            model.add_effects(&mut workspace, &q, &qd, &qdd, &mut effects);
+            let mut row = vec![0.0; joints * columns];
+            for j in 0..joints {
+                squares[j][0] += qd[j] * qd[j];
+                squares[j][1] += qdd[j] * qdd[j];
+                let out = &mut row[j * columns..(j + 1) * columns];
+                out[..size].copy_from_slice(&standard[j * size..(j + 1) * size]);
+                let coulomb =
+                    model.parameters.iter().position(|p| *p == Parameter::Coulomb(j)).map_or(0.0, |at| out[at]);
+                let extra = [1.0, q[j].sin(), q[j].cos(), qd[j] * samples.elapsed[k], coulomb * samples.elapsed[k]];
+                for (column, value) in extra.into_iter().enumerate() {
+                    out[size + column * joints + j] = value;
+                }
+            }
+            rows.push(row);
+            known.push(effects);
+        }
+        let active = (0..joints)
+            .map(|j| (0..columns).filter(|c| rows.iter().any(|row| row[j * columns + c] != 0.0)).collect())
+            .collect();
+        let count = samples.rows().max(1) as f64;
+        let motion = squares.into_iter().map(|s| s.map(|s: f64| (s / count).sqrt())).collect();
+        Design { rows, known, active, columns, motion }
+    }
+
+    fn torque(&self, row: usize, j: usize, x: &[f64]) -> f64 {
+        let of = &self.rows[row][j * self.columns..(j + 1) * self.columns];
+        self.known[row][j] + self.active[j].iter().map(|c| of[*c] * x.get(*c).copied().unwrap_or(0.0)).sum::<f64>()
+    }
+}
+
+/// Sums over the rows of one joint.
+struct JointSums {
+    rows: f64,
+    gram: Arc<DMatrix<f64>>,
+    cross: DVector<f64>,
+    square: f64,
+    /// Rms of the torque as read.
+    size: f64,
+    /// Jacobian of the torque as read by the torque as logged.
+    factor: f64,
+}
+
+/// The rows of a log under one reading, as sums.
+pub(crate) struct Sums {
+    joints: Vec<Option<JointSums>>,
+}
+
+/// What a reading explains.
+#[derive(Clone, Debug)]
+pub(crate) struct Evidence {
+    pub(crate) log: f64,
+    /// Rms residual of each joint over the torque's rms; NaN where the joint says nothing.
+    pub(crate) residual: Vec<f64>,
+    /// Residual over what the model is known to miss, as the gain that could still be had in `log`.
+    pub(crate) possible_gain: f64,
+}
+
+impl Sums {
+    /// `nominal`: standard values that say the sign of torques without one; `like`: sums of another reading, of which those of the same
+    /// rows are taken.
+    pub(crate) fn new(
+        (design, samples): (&Design, &Samples),
+        view: &View,
+        nominal: &[f64],
+        limit: &[f64],
+        like: Option<(&Sums, &View)>,
+    ) -> Sums {
+        let joints = (0..view.torque_column.len()).map(|j| {
+            let rows: Vec<usize> = (0..samples.rows()).filter(|k| samples.moves[*k][view.torque_column[j]]).collect();
+            let torque: Vec<f64> = rows.iter().map(|k| torque(design, samples, view, nominal, [*k, j])).collect();
+            let size = rms(&torque);
+            if rows.len() < MIN_ROWS || size < MIN_TORQUE_OVER_LIMIT * limit[j] * view.torque_factor[j].abs() {
+                return None;
+            }
+            let tau =
+                DVector::from_iterator(rows.len(), rows.iter().zip(&torque).map(|(k, tau)| tau - design.known[*k][j]));
+            let active = &design.active[j];
+            let regressor = DMatrix::from_fn(rows.len(), active.len(), |row, at| {
+                design.rows[rows[row]][j * design.columns + active[at]]
+            });
+            // Of the same rows of the same design it is the same.
+            let same = like
+                .filter(|(_, other)| other.motion == view.motion && other.torque_column[j] == view.torque_column[j]);
+            let gram = match same.and_then(|(sums, _)| sums.joints[j].as_ref()) {
+                Some(known) => Arc::clone(&known.gram),
+                None => Arc::new(scattered(&regressor.tr_mul(&regressor), active, design.columns)),
+            };
+            let mut cross = DVector::zeros(design.columns);
+            for (at, value) in regressor.tr_mul(&tau).iter().enumerate() {
+                cross[active[at]] = *value;
+            }
+            let sums = JointSums {
+                rows: rows.len() as f64,
+                gram,
+                cross,
+                square: tau.norm_squared(),
+                size,
+                factor: view.torque_factor[j].abs(),
+            };
+            Some(sums)
+        });
+        Sums { joints: joints.collect() }
+    }
+
+    /// Whether any joint says anything.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.joints.iter().all(Option::is_none)
+    }
+
+    /// Rms residual of each joint with the values `x`, over its torque's rms.
+    pub(crate) fn residual(&self, x: &[f64]) -> Vec<f64> {
+        let of = |sums: &Option<JointSums>| {
+            let Some(sums) = sums else { return f64::NAN };
+            let x = padded(x, sums.cross.len());
+            let left = sums.square - 2.0 * sums.cross.dot(&x) + x.dot(&(&*sums.gram * &x));
+            (left.max(0.0) / sums.rows).sqrt() / sums.size
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// Factor that brings each torque nearest to the model's of `x`; none where they are not alike.
+    pub(crate) fn factors(&self, x: &[f64]) -> Vec<Option<f64>> {
+        /// Correlation of the two from which a factor is one of the unit: with wrong bodies and friction it is lower.
+        const ALIKE: f64 = 0.8;
+        let of = |sums: &Option<JointSums>| {
+            let sums = sums.as_ref()?;
+            let x = padded(x, sums.cross.len());
+            let (with, square) = (sums.cross.dot(&x), x.dot(&(&*sums.gram * &x)));
+            let alike = with / (square * sums.square).sqrt();
+            (alike > ALIKE).then(|| with / sums.square)
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// None where the equations have no solution.
+    pub(crate) fn evidence(&self, prior: &ValuePrior) -> Option<Evidence> {
+        let mut prior = prior.clone();
+        let mut found = self.solve(&prior)?;
+        // Friction takes energy and inertia stores it: what comes out below 0 is 0.
+        for _ in 0..3 {
+            let below = |i: &usize| prior.positive[*i] && prior.spread[*i] > 0.0 && found.1[*i] < 0.0;
+            let negative: Vec<usize> = (0..prior.mean.len()).filter(below).collect();
+            if negative.is_empty() {
+                break;
+            }
+            for i in negative {
+                // The distance to 0 is paid once; held there the value no longer has a deviation.
+                found.2 += 0.5 * (prior.mean[i] / prior.spread[i]).powi(2);
+                (prior.mean[i], prior.spread[i]) = (0.0, 0.0);
+            }
+            let paid = found.2;
+            found = self.solve(&prior)?;
+            found.2 += paid;
+        }
+        found.0.log -= found.2;
+        Some(found.0)
+    }
+
+    /// Evidence, values, and what was paid for values that are held.
+    fn solve(&self, prior: &ValuePrior) -> Option<(Evidence, Vec<f64>, f64)> {
+        // What no torque shows keeps its prior, and costs nothing.
+        let shown = |c: usize| self.joints.iter().flatten().any(|sums| sums.gram[(c, c)] > 0.0);
+        let free: Vec<usize> = (0..prior.spread.len()).filter(|c| prior.spread[*c] > 0.0 && shown(*c)).collect();
+        let mean = DVector::from_column_slice(&prior.mean);
+        let scaled: Vec<Option<Scaled>> =
+            self.joints.iter().map(|sums| sums.as_ref().map(|sums| Scaled::new(sums, prior, &mean, &free))).collect();
+        let floor = |s: &JointSums| (prior.inadequacy * s.size).powi(2).max(f64::MIN_POSITIVE);
+        let counted = |s: &JointSums| s.rows * COARSENING / (s.rows + COARSENING);
+        let pairs = || self.joints.iter().zip(&scaled).filter_map(|(a, b)| a.as_ref().zip(b.as_ref()));
+        let mut variance: Vec<f64> =
+            pairs().map(|(s, c)| floor(s).max((c.square / s.rows).min(0.1 * s.size * s.size))).collect();
+        let mut z = DVector::zeros(free.len());
+        let mut log_determinant = 0.0;
+        for _ in 0..STEPS {
+            let mut a = DMatrix::<f64>::identity(free.len(), free.len());
+            let mut b = DVector::<f64>::zeros(free.len());
+            for ((sums, scaled), variance) in pairs().zip(&variance) {
+                let weight = counted(sums) / (sums.rows * variance);
+                a += &scaled.gram * weight;
+                b += &scaled.cross * weight;
+            }
+            let factor = Cholesky::new(a)?;
+            z = factor.solve(&b);
+            log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+            let mut change = 0.0_f64;
+            for ((sums, scaled), variance) in pairs().zip(&mut variance) {
+                let left = scaled.left(&z);
+                let n = counted(sums);
+                let next = (n * left / sums.rows + INADEQUACY_ROWS * floor(sums)) / (n + INADEQUACY_ROWS);
+                change = change.max((next / *variance).ln().abs());
+                *variance = next;
+            }
+            if change < SETTLED {
+                break;
+            }
+        }
+        let mut log = -0.5 * (z.norm_squared() + log_determinant);
+        let mut possible_gain = 0.5 * z.norm_squared();
+        let mut residual = Vec::new();
+        let mut at = 0;
+        for (sums, scaled) in self.joints.iter().zip(&scaled) {
+            let Some((sums, scaled)) = sums.as_ref().zip(scaled.as_ref()) else {
+                residual.push(f64::NAN);
+                continue;
+            };
+            let (n, variance, floor) = (counted(sums), variance[at], floor(sums));
+            at += 1;
+            let left = scaled.left(&z);
+            log -= 0.5 * n * ((std::f64::consts::TAU * variance).ln() + left / (sums.rows * variance));
+            log -= 0.5 * INADEQUACY_ROWS * (variance.ln() + floor / variance);
+            // Densities are of the torque as logged, the prior of the residual as well.
+            log += (n + INADEQUACY_ROWS) * sums.factor.ln();
+            possible_gain += 0.5 * n * (variance / floor).ln().max(0.0);
+            residual.push((left / sums.rows).sqrt() / sums.size);
+        }
+        let mut x = prior.mean.clone();
+        free.iter().zip(z.iter()).for_each(|(c, z)| x[*c] += prior.spread[*c] * z);
+        log.is_finite().then_some((Evidence { log, residual, possible_gain }, x, 0.0))
+    }
+}
+
+/// Sums of a joint in units of the prior's deviations, about its mean.
+struct Scaled {
+    gram: DMatrix<f64>,
+    cross: DVector<f64>,
+    square: f64,
+}
+
+impl Scaled {
+    fn new(sums: &JointSums, prior: &ValuePrior, mean: &DVector<f64>, free: &[usize]) -> Scaled {
+        let along = &*sums.gram * mean;
+        let square = (sums.square - 2.0 * sums.cross.dot(mean) + along.dot(mean)).max(0.0);
+        let size = free.len();
+        let gram = DMatrix::from_fn(size, size, |a, b| {
+            sums.gram[(free[a], free[b])] * prior.spread[free[a]] * prior.spread[free[b]]
+        });
+        let cross = DVector::from_fn(size, |a, _| (sums.cross[free[a]] - along[free[a]]) * prior.spread[free[a]]);
+        Scaled { gram, cross, square }
+    }
+
+    fn left(&self, z: &DVector<f64>) -> f64 {
+        (self.square - 2.0 * self.cross.dot(z) + z.dot(&(&self.gram * z))).max(0.0)
+    }
+}
+
+/// A matrix of some columns in the place of all.
+fn scattered(of: &DMatrix<f64>, columns: &[usize], size: usize) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(size, size);
+    for (a, to_a) in columns.iter().enumerate() {
+        for (b, to_b) in columns.iter().enumerate() {
+            all[(*to_b, *to_a)] = of[(b, a)];
+        }
+    }
+    all
+}
+
+fn padded(x: &[f64], size: usize) -> DVector<f64> {
+    DVector::from_fn(size, |i, _| x.get(i).copied().unwrap_or(0.0))
+}
+
+/// Torque of joint `j` at row `k` under a reading.
+fn torque(design: &Design, samples: &Samples, view: &View, nominal: &[f64], [k, j]: [usize; 2]) -> f64 {
+    let delay = delay_place(view.delay_s[j]);
+    let logged = view.torque_factor[j] * samples.tau[delay][k][view.torque_column[j]];
+    let signed = if view.unsigned[j] { logged.abs() * design.torque(k, j, nominal).signum() } else { logged };
+    signed.clamp(-view.ceiling[j], view.ceiling[j])
+}
+
+/// Place of a delay among those that the samples have, of which the first is 0.
+fn delay_place(seconds: f64) -> usize {
+    let far = |place: &usize| if *place == 0 { seconds.abs() } else { (DELAYS_S[place - 1] - seconds).abs() };
+    (0..=DELAYS_S.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0)
+}
