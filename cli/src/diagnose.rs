@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Diagnosis, LogFault, MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
 use rivet_report::words::{figure, percent};
-use rivet_report::{Cause, Document, JointGap, LogFinding, Power, SelfCheck, formats, page};
+use rivet_report::{Cause, Document, JointGap, LogFinding, Power, Score, SelfCheck, formats, page};
 
 use crate::blind;
 use crate::bodies::{BODIES_UNKNOWN, with_bodies};
@@ -150,15 +150,16 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             Err(why) => checked = Err(why),
         }
     }
+    let scores = blind::scores()?;
     if let Some(path) = &args.json {
         let text = rivet_files::printable_json(serde_json::to_string_pretty(&document)? + "\n");
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &args.html {
-        let text = page(&document, &blind::scores()?);
+        let text = page(&document, &scores);
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
     }
-    show(&as_text(&document))?;
+    show(&as_text(&document, &scores))?;
     for finding in document.log.iter().filter(|finding| finding.fault == BODIES_UNKNOWN) {
         show(&paragraph("  Bodies       ", &finding.text))?;
     }
@@ -209,7 +210,12 @@ fn is_void(reading: &reading::Found, found: &Diagnosis, document: &Document) -> 
         return laws && !document.causes.iter().any(|c| c.effect == "temperature_dependent_friction");
     }
     // The diagnosis found the same as an effect of the arm, with its size.
-    if reading.is_expressed(document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice()))) {
+    if !document.other_arm.is_empty() && reading.is_less_than_another_arm() {
+        return false;
+    }
+    let named: Vec<(&str, &[String])> =
+        document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice())).collect();
+    if reading.is_expressed(&named) {
         return false;
     }
     if reading.is_late() {
@@ -246,9 +252,9 @@ fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
 }
 
 /// The verdict on one screen.
-fn as_text(found: &Document) -> String {
+fn as_text(found: &Document, scores: &[Score]) -> String {
     let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, found.verdict));
-    for line in found.lines() {
+    for line in found.lines(scores) {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }
     for input in found.passport.iter().flat_map(|passport| &passport.inputs) {

@@ -56,11 +56,17 @@ pub(crate) struct Found {
 
 impl Found {
     /// Whether effects that a diagnosis has found, each with its joints, express every fault: then the log is read right.
-    pub(crate) fn is_expressed<'a>(&self, effects: impl Iterator<Item = (&'a str, &'a [String])> + Clone) -> bool {
+    pub(crate) fn is_expressed(&self, effects: &[(&str, &[String])]) -> bool {
         let by = |fault: &Fault, of: &[String], (effect, joints): (&str, &[String])| {
             fault.effects().contains(&effect) && of.iter().all(|joint| joints.is_empty() || joints.contains(joint))
         };
-        !self.faults.is_empty() && self.faults.iter().all(|(fault, of)| effects.clone().any(|e| by(fault, of, e)))
+        !self.faults.is_empty() && self.faults.iter().all(|(fault, of)| effects.iter().any(|e| by(fault, of, *e)))
+    }
+
+    /// Whether a file of another arm, which is one mistake, is more probable than this reading: it takes two faults or more. Each has
+    /// about the prior of that mistake ([`rivet_screening::priors`]), and independent ones multiply.
+    pub(crate) fn is_less_than_another_arm(&self) -> bool {
+        self.faults.len() > 1
     }
 
     /// Whether torque is logged late.

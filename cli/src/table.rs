@@ -1,10 +1,14 @@
 //! Plain tables and paragraphs of at most 100 columns.
 
 use std::fmt::Write as _;
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
+
+use ratatui::crossterm::terminal;
 
 /// Widest line that is printed.
 pub(crate) const WIDTH: usize = 100;
+/// Fewer columns are taken as these: a word in each line is no text.
+const NARROWEST: usize = 60;
 
 /// Writes to standard output, with unsafe characters escaped. A reader that has seen enough (`| head`) is no failure.
 pub(crate) fn show(text: &str) -> std::io::Result<()> {
@@ -93,12 +97,23 @@ fn shortened(text: &str, width: usize) -> String {
 
 /// Breaks a text at spaces; the first line starts with `first`, the others with as many spaces.
 pub(crate) fn paragraph(first: &str, text: &str) -> String {
+    paragraph_within(columns(), first, text)
+}
+
+/// Columns of text: those of the terminal, at most [`WIDTH`]; [`WIDTH`] where the output is no terminal.
+fn columns() -> usize {
+    let known = std::io::stdout().is_terminal().then(|| terminal::size().ok()).flatten();
+    known.map_or(WIDTH, |(columns, _)| usize::from(columns).clamp(NARROWEST, WIDTH))
+}
+
+/// The same in so many columns.
+pub(crate) fn paragraph_within(width: usize, first: &str, text: &str) -> String {
     let indent = first.chars().count();
     let mut out = first.to_owned();
     let mut column = indent;
     for (k, word) in text.split_whitespace().enumerate() {
         let length = word.chars().count();
-        if k > 0 && column + 1 + length > WIDTH {
+        if k > 0 && column + 1 + length > width {
             let _ = write!(out, "\n{:indent$}", "");
             column = indent;
         } else if k > 0 {

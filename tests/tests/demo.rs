@@ -43,6 +43,9 @@ fn it_improves_and_leaves_nothing_behind() {
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
     assert!(text.contains("torque error, tracking error and parameter error: improved"), "{text}");
+    assert!(text.contains("\nhidden effect: named"), "{text}");
+    let end: Vec<&str> = text.lines().skip_while(|line| !line.starts_with("torque error from parameters")).collect();
+    assert!((10..24).contains(&end.len()), "the end on one screen of 24 rows:\n{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "lines of at most 80 columns:\n{text}");
     assert_eq!(traces(pid), Vec::<String>::new());
 }

@@ -1,5 +1,6 @@
-//! `rivet demo`: plant, daemon and controller as processes, one live screen, and a table at the end.
+//! `rivet demo`: plant, daemon and controller as processes, one live screen, a diagnosis of the recorded run, and a table at the end.
 
+mod hidden;
 mod reference;
 mod screen;
 mod table;
@@ -9,6 +10,7 @@ use crate::children::Children;
 use crate::exit::Fault;
 use crate::table::show;
 use anyhow::{Context, Result, bail};
+use hidden::Hidden;
 use reference::Reference;
 use rivet_config::Robot;
 use rivet_files::Draft;
@@ -21,7 +23,9 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tracking::Tracking;
 
-/// Shows the whole loop on this machine: no robot, no privileges, half a minute.
+/// Shows the whole loop and a diagnosis on this machine: no robot, no privileges, about a minute.
+///
+/// A simulated arm with wrong bodies, wrong friction, a payload and one effect that the robot file lacks, drawn by --seed.
 #[derive(clap::Args, Default)]
 pub(crate) struct Args {
     /// Robot file [default: the built-in Manutec r3].
@@ -29,7 +33,7 @@ pub(crate) struct Args {
     /// Seed of the true arm and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Prints every friction, rotor and offset parameter at the end, next to the true value
+    /// Prints tracking joint by joint and every friction, rotor and offset parameter next to the true value.
     #[arg(long)]
     parameters: bool,
     /// Keep the working folder (logs of the processes, true values) here.
@@ -55,6 +59,19 @@ struct Ports {
     setpoints: Subscriber<Setpoint>,
     parameters: Subscriber<Parameters>,
     health: Subscriber<Health>,
+}
+
+/// Files of the run.
+struct Files {
+    /// What the daemon, the controller and the diagnosis know.
+    robot: PathBuf,
+    /// With the hidden effect.
+    true_robot: PathBuf,
+    /// True values.
+    truth: PathBuf,
+    /// What was published while the arm moved.
+    log: PathBuf,
+    folder: PathBuf,
 }
 
 /// What has been heard so far.
@@ -97,19 +114,23 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if truth_file.exists() {
         std::fs::remove_file(&truth_file).with_context(|| format!("cannot remove {}", truth_file.display()))?;
     }
-    start(&mut children, args, &robot, &robot_file, private.config(), &folder)?;
+    let hidden = Hidden::draw(&robot, args.seed)?;
+    let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
+    let files = Files { robot: robot_file, true_robot, truth: truth_file, log: folder.join("run.csv"), folder };
+    start(&mut children, args, &robot, &files, private.config())?;
 
-    let truth = wait_for_truth(&truth_file, &robot, &mut children, &shutdown)?;
+    let truth = wait_for_truth(&files.truth, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
     let heard = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
     children.end();
+    let found = hidden::diagnose(&files.robot, &files.log, &files.folder, &shutdown)?;
     let result =
         table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
     if args.parameters {
-        show(&result.parameters())?;
+        show(&result.details())?;
     }
-    show(&format!("{result}\n"))?;
-    Ok(if result.improved() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    show(&format!("{result}\n\ndiagnosis of the recorded run\n{}\n", hidden.text(&found)?))?;
+    Ok(if result.improved() && hidden.is_found(&found) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn unpack(folder: &Path) -> Result<PathBuf> {
@@ -120,37 +141,30 @@ fn unpack(folder: &Path) -> Result<PathBuf> {
     Ok(robot)
 }
 
-/// The true arm differs from the robot file: every body and friction value by a factor of its own, and a payload.
-fn start(
-    children: &mut Children,
-    args: &Args,
-    robot: &Robot,
-    robot_file: &Path,
-    bus: &BusConfig,
-    folder: &Path,
-) -> Result<()> {
+/// The true arm differs from the robot file: every body and friction value by a factor of its own, a payload, the hidden effect.
+fn start(children: &mut Children, args: &Args, robot: &Robot, files: &Files, bus: &BusConfig) -> Result<()> {
     let text = |path: &Path| path.to_string_lossy().into_owned();
-    let common = |command: &str| -> Vec<String> {
-        [command, &text(robot_file), "--prefix", &bus.prefix, "--root", &text(&bus.root)].map(str::to_owned).to_vec()
+    let common = |command: &str, robot: &Path| -> Vec<String> {
+        [command, &text(robot), "--prefix", &bus.prefix, "--root", &text(&bus.root)].map(str::to_owned).to_vec()
     };
     let log = |name: &str| -> Result<Option<File>> {
-        let path = folder.join(name);
+        let path = files.folder.join(name);
         Ok(Some(
             Draft::new(&path).and_then(Draft::publish).with_context(|| format!("cannot write {}", path.display()))?,
         ))
     };
     let switch = ((PHASE_S + SETTLE_S) / robot.config.sample_period_s).round() as u64;
 
-    let mut daemon = common("daemon");
+    let mut daemon = common("daemon", &files.robot);
     daemon.push("--best-effort".to_owned());
     children.start(&daemon, log("daemon.log")?)?;
-    let mut controller = common("controller");
+    let mut controller = common("controller", &files.robot);
     controller.extend(["--best-effort", "--lockstep", "--adopt-from", &switch.to_string()].map(str::to_owned));
     children.start(&controller, log("controller.log")?)?;
-    let mut sim = common("sim");
+    let mut sim = common("sim", &files.true_robot);
     let seed = args.seed.to_string();
-    let truth = text(&folder.join("truth.json"));
-    sim.extend(["--motion", "fourier", "--lockstep", "20", "--seed", &seed, "--truth-out", &truth].map(str::to_owned));
+    sim.extend(["--motion", "fourier", "--lockstep", "20", "--seed", &seed].map(str::to_owned));
+    sim.extend(["--truth-out", &text(&files.truth), "--log-out", &text(&files.log)].map(str::to_owned));
     sim.extend(
         ["--friction", "1.6", "--bodies-spread", "0.2", "--friction-spread", "0.15", "--rotor-inertia-spread", "0.1"]
             .map(str::to_owned),

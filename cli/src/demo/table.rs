@@ -5,7 +5,7 @@ use super::tracking::Tracking;
 use rivet_config::Robot;
 use rivet_dynamics::ParameterGroup;
 use rivet_ipc_schema::{Health, ParameterState, Parameters};
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 /// Everything the demonstration promises, and whether it held.
 pub(crate) struct Table<'a> {
@@ -60,10 +60,16 @@ impl<'a> Table<'a> {
             && self.health.is_some_and(|health| health.lost == 0)
     }
 
-    /// Every friction, rotor and offset parameter: robot file, truth, estimate and its standard deviation.
-    pub(crate) fn parameters(&self) -> String {
+    /// Tracking error of each joint, then every friction, rotor and offset parameter: robot file, truth, estimate and its standard
+    /// deviation.
+    pub(crate) fn details(&self) -> String {
         let mut text = String::new();
-        // Writing to a string cannot fail.
+        // Writing to a string cannot fail, here and below.
+        let _ = writeln!(text, "{:<34} {:>12} {:>12}", "tracking error, rms [mrad]", "robot file", "identified");
+        for (j, joint) in self.robot.model.arm.joints.iter().enumerate() {
+            let (before, after) = (1e3 * self.tracking.nominal.rms(j), 1e3 * self.tracking.identified.rms(j));
+            let _ = writeln!(text, "  {:<32} {before:>12.3} {after:>12.3}", joint.name);
+        }
         let _ = self.write_parameters(&mut text);
         text
     }
@@ -135,10 +141,6 @@ impl fmt::Display for Table<'_> {
         };
         row("torque error, rms [% of limits]", self.torque())?;
         row("tracking error, rms [mrad]", Some(self.tracking_rms()))?;
-        for (j, joint) in self.robot.model.arm.joints.iter().enumerate() {
-            let pair = (1e3 * self.tracking.nominal.rms(j), 1e3 * self.tracking.identified.rms(j));
-            row(&format!("  tracking, {} [mrad]", joint.name), Some(pair))?;
-        }
         self.write_coverage(f)?;
         let verdict = if self.improved() { "improved" } else { "NOT improved" };
         write!(f, "torque error, tracking error and parameter error: {verdict}")

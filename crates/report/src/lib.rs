@@ -2,6 +2,7 @@
 //!
 //! Pure: what a [`Document`] holds is all that any of them shows, so no two of them can disagree.
 
+mod actions;
 mod changes;
 mod document;
 mod export;

@@ -103,6 +103,7 @@ pub fn list(words: &[String]) -> String {
 pub fn joints(names: &[String], all: usize) -> String {
     match names.len() {
         0 => "the whole arm".to_owned(),
+        1 => list(names),
         n if n == all => "all joints".to_owned(),
         _ => list(names),
     }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::is_contact;
-use crate::document::{Cause, Curve, Document, Excerpt};
+use crate::document::{Cause, Curve, Document, Excerpt, Figures};
 use crate::verdict::OTHER_CONTACT;
 use crate::words::{figure, joints, list, percent, quantity_of, rival};
 
@@ -204,20 +204,42 @@ fn against(cause: &Cause, curve: &Curve) -> String {
 }
 
 fn excerpts(document: &Document) -> String {
-    let Some(figures) = document.figures.as_ref().filter(|f| !f.excerpts.is_empty()) else { return String::new() };
+    let Some(figures) = &document.figures else { return String::new() };
+    // The top of the page has that of the worst joint.
+    let others: Vec<&Excerpt> = match worst(document, figures) {
+        Some(first) => figures.excerpts.iter().filter(|excerpt| !std::ptr::eq(*excerpt, first)).collect(),
+        None => Vec::new(),
+    };
+    if others.is_empty() {
+        return String::new();
+    }
     let mut out = String::from(
         "<h3>Torque, measured and modelled</h3><p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
          <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>with causes</span></p>\n\
          <div class=\"figures wide\">",
     );
-    for excerpt in &figures.excerpts {
+    for excerpt in others {
         out += &stretch(excerpt);
     }
     out += "</div>\n";
     out
 }
 
-fn stretch(e: &Excerpt) -> String {
+/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first cause, where it has joints.
+pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a Excerpt> {
+    let off = |excerpt: &Excerpt| {
+        let of = document.gap.per_joint.iter().find(|gap| gap.joint == excerpt.joint);
+        of.and_then(|gap| *gap.in_motion.first()?).unwrap_or(0.0)
+    };
+    // The first of equals.
+    let furthest = |among: &dyn Fn(&Excerpt) -> bool| {
+        figures.excerpts.iter().rev().filter(|e| among(e)).max_by(|a, b| off(a).total_cmp(&off(b)))
+    };
+    let named = document.causes.first().map_or(&[][..], |cause| cause.joints.as_slice());
+    furthest(&|excerpt| named.contains(&excerpt.joint)).or_else(|| furthest(&|_| true))
+}
+
+pub(super) fn stretch(e: &Excerpt) -> String {
     let time = |k: usize| e.from_s + e.step_s * k as f64;
     let x = Axis::fixed(time(0), time(e.measured.len().saturating_sub(1)));
     let y = Axis::around(e.measured.iter().chain(&e.given).chain(&e.with_causes).copied(), false);

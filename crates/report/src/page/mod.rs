@@ -8,6 +8,7 @@ mod plot;
 mod power;
 mod rollout;
 mod sections;
+mod top;
 mod trust;
 mod views;
 
@@ -73,16 +74,10 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
          series and have no rank.</footer>\n\
          <script type=\"application/json\" id=\"diagnosis\">{data}</script>\n</body></html>\n",
         verdict = escape(&document.verdict.replace('_', " ")),
-        lines = lines(document),
+        lines = top::top(document, scores),
         schema = escape(&document.schema),
         data = data(document),
     )
-}
-
-fn lines(document: &Document) -> String {
-    let each = |line: crate::Line| format!("<dt>{}</dt><dd>{}</dd>", line.head, escape(&line.text));
-    let lines: String = document.lines().into_iter().map(each).collect();
-    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{lines}</dl>\n")
 }
 
 /// The document itself, so that the page can be read by a program too.

@@ -103,7 +103,7 @@ pub(super) fn place(document: &Document) -> String {
     let heads: Vec<String> = std::iter::once("Joint".to_owned()).chain(regimes.iter().map(|r| regime(r))).collect();
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
     let caption = "Share of the squared gap of the nominal model, each joint's torque scaled to the same size [%]; \
-                   below it the residual, nominal and with causes, rms [N m]. The darker, the larger the share. \
+                   below it the residual, nominal and with causes, rms [N m]. The stronger the colour, the larger the share. \
                    Hatched: too little data.";
     let mut table = Table::new(caption, &heads).class("heat");
     for joint in &document.gap.per_joint {

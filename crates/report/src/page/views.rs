@@ -15,7 +15,7 @@ pub(super) fn views(document: &Document) -> String {
     let mut out = String::from(
         "<h3>Further divisions of the gap</h3>\n<p>Residual of each joint, nominal \u{2192} with causes, in units \
          of its noise; below it the same in N m, root mean square. Rows count while the joint moves and the direction of friction is known; bands of \
-         frequency use all rows. The darker, the larger compared with the other parts of that row. Hatched: fewer \
+         frequency use all rows. The stronger the colour, the larger compared with the other parts of that row. Hatched: fewer \
          than six stretches of half a second, too little data. A dash: the quantity hardly varies.</p>\n",
     );
     if let Some(contrast) = &views.contrast {
