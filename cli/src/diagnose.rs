@@ -202,28 +202,28 @@ impl Sources<'_> {
     }
 }
 
-/// Whether a reading makes the diagnosis void.
+/// Whether a reading makes the diagnosis void: causes mean something where the diagnosis deals with every fault of it.
 fn is_void(reading: &reading::Found, found: &Diagnosis, document: &Document) -> bool {
     if reading.drifts {
         // Friction that drifts looks like laws of friction and limits of torque, unless it follows a temperature.
         let laws = document.causes.iter().any(|c| !VALUES.contains(&c.effect.as_str()));
         return laws && !document.causes.iter().any(|c| c.effect == "temperature_dependent_friction");
     }
-    // The diagnosis found the same as an effect of the arm, with its size.
-    if !document.other_arm.is_empty() && reading.is_less_than_another_arm() {
+    if !document.other_arm.is_empty() && !reading.is_sure() {
         return false;
     }
-    let named: Vec<(&str, &[String])> =
-        document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice())).collect();
-    if reading.is_expressed(&named) {
-        return false;
-    }
-    if reading.is_late() {
-        // Laws of friction and elasticity fit what is left of a delay that the diagnosis does not take out.
-        return !found.log.iter().any(|f| matches!(f.fault, LogFault::Late(_)) && f.run.starts_with(&reading.log));
-    }
-    // Where a joint alone is not trusted the diagnosis of the others stands.
-    !found.log.iter().any(|f| f.fault.spoils())
+    let of_this_log =
+        |run: &str| run.strip_prefix(reading.log.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '));
+    let findings: Vec<&rivet_diagnosis::LogFinding> = found.log.iter().filter(|f| of_this_log(&f.run)).collect();
+    let joints = |of: &dyn Fn(&LogFault) -> bool| -> Vec<&str> {
+        findings.iter().filter(|f| of(&f.fault)).map(|f| f.joint.as_str()).collect()
+    };
+    let dealt_with = reading::DealtWith {
+        effects: document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice())).collect(),
+        left_out: joints(&|fault| fault.spoils()),
+        aligned: joints(&|fault| matches!(fault, LogFault::Late(_))),
+    };
+    !reading.is_dealt_with(&dealt_with)
 }
 
 fn log_finding(of: Distrust) -> LogFinding {
@@ -382,10 +382,7 @@ mod tests {
             period_s: 1e-2,
             q: vec![(0..300).map(|k| 1e-2 * f64::from(k)).collect()],
             tau: vec![vec![0.0; 300]],
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
+            ..Run::default()
         };
         let logs = || vec![(vec![run()], vec![4.0]), (vec![run()], vec![8.0]), (vec![run()], vec![0.0])];
         let apart = on_their_clocks(logs(), true);

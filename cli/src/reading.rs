@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use rivet_config::Robot;
 use rivet_logs::Log;
+use rivet_screening::priors::REPORTED;
 use rivet_screening::{ArmState, Fault, Of, Reading, RobotFile, Screening, Stretch, screen};
 
 use crate::evidence::{Distrust, UNEXPLAINED_NAME};
@@ -50,28 +51,47 @@ pub(crate) struct Found {
     pub(crate) spoils: bool,
     /// Whether friction changes while it is logged.
     pub(crate) drifts: bool,
+    /// Posterior probability of this reading alone.
+    probability: f64,
     /// Faults of the channels, each with the names of its joints; none where only the arm is otherwise.
     faults: Vec<(Fault, Vec<String>)>,
 }
 
-impl Found {
-    /// Whether effects that a diagnosis has found, each with its joints, express every fault: then the log is read right.
-    pub(crate) fn is_expressed(&self, effects: &[(&str, &[String])]) -> bool {
-        let by = |fault: &Fault, of: &[String], (effect, joints): (&str, &[String])| {
-            fault.effects().contains(&effect) && of.iter().all(|joint| joints.is_empty() || joints.contains(joint))
+/// What a diagnosis has done about the channels of a log.
+pub(crate) struct DealtWith<'a> {
+    /// Effects that it found, each with its joints; no joints: the whole arm.
+    pub(crate) effects: Vec<(&'a str, &'a [String])>,
+    /// Joints whose torque it does not use.
+    pub(crate) left_out: Vec<&'a str>,
+    /// Joints whose torque it has shifted onto their motion; an empty name: all of them.
+    pub(crate) aligned: Vec<&'a str>,
+}
+
+impl DealtWith<'_> {
+    /// Whether it has dealt with `fault` of the joints `of` (none: all).
+    fn covers(&self, fault: &Fault, of: &[String]) -> bool {
+        let expressed = |(effect, joints): &(&str, &[String])| {
+            fault.effects().contains(effect) && of.iter().all(|joint| joints.is_empty() || joints.contains(joint))
         };
-        !self.faults.is_empty() && self.faults.iter().all(|(fault, of)| effects.iter().any(|e| by(fault, of, *e)))
+        let among = |names: &[&str]| !of.is_empty() && of.iter().all(|joint| names.contains(&joint.as_str()));
+        let aligned = |of: &[String]| {
+            if of.is_empty() { !self.aligned.is_empty() } else { self.aligned.contains(&"") || among(&self.aligned) }
+        };
+        self.effects.iter().any(expressed)
+            || fault.is_of_torque_alone() && among(&self.left_out)
+            || matches!(fault, Fault::Late(..)) && aligned(of)
+    }
+}
+
+impl Found {
+    /// Whether a diagnosis has dealt with every fault, so that its causes mean something.
+    pub(crate) fn is_dealt_with(&self, by: &DealtWith<'_>) -> bool {
+        !self.faults.is_empty() && self.faults.iter().all(|(fault, of)| by.covers(fault, of))
     }
 
-    /// Whether a file of another arm, which is one mistake, is more probable than this reading: it takes two faults or more. Each has
-    /// about the prior of that mistake ([`rivet_screening::priors`]), and independent ones multiply.
-    pub(crate) fn is_less_than_another_arm(&self) -> bool {
-        self.faults.len() > 1
-    }
-
-    /// Whether torque is logged late.
-    pub(crate) fn is_late(&self) -> bool {
-        self.faults.iter().any(|(fault, _)| matches!(fault, Fault::Late(..)))
+    /// Whether this reading by itself, without those like it, is probable enough to be reported.
+    pub(crate) fn is_sure(&self) -> bool {
+        self.probability >= REPORTED
     }
 
     /// As one of a list of warnings.
@@ -92,6 +112,7 @@ pub(crate) fn of(robot: &Robot, log: &Log) -> Option<Found> {
         text: text(robot, &found, reading),
         spoils: spoils(reading),
         drifts: reading.faults.is_empty() && reading.state == ArmState::Drift,
+        probability: reading.probability,
         faults: reading.faults.iter().map(|fault| (fault.clone(), of(fault))).collect(),
     })
 }
@@ -160,5 +181,63 @@ pub(crate) fn first(warnings: &mut Vec<Distrust>) {
 pub(crate) fn warn(robot: &Robot, log: &Log) {
     if let Some(said) = distrust(robot, log) {
         said.warn();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(faults: Vec<(Fault, Vec<String>)>) -> Found {
+        Found {
+            log: "run.csv".to_owned(),
+            joint: None,
+            text: String::new(),
+            spoils: true,
+            drifts: false,
+            probability: 1.0,
+            faults,
+        }
+    }
+
+    fn names(of: &[&str]) -> Vec<String> {
+        of.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    #[test]
+    fn every_fault_has_to_be_dealt_with() {
+        let zero = (Fault::JointZero(1, 0.5), names(&["elbow"]));
+        let sign = (Fault::TorqueSign(Of::Joint(0)), names(&["base"]));
+        let elbow = names(&["elbow"]);
+        let by = |effect: bool, left_out: bool| DealtWith {
+            effects: if effect { vec![("encoder_offset", elbow.as_slice())] } else { Vec::new() },
+            left_out: if left_out { vec!["base"] } else { Vec::new() },
+            aligned: Vec::new(),
+        };
+        for (effect, left_out) in [(true, true), (true, false), (false, true), (false, false)] {
+            let both = found(vec![zero.clone(), sign.clone()]);
+            assert_eq!(both.is_dealt_with(&by(effect, left_out)), effect && left_out);
+            assert_eq!(found(vec![zero.clone()]).is_dealt_with(&by(effect, left_out)), effect);
+            assert_eq!(found(vec![sign.clone()]).is_dealt_with(&by(effect, left_out)), left_out);
+        }
+        assert!(!found(Vec::new()).is_dealt_with(&by(true, true)), "a state of the arm is no fault of a channel");
+    }
+
+    #[test]
+    fn a_position_is_not_dealt_with_by_leaving_out_its_torque() {
+        let by = DealtWith { effects: Vec::new(), left_out: vec!["base"], aligned: Vec::new() };
+        assert!(!found(vec![(Fault::PositionSign(Of::Joint(0)), names(&["base"]))]).is_dealt_with(&by));
+        assert!(found(vec![(Fault::TorqueScale(0, 2.0), names(&["base"]))]).is_dealt_with(&by));
+        assert!(!found(vec![(Fault::TorqueScale(0, 2.0), names(&["elbow"]))]).is_dealt_with(&by));
+    }
+
+    #[test]
+    fn torque_that_is_late_is_dealt_with_where_it_was_shifted() {
+        let by = |aligned| DealtWith { effects: Vec::new(), left_out: Vec::new(), aligned };
+        let all = found(vec![(Fault::Late(Of::All, 0.05), Vec::new())]);
+        let one = found(vec![(Fault::Late(Of::Joint(0), 0.05), names(&["base"]))]);
+        assert!(all.is_dealt_with(&by(vec!["elbow"])) && !all.is_dealt_with(&by(Vec::new())));
+        assert!(one.is_dealt_with(&by(vec!["base"])) && !one.is_dealt_with(&by(vec!["elbow"])));
+        assert!(one.is_dealt_with(&by(vec![""])));
     }
 }

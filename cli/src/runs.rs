@@ -327,9 +327,7 @@ fn motion_of(piece: &Piece) -> Run {
         q: piece.grid.q.clone(),
         tau: vec![vec![0.0; piece.grid.len()]; piece.grid.q.len()],
         temperature: piece.grid.temperature.clone(),
-        desired: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
+        ..Run::default()
     }
 }
 

@@ -1,13 +1,13 @@
 //! An effect that the true arm has and the robot file lacks, and what `rivet diagnose` makes of the recorded run.
 
 use std::fmt::Write as _;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
+use rivet_dynamics::JointKind;
 use rivet_realtime::Shutdown;
 use rivet_report::words::{effect, percent};
 use rivet_report::{Cause, Document};
@@ -17,6 +17,8 @@ use crate::blind;
 use crate::exit::Fault;
 use crate::progress::Progress;
 use crate::table::paragraph_within;
+
+use super::{Files, output_file};
 
 /// Columns of the smallest usual terminal.
 const COLUMNS: usize = 80;
@@ -86,9 +88,15 @@ impl Hidden {
         if open.is_empty() {
             bail!("the robot file has every effect that the demonstration can hide; remove one from [effects]");
         }
+        // Sizes are those of a joint that turns.
+        let turning: Vec<usize> =
+            (0..robot.dof()).filter(|j| robot.model.arm.joints[*j].kind == JointKind::Revolute).collect();
+        if turning.is_empty() {
+            bail!("no joint of this arm turns: the demonstration hides its effect in one that does");
+        }
         let mut random = Random::stream(seed, STREAM);
         let mut pick = |count: usize| (random.uniform(0.0, count as f64) as usize).min(count - 1);
-        let (kind, joint) = (open[pick(open.len())], pick(robot.dof()));
+        let (kind, joint) = (open[pick(open.len())], turning[pick(turning.len())]);
         let (coulomb, limit) = (robot.config.friction.coulomb[joint], robot.config.drive.torque_limit[joint]);
         let scale = if coulomb > 0.0 { coulomb } else { FRICTION_SHARE * limit };
         let axis = &robot.model.arm.joints[joint];
@@ -160,8 +168,8 @@ impl Hidden {
                 &format!("{} (the true arm differs in these, too)", others.join(", ")),
             );
         }
-        if let Some(line) = found.lines(&scores).into_iter().find(|line| line.head == "Result") {
-            out += &paragraph_within(COLUMNS, "  result       ", &line.text);
+        if let Some(result) = found.result_line() {
+            out += &paragraph_within(COLUMNS, "  result       ", &result);
         }
         let _ = write!(out, "hidden effect: {}", if self.is_found(found) { "named" } else { "NOT named" });
         Ok(out)
@@ -169,15 +177,16 @@ impl Hidden {
 }
 
 /// `rivet diagnose` of the recorded run, as a user would call it.
-pub(crate) fn diagnose(robot: &Path, log: &Path, folder: &Path, shutdown: &Shutdown) -> Result<Document> {
-    let json = folder.join("diagnosis.json");
+pub(super) fn diagnose(files: &Files, shutdown: &Shutdown) -> Result<Document> {
+    // A file takes everything the child may write; a pipe that nobody empties would hold it up.
+    let messages = files.folder.join("diagnose.log");
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
-    command.arg("diagnose").args([robot, log]).arg("--json").arg(&json);
+    command.arg("diagnose").args([&files.robot, &files.log]).arg("--json").arg(&files.verdict);
     let mut child = command
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
+        .stderr(output_file(&messages)?)
         .spawn()
         .context("cannot start rivet diagnose")?;
     let mut progress = Progress::new("diagnosing the recorded run", 1000);
@@ -205,9 +214,8 @@ pub(crate) fn diagnose(robot: &Path, log: &Path, folder: &Path, shutdown: &Shutd
             return Err(why);
         }
     };
-    let Ok(text) = std::fs::read_to_string(&json) else {
-        let mut said = String::new();
-        child.stderr.take().map(|mut stderr| stderr.read_to_string(&mut said));
+    let Ok(text) = std::fs::read_to_string(&files.verdict) else {
+        let said = std::fs::read_to_string(&messages).unwrap_or_default();
         bail!("rivet diagnose ended without a verdict ({status}): {}", said.trim());
     };
     serde_json::from_str(&text).context("the verdict of rivet diagnose")

@@ -71,6 +71,8 @@ struct Files {
     truth: PathBuf,
     /// What was published while the arm moved.
     log: PathBuf,
+    /// What the diagnosis found.
+    verdict: PathBuf,
     folder: PathBuf,
 }
 
@@ -109,21 +111,18 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         parameters: bus.parameters_subscriber()?,
         health: bus.health_subscriber()?,
     };
-    let truth_file = folder.join("truth.json");
-    // A kept folder may hold the truth of an earlier run.
-    if truth_file.exists() {
-        std::fs::remove_file(&truth_file).with_context(|| format!("cannot remove {}", truth_file.display()))?;
-    }
+    let [truth, log, verdict] = ["truth.json", "run.csv", "diagnosis.json"].map(|name| folder.join(name));
+    remove_old([&truth, &log, &verdict])?;
     let hidden = Hidden::draw(&robot, args.seed)?;
     let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
-    let files = Files { robot: robot_file, true_robot, truth: truth_file, log: folder.join("run.csv"), folder };
+    let files = Files { robot: robot_file, true_robot, truth, log, verdict, folder };
     start(&mut children, args, &robot, &files, private.config())?;
 
     let truth = wait_for_truth(&files.truth, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
     let heard = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
     children.end();
-    let found = hidden::diagnose(&files.robot, &files.log, &files.folder, &shutdown)?;
+    let found = hidden::diagnose(&files, &shutdown)?;
     let result =
         table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
     if args.parameters {
@@ -131,6 +130,19 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     show(&format!("{result}\n\ndiagnosis of the recorded run\n{}\n", hidden.text(&found)?))?;
     Ok(if result.improved() && hidden.is_found(&found) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Removes what an earlier run left in a kept folder: none of it may be taken for this run's.
+fn remove_old(files: [&Path; 3]) -> Result<()> {
+    for file in files {
+        match std::fs::remove_file(file) {
+            Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
+                return Err(why).with_context(|| format!("cannot remove {}", file.display()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn unpack(folder: &Path) -> Result<PathBuf> {
@@ -141,18 +153,18 @@ fn unpack(folder: &Path) -> Result<PathBuf> {
     Ok(robot)
 }
 
+/// A new file for what a child writes.
+fn output_file(path: &Path) -> Result<File> {
+    Draft::new(path).and_then(Draft::publish).with_context(|| format!("cannot write {}", path.display()))
+}
+
 /// The true arm differs from the robot file: every body and friction value by a factor of its own, a payload, the hidden effect.
 fn start(children: &mut Children, args: &Args, robot: &Robot, files: &Files, bus: &BusConfig) -> Result<()> {
     let text = |path: &Path| path.to_string_lossy().into_owned();
     let common = |command: &str, robot: &Path| -> Vec<String> {
         [command, &text(robot), "--prefix", &bus.prefix, "--root", &text(&bus.root)].map(str::to_owned).to_vec()
     };
-    let log = |name: &str| -> Result<Option<File>> {
-        let path = files.folder.join(name);
-        Ok(Some(
-            Draft::new(&path).and_then(Draft::publish).with_context(|| format!("cannot write {}", path.display()))?,
-        ))
-    };
+    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
     let switch = ((PHASE_S + SETTLE_S) / robot.config.sample_period_s).round() as u64;
 
     let mut daemon = common("daemon", &files.robot);

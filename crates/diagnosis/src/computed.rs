@@ -225,9 +225,7 @@ mod tests {
             q: measured.q.clone(),
             tau,
             desired: Some(desired.clone()),
-            temperature: None,
-            past: crate::past::Past::default(),
-            interpolated: Vec::new(),
+            ..Run::default()
         }
     }
 

@@ -10,7 +10,6 @@ use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
 use crate::log_check::LogFault;
-use crate::past::Past;
 use crate::physics::{Physics, bodies};
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
@@ -271,16 +270,7 @@ fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
     let samples = (4.0 / period_s) as usize;
     let mut q = vec![0.0; samples];
     q[samples / 2] = 1.0;
-    let pulse = Run {
-        name: String::new(),
-        period_s,
-        q: vec![q],
-        tau: Vec::new(),
-        desired: None,
-        temperature: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
-    };
+    let pulse = Run { name: String::new(), period_s, q: vec![q], tau: Vec::new(), ..Run::default() };
     let motion = Motion::of(&pulse);
     let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     // Rows come every second mean: a sample in between leaves as much, spread over others.

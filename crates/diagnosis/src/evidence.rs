@@ -335,6 +335,12 @@ impl Solved {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
     }
 
+    /// The coefficients moved by `z` standard deviations of their posterior along its axes: `x + L⁻ᵀz`. With standard normal `z` it is a
+    /// draw from the posterior.
+    pub(crate) fn drawn(&self, z: &DVector<f64>) -> Option<DVector<f64>> {
+        Some(&self.x + self.factor.l_dirty().tr_solve_lower_triangular(z)?)
+    }
+
     /// Covariance of the first `columns` coefficients.
     pub(crate) fn covariance(&self, columns: usize) -> Option<DMatrix<f64>> {
         let all = self.factor.inverse();

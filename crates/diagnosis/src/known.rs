@@ -266,7 +266,6 @@ pub(crate) fn torque(nominal: &Nominal, effects: &[KnownEffect], run: &Run, moti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::past::Past;
     use crate::warming::Warmth;
     use rivet_dynamics::{Arm, Structure};
 
@@ -308,9 +307,7 @@ mod tests {
             q: signal(&wave),
             tau: signal(&|_, _| 0.0),
             temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
+            ..Run::default()
         };
         let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
         let physics = Physics::new(&run, &motion, &nominal, &x);

@@ -3,12 +3,17 @@
 use crate::contact::numbers;
 use crate::form::Form;
 
+/// Name of a size that is an angle, known up to whole turns.
+pub(crate) const PHASE: &str = "phase_rad";
+
 impl Form {
     /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector: that which was fitted for what
     /// warms up, that by which its column was made for bristles.
     pub(crate) fn magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Vec<(String, f64)> {
         let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
         let wave = |c: &[f64]| c[0].hypot(c[1]);
+        // Of `amplitude·cos(order·q − phase)`.
+        let phase = |c: &[f64]| c[1].atan2(c[0]);
         let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
         match self {
             Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
@@ -47,10 +52,12 @@ impl Form {
             }
             Form::Hysteresis { length, .. } => named(&[("hysteresis_Nm", c[0]), ("length_rad", *length)]),
             Form::PositionFriction { order, .. } | Form::Ripple { order, .. } => {
-                named(&[("amplitude_Nm", wave(c)), ("cycles_per_turn", *order)])
+                named(&[("amplitude_Nm", wave(c)), (PHASE, phase(c)), ("cycles_per_turn", *order)])
             }
-            Form::TransmissionError { order, .. } => named(&[("amplitude_rad", wave(c)), ("cycles_per_turn", *order)]),
-            Form::Eccentricity { .. } => named(&[("amplitude_rad", wave(c))]),
+            Form::TransmissionError { order, .. } => {
+                named(&[("amplitude_rad", wave(c)), (PHASE, phase(c)), ("cycles_per_turn", *order)])
+            }
+            Form::Eccentricity { .. } => named(&[("amplitude_rad", wave(c)), (PHASE, phase(c))]),
             // Measured torque over the model's: the drive delivers less than it reports when this is above 1.
             Form::Gain { .. } => named(&[("gain", 1.0 / (1.0 + c[0]))]),
             Form::TorqueLaw { .. } => named(&[("cubic_per_Nm2", c[0])]),

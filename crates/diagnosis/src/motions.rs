@@ -17,7 +17,6 @@ use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
-use crate::past::Past;
 use crate::physics::Physics;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
@@ -407,16 +406,7 @@ fn separation(duels: &[Duel<'_>], record: &Record<'_>, physics: &Physics<'_>, le
 fn planned(plan: Plan, joint: usize, home: &[f64], bounds: &MotionBounds, extent: Extent) -> Run {
     let [q, ..] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
     let tau = vec![vec![0.0; q[0].len()]; q.len()];
-    Run {
-        name: String::new(),
-        period_s: COARSE_S,
-        q,
-        tau,
-        temperature: None,
-        desired: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
-    }
+    Run { name: String::new(), period_s: COARSE_S, q, tau, ..Run::default() }
 }
 
 /// Joints to move: those that the class is about, or every one where it is about the whole arm.

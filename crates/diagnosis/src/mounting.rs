@@ -431,7 +431,6 @@ fn mounted(arm: &Arm, axis: [f64; 3]) -> Arm {
 mod tests {
     use super::*;
     use crate::background::{Nominal, Typical};
-    use crate::past::Past;
     use crate::run::{Motion, Run};
     use rivet_dynamics::{Model, Structure};
 
@@ -454,16 +453,7 @@ mod tests {
         let samples = (8.0 / period_s) as u32;
         let q: Vec<f64> = (0..samples).map(|k| 0.3 * (TAU * hz * f64::from(k) * period_s).sin()).collect();
         let tau = vec![vec![0.0; q.len()]];
-        let run = Run {
-            name: String::new(),
-            period_s,
-            tau,
-            q: vec![q],
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        };
+        let run = Run { name: String::new(), period_s, tau, q: vec![q], ..Run::default() };
         let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);
         f(&Physics::new(&run, &motion, &nominal, &nominal.x))

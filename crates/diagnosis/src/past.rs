@@ -116,16 +116,7 @@ mod tests {
     fn run(speed: f64, seconds: usize) -> Run {
         let q = vec![(0..seconds * 1000).map(|k| speed * 1e-3 * k as f64).collect()];
         let tau = vec![vec![0.0; seconds * 1000]];
-        Run {
-            name: String::new(),
-            period_s: 1e-3,
-            q,
-            tau,
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        }
+        Run { name: String::new(), period_s: 1e-3, q, tau, ..Run::default() }
     }
 
     #[test]

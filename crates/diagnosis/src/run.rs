@@ -7,7 +7,7 @@ use rivet_estimation::offline::{Trajectory, ZeroPhase};
 use crate::past::Past;
 
 /// One uniformly sampled run, `[joint][sample]`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
     /// What messages call it.
     pub name: String,

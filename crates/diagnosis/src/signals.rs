@@ -245,7 +245,6 @@ pub(crate) fn resolution(q: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::past::Past;
 
     const PERIOD_S: f64 = 1e-3;
 
@@ -261,10 +260,7 @@ mod tests {
             period_s: PERIOD_S,
             q: vec![swing(8000)],
             tau: vec![(0..8000).map(torque).collect()],
-            desired: None,
-            temperature: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
+            ..Run::default()
         }
     }
 

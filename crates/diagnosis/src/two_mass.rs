@@ -84,7 +84,6 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
 mod tests {
     use super::*;
     use crate::background::{Nominal, Typical};
-    use crate::past::Past;
     use crate::run::{Motion, Run};
     use rivet_dynamics::{Arm, Model, Structure};
 
@@ -102,16 +101,7 @@ mod tests {
         let omega = std::f64::consts::TAU * hz;
         let q: Vec<f64> = (0..6000).map(|k| 0.3 * (omega * f64::from(k) * 1e-3).sin()).collect();
         let tau = vec![vec![0.0; q.len()]];
-        let run = Run {
-            name: String::new(),
-            period_s: 1e-3,
-            tau,
-            q: vec![q],
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        };
+        let run = Run { name: String::new(), period_s: 1e-3, tau, q: vec![q], ..Run::default() };
         let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
         let motion = Motion::of(&run);
         let physics = Physics::new(&run, &motion, &nominal, &nominal.x);

@@ -172,7 +172,6 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
 mod tests {
     use super::*;
     use crate::background::Nominal;
-    use crate::past::Past;
     use rivet_dynamics::{Arm, Model, Structure};
 
     /// Whether runs of (length \[s\], with a thermometer) have candidates.
@@ -189,16 +188,7 @@ mod tests {
             let signal = |f: fn(f64) -> f64| vec![(0..rows).map(|k| f(0.05 * k as f64)).collect::<Vec<f64>>(); n];
             let (q, tau) = (signal(f64::sin), signal(|_| 0.0));
             let temperature = measured.then(|| signal(|_| 30.0));
-            Run {
-                name: String::new(),
-                period_s: 0.05,
-                q,
-                tau,
-                desired: None,
-                temperature,
-                past: Past::default(),
-                interpolated: Vec::new(),
-            }
+            Run { name: String::new(), period_s: 0.05, q, tau, temperature, ..Run::default() }
         };
         let runs: Vec<Run> = runs.iter().map(run).collect();
         let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();

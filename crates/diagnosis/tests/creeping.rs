@@ -5,7 +5,7 @@ mod common;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use common::Noise;
-use rivet_diagnosis::{Effect, Past, Run, Verdict, diagnose};
+use rivet_diagnosis::{Effect, Run, Verdict, diagnose};
 use rivet_dynamics::{Model, Structure, Workspace};
 
 const PERIOD_S: f64 = 0.002;
@@ -56,16 +56,7 @@ fn log(model: &Model, x: &[f64], creeps: bool, excess: f64, seed: u64) -> Run {
         }
     }
     let temperature = Some(vec![vec![30.0; q[0].len()]; n]);
-    Run {
-        name: format!("log {seed}"),
-        period_s: PERIOD_S,
-        q,
-        tau,
-        temperature,
-        desired: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
-    }
+    Run { name: format!("log {seed}"), period_s: PERIOD_S, q, tau, temperature, ..Run::default() }
 }
 
 fn told(excess: f64) -> rivet_diagnosis::Diagnosis {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 mod common;
 
 use common::Noise;
-use rivet_diagnosis::{Effect, Past, Run, diagnose};
+use rivet_diagnosis::{Effect, Run, diagnose};
 use rivet_dynamics::{Model, Structure, Workspace, inverse_dynamics};
 
 struct Counting;
@@ -79,16 +79,7 @@ fn log(model: &Model, x: &[f64], seconds: f64) -> Run {
     }
     // With a thermometer no time constants are looked for, which only long logs have.
     let temperature = Some(vec![vec![30.0; q[0].len()]; n]);
-    Run {
-        name: "pushed".into(),
-        period_s: PERIOD_S,
-        q,
-        tau,
-        temperature,
-        desired: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
-    }
+    Run { name: "pushed".into(), period_s: PERIOD_S, q, tau, temperature, ..Run::default() }
 }
 
 /// Bytes held at once at most and bytes asked for in all, of a diagnosis that finds the pushes and nothing else: what hats

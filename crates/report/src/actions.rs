@@ -61,21 +61,25 @@ impl Document {
             // Masses before where they are.
             let (masses, others): (Vec<_>, Vec<_>) = known.partition(|(name, _)| name.as_str() == "mass_kg");
             let one = |(name, value): (&String, f64)| {
+                let ends = cause.intervals.get(name).and_then(|[low, high]| (*low).zip(*high));
+                let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
+                let value = figure(value, 3);
                 if let Some(what) = FACTORS.iter().find_map(|(factor, what)| (factor == name).then_some(what)) {
-                    return format!("{what} {} times the file's", figure(value, 3));
+                    return format!("{what} {value}{ends} times the file's");
                 }
                 let (name, unit) = quantity_of(name, &cause.joints, self);
-                format!("{name} {} {unit}", figure(value, 3)).trim_end().to_owned()
+                format!("{name} {value}{ends} {unit}").trim_end().to_owned()
             };
             return masses.into_iter().chain(others).map(one).collect();
         }
         let more = values.len().saturating_sub(VALUES);
         let one = |p: &&Parameter| {
             let given = p.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
-            let interval = p.low.zip(p.high).filter(|(low, high)| low < high);
-            let interval =
-                interval.map_or_else(String::new, |(low, high)| format!(" [{}, {}]", figure(low, 3), figure(high, 3)));
-            format!("{} {given}{} {}{interval}", p.name, figure(p.found.unwrap_or(f64::NAN), 3), p.unit)
+            let ends = p.low.zip(p.high).filter(|(low, high)| low < high);
+            let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
+            format!("{} {given}{}{ends} {}", p.name, figure(p.found.unwrap_or(f64::NAN), 3), p.unit)
+                .trim_end()
+                .to_owned()
         };
         let listed = values.iter().take(VALUES).map(one);
         listed.chain((more > 0).then(|| format!("{more} more in the table of parameters"))).collect()
@@ -83,7 +87,8 @@ impl Document {
 
     /// What the causes bring: residual in motion over the noise, of the joint that was furthest off, and the simulator's error; none
     /// where nothing is known of the motion.
-    pub(crate) fn result_line(&self) -> Option<String> {
+    #[must_use]
+    pub fn result_line(&self) -> Option<String> {
         let both = |j: &JointGap| Some((j.joint.clone(), (*j.in_motion.first()?)?, (*j.in_motion.get(1)?)?));
         let joints: Vec<(String, f64, f64)> = self.gap.per_joint.iter().filter_map(both).collect();
         let (joint, before, after) = joints.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -112,6 +117,11 @@ impl Document {
         let most = |at: usize| self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
         most(0).zip(most(1))
     }
+}
+
+/// The 90 % interval behind a figure.
+pub(crate) fn interval(low: f64, high: f64) -> String {
+    format!(" [{}, {}]", figure(low, 3), figure(high, 3))
 }
 
 /// Confidence, and how often names of such confidence were right on blind cases, where there are enough of them.
@@ -174,9 +184,24 @@ mod tests {
         let rotor = of("rotor_inertia", &["wrist"], &json!({"j4.rotor_inertia": 0.65}));
         let said = actions(&[rotor], &[("figures", figures)], &[]).concat();
         assert!(
-            said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.650 kg m² [0.630, 0.670]."),
+            said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.650 [0.630, 0.670] kg m²."),
             "{said}"
         );
+    }
+
+    #[test]
+    fn a_size_stands_with_its_interval_and_an_inner_value_without() {
+        let mut friction = of("stribeck_friction", &["elbow"], &json!({"excess_Nm": 1.47, "velocity_rad_s": 0.081}));
+        friction["intervals"] = json!({"excess_Nm": [1.4, 1.55]});
+        let said = actions(&[friction], &[], &[]).concat();
+        assert!(
+            said.starts_with("Add stribeck friction to elbow: excess 1.47 [1.40, 1.55] N m, velocity 0.0810 rad/s."),
+            "{said}"
+        );
+        let mut rotor = of("rotor_inertia", &["wrist"], &json!({"inertia_gain": 1.63}));
+        rotor["intervals"] = json!({"inertia_gain": [1.5, 1.7]});
+        let said = actions(&[rotor], &[], &[]).concat();
+        assert!(said.starts_with("Set rotor inertia of wrist: inertia 1.63 [1.50, 1.70] times the file's."), "{said}");
     }
 
     #[test]

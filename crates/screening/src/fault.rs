@@ -188,6 +188,20 @@ impl Fault {
         }
     }
 
+    /// Whether only torques of single joints are wrong: without them the rest of the log is right.
+    #[must_use]
+    pub fn is_of_torque_alone(&self) -> bool {
+        matches!(
+            self,
+            Fault::TorqueSign(Of::Joint(_))
+                | Fault::TorqueScale(..)
+                | Fault::Exchanged(_, _, Columns::Torques)
+                | Fault::Unsigned(Of::Joint(_))
+                | Fault::Late(Of::Joint(_), _)
+                | Fault::BeyondLimit(..)
+        )
+    }
+
     /// Effects of a model that predict the same: with one of them in the model, the log may stay as it is. Empty where none does.
     #[must_use]
     pub fn effects(&self) -> &'static [&'static str] {

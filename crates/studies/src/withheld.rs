@@ -406,7 +406,6 @@ pub fn to_json(arms: &[Arm]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rivet_diagnosis::Past;
     use rivet_dynamics::Workspace;
 
     /// The TX40 with a rotor, friction and a coupled wrist, and one run.
@@ -420,16 +419,7 @@ mod tests {
             *value = if drive && *value == 0.0 { 0.3 } else { *value };
         }
         let rows = |scale: f64| (0..n).map(|j| vec![scale * (j + 1) as f64; 3]).collect();
-        let run = Run {
-            name: "r".into(),
-            period_s: 1e-3,
-            q: rows(0.1),
-            tau: rows(2.0),
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        };
+        let run = Run { name: "r".into(), period_s: 1e-3, q: rows(0.1), tau: rows(2.0), ..Run::default() };
         (Known { model: (*robot.model).clone(), standard }, vec![run])
     }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 use rivet_config::Robot;
-use rivet_diagnosis::{Cause, Diagnosis, Effect, Past, Run, Verdict, diagnose};
+use rivet_diagnosis::{Cause, Diagnosis, Effect, Run, Verdict, diagnose};
 use rivet_dynamics::{Arm, Workspace, friction_sign, inverse_dynamics, mass_matrix};
 use rivet_logs::write_columns;
 use rivet_simulation::{Disturbances, Random, Truth};
@@ -254,19 +254,7 @@ fn log(name: &str, gives: Gives<'_>, seconds: f64, pace: f64, seed: u64) -> (Rob
         moves.step();
     }
     let period_s = STEP_S * STEPS as f64;
-    (
-        robot,
-        Run {
-            name: "log".into(),
-            period_s,
-            q,
-            tau,
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        },
-    )
+    (robot, Run { name: "log".into(), period_s, q, tau, ..Run::default() })
 }
 
 fn found(robot: &Robot, run: Run) -> Diagnosis {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Ladder, Past, Run, Rung, friction_ladder};
+use rivet_diagnosis::{Ladder, Run, Rung, friction_ladder};
 use rivet_logs::{ReadOptions, read, read_columns, write_columns};
 use rivet_simulation::{Injected, Injector, Recorded};
 use rivet_tests::{rivet, robot, root, shared, succeed};
@@ -26,16 +26,7 @@ fn run(robot: &Robot, log: &Path, effects: &[Injected]) -> Run {
             tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
         }
     }
-    Run {
-        name: "run".to_owned(),
-        period_s: report.period_s,
-        q: log.q.clone(),
-        tau,
-        temperature: None,
-        desired: None,
-        past: Past::default(),
-        interpolated: Vec::new(),
-    }
+    Run { name: "run".to_owned(), period_s: report.period_s, q: log.q.clone(), tau, ..Run::default() }
 }
 
 /// Friction with load that the simulated plant makes is the law that is found, on the joint that has it; where friction is

@@ -2,7 +2,7 @@
 //! which nothing is wrong.
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Effect, Past, Run, diagnose, probe};
+use rivet_diagnosis::{Effect, Run, diagnose, probe};
 use rivet_logs::{ReadOptions, read};
 use rivet_simulation::{Injected, Injector, Recorded};
 use rivet_tests::shared;
@@ -20,9 +20,7 @@ fn undisturbed() -> Option<(Robot, [Run; 2])> {
             q: log.q,
             tau,
             temperature: log.temperature,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
+            ..Run::default()
         }
     };
     let runs = ["log-a.parquet", "log-b.parquet"].map(run);

@@ -2,7 +2,7 @@
 //! joint of one heat capacity that cools to the room, and warm friction is less, by laws that the diagnosis does not fit.
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Cause, Diagnosis, Effect, Past, Run, Verdict, diagnose, of_one_clock};
+use rivet_diagnosis::{Cause, Diagnosis, Effect, Run, Verdict, diagnose, of_one_clock};
 use rivet_dynamics::{Workspace, inverse_dynamics};
 use rivet_logs::write_columns;
 use rivet_simulation::Random;
@@ -114,16 +114,7 @@ impl<'a> Work<'a> {
             }
             self.time_s += h;
         }
-        Run {
-            name: "log".into(),
-            period_s: PERIOD_S,
-            q,
-            tau,
-            temperature: None,
-            desired: None,
-            past: Past::default(),
-            interpolated: Vec::new(),
-        }
+        Run { name: "log".into(), period_s: PERIOD_S, q, tau, ..Run::default() }
     }
 }
 
