@@ -1,0 +1,132 @@
+//! Every command that the manual shows exists, with the flags that it shows.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// README and all pages below `docs/`.
+fn pages() -> Vec<PathBuf> {
+    let mut pages = vec![root().join("README.md")];
+    let mut folders = vec![root().join("docs")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("a folder").flatten() {
+            match entry.path() {
+                path if path.is_dir() => folders.push(path),
+                path if path.extension().is_some_and(|e| e == "md") => pages.push(path),
+                _ => {}
+            }
+        }
+    }
+    pages
+}
+
+/// Lines of fenced blocks marked `sh` or `console`, with continued lines joined. Of `console` only what follows a prompt.
+fn shell_lines(text: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    for block in text.split("```").skip(1).step_by(2) {
+        let (language, body) = block.split_once('\n').unwrap_or((block, ""));
+        let joined = body.replace("\\\n", " ");
+        let commands = joined.lines().map(|line| line.split("  #").next().unwrap_or(line).trim());
+        match language.trim() {
+            "sh" => lines.extend(commands.map(str::to_owned)),
+            "console" => lines.extend(commands.filter_map(|line| line.strip_prefix("$ ")).map(str::to_owned)),
+            _ => {}
+        }
+    }
+    lines
+}
+
+/// Words of every call of one of rivet's programs in a shell line, the first being a command of `rivet`.
+fn calls(line: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    for part in line.split(['&', '|', ';', '(', ')']) {
+        let words: Vec<&str> = part.split_whitespace().collect();
+        let Some(at) = words.iter().position(|word| program(word).is_some()) else { continue };
+        let command = program(words[at]).flatten();
+        let rest = words[at + 1..].iter().map(|word| (*word).to_owned());
+        found.push(command.map(str::to_owned).into_iter().chain(rest).collect());
+    }
+    found
+}
+
+/// Whether a word names one of the programs, and the command of `rivet` that is the same.
+fn program(word: &str) -> Option<Option<&'static str>> {
+    match word.rsplit('/').next()? {
+        "rivet" => Some(None),
+        "rivetd" => Some(Some("daemon")),
+        "rivet-controller" => Some(Some("controller")),
+        "rivet-sim" => Some(Some("sim")),
+        _ => None,
+    }
+}
+
+/// What `rivet WORDS --help` prints; none where there is no such command.
+fn help(words: &[String]) -> Option<String> {
+    let output = Command::new(env!("CARGO_BIN_EXE_rivet")).args(words).arg("--help").output().expect("it starts");
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// Names of the commands that a help text lists.
+fn commands(help: &str) -> BTreeSet<String> {
+    let listed = help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1);
+    listed
+        .take_while(|line| line.starts_with("  "))
+        .filter_map(|line| line.split_whitespace().next())
+        .map(str::to_owned)
+        .collect()
+}
+
+/// What is wrong with a call.
+fn mistake(call: &[String]) -> Option<String> {
+    let (mut depth, mut text) = (0, help(&[])?);
+    while let Some(word) = call.get(depth).filter(|word| commands(&text).contains(*word)) {
+        depth += 1;
+        text = help(&call[..depth]).unwrap_or_else(|| panic!("{word} is listed and has no help"));
+    }
+    let operand = call.get(depth).filter(|word| !word.starts_with('-'));
+    if let (false, Some(word)) = (commands(&text).is_empty(), operand) {
+        return Some(format!("no command {word}"));
+    }
+    let known: BTreeSet<&str> = text
+        .split(|c: char| c.is_whitespace() || "[]=,;:.`<>()".contains(c))
+        .filter(|word| word.starts_with('-'))
+        .collect();
+    let flags = call.iter().filter(|word| word.starts_with("--") || is_short(word));
+    let unknown = flags.map(|word| word.split('=').next().unwrap_or(word)).find(|flag| !known.contains(flag));
+    unknown.map(|flag| format!("no flag {flag}"))
+}
+
+/// A flag of one letter; numbers below zero are values.
+fn is_short(word: &str) -> bool {
+    word.strip_prefix('-').is_some_and(|rest| rest.len() == 1 && rest.chars().all(char::is_alphabetic))
+}
+
+#[test]
+fn every_command_of_the_manual_exists_with_its_flags() {
+    let (mut seen, mut mistakes) = (0, Vec::new());
+    for page in pages() {
+        let text = fs::read_to_string(&page).expect("a page");
+        for call in shell_lines(&text).iter().flat_map(|line| calls(line)) {
+            seen += 1;
+            mistakes.extend(mistake(&call).map(|why| format!("{}: rivet {}: {why}", page.display(), call.join(" "))));
+        }
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    assert!(seen > 30, "only {seen} calls were found");
+}
+
+#[test]
+fn wrong_commands_are_found() {
+    let wrong = |line: &str| calls(line).iter().find_map(|call| mistake(call));
+    assert_eq!(wrong("cd x && rivet blind make --seed 1 --out DIR"), None);
+    assert_eq!(wrong("rivet diagnos ROBOT.toml LOG").as_deref(), Some("no command diagnos"));
+    assert_eq!(wrong("rivet diagnose ROBOT.toml LOG --jason F").as_deref(), Some("no flag --jason"));
+    assert_eq!(wrong("rivet-sim ROBOT.toml --payload 1 --paylod 2").as_deref(), Some("no flag --paylod"));
+    let text = "```console\n$ rivet check \\\n  R.toml\nrivet says\n```\n```sh\nrivet demo  # shows all\n```\n";
+    assert_eq!(shell_lines(text), ["rivet check    R.toml", "rivet demo"]);
+}
