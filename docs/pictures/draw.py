@@ -21,6 +21,8 @@ STYLE = (
     ".c0{stroke:#6aa8ff}.c1{stroke:#ff9a5c}.c2{stroke:#5fd07f}.c5{stroke:#9aa4b1}"
     ".f0{fill:#6aa8ff}.f1{fill:#ff9a5c}.f2{fill:#5fd07f}.f5{fill:#9aa4b1}}</style>"
 )
+# Causes of less confidence illustrate nothing.
+LEAST_CONFIDENCE = 0.3
 # Most points of a line of the paper's figures: more cannot be seen.
 MOST_POINTS = 120
 
@@ -214,7 +216,7 @@ def curves(found, source, drawn):
     """The curve of each cause on its first joint, once an effect."""
     for cause in found.get("causes", []):
         name = cause["effect"]
-        if name in drawn or not cause.get("curves"):
+        if name in drawn or not cause.get("curves") or (cause["confidence"] or 0) < LEAST_CONFIDENCE:
             continue
         curve = max(cause["curves"], key=lambda c: c["rms_nm"] or 0)
         points = [p for p in curve["points"] if p["rows"] > 0]
