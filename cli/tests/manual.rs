@@ -47,20 +47,19 @@ fn calls(line: &str) -> Vec<Vec<String>> {
     for part in line.split(['&', '|', ';', '(', ')']) {
         let words: Vec<&str> = part.split_whitespace().collect();
         let Some(at) = words.iter().position(|word| program(word).is_some()) else { continue };
-        let command = program(words[at]).flatten();
-        let rest = words[at + 1..].iter().map(|word| (*word).to_owned());
-        found.push(command.map(str::to_owned).into_iter().chain(rest).collect());
+        let command = program(words[at]).unwrap_or_default();
+        found.push(command.iter().chain(&words[at + 1..]).map(|word| (*word).to_owned()).collect());
     }
     found
 }
 
-/// Whether a word names one of the programs, and the command of `rivet` that is the same.
-fn program(word: &str) -> Option<Option<&'static str>> {
+/// The command of `rivet` that is the same as the program which a word names: none of `rivet` itself.
+fn program(word: &str) -> Option<&'static [&'static str]> {
     match word.rsplit('/').next()? {
-        "rivet" => Some(None),
-        "rivetd" => Some(Some("daemon")),
-        "rivet-controller" => Some(Some("controller")),
-        "rivet-sim" => Some(Some("sim")),
+        "rivet" => Some(&[]),
+        "rivetd" => Some(&["daemon"]),
+        "rivet-controller" => Some(&["controller"]),
+        "rivet-sim" => Some(&["sim"]),
         _ => None,
     }
 }

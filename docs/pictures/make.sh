@@ -30,7 +30,7 @@ for set in practice practice-wrong-nominal; do
     done
 done
 if [ ! -d "$out/seed-6" ]; then rivet blind make --seed 6 --count 29 --out "$out/seed-6" --answers "$out/seed-6.json" > /dev/null; fi
-for case in case-11 case-29; do # eccentricity and transmission error, which the sets above lack
+for case in case-02 case-11 case-29; do # encoder offset, eccentricity and transmission error, which the sets above lack
     diagnose "$out/seed-6/$case/robot.toml" "$out/seed-6/$case/"*a.* "$out/seed-6/$case/"*b.* --json "$out/cases/seed-6-$case.json"
 done
 python3 docs/pictures/draw.py "$out"
