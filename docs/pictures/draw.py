@@ -225,8 +225,8 @@ def curves(found, source, drawn):
         xs = [p["at"] for p in points]
         ys = [p[key] for p in points for key in ("without", "with", "cause")]
         title = f"{name.replace('_', ' ')}, {curve['joint']}"
-        along = " (along the motion)" if curve["along_motion"] else ""
-        chart = Chart(title, f"{curve['variable']} [{curve['unit']}]", f"torque [N m]{along}", span(xs, 0.02), span(ys))
+        along = " along the motion" if curve["along_motion"] else ""
+        chart = Chart(title, f"{curve['variable']} [{curve['unit']}]", f"torque{along} [N m]", span(xs, 0.02), span(ys))
         for key, colour, label in (("without", 1, "residual without the cause"), ("cause", 5, "torque of the cause"), ("with", 0, "residual with it")):
             chart.line([(p["at"], p[key]) for p in points], colour, label, dash=key == "cause")
         chart.write(f"effects/{name}.svg")
