@@ -25,11 +25,15 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
+/// Language and text of every fenced block.
+fn blocks(text: &str) -> impl Iterator<Item = (&str, &str)> {
+    text.split("```").skip(1).step_by(2).map(|block| block.split_once('\n').unwrap_or((block, "")))
+}
+
 /// Lines of fenced blocks marked `sh` or `console`, with continued lines joined. Of `console` only what follows a prompt.
 fn shell_lines(text: &str) -> Vec<String> {
     let mut lines = Vec::new();
-    for block in text.split("```").skip(1).step_by(2) {
-        let (language, body) = block.split_once('\n').unwrap_or((block, ""));
+    for (language, body) in blocks(text) {
         let joined = body.replace("\\\n", " ");
         let commands = joined.lines().map(|line| line.split("  #").next().unwrap_or(line).trim());
         match language.trim() {
@@ -128,4 +132,80 @@ fn wrong_commands_are_found() {
     assert_eq!(wrong("rivet-sim ROBOT.toml --payload 1 --paylod 2").as_deref(), Some("no flag --paylod"));
     let text = "```console\n$ rivet check \\\n  R.toml\nrivet says\n```\n```sh\nrivet demo  # shows all\n```\n";
     assert_eq!(shell_lines(text), ["rivet check    R.toml", "rivet demo"]);
+}
+
+/// Logs of tutorial 1: its name for each, and the file of the data set.
+const TUTORIAL_LOGS: [(&str, &str); 3] = [
+    ("train.parquet", "20_02_10-30sec_12harm.parquet"),
+    ("held-out.parquet", "20_02_12-50sec_12harm.parquet"),
+    ("unseen.parquet", "20_02_06-20sec_10harm.parquet"),
+];
+
+/// Puts the lines `key = value` of a page's `toml` block into the robot file, where the key stands or is commented out.
+fn edit(robot: &Path, body: &str) {
+    let mut text = fs::read_to_string(robot).expect("a robot file");
+    for line in body.lines().filter(|line| line.contains(" = ")) {
+        let key = line.split(" = ").next().unwrap_or(line);
+        let stands = |old: &str| old.trim_start_matches("# ").split(" = ").next() == Some(key);
+        assert!(text.lines().any(stands), "{key} is not in {}", robot.display());
+        text = text.lines().map(|old| if stands(old) { line } else { old }.to_owned() + "\n").collect();
+    }
+    fs::write(robot, text).expect("a robot file");
+}
+
+/// The first line of a page that is not in the output where the page has it; `...` on the page stands for any lines.
+fn difference<'a>(page: &'a str, output: &str) -> Option<&'a str> {
+    let mut lines = output.lines().map(str::trim_end);
+    let mut after_gap = false;
+    for line in page.lines().map(str::trim_end) {
+        if line == "..." {
+            after_gap = true;
+            continue;
+        }
+        let found = if after_gap { lines.any(|l| l == line) } else { lines.next() == Some(line) };
+        if !found {
+            return Some(line);
+        }
+        after_gap = false;
+    }
+    None
+}
+
+/// What tutorial 1 shows is what its commands print, one after the other in one folder.
+#[test]
+#[ignore = "needs ../shared"]
+fn tutorial_of_logs_shows_what_its_commands_print() {
+    let data = root().join("../shared/data/real/ur10e_innopolis");
+    let folder = tempfile::tempdir().expect("a folder");
+    let place =
+        |name: &str, file: &str| fs::copy(data.join(file), folder.path().join(name)).expect("a file of the set");
+    place("ur10e.urdf", "ur10e.urdf");
+    TUTORIAL_LOGS.iter().for_each(|(name, file)| {
+        place(name, file);
+    });
+    let page = fs::read_to_string(root().join("docs/tutorial-logs.md")).expect("a page");
+    let mut run = 0;
+    for (language, body) in blocks(&page) {
+        if language == "toml" {
+            edit(&folder.path().join("robot.toml"), body);
+        }
+        for part in body.split("$ rivet ").skip(1).filter(|_| language == "console") {
+            let (command, shown) = part.split_once('\n').unwrap_or((part, ""));
+            let mut program = Command::new(env!("CARGO_BIN_EXE_rivet"));
+            let output =
+                program.args(command.split_whitespace()).current_dir(folder.path()).output().expect("it starts");
+            let printed = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.code().is_some_and(|code| code < 64), "rivet {command}: {output:?}");
+            assert_eq!(difference(shown, &printed), None, "rivet {command} printed\n{printed}");
+            run += 1;
+        }
+    }
+    assert!(run >= 6, "only {run} commands were run");
+}
+
+#[test]
+fn a_page_that_differs_from_the_output_is_found() {
+    assert_eq!(difference("a\n...\nc\n", "a\nb\nc\nd\n"), None);
+    assert_eq!(difference("a\nc\n", "a\nb\nc\n"), Some("c"));
+    assert_eq!(difference("...\nx\n", "a\n"), Some("x"));
 }
