@@ -180,9 +180,9 @@ fn tutorial_of_logs_shows_what_its_commands_print() {
     let place =
         |name: &str, file: &str| fs::copy(data.join(file), folder.path().join(name)).expect("a file of the set");
     place("ur10e.urdf", "ur10e.urdf");
-    TUTORIAL_LOGS.iter().for_each(|(name, file)| {
+    for (name, file) in TUTORIAL_LOGS {
         place(name, file);
-    });
+    }
     let page = fs::read_to_string(root().join("docs/tutorial-logs.md")).expect("a page");
     let mut run = 0;
     for (language, body) in blocks(&page) {
