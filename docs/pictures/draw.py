@@ -117,14 +117,14 @@ def span(values, room=0.06):
     return low - margin, high + margin
 
 
-def torque(found):
+def torque(found, name):
     """Measured torque, and that of the model before and after, of the first excerpt."""
     e = found["figures"]["excerpts"][0]
     t = [e["from_s"] + k * e["step_s"] for k in range(len(e["measured"]))]
     chart = Chart(f"{e['joint']}: torque of the held-out log", "time [s]", "torque [N m]", (t[0], t[-1]), span(e["measured"] + e["given"] + e["with_causes"]))
     for key, colour, label in (("given", 1, "nominal model"), ("measured", 5, "measured"), ("with_causes", 0, "corrected model")):
         chart.line(list(zip(t, e[key])), colour, label)
-    chart.write("tutorial-torque.svg")
+    chart.write(name)
 
 
 def rollout(found):
@@ -216,6 +216,10 @@ def curves(found, source, drawn):
     """The curve of each cause on its first joint, once an effect."""
     for cause in found.get("causes", []):
         name = cause["effect"]
+        if name == "external_force" and name not in drawn:
+            # A contact has no quantity in which it shows but time.
+            torque(found, f"effects/{name}.svg")
+            drawn[name] = source
         if name in drawn or not cause.get("curves") or (cause["confidence"] or 0) < LEAST_CONFIDENCE:
             continue
         curve = max(cause["curves"], key=lambda c: c["rms_nm"] or 0)
@@ -242,7 +246,7 @@ def main():
     folder = sys.argv[1]
     ur10e = read(folder, "ur10e.json")
     cases = {name[:-5]: read(folder, f"cases/{name}") for name in sorted(os.listdir(os.path.join(folder, "cases")))}
-    torque(ur10e)
+    torque(ur10e, "tutorial-torque.svg")
     rollout(ur10e)
     gap(ur10e)
     held_out({name: case for name, case in cases.items() if name.startswith("practice")})

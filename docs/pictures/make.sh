@@ -2,7 +2,7 @@
 # Make every picture of the manual anew: make.sh DATA FOLDER
 #   DATA    folder with real/, practice/ and practice-wrong-nominal/, each case with robot.toml, log-a.parquet, log-b.parquet
 #   FOLDER  for what rivet writes; draw.py reads it
-# Needs `rivet` in the path. About five minutes, six more for the drawn cases. From the top folder of the repository.
+# Needs `rivet` in the path. About ten minutes on two cores. From the top folder of the repository.
 set -eu
 data=$1 out=$2
 ur10e=$data/real/ur10e_innopolis kuka=$data/real/kuka_kr300
