@@ -19,11 +19,18 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     entries.map(|entry| entry.expect("a readable folder").path()).collect()
 }
 
+/// All files below a folder.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (folders, mut found): (Vec<_>, Vec<_>) = files(folder).into_iter().partition(|path| path.is_dir());
+    found.extend(folders.iter().flat_map(|folder| files_below(folder)));
+    found
+}
+
 /// README, ARCHITECTURE and CHANGELOG, all of `docs/`, and the README of every robot.
 fn documents() -> Vec<PathBuf> {
     let root = root();
     let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|d| root.join(d)).to_vec();
-    documents.extend(files(&root.join("docs")));
+    documents.extend(files_below(&root.join("docs")));
     documents.extend(files(&root.join("robots")).iter().map(|robot| robot.join("README.md")));
     documents.retain(|d| d.extension().is_some_and(|e| e == "md") && d.exists());
     documents
@@ -126,6 +133,34 @@ fn every_source_that_the_rules_name_exists() {
     let missing: Vec<&str> = sources.iter().copied().filter(|name| !exists(name)).collect();
     assert!(missing.is_empty(), "no {}", missing.join(", "));
     assert!(sources.len() > 50, "only {} sources were found", sources.len());
+}
+
+/// Pages of the manual are those that its table of contents links.
+#[test]
+fn the_manual_contains_every_page_of_docs() {
+    let docs = root().join("docs");
+    let contents = read(&docs.join("SUMMARY.md"));
+    let linked: Vec<PathBuf> = links(&contents).map(|link| docs.join(link)).collect();
+    let pages = files_below(&docs).into_iter().filter(|p| p.extension().is_some_and(|e| e == "md"));
+    let missing: Vec<PathBuf> = pages.filter(|p| !p.ends_with("SUMMARY.md") && !linked.contains(p)).collect();
+    assert!(missing.is_empty(), "docs/SUMMARY.md lacks {missing:?}");
+    assert!(linked.len() > 50, "only {} pages are linked", linked.len());
+}
+
+#[test]
+fn every_effect_that_can_be_named_has_a_page() {
+    let root = root();
+    let registry = read(&root.join(RULES).join("effect.rs"));
+    let entry = |line: &str| {
+        let (name, rest) = line.split_once('"')?.1.split_once('"')?;
+        let kind = rest.split_whitespace().next()?;
+        ["Value", "Structure"].contains(&kind).then(|| name.to_owned())
+    };
+    let names: Vec<String> = registry.lines().filter_map(entry).collect();
+    let has_page = |name: &&String| root.join("docs/effects").join(format!("{name}.md")).exists();
+    let missing: Vec<&String> = names.iter().filter(|name| !has_page(name)).collect();
+    assert!(missing.is_empty(), "no page for {missing:?}");
+    assert!(names.len() > 20, "only {} effects were found", names.len());
 }
 
 #[test]
