@@ -4,7 +4,7 @@ use rivet_diagnosis::{Effect, Kind};
 
 use crate::document::{Cause, Document, JointGap, Parameter, is_contact};
 use crate::scores::{Bin, Score};
-use crate::words::{effect, figure, joints_in_short, quantity_of, rival};
+use crate::words::{effect, figure, joints_in_short, printed_unit, quantity_of, rival};
 
 /// Values of the model in one line; the table of parameters has all.
 const VALUES: usize = 3;
@@ -12,6 +12,8 @@ const VALUES: usize = 3;
 const FACTORS: [(&str, &str); 2] = [("mass_gain", "mass and inertia"), ("inertia_gain", "inertia")];
 /// Residual in motion over the noise from which another joint is named beside the worst one.
 const KEEPS: f64 = 2.0;
+/// A simulator further from the arm than this has lost it \[rad\]: no joint follows its plan any more.
+const LOST: f64 = 1.0;
 /// Confidence in words, on blind cases, needs so many names of that confidence.
 const FEWEST_NAMES: usize = 20;
 
@@ -105,8 +107,8 @@ impl Document {
             format!(
                 " Simulator in closed loop after {} s: {} \u{2192} {} mrad.",
                 end.horizon_s,
-                figure(1e3 * end.position_before_rad, 3),
-                figure(1e3 * end.position_after_rad, 3)
+                distance(end.position_before_rad),
+                distance(end.position_after_rad)
             )
         });
         Some(motion + &simulator)
@@ -117,6 +119,11 @@ impl Document {
         let most = |at: usize| self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
         most(0).zip(most(1))
     }
+}
+
+/// Distance of a simulator from the arm \[mrad\]: beyond [`LOST`] the figure means nothing.
+fn distance(rad: f64) -> String {
+    if rad > LOST { format!("more than {:.0}", 1e3 * LOST) } else { figure(1e3 * rad, 3) }
 }
 
 /// The 90 % interval behind a figure.

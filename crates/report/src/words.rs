@@ -74,7 +74,7 @@ pub fn quantity_of(name: &str, joints: &[String], document: &Document) -> (Strin
 pub fn quantity(name: &str, document: &Document) -> (String, String) {
     let parameters = document.figures.iter().flat_map(|f| &f.parameters);
     if let Some(parameter) = parameters.into_iter().find(|p| p.name == name) {
-        return (name.to_owned(), parameter.unit.clone());
+        return (name.to_owned(), printed_unit(&parameter.unit));
     }
     if let Some(way @ ("forwards" | "backwards")) = name.strip_suffix("_Nm") {
         return (format!("{way} more than the other way by"), "N m".to_owned());
@@ -88,6 +88,11 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
         return ("time".to_owned(), "s".to_owned());
     }
     (name.replace('_', " "), String::new())
+}
+
+/// A unit as it is printed: `kg m^2` is "kg m²".
+pub(crate) fn printed_unit(unit: &str) -> String {
+    unit.replace("^2", "\u{b2}").replace("^3", "\u{b3}")
 }
 
 /// "a", "a and b", "a, b and c".

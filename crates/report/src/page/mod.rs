@@ -20,44 +20,59 @@ use html::escape;
 
 const STYLE: &str = include_str!("style.css");
 
-/// A section: its anchor, its heading, its content.
+/// A section: its anchor, its heading, its content, and whether that is folded away until asked for.
 struct Section {
     id: &'static str,
     title: &'static str,
     body: String,
+    folded: bool,
 }
 
-/// The page of a diagnosis. `scores` say how good the same procedure was on cases whose answers are known.
+impl Section {
+    fn open(id: &'static str, title: &'static str, body: String) -> Section {
+        Section { id, title, body, folded: false }
+    }
+
+    fn folded(id: &'static str, title: &'static str, body: String) -> Section {
+        Section { folded: true, ..Section::open(id, title, body) }
+    }
+
+    /// A link to a folded section opens nothing everywhere, so the heading itself is what opens it.
+    fn html(&self) -> String {
+        let (id, title, body) = (self.id, escape(self.title), &self.body);
+        let heading = format!("<h2 id=\"{id}-h\">{title}</h2>");
+        let inside = if self.folded {
+            format!("<details><summary>{heading}</summary>\n{body}</details>\n")
+        } else {
+            format!("{heading}\n{body}")
+        };
+        format!("<section id=\"{id}\" aria-labelledby=\"{id}-h\">{inside}</section>\n")
+    }
+}
+
+/// The page of a diagnosis. `scores` say how good the same procedure was on cases whose answers are known. What a reader needs to act on
+/// stands open: the causes, the gap and where it lies. What stands behind it is folded.
 pub fn page(document: &Document, scores: &[Score]) -> String {
     let mut sections = Vec::new();
     if document.remark.is_none() || document.needs_other_motion() {
-        sections.push(Section { id: "ledger", title: "The gap, joint by joint", body: sections::ledger(document) });
-        sections.push(Section {
-            id: "where",
-            title: "Where",
-            body: sections::place(document) + &views::views(document),
-        });
-        sections.push(Section { id: "which", title: "Which effect", body: causes::causes(document) });
-        sections.push(Section { id: "how-far", title: "How far the gap shrinks", body: sections::stages(document) });
-        sections.push(Section { id: "closed-loop", title: "In closed loop", body: rollout::rollout(document) });
-        sections.push(Section { id: "left", title: "Residual", body: left::left(document) });
-        sections.push(Section { id: "parameters", title: "Parameters", body: sections::parameters(document) });
-        sections.push(Section { id: "patch", title: "Patch", body: patch::patch(document) });
+        sections.push(Section::open("which", "Which effect", causes::causes(document)));
+        sections.push(Section::open("how-far", "How far the gap shrinks", sections::stages(document)));
+        sections.push(Section::open("ledger", "The gap, joint by joint", sections::ledger(document)));
+        sections.push(Section::open("where", "Where", sections::place(document) + &views::views(document)));
+        sections.push(Section::folded("closed-loop", "In closed loop", rollout::rollout(document)));
+        sections.push(Section::folded("left", "Residual", left::left(document)));
+        sections.push(Section::folded("parameters", "Parameters", sections::parameters(document)));
+        sections.push(Section::folded("patch", "Patch", patch::patch(document)));
     }
-    sections.push(Section { id: "power", title: "What these logs could show", body: power::power(document) });
-    sections.push(Section { id: "trust", title: "How far to trust this", body: trust::trust(scores) });
-    sections.push(Section { id: "passport", title: "Passport", body: sections::passport(document) });
+    sections.push(Section::folded("power", "What these logs could show", power::power(document)));
+    sections.push(Section::folded("trust", "How far to trust this", trust::trust(scores)));
+    sections.push(Section::folded("passport", "Passport", sections::passport(document)));
     sections.retain(|s| !s.body.is_empty());
     let (mut entries, mut body) = (String::new(), String::new());
     for section in &sections {
-        let (id, title) = (section.id, escape(section.title));
         // Writing to a String cannot fail.
-        let _ = write!(entries, "<li><a href=\"#{id}\">{title}</a></li>");
-        let _ = writeln!(
-            body,
-            "<section id=\"{id}\" aria-labelledby=\"{id}-h\"><h2 id=\"{id}-h\">{title}</h2>\n{}</section>",
-            section.body
-        );
+        let _ = write!(entries, "<li><a href=\"#{}\">{}</a></li>", section.id, escape(section.title));
+        body += &section.html();
     }
     let robot = escape(&document.robot);
     format!(

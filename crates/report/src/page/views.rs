@@ -13,7 +13,7 @@ use crate::words::figure;
 pub(super) fn views(document: &Document) -> String {
     let Some(views) = document.figures.as_ref().and_then(|f| f.views.as_ref()) else { return String::new() };
     let mut out = String::from(
-        "<h3>Further divisions of the gap</h3>\n<p>Residual of each joint, nominal \u{2192} with causes, in units \
+        "<details><summary>Further divisions of the gap</summary>\n<p>Residual of each joint, nominal \u{2192} with causes, in units \
          of its noise; below it the same in N m, root mean square. Rows count while the joint moves and the direction of friction is known; bands of \
          frequency use all rows. The stronger the colour, the larger compared with the other parts of that row. Hatched: fewer \
          than six stretches of half a second, too little data. A dash: the quantity hardly varies.</p>\n",
@@ -44,7 +44,7 @@ pub(super) fn views(document: &Document) -> String {
         }
         let _ = write!(out, "<div>{}</div>", table.html());
     }
-    out.push_str("</div>\n");
+    out.push_str("</div></details>\n");
     out
 }
 
