@@ -32,6 +32,7 @@ mod identify;
 mod jitter;
 mod kinematics;
 mod live;
+mod map;
 mod monitor;
 mod new;
 mod number;

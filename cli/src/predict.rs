@@ -14,6 +14,7 @@ use crate::coarse::coarse;
 use crate::evidence::Distrust;
 use crate::exit::Fault;
 use crate::glitches::bridged;
+use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::reading;
 use crate::runs::{self, Piece};
@@ -40,6 +41,8 @@ pub(crate) struct Args {
     /// File for the columns t and tau_pred1..N, one row per row of the log (Parquet).
     #[arg(long, value_name = "PRED.parquet")]
     out: PathBuf,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// Sums of squares of one joint: error and torque, as measured and through the model filter.
@@ -113,7 +116,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 
 /// Predicts and writes; prints errors when the log has torque.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.model)?;
+    let robot = args.map.apply(rivet_config::load(&args.model)?)?;
     Outputs::beside(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
     let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
     mended.iter().for_each(Distrust::warn);

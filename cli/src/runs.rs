@@ -8,9 +8,10 @@ use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase, underived};
-use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, Signals, read};
+use rivet_logs::{Log, LogError, LogFault, Naming, OtherClock, ReadOptions, ResampleReport, Signals, read_as};
 
 use crate::exit::Fault;
+use crate::map;
 use crate::publishers;
 
 /// A step of time this long is a hole: nothing is made up across it.
@@ -31,12 +32,14 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         torque_from_current: config.log.torque_from_current,
         joint_zero: Some(&config.log.joint_zero),
     };
-    let log = read(path, &options).map_err(|why| {
+    let (names, channels) = (joint_names(robot), map::channels(robot)?);
+    let log = read_as(path, &options, &Naming { joints: &names, map: &channels }).map_err(|why| {
         let asked = matches!(why.fault, LogFault::NoCurrent { .. });
         let why = anyhow::Error::new(why);
         // What asks for these columns stands in another file.
         if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
     })?;
+    publishers::note_reading(&log, &short_name(path));
     let log = publishers::without_second_publisher(log, short_name(path));
     let log = log.by_its_positions().without_crowds();
     let (step, period) = (log.median_step_s(), config.sample_period_s);
