@@ -54,7 +54,7 @@ pub(crate) struct Args {
     /// Robot file: kinematics, nominal parameters, [signal] and [estimator].
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Logs with positions and torque or current (Parquet or CSV). Filters start anew in each.
+    /// Logs with positions and torque or current (docs/logs.md). Filters start anew in each.
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Held-out log, on which the result is evaluated; may be given several times.

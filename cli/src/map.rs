@@ -22,6 +22,11 @@ pub(crate) struct MapArgs {
 }
 
 impl MapArgs {
+    /// Whether nothing is stated.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     /// The robot with the channels of the command line in the place of its file's.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     /// The robot file.
     robot: PathBuf,
-    /// The log (Parquet or CSV; t, q1..N, tau1..N, optional q_des1..N, qd_des1..N, qdd_des1..N, q_link1..N).
+    /// The log (docs/logs.md), with positions and torque.
     log: PathBuf,
     /// Speed-up over the recording, or max: as fast as the daemon accepts samples.
     #[arg(long, default_value = "max", value_parser = parse_speed)]

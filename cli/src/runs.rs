@@ -26,19 +26,7 @@ const HOLE_STEPS: f64 = 10.0;
 /// Reads a log of the robot: its joints, its zero, its drive gain, and the clock of its positions.
 pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
-    let options = ReadOptions {
-        joints: robot.dof(),
-        drive_gain: config.drive.drive_gain.as_deref(),
-        torque_from_current: config.log.torque_from_current,
-        joint_zero: Some(&config.log.joint_zero),
-    };
-    let (names, channels) = (joint_names(robot), map::channels(robot)?);
-    let log = read_as(path, &options, &Naming { joints: &names, map: &channels }).map_err(|why| {
-        let asked = matches!(why.fault, LogFault::NoCurrent { .. });
-        let why = anyhow::Error::new(why);
-        // What asks for these columns stands in another file.
-        if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
-    })?;
+    let log = recorded(robot, path)?;
     publishers::note_reading(&log, &short_name(path));
     let log = publishers::without_second_publisher(log, short_name(path));
     let log = log.by_its_positions().without_crowds();
@@ -57,6 +45,29 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
         None => Ok(log),
     }
+}
+
+/// Time of every row of a recording \[s\].
+pub(crate) fn recorded_times(robot: &Robot, path: &Path) -> Result<Vec<f64>> {
+    recorded(robot, path).map(|log| log.t)
+}
+
+/// A recording as it is, with its channels as the robot file and the command line state them.
+fn recorded(robot: &Robot, path: &Path) -> Result<Log> {
+    let config = &robot.config;
+    let options = ReadOptions {
+        joints: robot.dof(),
+        drive_gain: config.drive.drive_gain.as_deref(),
+        torque_from_current: config.log.torque_from_current,
+        joint_zero: Some(&config.log.joint_zero),
+    };
+    let (names, channels) = (joint_names(robot), map::channels(robot)?);
+    read_as(path, &options, &Naming { joints: &names, map: &channels }).map_err(|why| {
+        let asked = matches!(why.fault, LogFault::NoCurrent { .. });
+        let why = anyhow::Error::new(why);
+        // What asks for these columns stands in another file.
+        if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
+    })
 }
 
 /// Two columns are of one motion from this correlation on ...

@@ -52,17 +52,17 @@ impl ChannelMap {
 
     /// What is stated of a group of columns. Desired positions are written as the positions are, unless it is stated otherwise.
     pub(crate) fn of_group(&self, group: Group) -> Channel {
-        let own = self.get(group.prefix()).cloned().unwrap_or_default();
+        let stated = self.get(group.prefix()).cloned().unwrap_or_default();
         if group != Group::DesiredPosition {
-            return own;
+            return stated;
         }
         let q = self.get(Group::Position.prefix()).cloned().unwrap_or_default();
         Channel {
-            pattern: own.pattern,
-            unit: own.unit.or(q.unit),
-            sign: own.sign.or(q.sign),
-            scale: own.scale.or(q.scale),
-            zero: own.zero.or(q.zero),
+            pattern: stated.pattern,
+            unit: stated.unit.or(q.unit),
+            sign: stated.sign.or(q.sign),
+            scale: stated.scale.or(q.scale),
+            zero: stated.zero.or(q.zero),
         }
     }
 }

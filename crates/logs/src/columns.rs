@@ -80,6 +80,9 @@ pub(crate) fn is_known(name: &str) -> bool {
     name == "t" || Group::parse(name).is_some()
 }
 
+/// Picks columns by name.
+pub(crate) type Wanted<'a> = &'a dyn Fn(&str) -> bool;
+
 /// Whole numbers beyond this have no `f64` of their own: a column that begins with one counts from it.
 pub(crate) const EXACT: u64 = 1 << 53;
 

@@ -5,11 +5,11 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use crate::columns::{EXACT, Table};
+use crate::columns::{EXACT, Table, Wanted};
 use crate::csv_dialect::{Dialect, SNIFFED_BYTES, Separator, is_number, parse};
 use crate::error::{LogError, LogFault};
 use crate::listing::{Column, Listing, Topic};
-use crate::readers::Wanted;
+
 use crate::units::split_unit;
 
 /// The columns of a text table.

@@ -27,16 +27,16 @@ pub(crate) fn families(listing: &Listing, joints: &[String], count: usize) -> Ve
     let by_name = named(listing, joints);
     let numbered = numbered(listing);
     let mut found: Vec<Family> = Vec::new();
-    for (pattern, of) in by_name {
-        let columns: Option<Vec<usize>> = (0..count).map(|joint| of.get(&joint).copied()).collect();
+    for (pattern, members) in by_name {
+        let columns: Option<Vec<usize>> = (0..count).map(|joint| members.get(&joint).copied()).collect();
         if let Some(columns) = columns.filter(|_| !joints.is_empty()) {
             found.push(Family { group: group(&pattern), pattern, columns });
         }
     }
     let numeric = |columns: &[usize]| columns.iter().all(|k| listing.columns[*k].text.is_none());
     found.retain(|family| numeric(&family.columns));
-    for (pattern, of) in &numbered {
-        let columns = order_by_text(listing, joints, &numbered, pattern, of).or_else(|| in_order(of, count));
+    for (pattern, members) in &numbered {
+        let columns = order_by_text(listing, joints, &numbered, pattern, members).or_else(|| in_order(members, count));
         if let Some(columns) = columns.filter(|columns| numeric(columns))
             && !found.iter().any(|other| other.columns == columns)
         {
@@ -112,11 +112,11 @@ fn digits(name: &str) -> Vec<(usize, usize)> {
 }
 
 /// Columns numbered from 0 or from 1, and no other.
-fn in_order(of: &BTreeMap<usize, usize>, count: usize) -> Option<Vec<usize>> {
-    let first = *of.keys().next()?;
-    let last = *of.keys().next_back()?;
-    let is_all = of.len() == count && first <= 1 && last + 1 - first == count;
-    is_all.then(|| of.values().copied().collect())
+fn in_order(members: &BTreeMap<usize, usize>, count: usize) -> Option<Vec<usize>> {
+    let first = *members.keys().next()?;
+    let last = *members.keys().next_back()?;
+    let is_all = members.len() == count && first <= 1 && last + 1 - first == count;
+    is_all.then(|| members.values().copied().collect())
 }
 
 /// Columns in the order of the joints, where columns of text beside them hold the joints' names (`field.name0`, `field.position0`).
@@ -125,18 +125,18 @@ fn order_by_text(
     joints: &[String],
     groups: &Groups,
     pattern: &str,
-    of: &BTreeMap<usize, usize>,
+    members: &BTreeMap<usize, usize>,
 ) -> Option<Vec<usize>> {
     let stem = stem(pattern)?;
     let text = |column: &usize| listing.columns[*column].text.as_deref();
-    let names = groups.iter().filter(|(other, _)| self::stem(other) == Some(stem)).map(|(_, of)| of);
+    let names = groups.iter().filter(|(other, _)| self::stem(other) == Some(stem)).map(|(_, names)| names);
     let places = names.filter_map(|names| {
         let place =
             |joint: &String| names.iter().find(|(_, column)| text(column) == Some(joint)).map(|(number, _)| *number);
         joints.iter().map(place).collect::<Option<Vec<usize>>>().filter(|places| !places.is_empty())
     });
     let places = places.last()?;
-    places.iter().map(|number| of.get(number).copied()).collect()
+    places.iter().map(|number| members.get(number).copied()).collect()
 }
 
 /// What stands before the last part of a numbered name.

@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::columns::Table;
+use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
 use crate::parquet_file;
-use crate::readers::Wanted;
 
 /// What makes a folder a data set.
 pub(crate) const INFO: &str = "meta/info.json";

@@ -57,6 +57,7 @@ mod rosbag2;
 mod signal;
 mod stairs;
 mod stamps;
+mod survey;
 mod thrift;
 mod units;
 
@@ -73,3 +74,4 @@ pub use readers::list;
 pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;
 pub use stairs::Stairs;
+pub use survey::{channels_by_name, clocks, numbered_joints, recorded_joints};

@@ -274,18 +274,7 @@ impl Log {
         let qd_des = group(Group::DesiredVelocity)?;
         let qdd_des = group(Group::DesiredAcceleration)?;
         let temperature = group(Group::Temperature)?;
-        let mut q_link = Vec::with_capacity(joints);
-        for joint in 0..joints {
-            let name = Group::LinkPosition.column(joint);
-            let mut signal = table.columns.remove(&name);
-            if signal.take_if(|signal| signal.iter().all(|v| v.is_nan())).is_some() {
-                table.unused.push(name.clone());
-            }
-            if let Some(signal) = &signal {
-                check_values(&name, signal, rows)?;
-            }
-            q_link.push(signal);
-        }
+        let mut q_link = take_link_positions(&mut table, joints, rows)?;
         if let Some(zero) = options.joint_zero {
             let shift = |signal: &mut Vec<f64>, zero: f64| signal.iter_mut().for_each(|q| *q += zero);
             for (joint, zero) in zero.iter().enumerate() {
@@ -356,6 +345,23 @@ fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Re
         signals.push(signal);
     }
     Ok(Some(signals))
+}
+
+/// Second encoders, of the joints that have one.
+fn take_link_positions(table: &mut Table, joints: usize, rows: usize) -> Result<Vec<Option<Vec<f64>>>, LogFault> {
+    let mut q_link = Vec::with_capacity(joints);
+    for joint in 0..joints {
+        let name = Group::LinkPosition.column(joint);
+        let mut signal = table.columns.remove(&name);
+        if signal.take_if(|signal| signal.iter().all(|v| v.is_nan())).is_some() {
+            table.unused.push(name.clone());
+        }
+        if let Some(signal) = &signal {
+            check_values(&name, signal, rows)?;
+        }
+        q_link.push(signal);
+    }
+    Ok(q_link)
 }
 
 /// Least step of time that is one \[s\]: slopes over less would be none.

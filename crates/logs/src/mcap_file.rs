@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::{Record, op};
 
-use crate::columns::Table;
+use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
 use crate::messages::{Collector, Scout, Sink};
-use crate::readers::{Wanted, ZSTD_MAGIC};
 
+/// First bytes of a Zstandard frame: `ros2 bag` compresses whole files so.
+pub(crate) const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Longest message of a topic that is read, schema, channel or summary \[bytes\]. Others are passed over without memory.
 const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// Longest chunk, before compression \[bytes\]. `ros2 bag` writes some MB.
@@ -38,9 +39,8 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
 pub(crate) fn list_files(path: &Path, files: &[PathBuf]) -> Result<Listing, LogError> {
     let mut counts = Some(BTreeMap::new());
     for file in files {
-        let of_file = summary(file);
-        counts = counts.zip(of_file).map(|(mut all, of_file)| {
-            for (topic, count) in of_file {
+        counts = counts.zip(summary(file)).map(|(mut all, counts)| {
+            for (topic, count) in counts {
                 *all.entry(topic).or_insert(0) += count;
             }
             all

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::columns::Table;
+use crate::columns::{Table, Wanted};
 use crate::joint_state::{FIELDS, JointState, TYPES, decode};
 use crate::listing::{Column, Listing, Topic};
-use crate::readers::Wanted;
 
 /// Message encoding that is read.
 const ENCODING: &str = "cdr";

@@ -23,11 +23,10 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::{ColumnDescPtr, Type};
 use rayon::prelude::*;
 
-use crate::columns::{EXACT, Table};
+use crate::columns::{EXACT, Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::{Column, Listing, Topic};
 use crate::parquet_limits;
-use crate::readers::Wanted;
 
 /// Most entries of a list.
 const MAX_LIST_ENTRIES: usize = 1024;

@@ -25,8 +25,8 @@ pub(crate) struct Plan {
     signals: Vec<Signal>,
     /// Whether the file has the columns of the contract: then those that are not mapped are taken as they are.
     is_contract: bool,
-    /// What was found by names.
-    notes: Vec<String>,
+    /// What was found by names: key and pattern.
+    notes: Vec<(&'static str, String)>,
     /// Stated channels that a recording with the columns of the contract does not have.
     unmatched: Vec<String>,
 }
@@ -97,9 +97,14 @@ impl Plan {
         if let Some(time) = &time
             && !is_contract
         {
-            notes.insert(0, format!("{TIME} = \"{}\"", time.column));
+            notes.insert(0, (TIME, time.column.clone()));
         }
         Ok(Plan { time, signals, is_contract, notes, unmatched })
+    }
+
+    /// What was found by names: key and pattern.
+    pub(crate) fn named(self) -> Vec<(&'static str, String)> {
+        self.notes
     }
 
     /// Whether a column of the recording is needed.
@@ -114,8 +119,8 @@ impl Plan {
 
     /// Topics other than that of the time.
     fn other_topics(&self) -> impl Iterator<Item = &str> {
-        let own = self.time.as_ref().map_or("", |time| time.topic.as_str());
-        self.signals.iter().map(|signal| signal.topic.as_str()).filter(move |topic| *topic != own)
+        let main = self.time.as_ref().map_or("", |time| time.topic.as_str());
+        self.signals.iter().map(|signal| signal.topic.as_str()).filter(move |topic| *topic != main)
     }
 
     /// The columns under the names of the contract, in SI units; and notes on how they were found.
@@ -175,7 +180,8 @@ impl Plan {
                 }
             }
         } else {
-            notes.push(format!("read as {}", self.notes.join(", ")));
+            let named: Vec<String> = self.notes.iter().map(|(key, pattern)| format!("{key} = \"{pattern}\"")).collect();
+            notes.push(format!("read as {}", named.join(", ")));
             let dropped = drop_empty_rows(&mut out);
             if dropped > 0 {
                 notes.push(format!("{dropped} rows without a position are left out"));
@@ -262,11 +268,11 @@ fn time(listing: &Listing, map: &ChannelMap, topic: &str) -> Result<Option<Time>
 
 /// The time of a topic by names: `t`; else the one that there is; else the stamp of the measurement, which is before that of its arrival.
 fn find_time<'a>(listing: &'a Listing, topic: &str) -> Result<Option<&'a Column>, LogFault> {
-    let own = || listing.columns.iter().filter(|column| column.topic == topic);
-    if let Some(contract) = own().find(|column| column.name == CONTRACT_TIME) {
+    let columns = || listing.columns.iter().filter(|column| column.topic == topic);
+    if let Some(contract) = columns().find(|column| column.name == CONTRACT_TIME) {
         return Ok(Some(contract));
     }
-    let candidates: Vec<&Column> = own().filter(|column| is_time(column)).collect();
+    let candidates: Vec<&Column> = columns().filter(|column| is_time(column)).collect();
     let is_stamp = |column: &&&Column| column.name.ends_with("header/stamp") || column.name.ends_with("header.stamp");
     match (candidates.as_slice(), candidates.iter().find(is_stamp)) {
         ([], _) => Ok(None),
@@ -309,7 +315,7 @@ struct Search<'a> {
     families: Vec<Family>,
     is_contract: bool,
     signals: Vec<Signal>,
-    notes: Vec<String>,
+    notes: Vec<(&'static str, String)>,
     unmatched: Vec<String>,
 }
 
@@ -330,7 +336,7 @@ impl<'a> Search<'a> {
         } else {
             let family = self.by_name(group, needs_current)?;
             if let Some(family) = &family {
-                self.notes.push(format!("{} = \"{}\"", group.prefix(), family.pattern));
+                self.notes.push((group.prefix(), family.pattern.clone()));
             }
             family.map(|family| family.columns.iter().map(|k| &self.listing.columns[*k]).collect())
         };

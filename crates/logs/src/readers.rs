@@ -4,13 +4,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::columns::Table;
+use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
 use crate::{csv_file, lerobot, mcap_file, parquet_file, rosbag2};
-
-/// Picks columns by name.
-pub(crate) type Wanted<'a> = &'a dyn Fn(&str) -> bool;
 
 /// What decides which reader takes a path.
 pub(crate) struct Head<'a> {
@@ -33,8 +30,6 @@ pub(crate) struct Reader {
 }
 
 const PARQUET_MAGIC: &[u8] = b"PAR1";
-/// First bytes of a Zstandard frame: rosbag2 compresses whole MCAP files so.
-pub(crate) const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 
 /// Every format, in the order in which they are tried. Text is the last: it has no magic.
 const READERS: [Reader; 5] = [
@@ -58,7 +53,7 @@ const READERS: [Reader; 5] = [
     },
     Reader {
         name: "MCAP",
-        is_format: |head| head.bytes.starts_with(mcap::MAGIC) || head.bytes.starts_with(ZSTD_MAGIC),
+        is_format: |head| head.bytes.starts_with(mcap::MAGIC) || head.bytes.starts_with(mcap_file::ZSTD_MAGIC),
         list: mcap_file::list,
         read: mcap_file::read,
     },

@@ -2,11 +2,10 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use crate::columns::Table;
+use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
 use crate::mcap_file;
-use crate::readers::Wanted;
 
 /// What makes a folder a bag.
 pub(crate) const METADATA: &str = "metadata.yaml";

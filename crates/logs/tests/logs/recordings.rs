@@ -6,7 +6,8 @@ use parquet::basic::{BrotliLevel, Compression, GzipLevel, ZstdLevel};
 use rivet_logs::{ChannelMap, Log, LogError, Naming, ReadOptions, list, read_as};
 
 use crate::formats::{
-    Chunks, alphabetical, assert_same, assert_same_rows, joints, lists, mcap, measured, table, write_parquet,
+    Chunks, alphabetical, assert_same, assert_same_rows, joint_state, joints, lists, mcap, measured, table,
+    write_parquet,
 };
 
 fn folder() -> tempfile::TempDir {
@@ -42,6 +43,85 @@ fn mcap_of_each_compression_gives_the_measured_numbers() {
         assert_eq!(topic("/joint_states").messages, Some(measured.len() as u64));
         assert!(listing.columns.iter().any(|c| c.name == "/joint_states/gripper/position"));
     }
+}
+
+/// A topic, its messages as (time of measurement, bytes).
+type Messages<'a> = (&'a str, Vec<(u64, Vec<u8>)>);
+
+/// Joint states of several topics in the order of their times.
+fn topics(topics: &[Messages<'_>]) -> Vec<u8> {
+    let mut writer =
+        mcap::WriteOptions::new().compression(None).create(std::io::Cursor::new(Vec::new())).expect("a writer");
+    let schema = writer.add_schema("sensor_msgs/msg/JointState", "ros2msg", b"...").expect("a schema");
+    let mut all: Vec<(u64, u16, &[u8])> = Vec::new();
+    for (topic, messages) in topics {
+        let id = writer.add_channel(schema, topic, "cdr", &std::collections::BTreeMap::new()).expect("a channel");
+        all.extend(messages.iter().map(|(time, bytes)| (*time, id, bytes.as_slice())));
+    }
+    all.sort_by_key(|(time, ..)| *time);
+    for (time, channel_id, bytes) in all {
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, bytes).expect("written");
+    }
+    writer.finish().expect("finished");
+    writer.into_inner().into_inner()
+}
+
+const START_NS: u64 = 1_700_000_000_000_000_000;
+
+#[test]
+fn torque_of_another_topic_is_interpolated_to_the_times_of_the_positions() {
+    let folder = folder();
+    let path = folder.path().join("two.mcap");
+    let time = |k: u64, shift: u64| START_NS + k * 10_000_000 + shift;
+    let names = joints();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    // Positions and torques are straight in time, so that interpolation is exact; both topics see 10 ns a unit.
+    let row = |k: u64, shift: u64| [((k * 10_000_000 + shift) as f64) * 1e-9; 7];
+    let q = (0..50).map(|k| (time(k, 0), joint_state(time(k, 0), &names, [&row(k, 0), &[], &[]])));
+    let tau =
+        (0..50).map(|k| (time(k, 3_000_000), joint_state(time(k, 3_000_000), &names, [&[], &[], &row(k, 3_000_000)])));
+    std::fs::write(&path, topics(&[("/q", q.collect()), ("/tau", tau.collect())])).expect("written");
+    let log = sound(&path);
+    // The first row is before the first torque.
+    assert_eq!(log.len(), 49);
+    for k in 0..log.len() {
+        assert!((log.q[2][k] - log.t[k]).abs() < 1e-9 && (log.torque().expect("torque")[4][k] - log.t[k]).abs() < 1e-9);
+    }
+    assert!(
+        log.notes.iter().any(|note| note.contains("/tau is interpolated linearly to the times of /q")),
+        "{:?}",
+        log.notes
+    );
+}
+
+#[test]
+fn other_publishers_of_a_topic_and_repeated_messages_are_left_out() {
+    let folder = folder();
+    let path = folder.path().join("many.mcap");
+    let names = joints();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let time = |k: u64| START_NS + k * 10_000_000;
+    let mut messages: Vec<(u64, Vec<u8>)> = Vec::new();
+    for k in 0..40 {
+        let values = [k as f64; 7];
+        messages.push((time(k), joint_state(time(k), &names, [&values, &[], &values])));
+        // A gripper of its own, half an arm, and the same message once more.
+        messages.push((time(k) + 1000, joint_state(time(k) + 1000, &["gripper"], [&[0.1], &[], &[0.0]])));
+        if k % 10 == 0 {
+            messages
+                .push((time(k) + 2000, joint_state(time(k) + 2000, &names[..3], [&values[..3], &[], &values[..3]])));
+            messages.push((time(k) + 3000, joint_state(time(k), &names, [&values, &[], &values])));
+        }
+    }
+    std::fs::write(&path, topics(&[("/joint_states", messages)])).expect("written");
+    let log = sound(&path);
+    assert_eq!(log.len(), 40);
+    let notes = log.notes.join("; ");
+    assert!(
+        notes.contains("4 messages lack a joint") && notes.contains("4 messages have the time of another"),
+        "{notes}"
+    );
 }
 
 #[test]
