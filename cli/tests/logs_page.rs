@@ -186,7 +186,8 @@ fn inspect_reports_rate_readings_and_severity() {
         "{head},{}\n",
         head.split(',').skip(1).map(|name| format!("other.{name}")).collect::<Vec<_>>().join(",")
     );
-    let rows = rows.lines().map(|row| format!("{row},{}\n", row.split_once(',').expect("cells").1)).collect::<String>();
+    let doubled = |row: &str| format!("{row},{}\n", row.split_once(',').expect("cells").1);
+    let rows = rows.lines().map(doubled).collect::<Vec<_>>().concat();
     std::fs::write(folder.path().join("twice.csv"), twice + &rows).expect("written");
     let (code, two) = inspect(&["twice.csv", "robot.toml"], folder.path());
     assert_eq!(code, Some(2), "{two}");

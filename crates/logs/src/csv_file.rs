@@ -116,15 +116,12 @@ impl TextTable {
             .has_headers(dialect.has_header)
             .flexible(true)
             .from_reader(Lines::new(open()?, dialect.separator));
-        let names = match &dialect.names {
-            Some(names) => names.clone(),
-            None => {
-                let header = reader.byte_headers().map_err(|e| fault(e).at(path))?;
-                header
-                    .iter()
-                    .map(|name| String::from_utf8_lossy(name).trim_start_matches('\u{feff}').to_owned())
-                    .collect()
-            }
+        let names = if let Some(names) = &dialect.names {
+            names.clone()
+        } else {
+            let header = reader.byte_headers().map_err(|e| fault(e).at(path))?;
+            let name = |name: &[u8]| String::from_utf8_lossy(name).trim_start_matches('\u{feff}').to_owned();
+            header.iter().map(name).collect()
         };
         Ok(TextTable { dialect, names, reader })
     }
@@ -189,7 +186,7 @@ struct Lines<R> {
 }
 
 /// Bytes that are read at a time.
-const READ_BYTES: usize = 1 << 16;
+const READ_BYTES: usize = 1 << 14;
 
 impl<R: Read> Lines<R> {
     fn new(inner: R, separator: Separator) -> Lines<R> {
@@ -209,8 +206,7 @@ impl<R: Read> Lines<R> {
                 (self.bytes, self.gap) = (0, false);
                 self.emit(byte, Place::LineStart);
             }
-            (Place::Comment, _) => {}
-            (Place::LineStart, b' ') => {}
+            (Place::Comment, _) | (Place::LineStart, b' ') => {}
             (Place::LineStart, b'\t') if !is_separator => {}
             (Place::LineStart, b'#' | b'%') | (Place::Slash, b'/') => self.place = Place::Comment,
             (Place::LineStart, b'/') => self.place = Place::Slash,
@@ -261,8 +257,8 @@ impl<R: Read> Lines<R> {
 
 impl<R: Read> Read for Lines<R> {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        let mut bytes = [0; READ_BYTES];
         while self.at == self.ready.len() {
+            let mut bytes = [0; READ_BYTES];
             self.ready.clear();
             self.at = 0;
             let count = self.inner.read(&mut bytes)?;

@@ -130,12 +130,12 @@ fn order_by_text(
     let stem = stem(pattern)?;
     let text = |column: &usize| listing.columns[*column].text.as_deref();
     let names = groups.iter().filter(|(other, _)| self::stem(other) == Some(stem)).map(|(_, names)| names);
-    let places = names.filter_map(|names| {
+    let mut places = names.filter_map(|names| {
         let place =
             |joint: &String| names.iter().find(|(_, column)| text(column) == Some(joint)).map(|(number, _)| *number);
         joints.iter().map(place).collect::<Option<Vec<usize>>>().filter(|places| !places.is_empty())
     });
-    let places = places.last()?;
+    let places = places.next_back()?;
     places.iter().map(|number| members.get(number).copied()).collect()
 }
 

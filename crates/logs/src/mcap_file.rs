@@ -23,7 +23,7 @@ const MAX_COMPRESSION_BYTES: u32 = 32;
 /// Channel, sequence number and two times before the data of a message \[bytes\].
 const MESSAGE_HEADER_BYTES: u64 = 22;
 /// Opcode, length and body of the footer \[bytes\].
-const FOOTER_BYTES: i64 = 1 + 8 + 20;
+const FOOTER_BYTES: u64 = 1 + 8 + 20;
 
 /// What a recording in MCAP holds.
 pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
@@ -106,7 +106,8 @@ fn open(path: &Path) -> io::Result<Box<dyn Read>> {
 /// Messages of each topic by the summary at the end of a file; none where it has no such summary.
 fn summary(path: &Path) -> Option<BTreeMap<String, u64>> {
     let mut file = File::open(path).ok()?;
-    let end = file.seek(SeekFrom::End(-(FOOTER_BYTES + mcap::MAGIC.len() as i64))).ok()?;
+    let end = file.metadata().ok()?.len().checked_sub(FOOTER_BYTES + mcap::MAGIC.len() as u64)?;
+    file.seek(SeekFrom::Start(end)).ok()?;
     let mut footer = Vec::new();
     file.read_to_end(&mut footer).ok()?;
     let body = footer.strip_suffix(mcap::MAGIC)?;

@@ -29,7 +29,7 @@ use crate::listing::{Column, Listing, Topic};
 use crate::parquet_limits;
 
 /// Most entries of a list.
-const MAX_LIST_ENTRIES: usize = 1024;
+const MAX_LIST_ENTRIES: u16 = 1024;
 
 /// Reads the columns that `wanted` picks by name from a Parquet file.
 ///
@@ -153,7 +153,7 @@ impl Source {
         // An empty list or none has one level, which is below that of an entry.
         let entry = self.describe(k).repeated_ancestor_def_level();
         let entries = levels.defined.iter().filter(|level| **level >= entry).count();
-        if entries > MAX_LIST_ENTRIES { Ok(0) } else { Ok(entries) }
+        if entries > usize::from(MAX_LIST_ENTRIES) { Ok(0) } else { Ok(entries) }
     }
 
     /// A reader of column `k` in row group `group`, whose claims were checked. Its bytes are in memory, those of others are not.
@@ -173,7 +173,7 @@ impl Source {
         }
         let mut bytes = vec![0; size as usize];
         self.file.read_exact_at(&mut bytes, from).map_err(|e| LogFault::Io(e).at(path))?;
-        let entries = if column.max_rep_level() == 0 { 1 } else { MAX_LIST_ENTRIES as i64 };
+        let entries = if column.max_rep_level() == 0 { 1 } else { i64::from(MAX_LIST_ENTRIES) };
         let claims = (chunk.num_values(), group.num_rows().saturating_mul(entries));
         parquet_limits::ensure_pages(&bytes, chunk.compression(), claims)
             .map_err(|why| general(format!("column \"{name}\": {why}")))?;

@@ -198,7 +198,9 @@ fn other_time(column: &str, topic: &str, other: &str) -> String {
 
 fn scale(values: &mut [f64], unit: Unit) {
     if unit != Unit::SI {
-        values.iter_mut().for_each(|value| *value = unit.factor * *value + unit.offset);
+        for value in values {
+            *value = unit.factor * *value + unit.offset;
+        }
     }
 }
 

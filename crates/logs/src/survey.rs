@@ -8,7 +8,7 @@ use crate::listing::Listing;
 use crate::plan::{Naming, Plan};
 
 /// Most joints of an arm.
-const MAX_JOINTS: usize = 8;
+const MAX_ARM_JOINTS: usize = 8;
 
 /// Channels by their names, as keys and patterns of `[log]`; empty where the recording has the columns of the contract.
 ///
@@ -42,7 +42,7 @@ pub fn recorded_joints(listing: &Listing) -> Vec<String> {
 /// Number of joints of a recording whose columns are numbered; 0 where no group of columns looks like positions.
 pub fn numbered_joints(listing: &Listing) -> usize {
     let is_position = |count: &usize| families(listing, &[], *count).iter().any(|f| f.group == Some(Group::Position));
-    (1..=MAX_JOINTS).rev().find(is_position).unwrap_or(0)
+    (1..=MAX_ARM_JOINTS).rev().find(is_position).unwrap_or(0)
 }
 
 /// Columns that look like time.

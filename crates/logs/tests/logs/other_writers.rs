@@ -26,7 +26,9 @@ fn written_by(modules: &[&str], script: &str) -> Option<(tempfile::TempDir, Log)
     for k in 0..measured.len() {
         bytes.extend(((measured.t[k] * 1e9).round() as i64 + 1_700_000_000_000_000_000).to_le_bytes());
         for signals in [&measured.q, measured.torque().expect("torque")] {
-            alphabetical().iter().for_each(|j| bytes.extend(signals[*j][k].to_le_bytes()));
+            for j in alphabetical() {
+                bytes.extend(signals[j][k].to_le_bytes());
+            }
         }
     }
     std::fs::write(&source, bytes).expect("written");
@@ -86,7 +88,7 @@ for name, compression in [('lz4', CompressionType.LZ4), ('zstd', CompressionType
 
 #[test]
 fn bags_of_rosbags_are_read() {
-    let script = r#"
+    let script = r"
 from rosbags.rosbag2 import Writer, StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 import numpy as np
@@ -98,7 +100,7 @@ for name, plugin in [('mcap', StoragePlugin.MCAP), ('sqlite', StoragePlugin.SQLI
         for t, q, tau in rows:
             message = State(header=Header(stamp=Time(sec=t // 10**9, nanosec=t % 10**9), frame_id='base'), name=names, position=np.array(q), velocity=np.array([]), effort=np.array(tau))
             writer.write(connection, t, store.serialize_cdr(message, State.__msgtype__))
-"#;
+";
     let Some((folder, measured)) = written_by(&["rosbags.rosbag2", "numpy"], script) else { return };
     check("rosbag2, MCAP", &folder.path().join("mcap"), &measured);
     if cfg!(feature = "sqlite") {
@@ -108,7 +110,7 @@ for name, plugin in [('mcap', StoragePlugin.MCAP), ('sqlite', StoragePlugin.SQLI
 
 #[test]
 fn tables_of_polars_are_read() {
-    let script = r#"
+    let script = r"
 import polars as pl
 flat = {'t': [(t - rows[0][0]) / 1e9 for t, _, _ in rows]}
 for k, name in enumerate(names):
@@ -121,7 +123,7 @@ table.write_csv(folder + '/flat.csv', separator=';')
 order = [names.index(n) for n in sys.argv[3:]] if len(sys.argv) > 3 else None
 stamped = pl.DataFrame({'timestamp': [t for t, _, _ in rows]}).with_columns(pl.col('timestamp').cast(pl.Datetime('ns')))
 pl.concat([stamped, table.drop('t')], how='horizontal').write_parquet(folder + '/stamped.parquet')
-"#;
+";
     let Some((folder, measured)) = written_by(&["polars"], script) else { return };
     for codec in ["lz4", "snappy", "gzip", "brotli", "zstd", "uncompressed", "stamped"] {
         check(codec, &folder.path().join(format!("{codec}.parquet")), &measured);

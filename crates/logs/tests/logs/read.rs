@@ -272,7 +272,7 @@ fn unequal_lines_and_foreign_files_are_refused() {
     std::fs::write(&odd, b"XAR1 and so on").expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
     assert!(why.contains("cannot be read as Parquet: it does not begin with PAR1"), "{why}");
-    let rows = (0..12).map(|k| format!("{k},1,2\n")).collect::<String>();
+    let rows = (0..12).map(|k| format!("{k},1,2\n")).collect::<Vec<_>>().concat();
     std::fs::write(&short, format!("__time,arm/a/position,arm/a/effort\n{rows}")).expect("written");
     let why = read(&short, &ReadOptions::new(1)).expect_err("other names").to_string();
     assert!(

@@ -321,11 +321,9 @@ fn parquet_of_lists_and_groups_and_every_codec_is_read() {
         write_parquet(&path, message, &columns, codec);
         assert_same(&format!("{codec:?}"), &sound(&path), &measured);
     }
-    let fields = |what: &str| joints().iter().map(|j| format!("required double {j}; ")).collect::<String>() + what;
+    let fields = joints().iter().map(|j| format!("required double {j}; ")).collect::<Vec<_>>().concat();
     let message = format!(
-        "message schema {{ required double timestamp; required group position {{ {} }} required group effort {{ {} }} }}",
-        fields(""),
-        fields("")
+        "message schema {{ required double timestamp; required group position {{ {fields} }} required group effort {{ {fields} }} }}"
     );
     let mut columns = vec![(measured.t.clone(), 0)];
     columns.extend(measured.q.iter().chain(tau).map(|signal| (signal.clone(), 0)));
@@ -361,8 +359,7 @@ fn text_tables_of_every_dialect_give_the_measured_numbers() {
         .chain(joints().iter().map(|j| format!("/joint_states/{j}/position")))
         .chain(joints().iter().map(|j| format!("/joint_states/{j}/effort")))
         .collect();
-    let commented: Vec<String> = contract.iter().map(|name| name.replace('t', "t")).collect();
-    let hash = format!("# written by numpy\n# {}", table(&measured, &commented, " ", plain));
+    let hash = format!("# written by numpy\n# {}", table(&measured, &contract, " ", plain));
     let libfranka: Vec<String> = std::iter::once("duration".to_owned())
         .chain((0..7).map(|j| format!("robot_state.q[{j}]")))
         .chain((0..7).map(|j| format!("robot_state.tau_J[{j}]")))
