@@ -10,7 +10,7 @@ use rivet_logs::{
     Listing, Log, LogFault, Naming, ReadOptions, ResampleReport, channels_by_name, clocks, list, numbered_joints,
     read_as, read_columns, recorded_joints,
 };
-use rivet_screening::{Fault as LogReading, Screening};
+use rivet_screening::{ArmState, Fault as LogReading, Reading, Screening};
 use serde_json::json;
 
 use crate::exit::Fault;
@@ -182,13 +182,15 @@ fn is_of_positions(fault: &LogReading) -> bool {
 
 /// The reading of one channel with the sum of the probabilities of all readings of the log that share it.
 fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[String]) -> ChannelReading {
-    let part = |reading: &rivet_screening::Reading| -> String {
+    let part = |reading: &Reading| -> String {
         let faults: Vec<LogReading> = reading.faults.iter().filter(|f| is_of_positions(f) == of_q).cloned().collect();
-        let is_computed = reading.faults.is_empty() && !reading.is_sound() && !of_q;
-        if faults.is_empty() && !is_computed {
+        // Of the states of the arm two say what the torque is; the others are of the file.
+        let is_of_torque = !of_q && matches!(reading.state, ArmState::Computed | ArmState::LinkSide);
+        if faults.is_empty() && !is_of_torque {
             return "as recorded".to_owned();
         }
-        rivet_screening::Reading { faults, ..reading.clone() }.text(names)
+        let state = if is_of_torque { reading.state } else { ArmState::Nominal };
+        Reading { faults, state, ..reading.clone() }.text(names)
     };
     let mut sums: Vec<(String, f64)> = Vec::new();
     for reading in &found.readings {

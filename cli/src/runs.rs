@@ -396,7 +396,7 @@ mod tests {
         let rows =
             pieces.iter().enumerate().flat_map(|(k, rows)| (0..*rows).map(move |r| 2.0 * k as f64 + 2e-4 * r as f64));
         std::fs::write(&path, rows.map(row).fold("t,q1,tau1\n".to_owned(), |text, row| text + &row)).expect("written");
-        read(&path, &ReadOptions::new(1)).expect("a log")
+        rivet_logs::read(&path, &ReadOptions::new(1)).expect("a log")
     }
 
     #[test]

@@ -139,7 +139,7 @@ fn examples_of_the_page_run_and_agree() {
         println!("{words:?}: {code:?}\n{}{}", said[0], said[1]);
         match words[1].as_str() {
             "inspect" => {
-                assert!(said[0].lines().count() <= 14, "more than half a screen: {}", said[0]);
+                assert!(said[0].lines().count() <= 12, "more than half a screen: {}", said[0]);
                 assert!(said[0].lines().all(|line| line.chars().count() <= 80), "{}", said[0]);
                 assert!(said[0].contains("[log]\ntime = ") && said[0].contains("q = \""), "{}", said[0]);
             }
