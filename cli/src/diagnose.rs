@@ -16,6 +16,7 @@ use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
 use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
 use crate::live;
+use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::passport::{Source, passport};
 use crate::patched;
@@ -71,11 +72,13 @@ pub(crate) struct Args {
     /// Report the candidates that are considered.
     #[arg(long, short)]
     verbose: bool,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.robot)?;
+    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
     let outputs = Outputs::beside(&robot, &args.robot, &args.logs).file("--keep", args.keep.as_ref());
     outputs
         .file("--json", args.json.as_ref())

@@ -32,6 +32,7 @@ use crate::export::export;
 use crate::glitches::screen;
 use crate::jitter;
 use crate::kinematics;
+use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::predict;
 use crate::progress::Progress;
@@ -53,7 +54,7 @@ pub(crate) struct Args {
     /// Robot file: kinematics, nominal parameters, [signal] and [estimator].
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Logs with positions and torque or current (Parquet or CSV). Filters start anew in each.
+    /// Logs with positions and torque or current (docs/logs.md). Filters start anew in each.
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Held-out log, on which the result is evaluated; may be given several times.
@@ -78,6 +79,8 @@ pub(crate) struct Args {
     /// With --online: write every published parameter set (CSV).
     #[arg(long, value_name = "FILE", requires = "online")]
     stream: Option<PathBuf>,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// What is taken of logs.
@@ -169,7 +172,7 @@ fn choose<'a>(robot: &Robot, least_squares: &'a Fit, instrumental: &'a Fit) -> &
 
 /// Identifies, prints, exports.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.robot)?;
+    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
     let outputs = Outputs::beside(&robot, &args.robot, args.logs.iter().chain(&args.hold_out));
     let outputs = outputs.file("--json", args.json.as_ref()).file("--stream", args.stream.as_ref());
     outputs.export(args.export.as_ref()).check()?;

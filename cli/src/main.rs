@@ -29,9 +29,11 @@ mod frozen;
 mod generate;
 mod glitches;
 mod identify;
+mod inspect;
 mod jitter;
 mod kinematics;
 mod live;
+mod map;
 mod monitor;
 mod new;
 mod number;
@@ -81,6 +83,8 @@ enum Command {
     Compare(changes::Args),
     /// Draw, diagnose and score simulated cases whose answers are withheld
     Blind(blind::Args),
+    /// Show what a recording holds and how it would be read
+    Inspect(inspect::Args),
     /// Predict the torque of a log
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
@@ -115,7 +119,12 @@ impl Command {
     fn works_through_logs(&self) -> bool {
         matches!(
             self,
-            Command::Identify(_) | Command::Diagnose(_) | Command::Blind(_) | Command::Predict(_) | Command::Study(_)
+            Command::Identify(_)
+                | Command::Inspect(_)
+                | Command::Diagnose(_)
+                | Command::Blind(_)
+                | Command::Predict(_)
+                | Command::Study(_)
         )
     }
 }
@@ -136,6 +145,7 @@ fn main() -> ExitCode {
         Command::Diagnose(args) => diagnose::run(args),
         Command::Compare(args) => changes::run(args),
         Command::Blind(args) => blind::run(args),
+        Command::Inspect(args) => inspect::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::New(args) => new::run(args),

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_dynamics::{Proposal, UrdfArm, UrdfError, UrdfMistakes, UrdfNote, UrdfOptions};
 use rivet_estimation::offline::position_step;
-use rivet_logs::{Log, ReadOptions, read};
+use rivet_logs::{ChannelMap, Log, Naming, ReadOptions, read_as};
 
 use crate::check;
 use crate::exit::Fault;
@@ -60,10 +60,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         .with_context(|| args.urdf.display().to_string())?;
     let named = |why: UrdfMistakes| Fault::Config(refusal(&args.urdf, &why));
     let (arm, options) = chain(&text).map_err(named)?;
+    let names: Vec<String> = arm.arm.joints.iter().map(|joint| joint.name.clone()).collect();
     let logs: Vec<Log> = args
         .logs
         .iter()
-        .map(|path| read(path, &ReadOptions::new(arm.arm.dof())).map_err(anyhow::Error::new))
+        .map(|path| {
+            let naming = Naming { joints: &names, map: &ChannelMap::default() };
+            read_as(path, &ReadOptions::new(arm.arm.dof()), &naming).map_err(anyhow::Error::new)
+        })
         .collect::<Result<_>>()?;
     let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
     let new =
@@ -84,6 +88,17 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     show(&check::verdict(&robot))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The robot file of a URDF in memory, with what a log says of the arm.
+pub(crate) fn of_urdf(urdf: &Path, log: Option<&Log>) -> Result<rivet_config::Robot> {
+    let text =
+        rivet_files::read_text(urdf, rivet_config::MAX_FILE_BYTES).with_context(|| urdf.display().to_string())?;
+    let (arm, options) = chain(&text).map_err(|why| Fault::Config(refusal(urdf, &why)))?;
+    let logs: Vec<Log> = log.into_iter().cloned().collect();
+    let folder = urdf.parent().unwrap_or(Path::new(""));
+    let new = New { arm: &arm, options: &options, logs: &logs, gravity: &[0.0, 0.0, -9.81], urdf: place(urdf, folder) };
+    Ok(rivet_config::parse(&folder.join("robot.toml"), &new.text())?)
 }
 
 /// Every mistake with its line and mend.

@@ -1,7 +1,9 @@
 //! Which files and which build a diagnosis is of.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use rivet_config::Robot;
@@ -58,13 +60,43 @@ fn input(role: &str, path: &Path, clock: Option<Clock>) -> Result<Input> {
     Ok(Input { role: role.to_owned(), name: short_name(path), sha256: sha256(path)?, clock })
 }
 
+/// Folders of a recording in which nothing is read.
+const UNREAD_FOLDERS: [&str; 2] = ["videos", "images"];
+/// Bytes that are read at a time.
+const BLOCK_BYTES: usize = 1 << 16;
+
+/// Digest of a file; of a folder, that of the names and contents of its files in the order of their names.
 pub(crate) fn sha256(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+    let mut digest = Sha256::new();
+    digest_into(&mut digest, path).with_context(|| path.display().to_string())?;
+    Ok(digest.finalize().iter().fold(String::new(), |mut text, byte| {
         // Writing to a String cannot fail.
         let _ = write!(text, "{byte:02x}");
         text
     }))
+}
+
+fn digest_into(digest: &mut Sha256, path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        let entries = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<PathBuf>>>()?;
+        let is_read = |path: &PathBuf| !UNREAD_FOLDERS.iter().any(|unread| path.ends_with(unread));
+        let mut entries: Vec<PathBuf> = entries.into_iter().filter(is_read).collect();
+        entries.sort();
+        for entry in entries {
+            digest.update(entry.file_name().unwrap_or_default().as_encoded_bytes());
+            digest_into(digest, &entry)?;
+        }
+        return Ok(());
+    }
+    let mut file = File::open(path)?;
+    let mut block = vec![0; BLOCK_BYTES];
+    loop {
+        let count = file.read(&mut block)?;
+        if count == 0 {
+            return Ok(());
+        }
+        digest.update(&block[..count]);
+    }
 }
 
 fn clock(robot: &Robot, source: &Source<'_>) -> Clock {

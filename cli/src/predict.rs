@@ -8,12 +8,13 @@ use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
-use rivet_logs::{Log, interpolate, read_columns, write_columns};
+use rivet_logs::{Log, interpolate, write_columns};
 
 use crate::coarse::coarse;
 use crate::evidence::Distrust;
 use crate::exit::Fault;
 use crate::glitches::bridged;
+use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::reading;
 use crate::runs::{self, Piece};
@@ -35,11 +36,13 @@ pub(crate) struct Args {
     /// Robot file; its identified parameters are used, else the nominal ones.
     #[arg(value_name = "MODEL.toml")]
     model: PathBuf,
-    /// Log with positions (Parquet or CSV); torque is needed only to print errors.
+    /// Log with positions (docs/logs.md); torque is needed only to print errors.
     log: PathBuf,
     /// File for the columns t and tau_pred1..N, one row per row of the log (Parquet).
     #[arg(long, value_name = "PRED.parquet")]
     out: PathBuf,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// Sums of squares of one joint: error and torque, as measured and through the model filter.
@@ -113,7 +116,7 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 
 /// Predicts and writes; prints errors when the log has torque.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.model)?;
+    let robot = args.map.apply(rivet_config::load(&args.model)?)?;
     Outputs::beside(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
     let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
     mended.iter().for_each(Distrust::warn);
@@ -131,7 +134,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
     }
-    let t = every_row(&args.log, &log, &mut tau)?;
+    let t = every_row(&robot, &args.log, &log, &mut tau)?;
     let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
     let mut columns: Vec<(&str, &[f64])> = vec![("t", &t)];
     columns.extend(names.iter().map(String::as_str).zip(tau.iter().map(Vec::as_slice)));
@@ -145,10 +148,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 }
 
 /// Time of the rows as in the file, with those that were taken together, and `tau` on them.
-fn every_row(file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Result<Vec<f64>> {
+fn every_row(robot: &Robot, file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Result<Vec<f64>> {
     let own = log.logged_t();
     // Rows were taken together, or left out as a second publisher's.
-    let t = read_columns(file, &["t"])?.pop().unwrap_or_default();
+    let t = runs::recorded_times(robot, file)?;
     if t.len() == own.len() {
         return Ok(own.to_vec());
     }

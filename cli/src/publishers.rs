@@ -30,8 +30,20 @@ pub(crate) fn without_second_publisher(log: Log, name: String) -> Log {
     log.without(&rows)
 }
 
+/// Reports how the channels of a log were found and what is wrong with its file, the first time that it is read.
+pub(crate) fn note_reading(log: &Log, name: &str) {
+    static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if is_first(&READ, log) {
+        log.notes.iter().for_each(|text| rivet_files::note(format_args!("rivet: {name}: {text}")));
+    }
+}
+
 /// Some commands read a file again.
 fn is_first_read(log: &Log) -> bool {
     static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    READ.lock().map_or(true, |mut files| files.insert(log.path.clone()))
+    is_first(&READ, log)
+}
+
+fn is_first(read: &Mutex<BTreeSet<PathBuf>>, log: &Log) -> bool {
+    read.lock().map_or(true, |mut files| files.insert(log.path.clone()))
 }

@@ -1,6 +1,7 @@
 //! `rivet replay`: a log through shared memory into rivetd, as if live.
 
 use crate::children::Children;
+use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::stream::{Recording, write_stream};
 use crate::summary::{Summary, nothing};
@@ -19,7 +20,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     /// The robot file.
     robot: PathBuf,
-    /// The log (Parquet or CSV; t, q1..N, tau1..N, optional q_des1..N, qd_des1..N, qdd_des1..N, q_link1..N).
+    /// The log (docs/logs.md), with positions and torque.
     log: PathBuf,
     /// Speed-up over the recording, or max: as fast as the daemon accepts samples.
     #[arg(long, default_value = "max", value_parser = parse_speed)]
@@ -33,6 +34,8 @@ pub(crate) struct Args {
     /// Send to the rivetd that already runs on the robot's bus instead of starting one.
     #[arg(long)]
     attach: bool,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// Pace of a replay.
@@ -75,7 +78,7 @@ struct Received {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.robot)?;
+    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
     let outputs = Outputs::beside(&robot, &args.robot, [&args.log]).file("--stream", args.stream.as_ref());
     outputs.file("--json", args.json.as_ref()).check()?;
     let recording = Recording::read(&robot, &args.log)?;

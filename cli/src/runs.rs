@@ -8,9 +8,10 @@ use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase, underived};
-use rivet_logs::{Log, LogError, LogFault, OtherClock, ReadOptions, ResampleReport, Signals, read};
+use rivet_logs::{Log, LogError, LogFault, Naming, OtherClock, ReadOptions, ResampleReport, Signals, read_as};
 
 use crate::exit::Fault;
+use crate::map;
 use crate::publishers;
 
 /// A step of time this long is a hole: nothing is made up across it.
@@ -25,18 +26,8 @@ const HOLE_STEPS: f64 = 10.0;
 /// Reads a log of the robot: its joints, its zero, its drive gain, and the clock of its positions.
 pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
-    let options = ReadOptions {
-        joints: robot.dof(),
-        drive_gain: config.drive.drive_gain.as_deref(),
-        torque_from_current: config.log.torque_from_current,
-        joint_zero: Some(&config.log.joint_zero),
-    };
-    let log = read(path, &options).map_err(|why| {
-        let asked = matches!(why.fault, LogFault::NoCurrent { .. });
-        let why = anyhow::Error::new(why);
-        // What asks for these columns stands in another file.
-        if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
-    })?;
+    let log = recorded(robot, path)?;
+    publishers::note_reading(&log, &short_name(path));
     let log = publishers::without_second_publisher(log, short_name(path));
     let log = log.by_its_positions().without_crowds();
     let (step, period) = (log.median_step_s(), config.sample_period_s);
@@ -54,6 +45,29 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
         None => Ok(log),
     }
+}
+
+/// Time of every row of a recording \[s\].
+pub(crate) fn recorded_times(robot: &Robot, path: &Path) -> Result<Vec<f64>> {
+    recorded(robot, path).map(|log| log.t)
+}
+
+/// A recording as it is, with its channels as the robot file and the command line state them.
+fn recorded(robot: &Robot, path: &Path) -> Result<Log> {
+    let config = &robot.config;
+    let options = ReadOptions {
+        joints: robot.dof(),
+        drive_gain: config.drive.drive_gain.as_deref(),
+        torque_from_current: config.log.torque_from_current,
+        joint_zero: Some(&config.log.joint_zero),
+    };
+    let (names, channels) = (joint_names(robot), map::channels(robot)?);
+    read_as(path, &options, &Naming { joints: &names, map: &channels }).map_err(|why| {
+        let asked = matches!(why.fault, LogFault::NoCurrent { .. });
+        let why = anyhow::Error::new(why);
+        // What asks for these columns stands in another file.
+        if asked { why.context(format!("{}: [log] torque_from = \"current\"", config.path.display())) } else { why }
+    })
 }
 
 /// Two columns are of one motion from this correlation on ...
@@ -380,7 +394,7 @@ mod tests {
         let rows =
             pieces.iter().enumerate().flat_map(|(k, rows)| (0..*rows).map(move |r| 2.0 * k as f64 + 2e-4 * r as f64));
         std::fs::write(&path, rows.map(row).fold("t,q1,tau1\n".to_owned(), |text, row| text + &row)).expect("written");
-        read(&path, &ReadOptions::new(1)).expect("a log")
+        rivet_logs::read(&path, &ReadOptions::new(1)).expect("a log")
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub use friction_law::FrictionLaw;
 pub use load::{Description, Identified, MAX_FILE_BYTES, Robot, address, load, parse};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
-    Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Overrun, Publish, Realtime, RobotConfig,
-    Scheduler, Signal, Simulation, StopReaction, Trigger,
+    Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, LogChannel, Overrun, Publish, Realtime,
+    RobotConfig, Scheduler, Signal, Simulation, StopReaction, Trigger,
 };
 pub use write::{Changes, write_changed, write_consistent, write_identified};

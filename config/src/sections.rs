@@ -154,6 +154,25 @@ pub struct Log {
     pub joint_zero: Vec<f64>,
     /// Torque is drive gain times current, even where a log has torque columns.
     pub torque_from_current: bool,
+    /// Channels that are stated, by quantity: `time`, `q`, `tau`, `current`, `q_des`, `temperature`.
+    pub channels: Vec<LogChannel>,
+}
+
+/// Which columns of a recording are a quantity, and how their numbers become SI values: `sign * scale * unit(number) + zero`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogChannel {
+    /// The quantity.
+    pub key: &'static str,
+    /// Its columns, as a pattern of their names.
+    pub pattern: Option<String>,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// 1 or -1, one a joint.
+    pub sign: Option<Vec<f64>>,
+    /// Factor, one a joint.
+    pub scale: Option<Vec<f64>>,
+    /// Added last, in the SI unit, one a joint.
+    pub zero: Option<Vec<f64>>,
 }
 
 /// `[signal]`

@@ -6,8 +6,8 @@ use rivet_dynamics::UrdfOptions;
 use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments};
 
 use super::{
-    Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, Overrun, Publish, Realtime, Scheduler, Signal,
-    Simulation, StopReaction, Trigger,
+    Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, LogChannel, Overrun, Publish, Realtime, Scheduler,
+    Signal, Simulation, StopReaction, Trigger,
 };
 use crate::keys::{HIGHEST_FILTER_SHARE, HIGHEST_STATE_FILTER_SHARE};
 use crate::number_text::short;
@@ -97,7 +97,41 @@ pub(crate) fn log(reader: &mut Reader<'_>, drive_gain: Option<&[f64]>) -> Log {
         let rule = "\"current\" needs [drive] drive_gain".to_owned();
         reader.reject("log", "torque_from", rule, "give drive_gain in N m/A, one number a joint".to_owned());
     }
-    Log { joint_zero, torque_from_current }
+    Log { joint_zero, torque_from_current, channels: channels(reader) }
+}
+
+/// A quantity of a recording with its keys: pattern, unit, sign, scale, zero.
+type ChannelKeys = (&'static str, [Option<&'static str>; 4]);
+
+const CHANNELS: [ChannelKeys; 6] = [
+    ("time", [Some("time_unit"), None, None, None]),
+    ("q", [Some("q_unit"), Some("q_sign"), Some("q_scale"), None]),
+    ("tau", [Some("tau_unit"), Some("tau_sign"), Some("tau_scale"), Some("tau_zero")]),
+    ("current", [Some("current_unit"), Some("current_sign"), Some("current_scale"), Some("current_zero")]),
+    ("q_des", [None; 4]),
+    ("temperature", [Some("temperature_unit"), None, None, None]),
+];
+
+/// The quantities of which something is stated.
+fn channels(reader: &mut Reader<'_>) -> Vec<LogChannel> {
+    let mut channels = Vec::new();
+    for (key, [unit, sign, scale, zero]) in CHANNELS {
+        let mut text = |name: Option<&'static str>| Some(reader.text("log", name?)).filter(|text| !text.is_empty());
+        let (pattern, unit) = (text(Some(key)), text(unit));
+        let mut numbers = |name: Option<&'static str>| reader.optional_numbers("log", name?);
+        let (sign_values, scale, zero) = (numbers(sign), numbers(scale), numbers(zero));
+        if let (Some(name), Some(place)) =
+            (sign, sign_values.as_ref().and_then(|s| s.iter().position(|s| s.abs() != 1.0)))
+        {
+            let (rule, hint) =
+                ("must be 1 or -1".to_owned(), "give a factor by the key that ends on _scale".to_owned());
+            reader.reject_entry("log", name, place, rule, hint);
+        }
+        if pattern.is_some() || unit.is_some() || sign_values.is_some() || scale.is_some() || zero.is_some() {
+            channels.push(LogChannel { key, pattern, unit, sign: sign_values, scale, zero });
+        }
+    }
+    channels
 }
 
 pub(crate) fn signal(reader: &mut Reader<'_>, sample_period_s: f64) -> Signal {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::units::Quantity;
+
 /// A group of columns, one a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Group {
@@ -29,6 +31,18 @@ impl Group {
         Group::LinkPosition,
     ];
 
+    /// What it measures.
+    pub(crate) fn quantity(self) -> Quantity {
+        match self {
+            Group::Position | Group::DesiredPosition | Group::LinkPosition => Quantity::Position,
+            Group::Torque => Quantity::Torque,
+            Group::Current => Quantity::Current,
+            Group::Velocity | Group::DesiredVelocity => Quantity::Velocity,
+            Group::DesiredAcceleration => Quantity::Acceleration,
+            Group::Temperature => Quantity::Temperature,
+        }
+    }
+
     /// What stands before the joint number in a column's name.
     pub(crate) fn prefix(self) -> &'static str {
         match self {
@@ -50,7 +64,7 @@ impl Group {
     }
 
     /// Reads a column's name: its group and joint (from 0).
-    fn parse(name: &str) -> Option<(Group, usize)> {
+    pub(crate) fn parse(name: &str) -> Option<(Group, usize)> {
         let digits = name.find(|c: char| c.is_ascii_digit())?;
         let (prefix, number) = name.split_at(digits);
         if number.starts_with('0') {
@@ -66,12 +80,20 @@ pub(crate) fn is_known(name: &str) -> bool {
     name == "t" || Group::parse(name).is_some()
 }
 
+/// Picks columns by name.
+pub(crate) type Wanted<'a> = &'a dyn Fn(&str) -> bool;
+
+/// Whole numbers beyond this have no `f64` of their own: a column that begins with one counts from it.
+pub(crate) const EXACT: u64 = 1 << 53;
+
 /// The columns of a file as they stand in it; an empty cell is NaN.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
     pub(crate) columns: BTreeMap<String, Vec<f64>>,
     /// Names of columns outside the contract, in the order of the file.
     pub(crate) unused: Vec<String>,
+    /// What is wrong with the file, although it was read.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Table {

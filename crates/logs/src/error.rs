@@ -159,6 +159,37 @@ pub enum LogFault {
         /// Most that are made.
         most: f64,
     },
+    /// More than one group of columns may be a quantity.
+    #[error(
+        "more than one group of columns may be the {what}: {candidates}. Choose one: --map {key}=PATTERN, or {key} in [log] of robot.toml"
+    )]
+    Ambiguous {
+        /// The quantity.
+        what: &'static str,
+        /// Its key.
+        key: &'static str,
+        /// Patterns of the groups.
+        candidates: String,
+    },
+    /// No group of columns has all joints.
+    #[error(
+        "no group of columns has positions of all joints ({joints}). Columns like positions: {columns}. Name them in the order of the \
+         joints: --map q=COLUMN,COLUMN,..., or q in [log] of robot.toml"
+    )]
+    Unmatched {
+        /// Names or number of the joints.
+        joints: String,
+        /// Columns that look like positions.
+        columns: String,
+    },
+    /// What is stated of a channel does not fit the recording.
+    #[error("{key} (--map, or [log] of robot.toml): {why}")]
+    Map {
+        /// The key.
+        key: String,
+        /// What does not fit, and what to do.
+        why: String,
+    },
     /// A sampling period that makes no sense.
     #[error("sampling period {0} s; it must be a positive number")]
     Period(f64),

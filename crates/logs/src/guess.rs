@@ -28,6 +28,17 @@ fn kind(name: &str) -> Option<usize> {
     KINDS.iter().position(|(_, _, words, names)| whole(names) || words.iter().any(|word| part.contains(word)))
 }
 
+/// The kind of a column by its name, in a word: time, velocities, torques, currents, positions.
+pub(crate) fn word(name: &str) -> Option<&'static str> {
+    kind(name).map(|place| KINDS[place].0)
+}
+
+/// Some of the columns that look like positions.
+pub(crate) fn positions(names: &[String]) -> Option<String> {
+    let found: Vec<&str> = names.iter().map(String::as_str).filter(|name| word(name) == Some("positions")).collect();
+    (!found.is_empty()).then(|| listed(&found, MOST_OTHERS))
+}
+
 /// What was found among the names, as one sentence: what looks like time, positions, torques, and what the contract calls them.
 pub(crate) fn sentence(names: &[String]) -> String {
     if names.is_empty() {
@@ -64,16 +75,6 @@ fn listed(names: &[&str], most: usize) -> String {
     let first: Vec<String> = names.iter().take(most - 1).map(shown).collect();
     let last = names.last().map(shown).unwrap_or_default();
     format!("{} .. {last}", first.join(" "))
-}
-
-/// Separators of text tables that are none of a log's, with their names.
-const SEPARATORS: [(char, &str); 4] = [(';', "semicolons"), ('\t', "tabs"), ('|', "bars"), (' ', "spaces")];
-
-/// The separator of a header line without commas, by its name, and the names that it makes.
-pub(crate) fn separator(header: &str) -> Option<(&'static str, Vec<String>)> {
-    let (separator, name) = SEPARATORS.into_iter().find(|(c, _)| header.contains(*c))?;
-    let names = header.split(separator).map(str::trim).filter(|n| !n.is_empty()).map(str::to_owned).collect::<Vec<_>>();
-    (names.len() > 1).then_some((name, names))
 }
 
 #[cfg(test)]
@@ -128,13 +129,5 @@ mod tests {
         assert!(said.contains("%time header.stamp look like time (name one of them t)"), "{said}");
         let said = of(&["x", "y"]);
         assert!(said.contains("None") && said.contains("x y"), "{said}");
-    }
-
-    #[test]
-    fn a_separator_is_named_with_the_columns_that_it_makes() {
-        let (name, names) = separator("t q1 q2 tau1").expect("spaces");
-        assert_eq!((name, names.len()), ("spaces", 4));
-        assert_eq!(separator("t;q1").map(|(name, _)| name), Some("semicolons"));
-        assert_eq!(separator("t"), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Logs of robots: Parquet and CSV in, uniform records out.
+//! Logs of robots: recordings of many formats in (Parquet, MCAP, rosbag2, LeRobot, text tables), uniform records out.
 //!
 //! A log is one row a sample. Columns (N joints, counted from 1):
 //!
@@ -30,30 +30,48 @@
 //! # Ok::<(), rivet_logs::LogError>(())
 //! ```
 
+mod channel_map;
 mod clock;
 mod columns;
 mod crowded;
+mod csv_dialect;
 mod csv_file;
 mod error;
+mod families;
 mod frozen;
 mod guess;
 mod holds;
+mod joint_state;
+mod lerobot;
+mod listing;
 mod log;
+mod mcap_file;
+mod messages;
 mod overlap;
 mod parquet_file;
 mod parquet_limits;
+mod plan;
+mod readers;
 mod resample;
+mod rosbag2;
 mod signal;
 mod stairs;
 mod stamps;
+mod survey;
 mod thrift;
+mod units;
 
+pub use channel_map::{Channel, ChannelMap};
 pub use clock::{ClockRate, OtherClock};
 pub use error::{LogError, LogFault};
 pub use frozen::Frozen;
 pub use holds::Holds;
-pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_columns};
+pub use listing::{Column, Listing, Topic};
+pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_as, read_columns};
 pub use parquet_file::write_columns;
+pub use plan::Naming;
+pub use readers::list;
 pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;
 pub use stairs::Stairs;
+pub use survey::{channels_by_name, clocks, numbered_joints, recorded_joints};

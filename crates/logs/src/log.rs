@@ -1,16 +1,17 @@
 //! A checked log.
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::columns::{Group, Table, is_known};
+use crate::channel_map::ChannelMap;
+use crate::columns::{Group, Table};
 use crate::error::{LogError, LogFault};
-use crate::{csv_file, guess, parquet_file};
+use crate::guess;
+use crate::plan::{Naming, Plan};
+use crate::readers;
 
 /// One signal a joint: `signals[joint][row]`.
 pub type Signals = Vec<Vec<f64>>;
@@ -80,20 +81,41 @@ pub struct Log {
     pub off_s: f64,
     /// Rows of the file that came right after another and were taken together with it ([`Log::without_crowds`]).
     pub crowded: usize,
+    /// How its channels were found, and what is wrong with the file although it was read.
+    pub notes: Vec<String>,
 }
 
-/// Reads a log, Parquet or CSV; what the file starts with decides, not its name.
+/// Reads a log; what it begins with decides its format, not its name. Joints are found by number.
+///
+/// # Errors
+/// As [`read_as`].
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions<'_>) -> Result<Log, LogError> {
-    let path = path.as_ref();
-    let table = read_table(path, is_known)?;
-    Log::from_table(path, table, options).map_err(|fault| fault.at(path))
+    read_as(path, options, &Naming { joints: &[], map: &ChannelMap::default() })
 }
 
-/// Reads columns by name from a Parquet or CSV file that need not be a log, such as a prediction. All are there, of one
+/// Reads a recording, with joints by their names and channels as they are stated. Columns of the contract (`t`, `q1..N`) are taken as
+/// they are; where there are none, names decide, and [`Log::notes`] lists what they decided.
+///
+/// # Errors
+/// The recording cannot be read, a stated channel does not fit it, names fit more than one group of columns, or a value breaks a rule.
+pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Naming<'_>) -> Result<Log, LogError> {
+    let path = path.as_ref();
+    let reader = readers::find(path)?;
+    let listing = (reader.list)(path)?;
+    let plan =
+        Plan::find(&listing, naming, options.joints, options.torque_from_current).map_err(|fault| fault.at(path))?;
+    let mut table = (reader.read)(path, &|name| plan.wants(name))?;
+    let warnings = std::mem::take(&mut table.warnings);
+    let (table, notes) = plan.apply(table).map_err(|fault| fault.at(path))?;
+    let log = Log::from_table(path, table, options).map_err(|fault| fault.at(path))?;
+    Ok(Log { notes: warnings.into_iter().chain(notes).collect(), ..log })
+}
+
+/// Reads columns by name from a recording that need not be a log, such as a prediction. All are there, of one
 /// length, and every value is finite.
 pub fn read_columns(path: impl AsRef<Path>, names: &[&str]) -> Result<Vec<Vec<f64>>, LogError> {
     let path = path.as_ref();
-    let mut table = read_table(path, |name| names.contains(&name))?;
+    let mut table = (readers::find(path)?.read)(path, &|name| names.contains(&name))?;
     let mut columns: Vec<Vec<f64>> = Vec::with_capacity(names.len());
     for name in names {
         let column = table.columns.remove(*name).ok_or_else(|| {
@@ -105,23 +127,6 @@ pub fn read_columns(path: impl AsRef<Path>, names: &[&str]) -> Result<Vec<Vec<f6
         columns.push(column);
     }
     Ok(columns)
-}
-
-fn read_table(path: &Path, wanted: impl Fn(&str) -> bool) -> Result<Table, LogError> {
-    let mut magic = [0_u8; 8];
-    let head = File::open(path).and_then(|mut f| f.read(&mut magic));
-    let head = head.map_err(|e| LogFault::Io(e).at(path))?;
-    if magic[..head].starts_with(b"PAR1") {
-        parquet_file::read(path, wanted)
-    } else if magic[..head].contains(&0) || magic[..head].starts_with(b"\x89MCAP") {
-        let why = "it is neither Parquet nor text".to_owned();
-        Err(LogFault::Format { format: "a log", why }.at(path))
-    } else if path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("parquet")) {
-        let why = "it does not begin with PAR1: it is damaged, or something else under that name".to_owned();
-        Err(LogFault::Format { format: "Parquet", why }.at(path))
-    } else {
-        csv_file::read(path, wanted)
-    }
 }
 
 impl Log {
@@ -230,6 +235,7 @@ impl Log {
             stamps: None,
             off_s: self.off_s,
             crowded: self.crowded,
+            notes: self.notes.clone(),
         }
     }
 
@@ -268,18 +274,7 @@ impl Log {
         let qd_des = group(Group::DesiredVelocity)?;
         let qdd_des = group(Group::DesiredAcceleration)?;
         let temperature = group(Group::Temperature)?;
-        let mut q_link = Vec::with_capacity(joints);
-        for joint in 0..joints {
-            let name = Group::LinkPosition.column(joint);
-            let mut signal = table.columns.remove(&name);
-            if signal.take_if(|signal| signal.iter().all(|v| v.is_nan())).is_some() {
-                table.unused.push(name.clone());
-            }
-            if let Some(signal) = &signal {
-                check_values(&name, signal, rows)?;
-            }
-            q_link.push(signal);
-        }
+        let mut q_link = take_link_positions(&mut table, joints, rows)?;
         if let Some(zero) = options.joint_zero {
             let shift = |signal: &mut Vec<f64>, zero: f64| signal.iter_mut().for_each(|q| *q += zero);
             for (joint, zero) in zero.iter().enumerate() {
@@ -319,6 +314,7 @@ impl Log {
             stamps: None,
             off_s: 0.0,
             crowded: 0,
+            notes: Vec::new(),
         })
     }
 }
@@ -349,6 +345,23 @@ fn take_group(table: &mut Table, group: Group, joints: usize, rows: usize) -> Re
         signals.push(signal);
     }
     Ok(Some(signals))
+}
+
+/// Second encoders, of the joints that have one.
+fn take_link_positions(table: &mut Table, joints: usize, rows: usize) -> Result<Vec<Option<Vec<f64>>>, LogFault> {
+    let mut q_link = Vec::with_capacity(joints);
+    for joint in 0..joints {
+        let name = Group::LinkPosition.column(joint);
+        let mut signal = table.columns.remove(&name);
+        if signal.take_if(|signal| signal.iter().all(|v| v.is_nan())).is_some() {
+            table.unused.push(name.clone());
+        }
+        if let Some(signal) = &signal {
+            check_values(&name, signal, rows)?;
+        }
+        q_link.push(signal);
+    }
+    Ok(q_link)
 }
 
 /// Least step of time that is one \[s\]: slopes over less would be none.

@@ -1,9 +1,13 @@
 //! What a Parquet file may claim, compared with its bytes before the library reads it.
 
+use std::io::{self, Read};
+
+use parquet::basic::Compression;
+
 use crate::thrift::{Found, walk};
 
 /// Longest footer \[bytes\]. 100 columns in 1000 row groups take 10 MB.
-const MAX_FOOTER_BYTES: usize = 16 << 20;
+pub(crate) const MAX_FOOTER_BYTES: usize = 16 << 20;
 /// Most elements of a schema.
 const MAX_SCHEMA_ELEMENTS: i64 = 4096;
 /// Most groups inside each other in a schema. A log is flat; pandas and ROS tools nest 3.
@@ -99,20 +103,20 @@ struct PageHeader {
     compressed: i64,
     data_values: i64,
     dictionary_values: i64,
+    /// Bytes of levels that are not compressed.
+    levels: i64,
 }
 
-/// Checks the headers of all pages of one column in one row group, at `(first byte, bytes)` of the file, against
-/// `(values of the column, rows of the row group)`.
+/// Checks the headers of all pages of one column in one row group, which are `bytes`, against `(values of the column, most values of
+/// the row group)`.
 ///
 /// # Errors
 /// The first claim that the column cannot hold.
-pub(crate) fn ensure_pages(file: &[u8], place: (usize, usize), claims: (i64, i64)) -> Result<(), String> {
-    let (values, rows) = claims;
-    if !(0..=rows).contains(&values) {
-        return Err(format!("it claims {values} values in {rows} rows"));
+pub(crate) fn ensure_pages(mut bytes: &[u8], codec: Compression, claims: (i64, i64)) -> Result<(), String> {
+    let (values, most) = claims;
+    if !(0..=most).contains(&values) {
+        return Err(format!("it claims {values} values where {most} have room"));
     }
-    let chunk = place.0.checked_add(place.1).and_then(|end| file.get(place.0..end));
-    let mut bytes = chunk.ok_or("it lies beyond the end of the file")?;
     let (mut data, mut dictionary) = (0_i64, 0_i64);
     while !bytes.is_empty() && data < values {
         let mut page = PageHeader::default();
@@ -122,6 +126,7 @@ pub(crate) fn ensure_pages(file: &[u8], place: (usize, usize), claims: (i64, i64
                     [2] => page.uncompressed = value,
                     [3] => page.compressed = value,
                     [5 | 8, 1] => page.data_values = value,
+                    [8, 5 | 6] => page.levels = page.levels.saturating_add(value.max(0)),
                     [7, 1] => page.dictionary_values = value,
                     _ => {}
                 }
@@ -145,7 +150,28 @@ pub(crate) fn ensure_pages(file: &[u8], place: (usize, usize), claims: (i64, i64
                 page.uncompressed
             ));
         }
+        // Levels of a page of the second kind are not compressed.
+        let plain = usize::try_from(page.levels).unwrap_or(usize::MAX).min(stored);
+        ensure_inflates(&bytes[plain..stored], codec, page.uncompressed.saturating_sub(page.levels).unsigned_abs())?;
         bytes = &bytes[stored..];
     }
     Ok(())
 }
+
+/// The library inflates pages of two codecs to whatever length they have.
+fn ensure_inflates(page: &[u8], codec: Compression, claimed: u64) -> Result<(), String> {
+    let inflated = |stream: &mut dyn Read| {
+        let most = claimed.max(PAGE_BYTES);
+        // A stream that breaks off is a fault of its page, which the library names.
+        let bytes = io::copy(&mut stream.take(most + 1), &mut io::sink()).unwrap_or(0);
+        if bytes > most { Err(format!("a page claims {claimed} bytes and has more than {most}")) } else { Ok(()) }
+    };
+    match codec {
+        Compression::GZIP(_) => inflated(&mut flate2::read::MultiGzDecoder::new(page)),
+        Compression::BROTLI(_) => inflated(&mut brotli::Decompressor::new(page, BROTLI_BUFFER_BYTES)),
+        _ => Ok(()),
+    }
+}
+
+/// Buffer of a decoder \[bytes\].
+const BROTLI_BUFFER_BYTES: usize = 4096;

@@ -1,0 +1,141 @@
+//! Files that independent libraries of Python write: `mcap`, `mcap-ros2-support`, `rosbags`, `polars`. Where Python lacks one, its test is
+//! skipped, visibly. `RIVET_PYTHON` names another interpreter.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Command;
+
+use rivet_logs::{ChannelMap, Log, Naming, ReadOptions, read_as, write_columns};
+
+use crate::formats::{alphabetical, assert_same, joints, measured};
+
+/// Runs a script with the path of the measured set as Parquet and a folder; none where a module is missing.
+fn written_by(modules: &[&str], script: &str) -> Option<(tempfile::TempDir, Log)> {
+    let measured = measured()?;
+    let python = std::env::var_os("RIVET_PYTHON").unwrap_or_else(|| "python3".into());
+    let imports = format!("import {}", modules.join(", "));
+    let found = Command::new(&python).args(["-c", &imports]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: Python has not all of {}", modules.join(", "));
+        return None;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = folder.path().join("measured.bin");
+    // Time in ns, positions and torques in alphabetical order, as little-endian numbers.
+    let mut bytes = Vec::new();
+    for k in 0..measured.len() {
+        bytes.extend(((measured.t[k] * 1e9).round() as i64 + 1_700_000_000_000_000_000).to_le_bytes());
+        for signals in [&measured.q, measured.torque().expect("torque")] {
+            for j in alphabetical() {
+                bytes.extend(signals[j][k].to_le_bytes());
+            }
+        }
+    }
+    std::fs::write(&source, bytes).expect("written");
+    let names: Vec<String> = alphabetical().iter().map(|j| joints()[*j].clone()).collect();
+    let head = "import sys, struct\nfolder, names = sys.argv[1], sys.argv[2].split(',')\n\
+                raw = open(folder + '/measured.bin', 'rb').read()\n\
+                rows = [(r[0], list(r[1:8]), list(r[8:15])) for r in struct.iter_unpack('<q14d', raw)]\n";
+    let output = Command::new(&python)
+        .args(["-c", &format!("{head}{script}")])
+        .arg(folder.path())
+        .arg(names.join(","))
+        .output()
+        .expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some((folder, measured))
+}
+
+fn check(what: &str, path: &Path, measured: &Log) {
+    let naming = Naming { joints: &joints(), map: &ChannelMap::default() };
+    let log = read_as(path, &ReadOptions::new(7), &naming).unwrap_or_else(|why| panic!("{what}: {why}"));
+    assert_same(what, &log, measured);
+}
+
+#[test]
+fn mcap_of_python_is_read() {
+    let script = r#"
+from mcap_ros2.writer import Writer
+from mcap.writer import CompressionType
+text = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+for name, compression in [('lz4', CompressionType.LZ4), ('zstd', CompressionType.ZSTD), ('none', CompressionType.NONE)]:
+    with open(folder + '/' + name + '.mcap', 'wb') as stream:
+        writer = Writer(stream, compression=compression)
+        schema = writer.register_msgdef('sensor_msgs/msg/JointState', text)
+        for t, q, tau in rows:
+            message = {'header': {'stamp': {'sec': t // 10**9, 'nanosec': t % 10**9}, 'frame_id': ''}, 'name': names, 'position': q, 'velocity': [], 'effort': tau}
+            writer.write_message('/joint_states', schema, message, log_time=t + 1000, publish_time=t)
+        writer.finish()
+"#;
+    let Some((folder, measured)) = written_by(&["mcap", "mcap_ros2", "lz4", "zstandard"], script) else { return };
+    for name in ["lz4", "zstd", "none"] {
+        check(name, &folder.path().join(format!("{name}.mcap")), &measured);
+    }
+}
+
+#[test]
+fn bags_of_rosbags_are_read() {
+    let script = r"
+from rosbags.rosbag2 import Writer, StoragePlugin
+from rosbags.typesys import Stores, get_typestore
+import numpy as np
+store = get_typestore(Stores.ROS2_HUMBLE)
+State, Header, Time = (store.types[n] for n in ('sensor_msgs/msg/JointState', 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
+for name, plugin in [('mcap', StoragePlugin.MCAP), ('sqlite', StoragePlugin.SQLITE3)]:
+    with Writer(folder + '/' + name, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection('/joint_states', State.__msgtype__, typestore=store)
+        for t, q, tau in rows:
+            message = State(header=Header(stamp=Time(sec=t // 10**9, nanosec=t % 10**9), frame_id='base'), name=names, position=np.array(q), velocity=np.array([]), effort=np.array(tau))
+            writer.write(connection, t, store.serialize_cdr(message, State.__msgtype__))
+";
+    let Some((folder, measured)) = written_by(&["rosbags.rosbag2", "numpy"], script) else { return };
+    check("rosbag2, MCAP", &folder.path().join("mcap"), &measured);
+    if cfg!(feature = "sqlite") {
+        check("rosbag2, sqlite3", &folder.path().join("sqlite"), &measured);
+    }
+}
+
+#[test]
+fn tables_of_polars_are_read() {
+    let script = r"
+import polars as pl
+flat = {'t': [(t - rows[0][0]) / 1e9 for t, _, _ in rows]}
+for k, name in enumerate(names):
+    flat[name + '/position'] = [q[k] for _, q, _ in rows]
+    flat[name + '/effort'] = [tau[k] for _, _, tau in rows]
+table = pl.DataFrame(flat)
+for codec in ['lz4', 'snappy', 'gzip', 'brotli', 'zstd', 'uncompressed']:
+    table.write_parquet(folder + '/' + codec + '.parquet', compression=codec)
+table.write_csv(folder + '/flat.csv', separator=';')
+order = [names.index(n) for n in sys.argv[3:]] if len(sys.argv) > 3 else None
+stamped = pl.DataFrame({'timestamp': [t for t, _, _ in rows]}).with_columns(pl.col('timestamp').cast(pl.Datetime('ns')))
+pl.concat([stamped, table.drop('t')], how='horizontal').write_parquet(folder + '/stamped.parquet')
+";
+    let Some((folder, measured)) = written_by(&["polars"], script) else { return };
+    for codec in ["lz4", "snappy", "gzip", "brotli", "zstd", "uncompressed", "stamped"] {
+        check(codec, &folder.path().join(format!("{codec}.parquet")), &measured);
+    }
+    check("csv", &folder.path().join("flat.csv"), &measured);
+    // What rivet writes itself is the same set.
+    let own = folder.path().join("own.parquet");
+    let tau = measured.torque().expect("torque");
+    let columns: Vec<(String, &[f64])> = std::iter::once(("t".to_owned(), measured.t.as_slice()))
+        .chain(measured.q.iter().enumerate().map(|(j, q)| (format!("q{}", j + 1), q.as_slice())))
+        .chain(tau.iter().enumerate().map(|(j, tau)| (format!("tau{}", j + 1), tau.as_slice())))
+        .collect();
+    write_columns(&own, &columns).expect("written");
+    check("own", &own, &measured);
+}
