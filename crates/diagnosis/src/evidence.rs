@@ -335,10 +335,9 @@ impl Solved {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
     }
 
-    /// The coefficients moved by `z` standard deviations of their posterior along its axes: `x + L⁻ᵀz`. With standard normal `z` it is a
-    /// draw from the posterior.
-    pub(crate) fn drawn(&self, z: &DVector<f64>) -> Option<DVector<f64>> {
-        Some(&self.x + self.factor.l_dirty().tr_solve_lower_triangular(z)?)
+    /// A deviation from the coefficients, `L⁻ᵀz`: with standard normal `z` one drawn from their posterior.
+    pub(crate) fn deviation(&self, z: &DVector<f64>) -> Option<DVector<f64>> {
+        self.factor.l_dirty().tr_solve_lower_triangular(z)
     }
 
     /// Covariance of the first `columns` coefficients.

@@ -3,7 +3,7 @@
 //! A size is a function of coefficients, `s = g(x)`. Two distributions of `x` are propagated through `g`:
 //!
 //! ```text
-//! posterior   x ~ N(x̂, A⁻¹)                    what noise and priors leave
+//! posterior   x ~ N(x̂, A⁻¹)                    what noise and the errors of the file leave: A with every value of the model free
 //! bootstrap   x̂ of blocks drawn with return     what the model does not hold for: residuals that are not noise
 //! ```
 //!
@@ -39,9 +39,11 @@ impl Draws {
     /// Draws about a solution with the groups at `held` kept as given.
     pub(crate) fn of(search: &mut Search<'_>, wrong: &Wrong, held: &[usize], frozen: bool, solved: &Solved) -> Draws {
         let mut random = Random::new();
-        let posterior = (0..DRAWS)
-            .filter_map(|_| solved.drawn(&DVector::from_fn(solved.x.len(), |_, _| random.normal())))
-            .collect();
+        let free = wrong.all_free(search);
+        let deviation = |random: &mut Random, free: &Solved| {
+            free.deviation(&DVector::from_fn(solved.x.len(), |_, _| random.normal()))
+        };
+        let posterior = (0..DRAWS).filter_map(|_| Some(&solved.x + deviation(&mut random, free.as_ref()?)?)).collect();
         let blocks = search.design.background.blocks();
         let choices: Vec<Vec<usize>> =
             (0..DRAWS).map(|_| (0..blocks).map(|_| random.below(blocks)).collect()).collect();

@@ -131,6 +131,12 @@ impl Wrong {
         })
     }
 
+    /// The background with every value as unsure as values of files usually are, or as these came out, whichever is more.
+    pub(crate) fn all_free(&self, search: &mut Search<'_>) -> Option<Solved> {
+        let scale = self.widths.scale.max(1.0);
+        self.with_widths(search, self.widths.usual.clone(), |search| search.solved(scale))
+    }
+
     /// Prior standard deviations with the wrong groups free, but for those at `dropped`.
     fn widths_of(&self, dropped: &[usize], frozen: bool) -> DVector<f64> {
         let (free, dropped) = self.split(dropped);
