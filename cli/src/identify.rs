@@ -442,7 +442,8 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
 /// The fit that counts and the consistent parameters near it, of logs that were read already.
 pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
     let (fit, near) = fit_and_projection(robot, logs)?;
-    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
+    let robot = robot.clone();
+    Ok(Found { robot, values: fit.values, consistent: near.base, exports_consistent: false, condition: fit.condition })
 }
 
 /// Physically consistent standard parameters near the fit that counts, of logs that were read already.
