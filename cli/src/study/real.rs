@@ -9,6 +9,7 @@ use rivet_logs::Log;
 use rivet_studies::real;
 
 use super::measured::{Args, Findings};
+use crate::identify::open_keys::OpenKeys;
 use crate::{identify, predict, refine, runs};
 
 /// Runs the study.
@@ -23,7 +24,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 pub(super) fn with_engine<T>(study: impl FnOnce(&real::Engine<'_>) -> T) -> T {
     let text = |e: anyhow::Error| format!("{e:#}");
     let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
-    let refine = |robot: &Robot, logs: &[Log]| refine::refine(robot, logs).map(|found| found.robot).map_err(text);
+    let refine = |robot: &Robot, logs: &[Log]| {
+        let open = OpenKeys::choose(robot, logs.iter().map(|log| Ok(log.clone()))).map_err(text)?;
+        refine::refine(&open.robot, logs).map(|found| found.robot).map_err(text)
+    };
     let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
     let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
     study(&real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along })

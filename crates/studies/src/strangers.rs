@@ -108,6 +108,8 @@ pub struct Outcome {
     pub name: &'static str,
     /// Plain batch least squares.
     pub plain: Vec<f64>,
+    /// Largest measured torque over the joint's limit, all joints and rows of the test logs.
+    pub measured_over_limit: f64,
     /// `rivet identify`.
     pub default: Way,
     /// `rivet identify --refine`.
@@ -317,7 +319,14 @@ fn outcome(task: &Task, engine: &Engine<'_>) -> Result<Outcome, String> {
     };
     let default = way(&task.robot)?;
     let refined = way(&(engine.refine)(&task.robot, &task.train)?)?;
-    Ok(Outcome { name: task.name, plain: judged(plain(task)?), default, refined })
+    let mut measured_over_limit = 0.0_f64;
+    for log in &task.test {
+        let tau = log.torque().map_err(|e| e.to_string())?;
+        for (tau, limit) in tau.iter().zip(&task.robot.config.drive.torque_limit) {
+            measured_over_limit = tau.iter().fold(measured_over_limit, |most, tau| most.max(tau.abs() / limit));
+        }
+    }
+    Ok(Outcome { name: task.name, plain: judged(plain(task)?), measured_over_limit, default, refined })
 }
 
 /// The stretches of a log between holes as ranges of rows, each long enough for the filter of the errors.
@@ -376,7 +385,7 @@ fn plain(task: &Task) -> Result<Vec<f64>, String> {
 #[must_use]
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut out = String::from(
-        "| split | plain least squares, joints [%] | method | joints, base to flange [%] | mean ratio | other set | torque over limit | chosen |\n\
+        "| split | plain least squares, joints [%] | method | joints, base to flange [%] | mean ratio | other set | torque over limit (measured) | chosen |\n\
          |---|---|---|---|---:|---:|---:|---|\n",
     );
     for outcome in outcomes {
@@ -387,13 +396,14 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             // Writing to a String cannot fail.
             let _ = writeln!(
                 out,
-                "| {} | {} | {name} | {} | {:.3} | {:.3} | {:.2} | {set}, {} Hz, {law} |",
+                "| {} | {} | {name} | {} | {:.3} | {:.3} | {:.2} ({:.2}) | {set}, {} Hz, {law} |",
                 outcome.name,
                 joints(&outcome.plain),
                 joints(&way.errors),
                 outcome.mean_ratio(way),
                 mean_ratio(&way.other_errors, &outcome.plain),
                 way.torque_over_limit,
+                outcome.measured_over_limit,
                 way.filter_hz,
             );
         }
@@ -419,6 +429,7 @@ pub fn to_json(outcomes: &[Outcome]) -> Value {
         json!({
             "split": outcome.name,
             "plain_percent": outcome.plain,
+            "measured_over_limit": outcome.measured_over_limit,
             "default": way(&outcome.default),
             "refined": way(&outcome.refined),
         })
