@@ -31,7 +31,7 @@ use crate::doubts;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
-use crate::glitches::screen;
+use crate::glitches::{bridged, screen};
 use crate::jitter;
 use crate::kinematics;
 use crate::outputs::Outputs;
@@ -152,6 +152,8 @@ struct Findings {
     consistent: Result<Projection, ConsistencyError>,
     /// Errors of both sets on left-out parts of the logs; none where no part can be left out.
     sets: Option<Sets>,
+    /// Whether the physically consistent parameters are exported.
+    exports_consistent: bool,
     held_out: Vec<HeldOut>,
     /// What stands for the contents of each log.
     contents: Vec<u64>,
@@ -165,15 +167,10 @@ impl Findings {
         choose(robot, &self.least_squares, &self.instrumental)
     }
 
-    /// Whether the physically consistent parameters are exported.
-    fn exports_consistent(&self) -> bool {
-        self.consistent.is_ok() && self.sets.as_ref().is_some_and(Sets::prefers_consistent)
-    }
-
     /// The fit with the values that are exported.
     fn exported(&self, robot: &Robot) -> Fit {
         let mut fit = self.chosen(robot).clone();
-        if let Some(near) = self.consistent.as_ref().ok().filter(|_| self.exports_consistent()) {
+        if let Some(near) = self.consistent.as_ref().ok().filter(|_| self.exports_consistent) {
             fit.values.clone_from(&near.base);
         }
         fit
@@ -227,7 +224,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     if let Some(folder) = &args.export {
         let fit = result.exported(&robot);
-        export(&robot, &fit, &result.consistent, result.exports_consistent(), &result.reference, folder)?;
+        export(&robot, &fit, &result.consistent, result.exports_consistent, &result.reference, folder)?;
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -370,6 +367,19 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let (bias, delays) = (bias?, delays?);
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let near = consistent.as_ref().ok().map(|projection| projection.base.as_slice());
+    // Logs in which joints stand do not determine those joints' torque, and no row shows it.
+    let unseen: Vec<&PathBuf> = if still.is_empty() { Vec::new() } else { logs.iter().collect() };
+    let excessive = |values: &[f64], logs: &[&PathBuf]| excessive(robot, values, logs);
+    let exports_consistent = match near {
+        Some(_) if sets.as_ref().is_some_and(Sets::prefers_consistent) => true,
+        Some(near) if !unseen.is_empty() => {
+            !excessive(&chosen.values, &unseen)?.is_empty() && excessive(near, &unseen)?.is_empty()
+        }
+        _ => false,
+    };
+    let exported = near.filter(|_| exports_consistent).unwrap_or(&chosen.values);
+    let judged: Vec<&PathBuf> = unseen.into_iter().chain(hold_out).collect();
+    distrusts.extend(excessive(exported, &judged)?);
     let held_out = held_out(robot, &chosen.values, near, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
     distrusts.extend(repeated(logs, &contents, &held_out));
@@ -425,6 +435,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         reference,
         consistent,
         sets,
+        exports_consistent,
         held_out,
         contents,
         distrusts,
@@ -542,6 +553,19 @@ pub(crate) fn values_of(robot: &Robot, rows: &mut [Rows]) -> Result<Vec<f64>> {
 
 fn method(robot: &Robot) -> Method {
     if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares }
+}
+
+/// Warnings of joints whose predicted torque no drive gives, on whole logs with their rows at standstill.
+fn excessive(robot: &Robot, values: &[f64], logs: &[&PathBuf]) -> Result<Vec<Distrust>> {
+    let identified = Identified { values: values.to_vec(), std: vec![0.0; values.len()] };
+    let robot = Robot { identified: Some(identified), ..robot.clone() };
+    let mut found = Vec::new();
+    for path in logs {
+        let log = runs::read_log(&robot, path)?;
+        let (log, _) = bridged(&robot, log)?;
+        found.extend(predict::excessive(&robot, &log, &predict::along(&robot, &log)?));
+    }
+    Ok(found)
 }
 
 /// Errors of the identified parameters, and of the consistent ones, on logs that had no part in them.

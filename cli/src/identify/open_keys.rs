@@ -17,10 +17,11 @@ use std::f64::consts::TAU;
 use anyhow::Result;
 use rayon::prelude::*;
 use rivet_config::Robot;
-use rivet_estimation::offline::{Trajectory, ZeroPhase, position_noise, position_step};
+use rivet_estimation::offline::{Trajectory, ZeroPhase, beyond, position_noise, position_step};
 use rivet_logs::Log;
 use serde_json::{Value, json};
 
+use crate::glitches::jumps;
 use crate::runs;
 use crate::table::{number, paragraph};
 
@@ -46,6 +47,12 @@ const HIGHEST_BAND_HZ: f64 = 20.0;
 const MAX_BAND_OVER_RATE: f64 = 0.2;
 /// Order of the filters that separate the bands.
 const BAND_ORDER: usize = 4;
+/// Independent equations per parameter, two a period of the cut-off and joint, that a short log keeps.
+const EQUATIONS_PER_PARAMETER: f64 = 10.0;
+/// The transients at both ends of a stretch are a fifth of it where the cut-off has so many periods in it.
+const LENGTHS_PER_STRETCH: f64 = 5.0;
+/// Shortest record of a band: so many periods of its lower end.
+const PERIODS_PER_RECORD: f64 = 2.0;
 /// Rows of the estimator per period of the cut-off.
 const ROWS_PER_CUTOFF: f64 = 5.0;
 /// Most samples of the robot file per row of the estimator.
@@ -80,19 +87,26 @@ struct FilterChoice {
 enum Limit {
     Motion,
     Lowest,
+    Equations,
+    Stretches,
     Highest,
     Noise,
     Rate,
 }
 
 impl FilterChoice {
-    /// * `motion_hz`: bandwidth of the motion; `noise_hz`: where noise of accelerations is as large as it may be; `rate_hz` of the
-    ///   slowest log \[Hz\]
-    fn new(motion_hz: f64, noise_hz: f64, rate_hz: f64) -> FilterChoice {
+    /// * `motion`: of the fastest joint of all logs
+    /// * `equations_hz`: cut-off that leaves `EQUATIONS_PER_PARAMETER` \[Hz\]
+    /// * `rate_hz`: of the slowest log \[Hz\]
+    fn new(motion: Band, equations_hz: f64, rate_hz: f64) -> FilterChoice {
+        let Band { motion_hz, noise_hz, stretches_hz } = motion;
         let [lowest, highest] = CUTOFFS_HZ;
         let (mut cutoff_hz, mut limit) = (CUTOFF_OVER_MOTION * motion_hz, Limit::Motion);
-        if cutoff_hz < lowest {
-            (cutoff_hz, limit) = (lowest, Limit::Lowest);
+        let bounds = [(lowest, Limit::Lowest), (equations_hz, Limit::Equations), (stretches_hz, Limit::Stretches)];
+        for (bound, by) in bounds {
+            if bound > cutoff_hz {
+                (cutoff_hz, limit) = (bound, by);
+            }
         }
         for (bound, by) in
             [(highest, Limit::Highest), (noise_hz, Limit::Noise), (MAX_CUTOFF_OVER_RATE * rate_hz, Limit::Rate)]
@@ -108,6 +122,10 @@ impl FilterChoice {
         match self.limit {
             Limit::Motion => format!("{CUTOFF_OVER_MOTION} times the bandwidth of the motion"),
             Limit::Lowest => "the lowest that keeps friction at reversals".to_owned(),
+            Limit::Equations => {
+                format!("the lowest with {EQUATIONS_PER_PARAMETER} rows per parameter in so short a log")
+            }
+            Limit::Stretches => "the lowest that leaves rows between holes and damaged rows".to_owned(),
             Limit::Highest => "the highest without the key".to_owned(),
             Limit::Noise => "where accelerations have as much noise as motion".to_owned(),
             Limit::Rate => format!("{MAX_CUTOFF_OVER_RATE} of the log's rate of {} Hz", number(self.rate_hz, 3)),
@@ -125,19 +143,18 @@ impl OpenKeys {
         if robot.has_key("signal.model_filter_hz") || robot.has_key("signal.decimation") {
             return Ok(OpenKeys { robot, filter: None, offsets });
         }
-        let (mut motion_hz, mut noise_hz, mut rate_hz) = (0.0_f64, f64::INFINITY, f64::INFINITY);
+        let (mut motion, mut rate_hz, mut seconds) = (None::<Band>, f64::INFINITY, 0.0);
         for log in logs {
             let log = log?;
             rate_hz = rate_hz.min(1.0 / log.median_step_s().max(robot.config.sample_period_s));
-            if let Some(band) = motion_band(&log) {
-                motion_hz = motion_hz.max(band.motion_hz);
-                noise_hz = noise_hz.min(band.noise_hz);
-            }
+            seconds += log.duration_s();
+            motion = motion.into_iter().chain(motion_band(&robot, &log)).reduce(Band::fastest);
         }
-        if motion_hz == 0.0 || !rate_hz.is_finite() {
+        let Some(motion) = motion.filter(|_| rate_hz.is_finite()) else {
             return Ok(OpenKeys { robot, filter: None, offsets });
-        }
-        let filter = FilterChoice::new(motion_hz, noise_hz, rate_hz);
+        };
+        let equations = EQUATIONS_PER_PARAMETER * robot.base.len() as f64;
+        let filter = FilterChoice::new(motion, equations / (2.0 * seconds * robot.dof() as f64), rate_hz);
         let decimation = 1.0 / (ROWS_PER_CUTOFF * robot.config.sample_period_s * filter.cutoff_hz);
         robot = robot.with_model_filter(filter.cutoff_hz, decimation.round().clamp(1.0, MAX_DECIMATION) as usize);
         Ok(OpenKeys { robot, filter: Some(filter), offsets })
@@ -192,14 +209,34 @@ struct Band {
     motion_hz: f64,
     /// Noise of accelerations below this is `MAX_NOISE_OVER_ACCELERATION` of the motion's; infinite without noise.
     noise_hz: f64,
+    /// A filter of this cut-off leaves most rows of the stretches between holes and damaged rows.
+    stretches_hz: f64,
+}
+
+impl Band {
+    /// The wider motion, the narrower band without noise and the shorter stretches.
+    fn fastest(self, other: Band) -> Band {
+        Band {
+            motion_hz: self.motion_hz.max(other.motion_hz),
+            noise_hz: self.noise_hz.min(other.noise_hz),
+            stretches_hz: self.stretches_hz.max(other.stretches_hz),
+        }
+    }
 }
 
 /// The fastest joint's motion and the least noise-free band; none where no joint moves.
-fn motion_band(log: &Log) -> Option<Band> {
+fn motion_band(robot: &Robot, log: &Log) -> Option<Band> {
     let usual_s = log.median_step_s();
-    let stretches = log.split_without(&[], runs::hole_s(usual_s));
+    let mut damaged = jumps(robot, log);
+    if let Ok(tau) = log.torque() {
+        damaged.extend(tau.iter().zip(&robot.config.drive.torque_limit).flat_map(|(tau, limit)| beyond(tau, *limit)));
+    }
+    damaged.sort_unstable();
+    damaged.dedup();
+    let stretches = log.split_without(&damaged, runs::hole_s(usual_s));
     // Too short a stretch is left out.
     let pieces: Vec<Log> = stretches.iter().filter_map(|stretch| Some(stretch.resample(usual_s).ok()?.0)).collect();
+    let stretches_hz = LENGTHS_PER_STRETCH / median_length_s(&pieces)?;
     let of_joint = |j: usize| {
         let q = &log.q[j];
         let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(*q), h.max(*q)));
@@ -208,11 +245,22 @@ fn motion_band(log: &Log) -> Option<Band> {
         }
         let rounding = position_step(q).map_or(0.0, |step| step / 12.0_f64.sqrt());
         let signals: Vec<&[f64]> = pieces.iter().map(|piece| piece.q[j].as_slice()).collect();
-        band(&signals, usual_s, position_noise(q).max(rounding))
+        let found = band(&signals, usual_s, position_noise(q).max(rounding))?;
+        Some(Band { stretches_hz, ..found })
     };
-    let fastest =
-        |a: Band, b: Band| Band { motion_hz: a.motion_hz.max(b.motion_hz), noise_hz: a.noise_hz.min(b.noise_hz) };
-    (0..log.q.len()).into_par_iter().filter_map(of_joint).collect::<Vec<_>>().into_iter().reduce(fastest)
+    (0..log.q.len()).into_par_iter().filter_map(of_joint).collect::<Vec<_>>().into_iter().reduce(Band::fastest)
+}
+
+/// Half of the time is in stretches at least this long \[s\]; none without stretches.
+fn median_length_s(pieces: &[Log]) -> Option<f64> {
+    let mut lengths: Vec<f64> = pieces.iter().map(Log::duration_s).collect();
+    lengths.sort_by(f64::total_cmp);
+    let half = 0.5 * lengths.iter().sum::<f64>();
+    let mut sum = 0.0;
+    lengths.into_iter().find(|length| {
+        sum += length;
+        sum >= half
+    })
 }
 
 /// Mean square of signals below a frequency, without the ends that the filter colours.
@@ -236,7 +284,12 @@ fn power_below(hz: f64, signals: &[Vec<f64>], period_s: f64) -> f64 {
 fn band(stretches: &[&[f64]], period_s: f64, noise: f64) -> Option<Band> {
     let highest = HIGHEST_BAND_HZ.min(MAX_BAND_OVER_RATE / period_s);
     let count = (BANDS_PER_OCTAVE * (highest / LOWEST_BAND_HZ).log2()).floor().max(0.0) as usize + 1;
-    let edges: Vec<f64> = (0..count).map(|k| LOWEST_BAND_HZ * 2.0_f64.powf(k as f64 / BANDS_PER_OCTAVE)).collect();
+    let longest_s = stretches.iter().map(|q| q.len()).max()? as f64 * period_s;
+    // The first band holds everything below it.
+    let edges: Vec<f64> = (0..count)
+        .map(|k| LOWEST_BAND_HZ * 2.0_f64.powf(k as f64 / BANDS_PER_OCTAVE))
+        .filter(|hz| hz * longest_s >= PERIODS_PER_RECORD)
+        .collect();
     let motions: Vec<Trajectory> =
         stretches.iter().map(|q| Trajectory::from_positions(&[q.to_vec()], period_s)).collect();
     let speeds: Vec<Vec<f64>> = motions.iter().map(|motion| motion.qd[0].clone()).collect();
@@ -254,7 +307,7 @@ fn band(stretches: &[&[f64]], period_s: f64, noise: f64) -> Option<Band> {
         sum += speed;
         sum >= MOTION_SHARE * all
     };
-    let motion_hz = edges[motion.iter().position(reaches)?];
+    let motion_hz = *edges.get(motion.iter().position(reaches)?)?;
     if all <= 0.0 {
         return None;
     }
@@ -262,7 +315,8 @@ fn band(stretches: &[&[f64]], period_s: f64, noise: f64) -> Option<Band> {
     let acceleration = power_below(motion_hz, &accelerations, period_s);
     let largest_noise = MAX_NOISE_OVER_ACCELERATION.powi(2) * acceleration;
     let noise_hz = (5.0 * largest_noise / (density * TAU.powi(4))).powf(0.2);
-    Some(Band { motion_hz, noise_hz: if density > 0.0 { noise_hz } else { f64::INFINITY } })
+    let noise_hz = if density > 0.0 { noise_hz } else { f64::INFINITY };
+    Some(Band { motion_hz, noise_hz, stretches_hz: 0.0 })
 }
 
 #[cfg(test)]
@@ -302,9 +356,20 @@ mod tests {
     fn coarse_encoders_and_slow_logs_lower_the_cutoff() {
         let cutoff = |period_s: f64, step: f64| {
             let found = band(&[&wave(1.5, period_s, step)], period_s, step / 12.0_f64.sqrt()).expect("motion");
-            FilterChoice::new(4.0 * found.motion_hz, found.noise_hz, 1.0 / period_s).cutoff_hz
+            let fast = Band { motion_hz: 4.0 * found.motion_hz, ..found };
+            FilterChoice::new(fast, 0.0, 1.0 / period_s).cutoff_hz
         };
         assert!(cutoff(0.002, 0.05) < 0.8 * cutoff(0.002, 1e-5));
         assert!(cutoff(0.01, 1e-5) < 0.8 * cutoff(0.002, 1e-5));
+    }
+
+    #[test]
+    fn a_short_log_keeps_enough_equations() {
+        let motion = Band { motion_hz: 1.0, noise_hz: f64::INFINITY, stretches_hz: 0.0 };
+        let [long, short] = [1.0, 15.0].map(|equations_hz| FilterChoice::new(motion, equations_hz, 1000.0));
+        assert_eq!((long.cutoff_hz, long.limit), (5.0, Limit::Lowest));
+        assert_eq!((short.cutoff_hz, short.limit), (15.0, Limit::Equations));
+        let cut = FilterChoice::new(Band { stretches_hz: 12.0, ..motion }, 1.0, 1000.0);
+        assert_eq!((cut.cutoff_hz, cut.limit), (12.0, Limit::Stretches));
     }
 }

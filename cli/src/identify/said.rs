@@ -171,7 +171,7 @@ pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String 
 fn exported_text(result: &Findings) -> String {
     let Some(sets) = &result.sets else { return String::new() };
     let [free, consistent] = sets.percents().map(|percent| number(percent, 3));
-    let which = if result.exports_consistent() { "physically consistent" } else { "unconstrained" };
+    let which = if result.exports_consistent { "physically consistent" } else { "unconstrained" };
     let why = format!(
         "left-out parts of the logs: {free} % of the torque missed unconstrained, {consistent} % consistent, rms over joints"
     );
@@ -269,7 +269,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, open: &OpenKeys, refined
         "friction_law": law_json(&robot.friction_law()),
         "refined": refined.map(Refined::json),
         "chosen_from_logs": open.json(),
-        "exported": if result.exports_consistent() { "consistent" } else { "unconstrained" },
+        "exported": if result.exports_consistent { "consistent" } else { "unconstrained" },
         "left_out_percent": result.sets.as_ref().map(|sets| {
             let [unconstrained, consistent] = sets.percents();
             json!({"unconstrained": unconstrained, "consistent": consistent})

@@ -1,7 +1,8 @@
 //! Measured arms whose robot files know as little as a new user's: what is left open is chosen from the logs.
 
 use rivet_logs::{ReadOptions, read};
-use rivet_tests::altered::{changed, result, robot_with, said, sound, written};
+use rivet_tests::altered::{Random, changed, result, robot_with, said, sound, written};
+use rivet_tests::sines::Sines;
 use rivet_tests::{rivet, robot, root, shared, succeed};
 use serde_json::Value;
 
@@ -107,5 +108,33 @@ fn the_ends_of_a_log_are_predicted_within_the_torque_limits() {
     for (tau, limit) in tau.iter().zip([330.0, 330.0, 150.0, 54.0, 54.0, 54.0]) {
         let largest = tau.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
         assert!(largest <= limit, "{largest} N m of {limit}");
+    }
+}
+
+/// What only a joint at rest could show keeps its nominal value.
+#[test]
+fn torque_of_a_joint_that_stood_in_training_stays_near_the_nominal_one() {
+    let file = robot("manutec-r3");
+    let arm = rivet_config::load(&file).expect("a sound robot file");
+    let folder = tempfile::tempdir().expect("a folder");
+    let [train, test] = ["train.parquet", "test.parquet"].map(|name| folder.path().join(name));
+    let mut truth = arm.nominal.clone();
+    let drives = truth.len() - 10 * arm.dof();
+    let bodies = truth.len() - drives;
+    truth[..bodies].iter_mut().for_each(|value| *value *= 1.1);
+    truth[bodies..].iter_mut().for_each(|value| *value *= 1.2);
+    let motion = Sines { hz: 0.13, harmonics: 4, size: 0.5, shift: 0.0 };
+    motion.log(&arm, &truth, &[1, 2, 3, 4, 5], &mut Random(3), &train);
+    Sines { shift: 2.0, ..motion }.log(&arm, &truth, &[0, 1, 2, 3, 4, 5], &mut Random(4), &test);
+    let mut command = rivet();
+    command.arg("identify").arg(&file).arg(&train).arg("--hold-out").arg(&test);
+    let (text, found) = result(&mut command, folder.path());
+    assert!(text.contains("its torque in motion is not determined"), "{text}");
+    let held = &found["held_out"][0];
+    let which = if found["exported"] == "consistent" { "consistent_percent" } else { "identified_percent" };
+    for j in 0..6 {
+        let [nominal, exported] = ["nominal_percent", which].map(|of| number(&held[of][j]));
+        println!("joint {}: nominal {nominal:.1} %, exported {exported:.1} %", j + 1);
+        assert!(exported <= nominal + 2.0, "joint {}: {exported} of {nominal}", j + 1);
     }
 }
