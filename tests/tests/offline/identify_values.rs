@@ -47,11 +47,11 @@ fn friction_found(case: &Path, log: &Log) -> Vec<[f64; 3]> {
     both.inspect(|[value, std, truth]| println!("Coulomb friction {value} +- {std} for {truth}")).collect()
 }
 
-/// What identification leaves of the torque of the other log \[%\], nominal and identified, joint by joint.
+/// What identification leaves of the torque of the other log \[%\], nominal and exported set, joint by joint.
 fn held_out(found: &Value) -> Vec<[f64; 2]> {
     let held = &found["held_out"][0];
-    let [nominal, identified] =
-        ["nominal_percent", "identified_percent"].map(|of| held[of].as_array().expect("a list"));
+    let exported = if found["exported"] == "consistent" { "consistent_percent" } else { "identified_percent" };
+    let [nominal, identified] = ["nominal_percent", exported].map(|of| held[of].as_array().expect("a list"));
     let number = |x: &Value| x.as_f64().expect("a number");
     nominal.iter().zip(identified).map(|(a, b)| [number(a), number(b)]).collect()
 }
