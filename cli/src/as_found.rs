@@ -26,5 +26,5 @@ pub(crate) fn as_found(robot: &Robot, path: &Path, [values, std]: [&[f64]; 2]) -
     let sound = Sound { log: Cow::Owned(log), left_out: Vec::new(), repeated: None, found: Vec::new() };
     let identified = Identified { values: values.to_vec(), std: std.to_vec() };
     let found = Robot { identified: Some(identified), ..robot.clone() };
-    Some(AsFound { found: errors(&found, &sound).ok()?, given: errors(robot, &sound).ok()? })
+    Some(AsFound { found: errors(&found, &sound).ok()??, given: errors(robot, &sound).ok()?? })
 }

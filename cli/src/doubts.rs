@@ -203,11 +203,14 @@ pub(crate) fn far(consistent: Option<&Projection>) -> Option<Distrust> {
 
 /// Joints that do not move in any log.
 pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
-    let of = |j: &usize| Distrust {
+    let of = |j: &usize| {
+        Distrust {
         log: None,
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: STILL_NAME,
-        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay nominal".to_owned(),
+        text: "no motion in these logs beyond the dead zone: rotor inertia and friction stay nominal, and its torque in motion is not \
+               determined".to_owned(),
+    }
     };
     joints.iter().map(of)
 }

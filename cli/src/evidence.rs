@@ -284,6 +284,16 @@ impl Distrust {
     }
 }
 
+/// A log in which no joint moves, which is therefore left out.
+pub(crate) fn left_out(log: String, purpose: Purpose) -> Distrust {
+    let what = match purpose {
+        Purpose::Judging => "no error is reported for it",
+        Purpose::Learning | Purpose::Comparing => "it is left out, the other logs are used",
+    };
+    let text = format!("no joint moves faster than its dead zone, beyond the ends that the filter colours: {what}");
+    Distrust { log: Some(log), joint: None, name: "log_without_motion", text }
+}
+
 /// What a log that is there twice was given for.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {

@@ -14,12 +14,14 @@ use crate::table::number;
 
 /// Writes `model.toml`, `robot.urdf` and `not-expressible.md` into `folder`; the model refers to the URDF beside it.
 ///
-/// The URDF gets the physically consistent bodies and friction, the model keeps the unconstrained base parameters.
+/// The URDF gets the physically consistent bodies and friction. The model keeps the values of `fit`: unconstrained base parameters, or
+/// with `exports_consistent` those of the consistent set.
 /// Without a consistent set the URDF keeps its nominal values, and `not-expressible.md` says so.
 pub(crate) fn export(
     robot: &Robot,
     fit: &Fit,
     consistent: &Result<Projection, ConsistencyError>,
+    exports_consistent: bool,
     reference: &Reference,
     folder: &Path,
 ) -> Result<()> {
@@ -39,9 +41,10 @@ pub(crate) fn export(
             let written = write_urdf(&text, &robot.config.urdf_options, &links, &drives.viscous, &drives.coulomb)
                 .with_context(|| named(&robot.config.urdf))?;
             rivet_files::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
-            let report = not_expressible(robot, found, &written, reference);
+            let report = not_expressible(robot, found, &written, exports_consistent, reference);
             rivet_files::write_whole(&notes, &report).with_context(|| named(&notes))?;
-            write_consistent(&moved, &drives, &fit.values, &fit.std, &model).with_context(|| named(&model))
+            write_consistent(&moved, &drives, [&fit.values, &fit.std], exports_consistent, &model)
+                .with_context(|| named(&model))
         }
         Err(why) => {
             rivet_files::write_whole(&urdf, &text).with_context(|| named(&urdf))?;
@@ -77,7 +80,13 @@ pub(crate) fn bodies(joints: usize, standard: &[f64]) -> Vec<LinkParameters> {
 }
 
 /// What robot.urdf cannot say and what it costs: torque that a reader of the URDF misses on the identified log.
-fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, reference: &Reference) -> String {
+fn not_expressible(
+    robot: &Robot,
+    found: &Projection,
+    written: &WrittenUrdf,
+    exports_consistent: bool,
+    reference: &Reference,
+) -> String {
     let (model, base) = (&robot.model, &robot.base);
     let cost = |lost: &dyn Fn(&Parameter) -> bool| {
         let values = model.parameters.iter().zip(&found.standard);
@@ -88,11 +97,17 @@ fn not_expressible(robot: &Robot, found: &Projection, written: &WrittenUrdf, ref
         "# {}: what robot.urdf does not carry\n\n\
          robot.urdf has the physically consistent set: masses, centres of mass and inertias of bodies that can be\n\
          built, nearest to what was identified, and viscous and Coulomb friction as `<dynamics damping friction>`.\n\
-         model.toml has the identified base parameters without that constraint in `[identified]` (rivet uses these)\n\
-         and the drive values of the physically consistent set in `[drive]`, `[friction]` and `[coupling]`.\n\n\
+         model.toml has {which}\n\
+         in `[identified]` (rivet uses these) and the drive values of the physically consistent set in `[drive]`,\n\
+         `[friction]` and `[coupling]`.\n\n\
          Cost: torque that is missed, root mean square over the identified log after the model filter [N m; N for a\n\
          prismatic joint].\n\n| not in the URDF | where it is |",
-        robot.config.name
+        robot.config.name,
+        which = if exports_consistent {
+            "the base parameters of this set, which predicts left-out rows better than the unconstrained one,"
+        } else {
+            "the identified base parameters without that constraint"
+        },
     );
     // Writing to a String cannot fail, here and below.
     for name in runs::joint_names(robot) {

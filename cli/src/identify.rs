@@ -1,5 +1,7 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
+pub(crate) mod left_out;
+pub(crate) mod open_keys;
 mod rows;
 mod said;
 
@@ -29,7 +31,7 @@ use crate::doubts;
 use crate::evidence::{self, Distrust, Purpose};
 use crate::exit::Fault;
 use crate::export::export;
-use crate::glitches::screen;
+use crate::glitches::{bridged, screen};
 use crate::jitter;
 use crate::kinematics;
 use crate::map::MapArgs;
@@ -41,6 +43,8 @@ use crate::refine::refine;
 use crate::rounding;
 use crate::runs::{self, Piece};
 use crate::table::show;
+use left_out::Sets;
+use open_keys::OpenKeys;
 
 pub(crate) use rows::{rows_everywhere, rows_of, rows_without_plan};
 
@@ -149,6 +153,10 @@ struct Findings {
     reference: Reference,
     /// Physically consistent parameters near those of the fit that counts.
     consistent: Result<Projection, ConsistencyError>,
+    /// Errors of both sets on left-out parts of the logs; none where no part can be left out.
+    sets: Option<Sets>,
+    /// Whether the physically consistent parameters are exported.
+    exports_consistent: bool,
     held_out: Vec<HeldOut>,
     /// What stands for the contents of each log.
     contents: Vec<u64>,
@@ -160,6 +168,15 @@ impl Findings {
     /// The fit that counts: instruments, unless the robot file asks for least squares.
     fn chosen(&self, robot: &Robot) -> &Fit {
         choose(robot, &self.least_squares, &self.instrumental)
+    }
+
+    /// The fit with the values that are exported.
+    fn exported(&self, robot: &Robot) -> Fit {
+        let mut fit = self.chosen(robot).clone();
+        if let Some(near) = self.consistent.as_ref().ok().filter(|_| self.exports_consistent) {
+            fit.values.clone_from(&near.base);
+        }
+        fit
     }
 }
 
@@ -190,23 +207,27 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         ))
         .into());
     }
+    let open = OpenKeys::choose(&robot, args.logs.iter().map(|path| runs::read_log(&robot, path)))?;
+    let robot = open.robot.clone();
     if args.compare {
         return compare(&robot, args);
     }
     let refined = if args.refine { Some(refine(&robot, &read_logs(&robot, &args.logs)?)?) } else { None };
     let robot = refined.as_ref().map_or(robot, |refined| refined.robot.clone());
     let result = identify(&robot, &args.logs, &args.hold_out)?;
-    show(&said::text(&robot, &result))?;
+    show(&said::text(&robot, &result, &open))?;
     if let Some(refined) = &refined {
         show(&refined.text())?;
     }
     if let Some(path) = &args.json {
-        let text = rivet_files::printable_json(format!("{:#}\n", said::to_json(&robot, &result, refined.as_ref())));
+        let text =
+            rivet_files::printable_json(format!("{:#}\n", said::to_json(&robot, &result, &open, refined.as_ref())));
         rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
         show(&format!("result written to {}\n", path.display()))?;
     }
     if let Some(folder) = &args.export {
-        export(&robot, result.chosen(&robot), &result.consistent, &result.reference, folder)?;
+        let fit = result.exported(&robot);
+        export(&robot, &fit, &result.consistent, result.exports_consistent, &result.reference, folder)?;
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -219,12 +240,19 @@ fn read_logs(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Log>> {
 /// The stretches of every log and their rows, filtered, and what stands for the contents of each log.
 fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
     let mut progress = Progress::new("identify: filtering", logs.len());
-    let mut all = Taken::default();
+    let (mut all, mut still) = (Taken::default(), None);
     for (k, path) in logs.iter().enumerate() {
         progress.set(k);
         let log = runs::read_log(robot, path)?;
-        let taken = rows_of(robot, &log)?;
         all.contents.push(content(&log)?);
+        let taken = match rows_of(robot, &log) {
+            Err(why) if without_motion(&why) => {
+                all.distrusts.push(evidence::left_out(runs::short_name(path), Purpose::Learning));
+                still.get_or_insert(why);
+                continue;
+            }
+            taken => taken?,
+        };
         all.runs.extend(taken.runs);
         all.rows.extend(taken.rows);
         all.distrusts.extend(taken.distrusts);
@@ -232,7 +260,29 @@ fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
         all.torque_steps.extend(torque_steps(&log));
     }
     progress.done();
-    Ok(all)
+    match still {
+        // Nothing else is there to learn from.
+        Some(why) if all.rows.is_empty() => Err(why),
+        _ => Ok(all),
+    }
+}
+
+/// Whether a log is refused because no joint moves in it.
+fn without_motion(why: &anyhow::Error) -> bool {
+    matches!(why.downcast_ref::<OfflineError>(), Some(OfflineError::NoMotion { .. }))
+}
+
+/// The rows of each log, of runs in the order of the logs.
+fn by_log(runs: &[Run], rows: &[Rows]) -> Vec<Vec<Rows>> {
+    let mut found = Vec::<(&Path, Vec<Rows>)>::new();
+    for (run, rows) in runs.iter().zip(rows) {
+        let path = run.piece.grid.path.as_path();
+        match found.last_mut() {
+            Some((before, all)) if *before == path => all.push(rows.clone()),
+            _ => found.push((path, vec![rows.clone()])),
+        }
+    }
+    found.into_iter().map(|(_, rows)| rows).collect()
 }
 
 /// Two logs of the same positions and torques have the same, whatever they are called.
@@ -269,6 +319,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let whole =
         robot.model.structure.load_friction.then(|| Equations::new(&rows).residual_percent(&robot.nominal_base));
     let of_logs = || logs.iter().map(|path| runs::short_name(path)).collect::<Vec<_>>().join(", ");
+    // Whichever set predicts left-out rows better is exported; the held-out logs have no part in that.
+    let sets = Sets::of(robot, &left_out::parts(by_log(&runs, &rows))).ok();
     let bounded = bounded(robot, &mut rows, prior).with_context(of_logs)?;
     let nominal = &bounded.nominal;
     let equations = Equations::new(&rows);
@@ -318,6 +370,19 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let (bias, delays) = (bias?, delays?);
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let near = consistent.as_ref().ok().map(|projection| projection.base.as_slice());
+    // Logs in which joints stand do not determine those joints' torque, and no row shows it.
+    let unseen: Vec<&PathBuf> = if still.is_empty() { Vec::new() } else { logs.iter().collect() };
+    let excessive = |values: &[f64], logs: &[&PathBuf]| excessive(robot, values, logs);
+    let exports_consistent = match near {
+        Some(_) if sets.as_ref().is_some_and(Sets::prefers_consistent) => true,
+        Some(near) if !unseen.is_empty() => {
+            !excessive(&chosen.values, &unseen)?.is_empty() && excessive(near, &unseen)?.is_empty()
+        }
+        _ => false,
+    };
+    let exported = near.filter(|_| exports_consistent).unwrap_or(&chosen.values);
+    let judged: Vec<&PathBuf> = unseen.into_iter().chain(hold_out).collect();
+    distrusts.extend(excessive(exported, &judged)?);
     let held_out = held_out(robot, &chosen.values, near, hold_out, &mut distrusts)?;
     let named = runs.iter().map(|run| runs::short_name(&run.piece.grid.path)).zip(&rows);
     distrusts.extend(repeated(logs, &contents, &held_out));
@@ -372,6 +437,8 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         dry,
         reference,
         consistent,
+        sets,
+        exports_consistent,
         held_out,
         contents,
         distrusts,
@@ -444,20 +511,29 @@ fn compare(robot: &Robot, args: &Args) -> Result<ExitCode> {
 
 /// The fit that counts and the consistent parameters near it, of logs that were read already.
 pub(crate) fn found(robot: &Robot, logs: &[Log]) -> Result<Found> {
-    let (fit, near) = fit_and_projection(robot, logs)?;
-    Ok(Found { values: fit.values, consistent: near.base, condition: fit.condition })
+    let robot = OpenKeys::choose(robot, logs.iter().map(|log| Ok(log.clone())))?.robot;
+    let by_log: Vec<Vec<Rows>> = logs.iter().map(|log| Ok(rows_of(&robot, log)?.rows)).collect::<Result<_>>()?;
+    let (fit, near) = fit_and_projection(&robot, by_log.iter().flatten().cloned().collect())?;
+    let sets = Sets::of(&robot, &left_out::parts(by_log)).ok();
+    Ok(Found {
+        values: fit.values,
+        consistent: near.base,
+        exports_consistent: sets.is_some_and(|sets| sets.prefers_consistent()),
+        condition: fit.condition,
+        robot,
+    })
 }
 
 /// Physically consistent standard parameters near the fit that counts, of logs that were read already.
 pub(crate) fn consistent(robot: &Robot, logs: &[Log]) -> Result<Vec<f64>> {
-    Ok(fit_and_projection(robot, logs)?.1.standard)
-}
-
-fn fit_and_projection(robot: &Robot, logs: &[Log]) -> Result<(Fit, Projection)> {
     let mut rows = Vec::new();
     for log in logs {
         rows.extend(rows_of(robot, log)?.rows);
     }
+    Ok(fit_and_projection(robot, rows)?.1.standard)
+}
+
+fn fit_and_projection(robot: &Robot, mut rows: Vec<Rows>) -> Result<(Fit, Projection)> {
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     let bounded = bounded(robot, &mut rows, prior)?;
     let equations = Equations::new(&rows);
@@ -482,6 +558,19 @@ fn method(robot: &Robot) -> Method {
     if robot.config.estimator.kind == EstimatorKind::Riv { Method::Instrumental } else { Method::LeastSquares }
 }
 
+/// Warnings of joints whose predicted torque no drive gives, on whole logs with their rows at standstill.
+fn excessive(robot: &Robot, values: &[f64], logs: &[&PathBuf]) -> Result<Vec<Distrust>> {
+    let identified = Identified { values: values.to_vec(), std: vec![0.0; values.len()] };
+    let robot = Robot { identified: Some(identified), ..robot.clone() };
+    let mut found = Vec::new();
+    for path in logs {
+        let log = runs::read_log(&robot, path)?;
+        let (log, _) = bridged(&robot, log)?;
+        found.extend(predict::excessive(&robot, &log, &predict::along(&robot, &log)?));
+    }
+    Ok(found)
+}
+
 /// Errors of the identified parameters, and of the consistent ones, on logs that had no part in them.
 fn held_out(
     robot: &Robot,
@@ -495,18 +584,22 @@ fn held_out(
         Robot { identified: values.map(of), ..robot.clone() }
     };
     let (nominal, trained, near) = (with(None), with(Some(values)), consistent.map(|values| with(Some(values))));
-    let of = |path: &PathBuf| {
+    let mut of = |path: &PathBuf| -> Result<Option<HeldOut>> {
         let log = runs::read_log(robot, path)?;
         let sound = screen(robot, &log)?;
         let errors = |robot: &Robot| predict::errors(robot, &sound);
         let (file, content) = (path.display().to_string(), content(&log)?);
-        let consistent = near.as_ref().map(errors).transpose()?;
-        let held = HeldOut { file, content, nominal: errors(&nominal)?, identified: errors(&trained)?, consistent };
+        let [Some(nominal), Some(identified)] = [errors(&nominal)?, errors(&trained)?] else {
+            distrusts.push(evidence::left_out(runs::short_name(path), Purpose::Judging));
+            return Ok(None);
+        };
+        let consistent = near.as_ref().map(errors).transpose()?.flatten();
+        let held = HeldOut { file, content, nominal, identified, consistent };
         distrusts.extend(sound.found);
         distrusts.extend(clock::off(robot, &sound.log));
         distrusts.extend(slow(robot, &sound.log));
         distrusts.extend(coarse(robot, &sound.log).iter().flat_map(|coarse| coarse.said(robot)));
-        Ok(held)
+        Ok(Some(held))
     };
-    logs.iter().map(of).collect()
+    logs.iter().filter_map(|path| of(path).transpose()).collect()
 }

@@ -12,18 +12,20 @@ use rivet_logs::{Log, interpolate, write_columns};
 
 use crate::coarse::coarse;
 use crate::evidence::Distrust;
-use crate::exit::Fault;
 use crate::glitches::bridged;
 use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::reading;
 use crate::runs::{self, Piece};
 use crate::sound::Sound;
-use crate::table::{Table, paragraph, show};
+use crate::table::{Table, number, paragraph, show};
 
 /// The prediction is smoothed at this many times the cut-off of the model filter: second differences of quantised
 /// positions are noise above it, and identification has seen nothing of the model there.
 const SMOOTH: f64 = 2.0;
+
+/// Lengths of a filter's edge (half a period of its cut-off) within which the ends of a record colour what it filters.
+const TRANSIENT_EDGES: usize = 4;
 
 /// A log is faster than the robot file's samples from this ratio of periods on.
 const FASTER: f64 = 1.5;
@@ -54,39 +56,64 @@ struct Sums {
 
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
-    let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); robot.dof()];
-    let pieces = smoothed(robot, log, whole_pieces(log)?);
+    let pieces = smoothed(robot, log, pieces_of(log)?);
+    let mut all = OnRows::new(robot.dof());
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
-        let predicted = predict_piece(robot, piece, &motion)?;
-        for (tau, grid) in tau.iter_mut().zip(&predicted) {
+        all.add(piece, &predict_piece(robot, piece, &motion)?);
+    }
+    Ok(all.finish(log))
+}
+
+/// Torque on the rows of a log, piece after piece.
+struct OnRows {
+    t: Vec<f64>,
+    tau: Vec<Vec<f64>>,
+}
+
+impl OnRows {
+    fn new(joints: usize) -> OnRows {
+        OnRows { t: Vec::new(), tau: vec![Vec::new(); joints] }
+    }
+
+    fn add(&mut self, piece: &Piece, predicted: &[Vec<f64>]) {
+        self.t.extend_from_slice(&piece.logged_t);
+        for (tau, grid) in self.tau.iter_mut().zip(predicted) {
             tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
         }
     }
-    Ok(tau)
+
+    /// Torque on every row; rows that stand alone between holes have that of a straight line between the rows around them.
+    fn finish(self, log: &Log) -> Vec<Vec<f64>> {
+        if self.t.len() == log.len() {
+            return self.tau;
+        }
+        let alone = log.len() - self.t.len();
+        rivet_files::note(format_args!(
+            "rivet predict: {}: {alone} rows stand alone between holes; their torque is interpolated and counts in no error",
+            log.path.display()
+        ));
+        self.tau.iter().map(|tau| interpolate(&self.t, tau, &log.t)).collect()
+    }
 }
 
-/// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\].
-pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Vec<f64>> {
+/// Errors of the file's best parameters on a log with torque, below the model filter's cut-off: per joint \[%\]; none where no joint
+/// moves, because torque at standstill depends on friction more than on the parameters.
+pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Option<Vec<f64>>> {
     let mut sums = vec![Sums::default(); robot.dof()];
     let pieces = if sound.left_out.is_empty() {
-        whole_pieces(&sound.log)?
+        pieces_of(&sound.log)?
     } else {
         runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
     };
     let pieces = smoothed(robot, &sound.log, pieces);
     if pieces.iter().all(|piece| moving(robot, piece).is_none()) {
-        return Err(Fault::Data(format!(
-            "{}: no joint moves faster than its dead zone: what is left of torque at standstill says nothing of the parameters; hold out a \
-             log in which the arm moves",
-            sound.log.path.display()
-        ))
-        .into());
+        return Ok(None);
     }
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(robot, piece, &motion)?;
         compare(robot, piece, &predicted, &mut sums)?;
     }
-    Ok(sums.iter().map(|s| percent(s.filtered)).collect())
+    Ok(Some(sums.iter().map(|s| percent(s.filtered)).collect()))
 }
 
 /// Positions as of logs that are learnt from: what is noise near standstill has every direction, and would count against any friction.
@@ -99,15 +126,9 @@ fn smoothed(robot: &Robot, log: &Log, mut pieces: Vec<Piece>) -> Vec<Piece> {
     pieces
 }
 
-/// The pieces of a log between holes; no row is left over.
-fn whole_pieces(log: &Log) -> Result<Vec<Piece>> {
-    let pieces = runs::pieces(log, log.median_step_s())?;
-    let rows: usize = pieces.iter().map(|p| p.logged_t.len()).sum();
-    if rows != log.len() {
-        let why = "rows stand alone between holes in time; nothing can be said about motion there";
-        return Err(Fault::Data(format!("{}: {} {why}", log.path.display(), log.len() - rows)).into());
-    }
-    Ok(pieces)
+/// The pieces of a log between holes, at its own rate; rows that stand alone are in none.
+fn pieces_of(log: &Log) -> Result<Vec<Piece>> {
+    runs::pieces(log, log.median_step_s())
 }
 
 fn percent([error, torque]: [f64; 2]) -> f64 {
@@ -121,18 +142,20 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
     mended.iter().for_each(Distrust::warn);
     reading::warn(&robot, &log);
-    let pieces = smoothed(&robot, &log, whole_pieces(&log)?);
+    let pieces = smoothed(&robot, &log, pieces_of(&log)?);
     let n = robot.dof();
-    let mut tau: Vec<Vec<f64>> = vec![Vec::with_capacity(log.len()); n];
+    let mut all = OnRows::new(n);
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         let predicted = predict_piece(&robot, piece, &motion)?;
         if let Some(sums) = &mut sums {
             compare(&robot, piece, &predicted, sums)?;
         }
-        for (tau, grid) in tau.iter_mut().zip(&predicted) {
-            tau.extend(interpolate(&piece.grid.t, grid, &piece.logged_t));
-        }
+        all.add(piece, &predicted);
+    }
+    let mut tau = all.finish(&log);
+    for warning in excessive(&robot, &log, &tau) {
+        warning.warn();
     }
     let t = every_row(&robot, &args.log, &log, &mut tau)?;
     let names: Vec<String> = (1..=n).map(|j| format!("tau_pred{j}")).collect();
@@ -164,7 +187,8 @@ fn every_row(robot: &Robot, file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Res
 fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>>> {
     let (signal, period) = (&robot.config.signal, piece.report.period_s);
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
-    let motion = Trajectory::from_positions(&positions(robot, piece), period);
+    let mut motion = Trajectory::from_positions(&positions(robot, piece), period);
+    hold_ends(&mut motion, &smooth);
     let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
         .with_context(|| piece.grid.path.display().to_string())?;
     if let Some(beside) = memory_torque(&robot.model, &robot.nominal, run) {
@@ -175,6 +199,64 @@ fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>
     }
     Ok(tau)
 }
+
+/// Holds the acceleration within the transient of `smooth` at either end of a record at its nearest value beyond it: differences of
+/// the first and last positions have noise that no row before or after them averages.
+fn hold_ends(motion: &mut Trajectory, smooth: &ZeroPhase) {
+    let rows = motion.len();
+    let transient = TRANSIENT_EDGES * smooth.edge();
+    if rows <= 2 * transient {
+        return;
+    }
+    for acceleration in &mut motion.qdd {
+        let mut filtered = acceleration.clone();
+        smooth.apply(&mut filtered);
+        acceleration[..transient].fill(filtered[transient]);
+        acceleration[rows - transient..].fill(filtered[rows - 1 - transient]);
+    }
+}
+
+/// Predicted torque of so many times the largest measured one is no prediction.
+const MAX_OVER_MEASURED: f64 = 3.0;
+
+/// Joints whose predicted torque \[N m\] exceeds the drive's limit or three times the largest measured one, with a warning each.
+///
+/// * `tau`: predicted torque on the rows of `log`, `[joint][row]`
+pub(crate) fn excessive(robot: &Robot, log: &Log, tau: &[Vec<f64>]) -> Vec<Distrust> {
+    let largest = |tau: &[f64]| tau.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
+    let of_joint = |j: usize| {
+        let (predicted, limit) = (largest(&tau[j]), robot.config.drive.torque_limit[j]);
+        let measured = log.tau.as_ref().map(|(_, tau)| largest(&tau[j]));
+        let over_measured =
+            measured.is_some_and(|measured| predicted > MAX_OVER_MEASURED * measured.max(NOISE_SHARE * limit));
+        let what = if predicted > limit {
+            format!("the torque limit of {} N m", number(limit, 3))
+        } else if over_measured {
+            format!(
+                "{MAX_OVER_MEASURED} times the largest measured torque of {} N m",
+                number(measured.unwrap_or(0.0), 3)
+            )
+        } else {
+            return None;
+        };
+        Some(Distrust {
+            log: Some(runs::short_name(&log.path)),
+            joint: Some(robot.model.arm.joints[j].name.clone()),
+            name: EXCESSIVE_NAME,
+            text: format!(
+                "predicted torque reaches {} N m, above {what}: the training logs do not determine this motion; add a log in \
+                 which this joint moves as here",
+                number(predicted, 3)
+            ),
+        })
+    };
+    (0..robot.dof()).filter_map(of_joint).collect()
+}
+
+/// Name of the warning of predicted torque that no drive gives.
+pub(crate) const EXCESSIVE_NAME: &str = "predicted_torque_excessive";
+/// A joint that measures less than this share of its limit is compared with that share.
+const NOISE_SHARE: f64 = 0.01;
 
 /// The positions of a piece. Where the log is faster than the robot file's samples they are smoothed to the band of those, in which
 /// parameters were identified: friction under load has the size of the links' torque, accelerations included, and second
@@ -195,7 +277,13 @@ fn positions(robot: &Robot, piece: &Piece) -> Vec<Vec<f64>> {
 /// Adds the squares of a piece, from its first to its last motion and without the ends that the filter colours.
 fn compare(robot: &Robot, piece: &Piece, predicted: &[Vec<f64>], sums: &mut [Sums]) -> Result<()> {
     let filter = runs::model_filter(robot, piece.report.period_s);
-    let range = moving(robot, piece).unwrap_or(0..piece.grid.len());
+    // Of a piece at standstill all rows count but those that the filter colours.
+    let transient = TRANSIENT_EDGES * filter.edge();
+    let inner = transient..piece.grid.len().saturating_sub(transient);
+    let range = moving(robot, piece).unwrap_or(inner);
+    if range.is_empty() {
+        return Ok(());
+    }
     let measured = piece.grid.torque()?;
     for (j, sums) in sums.iter_mut().enumerate() {
         let add = |to: &mut [f64; 2], tau: &[f64], predicted: &[f64]| {
@@ -220,7 +308,7 @@ fn moving(robot: &Robot, piece: &Piece) -> Option<Range<usize>> {
     for speed in &mut speed {
         filter.apply(speed);
     }
-    rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, filter.edge())
+    rivet_estimation::offline::moving_range(&speed, &robot.config.signal.dead_zone, TRANSIENT_EDGES * filter.edge())
 }
 
 fn report(robot: &Robot, log: &str, piece: Option<&Piece>, sums: Option<&[Sums]>) -> String {

@@ -7,11 +7,11 @@
 
 use anyhow::{Result, anyhow};
 use rivet_config::{FrictionLaw, Robot};
-use rivet_estimation::offline::{Rows, residual_squares};
 use rivet_logs::Log;
 use serde_json::{Value, json};
 
 use crate::identify;
+use crate::identify::left_out::{self, LeftOut};
 use crate::table::Table;
 
 /// Speeds over which friction turns about that are tried \[rad/s\].
@@ -20,8 +20,8 @@ const VELOCITIES: [f64; 5] = [0.001, 0.003, 0.01, 0.03, 0.1];
 const TRAVELS: [f64; 6] = [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3];
 /// A law with a parameter more is taken where it lowers the error by this share.
 const WORTH: f64 = 0.01;
-/// Parts of a single log.
-const STRETCHES: usize = 4;
+/// The choice differs from the robot file's law by at least so many standard errors.
+const MIN_GAIN_STANDARD_ERRORS: f64 = 1.0;
 
 /// A law and what it left of the parts that it was not fitted to.
 #[derive(Clone, Debug)]
@@ -30,6 +30,8 @@ pub(crate) struct Tried {
     pub(crate) instruments: bool,
     /// `100*|tau - D x|/|tau|` per joint \[%\]; NaN of a joint that never moves, of which nothing is found.
     pub(crate) joints: Vec<f64>,
+    /// The same, block by block.
+    left_out: LeftOut,
 }
 
 impl Tried {
@@ -127,7 +129,14 @@ pub(crate) fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
     search.step(&[FrictionLaw { load_dependent: true, ..law }], WORTH)?;
     search.other_method()?;
     let Search { best, tried, .. } = search;
+    let best = if is_better(&best, &tried[0]) { best } else { tried[0].clone() };
     Ok(Refined { robot: robot.with_instruments(best.instruments).with_friction_law(best.law)?, tried })
+}
+
+/// Whether a candidate predicts left-out blocks better than the default by more than noise.
+fn is_better(candidate: &Tried, default: &Tried) -> bool {
+    let [gain, standard_error] = candidate.left_out.log_ratio(&default.left_out);
+    gain < -MIN_GAIN_STANDARD_ERRORS * standard_error
 }
 
 /// What has been tried so far.
@@ -168,51 +177,27 @@ impl Search<'_> {
 /// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
 fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
     let robot = robot.with_instruments(instruments).with_friction_law(law)?;
-    let stretches = if logs.len() > 1 { 1 } else { STRETCHES };
-    // Rows to fit and rows to judge by, part by part.
-    let (mut fitted, mut judged): (Vec<Vec<Rows>>, Vec<Vec<Rows>>) = (Vec::new(), Vec::new());
-    for log in logs {
-        let rows = identify::rows_of(&robot, log)?.rows;
-        let all = identify::rows_everywhere(&robot, log)?.rows;
-        if stretches == 1 {
-            fitted.push(rows);
-            judged.push(all);
-        } else {
-            for part in 0..stretches {
-                fitted.push(rows.iter().map(|r| r.part(part, stretches)).collect());
-                judged.push(all.iter().map(|r| r.part(part, stretches)).collect());
-            }
-        }
-    }
-    let moves = |rows: &[&Rows], j: usize| rows.iter().any(|r| r.count(j) > 0);
-    let all: Vec<&Rows> = fitted.iter().flatten().collect();
-    let moving: Vec<usize> = (0..robot.dof()).filter(|j| moves(&all, *j)).collect();
-    let mut sums = vec![[0.0; 2]; robot.dof()];
+    let fitted = logs.iter().map(|log| Ok(identify::rows_of(&robot, log)?.rows)).collect::<Result<_>>()?;
+    let judged = logs.iter().map(|log| Ok(identify::rows_everywhere(&robot, log)?.rows)).collect::<Result<_>>()?;
+    let (fitted, judged) = (left_out::parts(fitted), left_out::parts(judged));
+    let moves = |j: &usize| fitted.iter().flatten().any(|rows| rows.count(*j) > 0);
+    let moving: Vec<usize> = (0..robot.dof()).filter(moves).collect();
+    let mut found = LeftOut::default();
     let mut failed = None;
     for (out, judged) in judged.iter().enumerate() {
-        let rest = fitted.iter().enumerate().filter(|(k, _)| *k != out);
-        let mut rest: Vec<Rows> = rest.flat_map(|(_, rows)| rows.iter().cloned()).collect();
-        // A part that alone moves a joint cannot be left out.
-        if moving.iter().any(|j| !moves(&rest.iter().collect::<Vec<_>>(), *j)) {
+        let Some(mut rest) = left_out::rest(&fitted, out, robot.dof()) else {
             failed = Some(anyhow!("every part moves a joint that no other part moves"));
             continue;
-        }
-        let x = match identify::values_of(&robot, &mut rest) {
-            Ok(x) => x,
-            Err(why) => {
-                failed = Some(why);
-                continue;
-            }
         };
-        for (sum, found) in sums.iter_mut().zip(residual_squares(judged, &x)) {
-            sum[0] += found[0];
-            sum[1] += found[1];
+        match identify::values_of(&robot, &mut rest) {
+            Ok(x) => found.add(judged, &x),
+            Err(why) => failed = Some(why),
         }
     }
-    if sums.iter().all(|[_, torque]| *torque == 0.0) {
+    if found.is_empty() {
         return Err(failed.unwrap_or_else(|| anyhow!("no logs")).context("no part of the logs can be left out"));
     }
-    let percent = |[error, torque]: [f64; 2]| 100.0 * (error / torque.max(f64::MIN_POSITIVE)).sqrt();
-    let joints = (0..sums.len()).map(|j| if moving.contains(&j) { percent(sums[j]) } else { f64::NAN }).collect();
-    Ok(Tried { law, instruments, joints })
+    let percent = found.percent();
+    let joints = (0..percent.len()).map(|j| if moving.contains(&j) { percent[j] } else { f64::NAN }).collect();
+    Ok(Tried { law, instruments, joints, left_out: found })
 }

@@ -3,6 +3,7 @@
 mod friction;
 mod measured;
 mod real;
+mod strangers;
 mod supervision;
 mod withheld;
 
@@ -21,6 +22,8 @@ pub(crate) enum Args {
     Supervision(supervision::Args),
     /// Measured arms: held-out prediction, compared with plain least squares
     Real(measured::Args),
+    /// Measured arms with robot files as a new user writes them, compared with plain least squares
+    Strangers(strangers::Args),
     /// Friction laws, compared on held-out logs
     Friction(friction::Args),
     /// Measured arms: does the diagnosis name a part that was removed from the model?
@@ -52,6 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Args::Tracking(args) => run_tracking(args),
         Args::Supervision(args) => supervision::run(args),
         Args::Real(args) => real::run(args),
+        Args::Strangers(args) => strangers::run(args),
         Args::Friction(args) => friction::run(args),
         Args::Withheld(args) => withheld::run(args),
     }

@@ -7,6 +7,7 @@ use rivet_estimation::EstimatorKind;
 
 use crate::load::Robot;
 use crate::reader::{Origin, Value};
+use crate::sections::RobotConfig;
 
 /// Which friction the model of a robot has, beyond a Coulomb and a viscous parameter each joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +82,11 @@ impl Robot {
             viscous_quadratic: law.viscous_quadratic,
             ..self.model.structure
         };
+        self.rebuilt(config, structure)
+    }
+
+    /// The robot with another structure of its drives; `config` agrees with it. Identified parameters are dropped.
+    pub(crate) fn rebuilt(&self, config: RobotConfig, structure: Structure) -> Result<Robot, BaseError> {
         let model = Model::new(self.model.arm.clone(), structure)
             .with_load(self.model.load().to_vec())
             .with_unknown_bodies(self.model.unknown_bodies().to_vec())

@@ -9,6 +9,7 @@ mod error;
 mod friction_law;
 pub mod keys;
 mod load;
+mod log_settings;
 mod number_text;
 mod reader;
 mod sections;

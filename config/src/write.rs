@@ -25,16 +25,27 @@ pub fn write_identified(robot: &Robot, values: &[f64], std: &[f64], path: &Path)
 
 /// As [`write_identified`], with the drives' values of a physically consistent set in the place of those that the
 /// robot's own file gave; with its bodies in the URDF, the nominal values of the written file are that set. `[identified]`
-/// holds the unconstrained base parameters beside it, and the file says which are which.
+/// holds the unconstrained base parameters or, with `consistent_values`, those of this set, and the file names which.
 ///
 /// # Errors
 /// As [`write_identified`].
-pub fn write_consistent(robot: &Robot, drives: &Joints, values: &[f64], std: &[f64], path: &Path) -> io::Result<()> {
+pub fn write_consistent(
+    robot: &Robot,
+    drives: &Joints,
+    [values, std]: [&[f64]; 2],
+    consistent_values: bool,
+    path: &Path,
+) -> io::Result<()> {
     let mut changed = robot.clone();
     set_drives(&mut changed, drives);
-    let note = "# URDF, [drive], [friction] and [coupling] hold the physically consistent set (bodies that can be built);\n\
-                # [identified] holds base parameters as the data gave them, without that constraint. rivet uses the latter.\n";
-    write_with(&changed, note, values, std, path)
+    let which = if consistent_values {
+        "[identified] holds the base parameters of this set: it predicts left-out rows better than the unconstrained one.\n"
+    } else {
+        "[identified] holds base parameters as the data gave them, without that constraint. rivet uses the latter.\n"
+    };
+    let set =
+        "# URDF, [drive], [friction] and [coupling] hold the physically consistent set (bodies that can be built);\n# ";
+    write_with(&changed, &format!("{set}{which}"), values, std, path)
 }
 
 /// What a diagnosis changes in a robot file, beside the bodies in its URDF.

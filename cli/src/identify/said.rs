@@ -6,6 +6,7 @@ use rivet_config::{EstimatorKind, Instruments, Robot};
 use rivet_estimation::offline::{Determined, InstrumentSource, Lag, Rows};
 use serde_json::{Value, json};
 
+use super::open_keys::OpenKeys;
 use super::{Findings, Run};
 use crate::delays;
 use crate::evidence::{self, Compared, Largest};
@@ -61,7 +62,7 @@ fn instrument_text(robot: &Robot, run: &Run, rows: &Rows) -> String {
     }
 }
 
-pub(super) fn text(robot: &Robot, result: &Findings) -> String {
+pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String {
     let (model, base) = (&robot.model, &robot.base);
     let chosen = result.chosen(robot);
     let signal = &robot.config.signal;
@@ -72,6 +73,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
         base.len(),
         signal.model_filter_hz
     );
+    out += &open.text();
     for (run, rows) in result.runs.iter().zip(&result.rows) {
         let (grid, range) = (&run.piece.grid, &rows.moving);
         out += &paragraph("  log         ", &format!("{}: {}", runs::short_name(&grid.path), run.piece.report));
@@ -141,6 +143,7 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     out += &delays::text(&runs::joint_names(robot), &result.delays, &result.dry);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
     out += &evidence::consistency_text(&result.consistent);
+    out += &exported_text(result);
     out.push('\n');
     let (which, other, others) = if robot.config.estimator.kind == EstimatorKind::Riv {
         ("IV", "LS", &result.least_squares)
@@ -164,6 +167,17 @@ pub(super) fn text(robot: &Robot, result: &Findings) -> String {
     out + &table.text()
 }
 
+/// Which set is exported, and why.
+fn exported_text(result: &Findings) -> String {
+    let Some(sets) = &result.sets else { return String::new() };
+    let [free, consistent] = sets.percents().map(|percent| number(percent, 3));
+    let which = if result.exports_consistent { "physically consistent" } else { "unconstrained" };
+    let why = format!(
+        "left-out parts of the logs: {free} % of the torque missed unconstrained, {consistent} % consistent, rms over joints"
+    );
+    paragraph("exported set: ", &format!("{which} ({why})"))
+}
+
 fn decided(by: Determined) -> &'static str {
     match by {
         Determined::ByData => "data",
@@ -181,7 +195,7 @@ fn compared(robot: &Robot, result: &Findings) -> Compared {
     Compared { distorts: None, without_ratio: evidence::OF_DELAYED, largest }
 }
 
-pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined>) -> Value {
+pub(super) fn to_json(robot: &Robot, result: &Findings, open: &OpenKeys, refined: Option<&Refined>) -> Value {
     let (model, base) = (&robot.model, &robot.base);
     let chosen = result.chosen(robot);
     let parameter = |i: usize| {
@@ -254,6 +268,12 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, refined: Option<&Refined
         // What the values of friction belong to.
         "friction_law": law_json(&robot.friction_law()),
         "refined": refined.map(Refined::json),
+        "chosen_from_logs": open.json(),
+        "exported": if result.exports_consistent { "consistent" } else { "unconstrained" },
+        "left_out_percent": result.sets.as_ref().map(|sets| {
+            let [unconstrained, consistent] = sets.percents();
+            json!({"unconstrained": unconstrained, "consistent": consistent})
+        }),
         "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
         "warnings": evidence::distrust_json(&result.distrusts),

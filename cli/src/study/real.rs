@@ -9,18 +9,26 @@ use rivet_logs::Log;
 use rivet_studies::real;
 
 use super::measured::{Args, Findings};
+use crate::identify::open_keys::OpenKeys;
 use crate::{identify, predict, refine, runs};
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     args.check()?;
-    let text = |e: anyhow::Error| format!("{e:#}");
-    let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
-    let refine = |robot: &Robot, logs: &[Log]| refine::refine(robot, logs).map(|found| found.robot).map_err(text);
-    let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
-    let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
-    let engine = real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along };
-    let (outcomes, skipped, failed) = real::run(&args.root, &args.data, &engine);
+    let (outcomes, skipped, failed) = with_engine(|engine| real::run(&args.root, &args.data, engine));
     let table = (!outcomes.is_empty()).then(|| real::markdown(&outcomes));
     args.tell(&Findings { table, json: real::to_json(&outcomes), skipped, failed })
+}
+
+/// Hands the program's own identification and prediction to a study.
+pub(super) fn with_engine<T>(study: impl FnOnce(&real::Engine<'_>) -> T) -> T {
+    let text = |e: anyhow::Error| format!("{e:#}");
+    let read = |robot: &Robot, path: &Path| runs::read_log(robot, path).map_err(text);
+    let refine = |robot: &Robot, logs: &[Log]| {
+        let open = OpenKeys::choose(robot, logs.iter().map(|log| Ok(log.clone()))).map_err(text)?;
+        refine::refine(&open.robot, logs).map(|found| found.robot).map_err(text)
+    };
+    let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
+    let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
+    study(&real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along })
 }

@@ -225,12 +225,17 @@ pub fn percent(records: &[Rows], x: &DVector<f64>) -> Vec<f64> {
 
 /// `100 |tau - predicted| / |tau|` per joint over the motion \[%\], both through the filter; `predicted` on the grid.
 pub fn percent_of(grid: &Grid, predicted: &[Vec<f64>], filter: &LowPass) -> Vec<f64> {
+    let percent = |[error, torque]: [f64; 2]| 100.0 * (error / torque).sqrt();
+    squares_of(grid, predicted, filter).into_iter().map(percent).collect()
+}
+
+/// `[|tau - predicted|^2, |tau|^2]` per joint over the motion, both through the filter; `predicted` on the grid.
+pub fn squares_of(grid: &Grid, predicted: &[Vec<f64>], filter: &LowPass) -> Vec<[f64; 2]> {
     let moving = grid.moving(filter);
-    let of = |(tau, predicted): (&Vec<f64>, &Vec<f64>)| {
+    let squares = |(tau, predicted): (&Vec<f64>, &Vec<f64>)| {
         let (tau, predicted) = (filter.apply(tau), filter.apply(predicted));
         let error: f64 = moving.clone().map(|k| (tau[k] - predicted[k]).powi(2)).sum();
-        let torque: f64 = moving.clone().map(|k| tau[k].powi(2)).sum();
-        100.0 * (error / torque).sqrt()
+        [error, moving.clone().map(|k| tau[k].powi(2)).sum()]
     };
-    grid.tau.iter().zip(predicted).map(of).collect()
+    grid.tau.iter().zip(predicted).map(squares).collect()
 }

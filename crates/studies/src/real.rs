@@ -14,12 +14,31 @@ use crate::batch::{Grid, LowPass, four_points, least_squares, percent, percent_o
 /// What identification found of a robot.
 #[derive(Clone, Debug)]
 pub struct Found {
+    /// The robot with the offsets and the model filter that its file leaves to the logs.
+    pub robot: Robot,
     /// Base parameters.
     pub values: Vec<f64>,
     /// Physically consistent ones near them.
     pub consistent: Vec<f64>,
+    /// Whether the consistent parameters are exported: they predict rows that they were not fitted to better.
+    pub exports_consistent: bool,
     /// Condition of the equations.
     pub condition: f64,
+}
+
+impl Found {
+    /// The robot with the base parameters that are exported.
+    #[must_use]
+    pub fn exported(&self) -> Robot {
+        let values = if self.exports_consistent { &self.consistent } else { &self.values };
+        with_values(&self.robot, values)
+    }
+}
+
+/// The robot with identified base parameters.
+pub(crate) fn with_values(robot: &Robot, values: &[f64]) -> Robot {
+    let identified = Identified { std: vec![0.0; values.len()], values: values.to_vec() };
+    Robot { identified: Some(identified), ..robot.clone() }
 }
 
 /// The robot with the law of friction that predicts left-out parts of the logs best.
@@ -42,19 +61,19 @@ pub struct Engine<'a> {
 }
 
 /// A part of a log: file below the data folder, and from where to where, in parts of its rows.
-type Part = (&'static str, f64, f64);
+pub(crate) type Part = (&'static str, f64, f64);
 
 /// One training set and one test.
-struct Split {
-    name: &'static str,
+pub(crate) struct Split {
+    pub(crate) name: &'static str,
     /// Robot file below the root of the checkout.
-    robot: &'static str,
-    train: &'static [Part],
-    test: Part,
+    pub(crate) robot: &'static str,
+    pub(crate) train: &'static [Part],
+    pub(crate) test: Part,
     /// Time between samples on which both sides are judged \[s\].
-    period_s: f64,
+    pub(crate) period_s: f64,
     /// Joints that are judged, from 0: those that carry torque in the test and whose torque can be trusted.
-    judged: &'static [usize],
+    pub(crate) judged: &'static [usize],
 }
 
 const ALL: &[usize] = &[0, 1, 2, 3, 4, 5];
@@ -67,7 +86,7 @@ const FOURIER: &[Part] = &[
 const RUN_A: Part = ("kuka_kr300/traj_A_10s.parquet", 0.0, 1.0);
 const RUN_B: Part = ("kuka_kr300/traj_B_10s.parquet", 0.0, 1.0);
 
-const SPLITS: &[Split] = &[
+pub(crate) const SPLITS: &[Split] = &[
     Split {
         name: "UR10e, Fourier to Fourier",
         robot: UR10E,
@@ -161,7 +180,7 @@ pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-fn law_text(law: FrictionLaw, instruments: bool) -> String {
+pub(crate) fn law_text(law: FrictionLaw, instruments: bool) -> String {
     let method = if instruments { "IV" } else { "LS" };
     let mut text = if law.presliding_travel > 0.0 {
         format!("{method}, travel {:.0e} rad", law.presliding_travel)
@@ -201,7 +220,7 @@ fn one(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<O
     let chosen = (engine.refine)(&robot, &train)?;
     let test = read(&split.test)?;
     let found = (engine.identify)(&robot, &train)?;
-    let same = errors(split, &robot, &found.values, &test, engine)?;
+    let same = errors(split, &found.robot, &found.values, &test, engine)?;
     let found = (engine.identify)(&chosen, &train)?;
     Ok(Outcome {
         name: split.name,
@@ -210,9 +229,9 @@ fn one(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<O
         plain: plain(split, &robot, &train, &test),
         plain_chosen: plain(split, &chosen, &train, &test),
         same,
-        refined: errors(split, &chosen, &found.values, &test, engine)?,
-        consistent: errors(split, &chosen, &found.consistent, &test, engine)?,
-        consistency_cost: cost(split, &chosen, &found, &test, engine)?,
+        refined: errors(split, &found.robot, &found.values, &test, engine)?,
+        consistent: errors(split, &found.robot, &found.consistent, &test, engine)?,
+        consistency_cost: cost(split, &found, &test, engine)?,
         condition: found.condition,
     })
 }
@@ -225,9 +244,7 @@ fn predicted(
     test: &Log,
     engine: &Engine<'_>,
 ) -> Result<(Grid, Vec<Vec<f64>>), String> {
-    let mut trained = robot.clone();
-    trained.identified = Some(Identified { std: vec![0.0; values.len()], values: values.to_vec() });
-    let predicted = (engine.predict)(&trained, test)?;
+    let predicted = (engine.predict)(&with_values(robot, values), test)?;
     let grid = Grid::new(test, split.period_s);
     let on_grid = predicted.iter().map(|tau| four_points(&test.t, tau, &grid.t)).collect();
     Ok((grid, on_grid))
@@ -241,7 +258,8 @@ fn errors(split: &Split, robot: &Robot, values: &[f64], test: &Log, engine: &Eng
 }
 
 /// Torque between free and consistent parameters on the test run, each joint in parts of its own \[%\].
-fn cost(split: &Split, robot: &Robot, found: &Found, test: &Log, engine: &Engine<'_>) -> Result<f64, String> {
+fn cost(split: &Split, found: &Found, test: &Log, engine: &Engine<'_>) -> Result<f64, String> {
+    let robot = &found.robot;
     let (mut grid, free) = predicted(split, robot, &found.values, test, engine)?;
     let (_, consistent) = predicted(split, robot, &found.consistent, test, engine)?;
     grid.tau = free;

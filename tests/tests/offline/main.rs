@@ -36,6 +36,7 @@ mod separate;
 mod statistics;
 mod sticking;
 mod strange_torque;
+mod strangers;
 mod tracking;
 mod unseen;
 mod value_intervals;
