@@ -23,6 +23,8 @@ impl Children {
         let mut command = Command::new(program);
         command.args(words).arg("--die-with-parent").stdin(Stdio::null()).stdout(Stdio::null());
         command.stderr(log.map_or_else(Stdio::null, Stdio::from));
+        // A child that starts after this program was killed must not live on.
+        command.env(rivet_realtime::PARENT_VARIABLE, std::process::id().to_string());
         let child = command.spawn().with_context(|| format!("cannot start rivet {name}"))?;
         self.running.push((name, child));
         Ok(())

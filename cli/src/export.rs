@@ -9,6 +9,8 @@ use rivet_dynamics::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup,
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 use rivet_estimation::offline::Fit;
 
+use rivet_files::Printable;
+
 use crate::runs;
 use crate::table::number;
 
@@ -42,7 +44,7 @@ pub(crate) fn export(
                 .with_context(|| named(&robot.config.urdf))?;
             rivet_files::write_whole(&urdf, &written.text).with_context(|| named(&urdf))?;
             let report = not_expressible(robot, found, &written, exports_consistent, reference);
-            rivet_files::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            rivet_files::write_whole(&notes, Printable(&report).to_string()).with_context(|| named(&notes))?;
             write_consistent(&moved, &drives, [&fit.values, &fit.std], exports_consistent, &model)
                 .with_context(|| named(&model))
         }
@@ -53,7 +55,7 @@ pub(crate) fn export(
                  ({why}), so robot.urdf has its nominal bodies. The identified base parameters are in model.toml.\n",
                 robot.config.name
             );
-            rivet_files::write_whole(&notes, &report).with_context(|| named(&notes))?;
+            rivet_files::write_whole(&notes, Printable(&report).to_string()).with_context(|| named(&notes))?;
             write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
         }
     }

@@ -65,7 +65,8 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
             motion.text
         ));
     }
-    rivet_files::write_whole(&notes, not_expressible(robot, patch)).with_context(|| named(&notes))?;
+    rivet_files::write_whole(&notes, rivet_files::Printable(not_expressible(robot, patch)).to_string())
+        .with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
         rivet_files::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
     }

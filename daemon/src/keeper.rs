@@ -119,7 +119,11 @@ impl Keeper {
         core: &mut Core,
     ) -> Result<Keeper, StartError> {
         let store = Store::open(folder, name.as_str())?;
-        if let Some(before) = before {
+        if let Some(why) = store.refused() {
+            log::warn!(rivet_event = "state-unwritable"; "{why}; runs without storing until the folder can be written");
+        }
+        let is_writable = store.refused().is_none();
+        if let Some(before) = before.filter(|_| is_writable) {
             for path in store.copy_from(before)? {
                 log::info!(rivet_event = "state-copied"; "copied from {} to {}", before.display(), path.display());
             }
@@ -128,10 +132,12 @@ impl Keeper {
         for (path, problem) in &loaded.problems {
             log::warn!(rivet_event = "state-refused"; "{} {problem}", path.display());
         }
-        for path in store.set_others_aside(robot.hash)? {
-            log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
+        if is_writable {
+            for path in store.set_others_aside(robot.hash)? {
+                log::warn!(rivet_event = "state-set-aside"; "kept aside as {}", path.display());
+            }
         }
-        if loaded.knowledge.is_none() {
+        if loaded.knowledge.is_none() && is_writable {
             for path in store.take_back(robot.hash)? {
                 log::info!(rivet_event = "state-taken-back"; "the robot file is what it was: {} is in its place again", path.display());
             }

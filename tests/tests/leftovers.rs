@@ -217,6 +217,53 @@ fn a_killed_demonstration_is_cleaned_away() {
     });
 }
 
+/// A state folder that cannot be written from the start ends no daemon: health reports it, and that it can be written again.
+#[test]
+fn a_daemon_starts_beside_a_state_folder_that_cannot_be_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, said) = (folder.path().join("state"), folder.path().join("said"));
+    std::fs::write(&state, "a file in its place").expect("written");
+    let private = PrivateBus::new("atstart");
+    let mut side = Side::new(private.config());
+    let mut process = Process::start(daemon(&robot("dd2"), private.config(), &said).arg("--state").arg(&state));
+    eventually("it listens", || (side.states.subscribers() > 0).then_some(()));
+    let health = two_link::bus(private.config(), "test-onlooker").health_subscriber().expect("a port");
+    let mut reports = |wanted: StateFolder| {
+        eventually("it reports", || {
+            side.go(50);
+            let found = health.receive_newest().expect("received");
+            found.is_some_and(|health| health.state_folder == u32::from(wanted)).then_some(())
+        });
+    };
+    reports(StateFolder::Unwritable);
+    std::fs::remove_file(&state).and_then(|()| std::fs::create_dir(&state)).expect("a folder");
+    reports(StateFolder::Writable);
+    assert!(process.end("-TERM").success());
+    let said = std::fs::read_to_string(&said).expect("it said something");
+    assert!(said.contains("runs without storing"), "{said}");
+}
+
+/// A child that starts after its parent was killed belongs to another process already: it ends at once.
+#[test]
+fn a_child_whose_parent_has_ended_does_not_start() {
+    let private = PrivateBus::new("orphan");
+    let config = private.config();
+    for words in [["daemon"].as_slice(), &["controller"], &["sim"]] {
+        let mut command = rivet();
+        command.args(words).arg(robot("dd2")).args(["--die-with-parent", "--prefix", &config.prefix, "--root"]);
+        if words != ["sim"] {
+            command.arg(&config.root).arg("--best-effort");
+        } else {
+            command.arg(&config.root);
+        }
+        // No process has this number.
+        command.env("RIVET_PARENT_PID", i32::MAX.to_string()).stdout(Stdio::null());
+        let output = command.output().expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains("the parent process has ended"), "{words:?}: {said}");
+    }
+}
+
 /// A state folder that cannot be written shows in the health of both programs and in the monitor, and that it can again.
 #[test]
 fn a_state_folder_that_cannot_be_written_shows_in_health_and_monitor() {

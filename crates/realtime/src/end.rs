@@ -81,23 +81,33 @@ impl Hangup {
     }
 }
 
+/// Environment variable by which a program names itself, as the number of its process, to children that are to end with it.
+pub const PARENT_VARIABLE: &str = "RIVET_PARENT_PID";
+
 /// Has the kernel send this process SIGTERM when its parent dies, so that a killed demonstration leaves no
 /// children. Call it first thing in the child.
 ///
 /// The kernel means the *thread* that started the child: start children from a thread that lives as long as
-/// the program.
+/// the program. A parent that dies before this is called is noticed only where it named itself by [`PARENT_VARIABLE`]: the child belongs to
+/// another process by then.
 ///
 /// # Errors
-/// The system refused, or the parent died while this was called.
+/// The system refused, or the parent has ended.
 pub fn die_with_parent() -> io::Result<()> {
-    let parent = getppid();
+    let named = std::env::var(PARENT_VARIABLE).ok().and_then(|pid| pid.parse().ok());
+    let parent = named.map_or_else(pid_of_parent, |pid: i32| pid);
     set_parent_process_death_signal(Some(Signal::TERM))?;
-    // Asked again after arming: a parent that died in between would never be noticed.
-    if getppid() == parent {
+    // Asked after arming: a parent that died before would never be noticed.
+    if pid_of_parent() == parent {
         Ok(())
     } else {
         Err(io::Error::new(io::ErrorKind::NotFound, "the parent process has ended"))
     }
+}
+
+/// 0 where the parent is in another namespace.
+fn pid_of_parent() -> i32 {
+    getppid().map_or(0, |pid| pid.as_raw_nonzero().get())
 }
 
 #[cfg(test)]

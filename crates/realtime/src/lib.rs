@@ -14,7 +14,7 @@ mod wakeups;
 
 pub use clock::{Overrun, PeriodTimer, Suspension, Tick, now_ns};
 pub use doctor::{Finding, Machine, Severity};
-pub use end::{Hangup, Shutdown, die_with_parent};
+pub use end::{Hangup, PARENT_VARIABLE, Shutdown, die_with_parent};
 pub use heap::keep_freed_memory;
 pub use histogram::LogHistogram;
 pub use recent::RecentRows;

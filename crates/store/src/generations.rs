@@ -13,7 +13,8 @@ const LONGEST: u64 = 1 << 24;
 #[derive(Debug)]
 pub struct Store {
     /// Held as long as this may write; the system lets go of it however the process ends.
-    _lock: Option<File>,
+    lock: Option<File>,
+    refused: Option<StoreError>,
     folder: PathBuf,
     robot: String,
     /// Generation to write next; found at the first save.
@@ -29,24 +30,55 @@ pub struct Loaded {
     pub problems: Vec<(PathBuf, Problem)>,
 }
 
+/// Whether a folder cannot be written for a reason that may pass.
+fn is_unwritable(why: &io::Error) -> bool {
+    use io::ErrorKind::{
+        AlreadyExists, NotADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+    };
+    // A file in the place of the folder is the first or the second.
+    let passing = [AlreadyExists, NotADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull];
+    passing.contains(&why.kind())
+}
+
 impl Store {
     /// Makes the folder when it is absent, and takes it for this process until this is dropped. `robot` is a robot's name and
     /// becomes part of file names. Removes what writers that were killed have left half written.
     ///
+    /// A folder that cannot be written now (no permission, read-only, no room, a file in its place) is no error: what it holds can be read, and the first
+    /// [`save`](Self::save) that finds it writable takes it. A daemon beside an arm must not end for it.
+    ///
     /// # Errors
-    /// The folder cannot be made, or another process writes there.
+    /// Another process writes there, or the system refuses for a reason that does not pass.
     pub fn open(folder: &Path, robot: &str) -> Result<Store, StoreError> {
+        let mut store = Store::reader(folder, robot);
+        match store.take() {
+            Err(why) if is_unwritable(&why.source) => store.refused = Some(why),
+            taken => taken?,
+        }
+        Ok(store)
+    }
+
+    /// Why the folder could not be taken when it was opened.
+    pub fn refused(&self) -> Option<&StoreError> {
+        self.refused.as_ref()
+    }
+
+    /// Takes the folder for this process, if it has not done so.
+    fn take(&mut self) -> Result<(), StoreError> {
+        if self.lock.is_some() {
+            return Ok(());
+        }
         let fail = |path: &Path, source| StoreError { path: path.to_owned(), source };
-        fs::create_dir_all(folder).map_err(|source| fail(folder, source))?;
-        let path = folder.join(format!("{robot}.lock"));
+        fs::create_dir_all(&self.folder).map_err(|source| fail(&self.folder, source))?;
+        let path = self.folder.join(format!("{}.lock", self.robot));
         let lock = rivet_files::open_lock(&path).map_err(|source| fail(&path, source))?;
         lock.try_lock().map_err(|why| match why {
             TryLockError::Error(source) => fail(&path, source),
             TryLockError::WouldBlock => fail(&path, io::Error::other("another process stores this robot's parameters")),
         })?;
-        let store = Store { _lock: Some(lock), folder: folder.to_owned(), robot: robot.to_owned(), next: None };
-        store.remove_unfinished();
-        Ok(store)
+        (self.lock, self.refused) = (Some(lock), None);
+        self.remove_unfinished();
+        Ok(())
     }
 
     fn remove_unfinished(&self) {
@@ -64,7 +96,7 @@ impl Store {
 
     /// As [`open`](Store::open) for a process that only reads: nothing is made.
     pub fn reader(folder: &Path, robot: &str) -> Store {
-        Store { _lock: None, folder: folder.to_owned(), robot: robot.to_owned(), next: None }
+        Store { lock: None, refused: None, folder: folder.to_owned(), robot: robot.to_owned(), next: None }
     }
 
     /// Whether there is any file of this robot's, also one that was set aside.
@@ -209,6 +241,7 @@ impl Store {
     /// # Errors
     /// It could not be written; the generations are then as they were.
     pub fn save(&mut self, knowledge: &Knowledge) -> Result<(), StoreError> {
+        self.take()?;
         let newest = || {
             let sound = |(_, content): &(PathBuf, Option<Result<Entry, Problem>>)| match content {
                 Some(Ok(entry)) => Some(entry.generation),
