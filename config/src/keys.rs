@@ -246,7 +246,7 @@ pub const KEYS: &[Key] = &[
     key("signal", "input_signals", Choice(&["all", "motion", "acceleration"]), "", Bounds::None, Fallback::Text("all"),
         "`input`: filters positions with their derivatives and torques (`all`), all but the torques (`motion`), or accelerations alone."),
     key("signal", "model_filter_hz", Number, "Hz", Within(0.1, 2000.0), Derived("20 Hz, at most 0.2 of the sample rate"),
-        "Cut-off of that low-pass. At most 0.45 of the rate after decimation."),
+        "Cut-off of that low-pass. At most 0.45 of the rate after decimation. `rivet identify` chooses it by the logs where neither this key nor `decimation` is given."),
     key("signal", "model_filter_order", Integer, "-", Within(2.0, 8.0), Fallback::Integer(4),
         "Order of that Butterworth filter; even."),
     key("signal", "decimation", Integer, "samples", Within(1.0, 1000.0), Derived("5 samples per period of the cut-off"),
@@ -269,7 +269,7 @@ pub const KEYS: &[Key] = &[
         "`energy`, `rls-energy`: time whose work an equation compares with energies; 0 counts from the start. At most 4096 samples after \
          decimation."),
     key("estimator", "offsets", Bool, "", Bounds::None, Derived("true where friction.offset is not all 0"),
-        "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0."),
+        "The model has a constant torque per joint, which is identified as well. May be false only where friction.offset is all 0. Off line (`rivet identify`) it is true without the key."),
     key("estimator", "window", Choice(&["exponential", "constant-trace", "none"]), "", Bounds::None, Fallback::Text("exponential"),
         "`exponential`: old samples are forgotten with a time constant. `none`: never. \
          `constant-trace`: the window keeps the average variance of the parameters (Sripada & Fisher 1987). Little excitation makes it long, but one direction without excitation makes it long for all. \

@@ -13,9 +13,6 @@ pub(crate) const STRETCHES: usize = 4;
 /// Blocks that a part is divided into where errors are compared.
 const BLOCKS: usize = 4;
 
-/// Sets whose errors differ by less than so many standard errors predict alike.
-const TIE_STANDARD_ERRORS: f64 = 2.0;
-
 /// Errors on left-out parts: `[|tau - D x|^2, |tau|^2]` of every block and joint.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LeftOut {
@@ -131,11 +128,9 @@ impl Sets {
         if sets.free.is_empty() { Err(anyhow!("no part of the logs can be left out")) } else { Ok(sets) }
     }
 
-    /// Whether the consistent parameters predict left-out rows better, or as well within `TIE_STANDARD_ERRORS`: they are closer to an
-    /// arm on motion that no part has.
+    /// Whether the consistent parameters predict left-out rows better.
     pub(crate) fn prefers_consistent(&self) -> bool {
-        let [gain, standard_error] = self.consistent.log_ratio(&self.free);
-        gain <= TIE_STANDARD_ERRORS * standard_error
+        self.consistent.log_ratio(&self.free)[0] < 0.0
     }
 
     /// Errors of free and consistent parameters, root mean square over the joints \[%\].

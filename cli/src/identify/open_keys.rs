@@ -263,13 +263,14 @@ fn median_length_s(pieces: &[Log]) -> Option<f64> {
     })
 }
 
-/// Mean square of signals below a frequency, without the ends that the filter colours.
-fn power_below(hz: f64, signals: &[Vec<f64>], period_s: f64) -> f64 {
+/// Mean square of signals below a frequency, without the ends that a filter of `lowest_hz` colours: the same rows for every frequency.
+fn power_below(hz: f64, lowest_hz: f64, signals: &[Vec<f64>], period_s: f64) -> f64 {
+    let transient = ZeroPhase::new(lowest_hz, BAND_ORDER, period_s).edge();
     let filter = ZeroPhase::new(hz, BAND_ORDER, period_s);
     let squares = |signal: &Vec<f64>| {
         let mut signal = signal.clone();
         filter.apply(&mut signal);
-        let edge = filter.edge().min(signal.len() / 4);
+        let edge = transient.min(signal.len() / 4);
         let inner = &signal[edge..signal.len() - edge];
         (inner.iter().map(|x| x * x).sum::<f64>(), inner.len())
     };
@@ -296,7 +297,7 @@ fn band(stretches: &[&[f64]], period_s: f64, noise: f64) -> Option<Band> {
     let density = 2.0 * period_s * noise * noise;
     let (mut below, mut from, mut motion) = (0.0, 0.0_f64, Vec::new());
     for hz in &edges {
-        let power = power_below(*hz, &speeds, period_s);
+        let power = power_below(*hz, edges[0], &speeds, period_s);
         let (speed, noise) = ((power - below).max(0.0), density * TAU.powi(2) * (hz.powi(3) - from.powi(3)) / 3.0);
         motion.push(if speed > MOTION_OVER_NOISE * noise { speed - noise } else { 0.0 });
         (below, from) = (power, *hz);
@@ -312,7 +313,7 @@ fn band(stretches: &[&[f64]], period_s: f64, noise: f64) -> Option<Band> {
         return None;
     }
     let accelerations: Vec<Vec<f64>> = motions.into_iter().map(|mut motion| motion.qdd.remove(0)).collect();
-    let acceleration = power_below(motion_hz, &accelerations, period_s);
+    let acceleration = power_below(motion_hz, edges[0], &accelerations, period_s);
     let largest_noise = MAX_NOISE_OVER_ACCELERATION.powi(2) * acceleration;
     let noise_hz = (5.0 * largest_noise / (density * TAU.powi(4))).powf(0.2);
     let noise_hz = if density > 0.0 { noise_hz } else { f64::INFINITY };

@@ -89,7 +89,8 @@ fn exported_urdf_is_the_consistent_set_and_the_model_the_identified_one() {
         let wanted = if found["exported"] == "consistent" { &consistent } else { &identified };
         let close = |(read, wanted): (&f64, &f64)| (read - wanted).abs() <= 1e-9 * wanted.abs().max(1e-3);
         assert!(exported.base_parameters().iter().zip(wanted).all(close), "{arm}: model.toml has the exported set");
-        assert_eq!(exported.hash, known.hash);
+        // Offsets that the file leaves open are parameters of another model.
+        assert_eq!(exported.hash == known.hash, known.config.estimator.offsets, "{arm}");
         let largest = consistent.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         for (i, (read, wanted)) in exported.nominal_base.iter().zip(&consistent).enumerate() {
             let name = exported.base.name(&exported.model, i);
