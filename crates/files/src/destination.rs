@@ -1,6 +1,6 @@
 //! Where bytes for a path go: over a name, or into what is open there.
 
-use crate::folder::{Folder, MAX_LINKS, file_type};
+use crate::folder::{Folder, MAX_LINKS, file_type, is_trusted};
 use crate::me;
 use rustix::fs::{FileType, OFlags, Stat};
 use std::ffi::{OsStr, OsString};
@@ -166,10 +166,6 @@ fn ensure_trusted(path: &Path, there: &Stat) -> io::Result<()> {
         io::ErrorKind::PermissionDenied,
         format!("{path} is a pipe of user {uid}, and only those of user {me} or root are written; name another path"),
     ))
-}
-
-pub(crate) fn is_trusted(uid: u32) -> bool {
-    uid == 0 || uid == me()
 }
 
 /// That a file of this user may take the place of what stands at `name`.

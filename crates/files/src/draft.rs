@@ -2,20 +2,14 @@
 
 use crate::destination::{Destination, NEW_FILE};
 use crate::folder::{Folder, file_type};
-use crate::{me, sweep};
+use crate::me;
+use crate::sweep::{PREFIX, RANDOM, SUFFIX, sweep_once};
 use rustix::fs::{FileType, OFlags};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, Permissions, TryLockError};
 use std::io;
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::Path;
-
-/// A draft's name is this, random letters, and [`SUFFIX`].
-pub(crate) const PREFIX: &str = ".rivet-";
-/// How the name of a draft ends.
-pub(crate) const SUFFIX: &str = ".part";
-/// Random letters and digits in a draft's name: 62^12, beyond guessing.
-pub(crate) const RANDOM: usize = 12;
 
 /// Tries for a draft that nobody takes for an abandoned one between its making and its locking.
 const TRIES: usize = 8;
@@ -65,7 +59,7 @@ impl Draft {
     }
 
     pub(crate) fn in_folder(folder: Folder, name: OsString) -> io::Result<Draft> {
-        sweep::sweep_once(&folder);
+        sweep_once(&folder);
         let (file, temporary) = begin(&folder)?;
         Ok(Draft { temporary: Temporary { folder, name: Some(temporary) }, file, name, mode: None })
     }
@@ -134,9 +128,9 @@ fn make(folder: &Folder) -> io::Result<(File, OsString)> {
 }
 
 fn mode_at(folder: &Folder, name: &OsStr) -> u32 {
-    let own = |stat: &rustix::fs::Stat| file_type(stat) == FileType::RegularFile && stat.st_uid == me();
+    let is_own = |stat: &rustix::fs::Stat| file_type(stat) == FileType::RegularFile && stat.st_uid == me();
     match folder.entry(name) {
-        Ok(there) if own(there.stat()) => there.stat().st_mode & 0o777,
+        Ok(there) if is_own(there.stat()) => there.stat().st_mode & 0o777,
         _ => NEW_FILE & !umask(),
     }
 }

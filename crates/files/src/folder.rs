@@ -1,6 +1,5 @@
 //! An open folder: what is done in it does not depend on its name any more.
 
-use crate::destination::is_trusted;
 use crate::me;
 use rustix::fs::{AtFlags, Dir, FileType, Mode, OFlags, Stat};
 use rustix::io::Errno;
@@ -119,6 +118,11 @@ pub(crate) fn file_type(stat: &Stat) -> FileType {
     FileType::from_raw_mode(stat.st_mode)
 }
 
+/// Whether a user is this one or root.
+pub(crate) fn is_trusted(uid: u32) -> bool {
+    uid == 0 || uid == me()
+}
+
 /// The way to a folder: the folders that are open, so that `..` leads back to where the walk came from.
 struct Walk {
     last: OwnedFd,
@@ -134,7 +138,7 @@ impl Walk {
     }
 
     /// Enters a folder. Of a link it returns the target and stays.
-    fn enter(&mut self, name: &OsStr, whole: &Path) -> io::Result<Option<PathBuf>> {
+    fn enter(&mut self, name: &OsStr, searched: &Path) -> io::Result<Option<PathBuf>> {
         if name == ".." {
             self.last = match self.parents.pop() {
                 Some(parent) => parent,
@@ -146,7 +150,9 @@ impl Walk {
         }
         let at = self.path.join(name);
         let failed = |why: Errno| match why {
-            Errno::NOENT => io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", whole.display())),
+            Errno::NOENT => {
+                io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", searched.display()))
+            }
             why => io::Error::new(io::Error::from(why).kind(), format!("{}: {}", at.display(), io::Error::from(why))),
         };
         let entered = match rustix::fs::openat(&self.last, name, FOLDER, Mode::empty()) {

@@ -1,6 +1,5 @@
 //! Removing what killed writers have left.
 
-use crate::draft::{PREFIX, RANDOM, SUFFIX};
 use crate::folder::{Folder, file_type};
 use crate::me;
 use rustix::fs::{FileType, OFlags, Stat};
@@ -10,6 +9,13 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+
+/// A draft's name is this, random letters, and [`SUFFIX`].
+pub(crate) const PREFIX: &str = ".rivet-";
+/// How the name of a draft ends.
+pub(crate) const SUFFIX: &str = ".part";
+/// Random letters and digits in a draft's name: 62^12, beyond guessing.
+pub(crate) const RANDOM: usize = 12;
 
 /// Folders that this process has swept: device and inode.
 static SWEPT: Mutex<BTreeSet<(u64, u64)>> = Mutex::new(BTreeSet::new());
