@@ -2,15 +2,19 @@
 //!
 //! A regular file is written under an unpredictable name in the same folder and renamed over the name that was given. A link that
 //! stands there is replaced; what it leads to is not touched. Pipes and devices are written in place.
+//!
+//! The folder is opened once, component by component. All that follows uses its descriptor. `/proc` is not needed for this.
 
 mod destination;
 mod draft;
+mod folder;
 mod lock;
 mod printable;
 mod sweep;
 
 use destination::Destination;
 pub use draft::Draft;
+use folder::Folder;
 pub use lock::open_lock;
 pub use printable::{Printable, arguments_are_printable, is_unsafe, note, printable, printable_json};
 use std::fs::{self, File};
@@ -36,8 +40,8 @@ pub fn write_whole(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
 /// As [`write_whole`], and those of `fill`.
 pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
     match Destination::of(path)? {
-        Destination::Replaced { .. } => {
-            let mut draft = Draft::new(path)?;
+        Destination::Replaced { folder, name } => {
+            let mut draft = Draft::in_folder(folder, name)?;
             fill(draft.file())?;
             draft.publish()?;
             Ok(())
@@ -87,7 +91,7 @@ pub fn read_text(path: &Path, largest: u64) -> io::Result<String> {
 /// Why it cannot.
 pub fn writable(path: &Path) -> io::Result<()> {
     match Destination::of(path)? {
-        Destination::Replaced { .. } => Draft::new(path).map(drop),
+        Destination::Replaced { folder, name } => Draft::in_folder(folder, name).map(drop),
         Destination::Stream(_) | Destination::InPlace(_) => Ok(()),
     }
 }
@@ -118,7 +122,7 @@ pub fn has_room(folder: &Path, bytes: usize) -> io::Result<()> {
 /// # Errors
 /// It is not there, or a link on the way belongs neither to this user nor to root.
 pub fn resolve_folder(folder: &Path) -> io::Result<PathBuf> {
-    destination::resolved_folder(folder)
+    Folder::open(folder).map(|opened| opened.path().to_owned())
 }
 
 /// Number of the user whose rights this process has.

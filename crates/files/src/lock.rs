@@ -1,9 +1,12 @@
 //! Files that are locked, and nothing else.
 
+use crate::destination::parent;
+use crate::folder::Folder;
 use crate::me;
+use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
 use std::io;
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::Path;
 
 /// Permissions of a lock: whoever can open it can hold it.
@@ -13,12 +16,11 @@ const CLOSED: u32 = 0o600;
 /// closed to them.
 ///
 /// # Errors
-/// It is a link, another user's or no file, or cannot be made.
+/// It is a link, another user's or no file, or cannot be made. A link of another user is on the way.
 pub fn open_lock(path: &Path) -> io::Result<File> {
-    let flags = (rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK).bits();
-    let mut options = File::options();
-    options.create(true).truncate(false).read(true).write(true).mode(CLOSED).custom_flags(flags.cast_signed());
-    let file = options.open(path)?;
+    let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NONBLOCK;
+    let file = Folder::open(parent(path))?.open_file(name, flags, CLOSED)?;
     let there = file.metadata()?;
     if !there.is_file() || there.uid() != me() {
         let why = format!("it must be a file of user {}, and user {} owns it; remove it", me(), there.uid());

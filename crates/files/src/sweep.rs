@@ -1,29 +1,42 @@
 //! Removing what killed writers have left.
 
-use crate::draft::{PREFIX, RANDOM, SUFFIX};
+use crate::folder::{Folder, file_type};
 use crate::me;
+use rustix::fs::{FileType, OFlags, Stat};
 use std::collections::BTreeSet;
-use std::fs::{self, File, Metadata};
+use std::ffi::OsStr;
+use std::fs::File;
 use std::io;
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// Folders that this process has swept.
-static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+/// A draft's name is this, random letters, and [`SUFFIX`].
+pub(crate) const PREFIX: &str = ".rivet-";
+/// How the name of a draft ends.
+pub(crate) const SUFFIX: &str = ".part";
+/// Random letters and digits in a draft's name: 62^12, beyond guessing.
+pub(crate) const RANDOM: usize = 12;
 
-pub(crate) fn sweep_once(folder: &Path) {
-    let is_first = SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned());
+/// Folders that this process has swept: device and inode.
+static SWEPT: Mutex<BTreeSet<(u64, u64)>> = Mutex::new(BTreeSet::new());
+
+pub(crate) fn sweep_once(folder: &Folder) {
+    let Ok(there) = folder.stat() else { return };
+    let is_first = SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert((there.st_dev, there.st_ino));
     if is_first {
-        sweep(folder);
+        sweep_opened(folder);
     }
 }
 
 /// Removes temporary files of this user that killed writers have left in `folder`, and returns how many. A file that a living writer
-/// holds stays, and so does everything else.
+/// holds stays, and so does everything else. A folder behind a link of another user is left alone.
 pub fn sweep(folder: &Path) -> usize {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter(|entry| is_draft(entry.file_name().as_encoded_bytes()) && remove_abandoned(&entry.path())).count()
+    Folder::open(folder).map_or(0, |folder| sweep_opened(&folder))
+}
+
+fn sweep_opened(folder: &Folder) -> usize {
+    let names = folder.names().into_iter().flatten();
+    names.filter(|name| is_draft(name.as_encoded_bytes()) && remove_abandoned(folder, name)).count()
 }
 
 fn is_draft(name: &[u8]) -> bool {
@@ -31,21 +44,22 @@ fn is_draft(name: &[u8]) -> bool {
     random.is_some_and(|random| random.len() == RANDOM && random.iter().all(u8::is_ascii_alphanumeric))
 }
 
-fn is_own_file(there: &Metadata) -> bool {
-    there.is_file() && there.uid() == me()
+fn is_own_file(there: &Stat) -> bool {
+    file_type(there) == FileType::RegularFile && there.st_uid == me()
 }
 
 /// Whether it was abandoned and is gone. What cannot be opened or removed stays: it hurts nobody.
-fn remove_abandoned(path: &Path) -> bool {
+fn remove_abandoned(folder: &Folder, name: &OsStr) -> bool {
     let open = || -> io::Result<File> {
         // Asked before it is opened as well: to open a device can be felt.
-        if !is_own_file(&fs::symlink_metadata(path)?) {
+        if !is_own_file(folder.entry(name)?.stat()) {
             return Err(io::ErrorKind::PermissionDenied.into());
         }
-        let flags = (rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK).bits();
-        File::options().read(true).custom_flags(flags.cast_signed()).open(path)
+        folder.open_file(name, OFlags::RDONLY | OFlags::NONBLOCK, 0)
     };
     let Ok(file) = open() else { return false };
     // Held to the end: a writer that makes a file of this name at this moment sees that it has been taken.
-    file.metadata().is_ok_and(|there| is_own_file(&there)) && file.try_lock().is_ok() && fs::remove_file(path).is_ok()
+    rustix::fs::fstat(&file).is_ok_and(|there| is_own_file(&there))
+        && file.try_lock().is_ok()
+        && folder.remove_file(name).is_ok()
 }

@@ -1,14 +1,22 @@
 //! What is written, where, and what stays untouched.
 
 use rivet_files::{Draft, fill_whole, open_lock, sweep, writable, writable_folder, write_whole};
+use rustix::fs::{CWD, RenameFlags, renameat_with};
 use std::fs::{self, Permissions};
 use std::io::{self, Write as _};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, lchown, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 /// Another user than the one that runs the tests.
 const STRANGER: u32 = 65534;
+
+/// Rounds of a race, and results of each kind that it has to see.
+const LEAST_ROUNDS: usize = 2000;
+const MOST_ROUNDS: usize = 200_000;
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("listed").flatten();
@@ -72,6 +80,99 @@ fn refuses_a_strangers_link_on_the_way() {
     assert!(why.contains("is a link of user 65534"), "{why}");
     assert!(writable(&link.join("report.json")).is_err());
     assert_eq!(names(secret.path()), [""; 0]);
+}
+
+/// Exchanges two names until the guard is dropped.
+struct Exchange {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Exchange {
+    /// None where the file system cannot exchange names.
+    fn begin(one: PathBuf, other: PathBuf) -> Option<Exchange> {
+        let exchange = move || renameat_with(CWD, &one, CWD, &other, RenameFlags::EXCHANGE);
+        if let Err(why) = exchange() {
+            let _ = writeln!(io::stderr(), "SKIPPED: this file system does not exchange names: {why}");
+            return None;
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            while !stopped.load(Ordering::Relaxed) {
+                exchange().expect("exchanged");
+            }
+        });
+        Some(Exchange { stop, thread: Some(thread) })
+    }
+}
+
+impl Drop for Exchange {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let ended = self.thread.take().map(JoinHandle::join);
+        assert!(std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()), "the exchange failed");
+    }
+}
+
+/// The link and the folder take each other's place between any two calls of the writer.
+#[test]
+fn never_writes_behind_a_strangers_link_that_takes_the_place_of_a_folder() {
+    let Some(shared) = shared_folder() else { return };
+    let secret = tempfile::tempdir().expect("a folder");
+    let (folder, link) = (shared.path().join("folder"), shared.path().join("link"));
+    fs::create_dir_all(folder.join("deep")).expect("made");
+    fs::create_dir(secret.path().join("deep")).expect("made");
+    let targets = ["report.json", "deep/report.json", ".rivet-0123456789ab.part"].map(|name| secret.path().join(name));
+    for target in &targets {
+        fs::write(target, "root's").expect("written");
+    }
+    strangers_link(secret.path(), &link);
+    let Some(exchange) = Exchange::begin(folder.clone(), link) else { return };
+    let (mut written, mut refused) = (0, 0);
+    for round in 0..MOST_ROUNDS {
+        let results = [
+            fill_whole(&folder.join("report.json"), |part| part.write_all(b"report")),
+            fill_whole(&folder.join("deep/report.json"), |part| part.write_all(b"report")),
+            writable(&folder.join("other.json")),
+            open_lock(&folder.join("lock")).map(drop),
+        ];
+        sweep(&folder);
+        written += results.iter().filter(|result| result.is_ok()).count();
+        refused += results.iter().filter(|result| result.is_err()).count();
+        if round >= LEAST_ROUNDS && written.min(refused) >= LEAST_ROUNDS {
+            break;
+        }
+    }
+    drop(exchange);
+    assert!(written > 0 && refused > 0, "{written} written, {refused} refused: the names were not exchanged");
+    assert_eq!(names(secret.path()), [".rivet-0123456789ab.part", "deep", "report.json"]);
+    assert_eq!(names(&secret.path().join("deep")), ["report.json"]);
+    for target in &targets {
+        assert_eq!(fs::read_to_string(target).expect("there"), "root's", "{}", target.display());
+    }
+}
+
+/// Needs no root: the link is this user's, and comes after the folder was opened.
+#[test]
+fn stays_in_the_opened_folder_when_a_link_takes_its_place() {
+    let around = tempfile::tempdir().expect("a folder");
+    let [folder, moved, other] = ["folder", "moved", "other"].map(|name| around.path().join(name));
+    for made in [&folder, &other] {
+        fs::create_dir(made).expect("made");
+    }
+    fs::write(other.join("report.json"), "other").expect("written");
+    let mut draft = Draft::new(&folder.join("report.json")).expect("begun");
+    let dropped = Draft::new(&folder.join("dropped.json")).expect("begun");
+    let replace_by_link = |_: &mut fs::File| fs::rename(&folder, &moved).and_then(|()| symlink(&other, &folder));
+    fill_whole(&folder.join("filled.json"), replace_by_link).expect("written");
+    draft.file().write_all(b"report").expect("written");
+    draft.publish().expect("renamed");
+    drop(dropped);
+    assert_eq!(names(&moved), ["filled.json", "report.json"]);
+    assert_eq!(fs::read_to_string(moved.join("report.json")).expect("there"), "report");
+    assert_eq!(names(&other), ["report.json"]);
+    assert_eq!(fs::read_to_string(other.join("report.json")).expect("there"), "other");
 }
 
 /// As an ordinary user, in a folder where somebody else has taken the name.
