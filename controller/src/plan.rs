@@ -9,8 +9,8 @@ use rivet_ipc_schema::StopCause;
 const LARGEST_MOTION: f64 = 1e4;
 /// Accelerations beyond this \[rad/s²\].
 const LARGEST_ACCELERATION: f64 = 1e6;
-/// Torque that a plan may need by the acting model, in parts of the drives' limit: the model may be wrong by some tens of per cent.
-const TORQUE_SHARE: f64 = 1.5;
+/// Torque that a plan may need by the acting model, in parts of the drives' limit: all of it, and a tenth for the error of the model.
+const MAX_TORQUE_SHARE: f64 = 1.1;
 /// Torque with which feedback may answer a jump of the plan, in parts of the drives' limit.
 const JUMP_SHARE: f64 = 0.5;
 /// Bounds of the jump that follows from it \[rad\]: rounding of a coarse plan, and what no arm is to be jerked by.
@@ -127,7 +127,7 @@ impl PlanCheck {
         let mut tau = [0.0; MAX_JOINTS];
         law.model_torque(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x, &mut tau[..n]);
         // Not a number is too much, too.
-        let within = |j: &usize| tau[*j].abs() <= TORQUE_SHARE * self.torque[*j];
+        let within = |j: &usize| tau[*j].abs() <= MAX_TORQUE_SHARE * self.torque[*j];
         let joints = (0..n).filter(|j| !within(j)).fold(0, |bits, j| bits | 1 << j);
         if joints != 0 {
             return Err((StopCause::PlanAcceleration, joints));

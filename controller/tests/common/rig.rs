@@ -209,6 +209,8 @@ pub(crate) struct Rig {
     /// Added to the numbers of setpoints from the first wrong one on.
     pub(crate) leap: u64,
     leaping: u64,
+    /// Distances are those from the plan that `bend` has changed, not from the one before.
+    pub(crate) bend_is_planned: bool,
     largest_step: f64,
     law: Option<LawAlone>,
     planless: bool,
@@ -251,6 +253,7 @@ impl Rig {
             refresh: 1,
             leap: 0,
             leaping: 0,
+            bend_is_planned: false,
             largest_step: 0.0,
             law: None,
             planless: false,
@@ -444,11 +447,12 @@ impl Rig {
                 );
                 continue;
             }
+            let planned = if self.bend_is_planned { plan[0] } else { self.motion.at(t)[0] };
             if let (None, Some((cause, joints))) = (out.stop, self.core.stop_cause()) {
                 out.stop = Some((cause, joints, (k - sound) as f64 * period_s));
-                at_stop = Some(self.motion.at(t)[0]);
+                at_stop = Some(planned);
             }
-            let target = at_stop.unwrap_or(self.motion.at(t)[0]);
+            let target = at_stop.unwrap_or(planned);
             for j in 0..n {
                 let speed = speeds[j].abs();
                 out.speed = out.speed.max(speed / self.robot.model.arm.joints[j].velocity);
