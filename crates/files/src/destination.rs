@@ -211,4 +211,15 @@ mod tests {
         std::os::unix::fs::symlink("loop", real.join("loop")).expect("a link");
         assert!(opened(&real.join("loop")).expect_err("a loop").to_string().contains("links on the way"));
     }
+
+    #[test]
+    fn opens_the_folder_above_the_current_one_and_refuses_a_file() {
+        let current = std::env::current_dir().expect("there");
+        assert_eq!(opened(Path::new("..")).expect("there"), current.parent().expect("one above"));
+        assert_eq!(opened(Path::new("/..")).expect("there"), Path::new("/"));
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let why = opened(&file.path().join("..")).expect_err("a file");
+        assert_eq!(why.kind(), io::ErrorKind::NotADirectory);
+        assert!(why.to_string().contains(&*file.path().to_string_lossy()), "{why}");
+    }
 }
