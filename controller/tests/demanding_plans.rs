@@ -101,8 +101,8 @@ fn is_within(o: &Outcome, is_smooth: bool) -> bool {
     o.speed <= MAX_SPEED && is_handled
 }
 
-/// Runs all plans on some joints of an arm. At least one is followed and one refused.
-fn check(arm: &str, joints: &[usize]) {
+/// Runs all plans on some joints of an arm with `words` in its `[controller]` section. At least one is followed and one refused.
+fn check(arm: &str, joints: &[usize], words: &str) {
     let (mut wrong, mut followed, mut refused, mut fastest) = (Vec::new(), 0, 0, 0.0_f64);
     for period_s in PERIODS {
         for &joint in joints {
@@ -110,7 +110,7 @@ fn check(arm: &str, joints: &[usize]) {
                 for growth_s in GROWTHS_S {
                     for torque in TORQUES {
                         // A plan that is sound again is followed again, which is not what is looked at here.
-                        let mut rig = Rig::new(arm, period_s, "resume_after = 0\n", SHARE);
+                        let mut rig = Rig::new(arm, period_s, &format!("resume_after = 0\n{words}"), SHARE);
                         rig.bend_is_planned = true;
                         let motion = Motion::Swing(Swing::new(&rig.robot, SHARE));
                         let wave = Wave { joint, frequency_hz, growth_s, amplitude: 0.0 };
@@ -134,12 +134,9 @@ fn check(arm: &str, joints: &[usize]) {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
+/// Drives that take any step: only the torque itself bounds the plan.
 #[test]
-fn plans_at_the_edge_of_the_drives_are_followed_or_refused_dd2() {
-    check("dd2", &[0, 1]);
-}
-
-#[test]
-fn plans_at_the_edge_of_the_drives_are_followed_or_refused_ur10e() {
-    check("ur10e", &[0, 3]);
+fn plans_at_the_edge_are_followed_or_refused_without_a_rate_limit() {
+    check("dd2", &[0, 1], "rate_limit = 1e5\n");
+    check("ur10e", &[0, 3], "rate_limit = 1e5\n");
 }
