@@ -79,7 +79,7 @@ impl Document {
             let given = p.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
             let ends = p.low.zip(p.high).filter(|(low, high)| low < high);
             let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
-            format!("{} {given}{}{ends} {}", p.name, figure(p.found.unwrap_or(f64::NAN), 3), p.unit)
+            format!("{} {given}{}{ends} {}", p.name, figure(p.found.unwrap_or(f64::NAN), 3), printed_unit(&p.unit))
                 .trim_end()
                 .to_owned()
         };
