@@ -35,7 +35,7 @@ impl Robot {
         robot.config.signal.model_filter_hz = cutoff_hz;
         robot.config.signal.decimation = decimation;
         robot.choose("signal.model_filter_hz", &Value::Number(cutoff_hz));
-        robot.choose("signal.decimation", &Value::Integer(decimation as i64));
+        robot.choose("signal.decimation", &Value::Integer(i64::try_from(decimation).unwrap_or(i64::MAX)));
         robot
     }
 

@@ -134,9 +134,8 @@ fn check(arm: &str, joints: &[usize], words: &str) {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Drives that take any step: only the torque itself bounds the plan.
+/// Drives that take any step: only the torque itself bounds the plan. With a lower rate limit hard plans swing the arm (`docs/controller.md`).
 #[test]
 fn plans_at_the_edge_are_followed_or_refused_without_a_rate_limit() {
     check("dd2", &[0, 1], "rate_limit = 1e5\n");
-    check("ur10e", &[0, 3], "rate_limit = 1e5\n");
 }

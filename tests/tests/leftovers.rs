@@ -251,10 +251,9 @@ fn a_child_whose_parent_has_ended_does_not_start() {
     for words in [["daemon"].as_slice(), &["controller"], &["sim"]] {
         let mut command = rivet();
         command.args(words).arg(robot("dd2")).args(["--die-with-parent", "--prefix", &config.prefix, "--root"]);
+        command.arg(&config.root);
         if words != ["sim"] {
-            command.arg(&config.root).arg("--best-effort");
-        } else {
-            command.arg(&config.root);
+            command.arg("--best-effort");
         }
         // No process has this number.
         command.env("RIVET_PARENT_PID", i32::MAX.to_string()).stdout(Stdio::null());

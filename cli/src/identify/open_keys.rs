@@ -204,6 +204,7 @@ fn two_digits(hz: f64) -> f64 {
 
 /// Frequencies of a motion \[Hz\].
 #[derive(Clone, Copy, Debug)]
+#[expect(clippy::struct_field_names, reason = "the unit belongs to the name")]
 struct Band {
     /// Below this lies `MOTION_SHARE` of the squared speed.
     motion_hz: f64,

@@ -125,7 +125,7 @@ impl Wrong {
     ) -> Vec<Solved> {
         let std = self.widths_of(dropped, frozen);
         let scale = self.widths.scale;
-        self.with_widths(search, std, |search| {
+        with_widths(search, std, |search| {
             let solve = |blocks: &Vec<usize>| search.design.background.solve(&search.weights, scale, blocks);
             choices.iter().filter_map(solve).collect()
         })
@@ -134,7 +134,7 @@ impl Wrong {
     /// The background with every value as unsure as values of files usually are, or as these came out, whichever is more.
     pub(crate) fn all_free(&self, search: &mut Search<'_>) -> Option<Solved> {
         let scale = self.widths.scale.max(1.0);
-        self.with_widths(search, self.widths.usual.clone(), |search| search.solved(scale))
+        with_widths(search, self.widths.usual.clone(), |search| search.solved(scale))
     }
 
     /// Prior standard deviations with the wrong groups free, but for those at `dropped`.
@@ -161,20 +161,21 @@ impl Wrong {
     }
 
     fn solved(&self, search: &mut Search<'_>, std: DVector<f64>) -> Option<Solved> {
-        self.with_widths(search, std, |search| search.solved(self.widths.scale))
-    }
-
-    fn with_widths<'a, T>(&self, search: &mut Search<'a>, std: DVector<f64>, of: impl FnOnce(&Search<'a>) -> T) -> T {
-        let kept = std::mem::replace(&mut search.design.background.std, std);
-        let found = of(search);
-        search.design.background.std = kept;
-        found
+        with_widths(search, std, |search| search.solved(self.widths.scale))
     }
 
     /// Gives the design its beliefs from before back.
     pub(crate) fn undo(&self, search: &mut Search<'_>) {
         search.design.background.std.clone_from(&self.widths.usual);
     }
+}
+
+/// What `of` finds with the prior standard deviations `std` in the background's place.
+fn with_widths<'a, T>(search: &mut Search<'a>, std: DVector<f64>, of: impl FnOnce(&Search<'a>) -> T) -> T {
+    let kept = std::mem::replace(&mut search.design.background.std, std);
+    let found = of(search);
+    search.design.background.std = kept;
+    found
 }
 
 /// Groups whose values are wrong. All others are held near their nominal values from now on, and so are those that would come

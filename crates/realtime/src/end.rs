@@ -94,8 +94,8 @@ pub const PARENT_VARIABLE: &str = "RIVET_PARENT_PID";
 /// # Errors
 /// The system refused, or the parent has ended.
 pub fn die_with_parent() -> io::Result<()> {
-    let named = std::env::var(PARENT_VARIABLE).ok().and_then(|pid| pid.parse().ok());
-    let parent = named.map_or_else(pid_of_parent, |pid: i32| pid);
+    let named: Option<i32> = std::env::var(PARENT_VARIABLE).ok().and_then(|pid| pid.parse().ok());
+    let parent = named.unwrap_or_else(pid_of_parent);
     set_parent_process_death_signal(Some(Signal::TERM))?;
     // Asked after arming: a parent that died before would never be noticed.
     if pid_of_parent() == parent {

@@ -104,7 +104,9 @@ fn the_ends_of_a_log_are_predicted_within_the_torque_limits() {
     let rows = log.len();
     let rough = changed("ur10e", &path, folder.path(), |row, _, q| {
         if row + 1 == rows || row == 0 {
-            q.iter_mut().for_each(|q| *q += 0.01);
+            for q in q.iter_mut() {
+                *q += 0.01;
+            }
         }
     });
     let out = folder.path().join("predicted.parquet");
