@@ -335,11 +335,6 @@ impl Solved {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
     }
 
-    /// A deviation from the coefficients, `L⁻ᵀz`: with standard normal `z` one drawn from their posterior.
-    pub(crate) fn deviation(&self, z: &DVector<f64>) -> Option<DVector<f64>> {
-        self.factor.l_dirty().tr_solve_lower_triangular(z)
-    }
-
     /// Covariance of the first `columns` coefficients.
     pub(crate) fn covariance(&self, columns: usize) -> Option<DMatrix<f64>> {
         let all = self.factor.inverse();

@@ -84,7 +84,6 @@ mod shrink;
 mod signals;
 mod signs;
 mod silence;
-mod size_intervals;
 mod sizes;
 mod stages;
 mod stranger;

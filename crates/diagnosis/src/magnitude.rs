@@ -3,8 +3,8 @@
 use crate::contact::numbers;
 use crate::form::Form;
 
-/// Name of a size that is an angle, known up to whole turns.
-pub(crate) const PHASE: &str = "phase_rad";
+/// Name of the phase of a wave.
+const PHASE: &str = "phase_rad";
 
 impl Form {
     /// Size by name with unit, from the coefficients `c` of its columns. `nominal` is the standard vector: that which was fitted for what

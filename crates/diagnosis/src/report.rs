@@ -67,8 +67,6 @@ pub struct Cause {
     pub joints: Vec<String>,
     /// Size, by name with unit.
     pub magnitude: Vec<(String, f64)>,
-    /// 90 % intervals of sizes that follow from the fit, by the same names: lower and upper end.
-    pub intervals: Vec<(String, f64, f64)>,
     /// How far the gap shrinks.
     pub shrink: Shrink,
     /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); none for a hint.

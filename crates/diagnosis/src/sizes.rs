@@ -12,7 +12,6 @@ use crate::procedure::{Procedure, Step};
 use crate::report::{Cause, Diagnosis, Shrink, Verdict};
 use crate::search::Search;
 use crate::select::Adopted;
-use crate::size_intervals::Draws;
 use crate::values::{Group, Wrong};
 
 /// What stands.
@@ -66,11 +65,9 @@ impl Procedure<'_> {
             }
         };
         let names = self.names();
-        let draws = Draws::of(search, wrong, &held, frozen, &solved);
         for (cause, step) in report.causes.iter_mut().zip(&standing) {
             let told = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
-            cause.magnitude = self.magnitude(search, &told, &solved.x, &solved.stretches);
-            cause.intervals = self.intervals(search, &told, &draws, &cause.magnitude);
+            cause.magnitude = self.magnitude(search, &told, &solved);
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);
@@ -89,7 +86,7 @@ impl Procedure<'_> {
 
     /// Takes effects from `standing` whose size no arm has, and their columns from the design.
     fn refuse_effects(&self, search: &mut Search<'_>, standing: &mut [Step], solved: &Solved) -> Vec<Refused> {
-        let standard = self.standard(standing, &solved.x);
+        let standard = self.standard(standing, solved);
         let mut refused = Vec::new();
         for (cause, step) in standing.iter_mut().enumerate() {
             step.adopted.retain(|a| {
@@ -112,7 +109,7 @@ impl Procedure<'_> {
         standing: &mut [Step],
         solved: &Solved,
     ) -> Vec<Refused> {
-        let standard = self.standard(standing, &solved.x);
+        let standard = self.standard(standing, solved);
         let adopted: Vec<Adopted> = standing.iter().flat_map(|step| step.adopted.iter().cloned()).collect();
         let mut refused = Vec::new();
         for (at, group) in wrong.groups.iter().enumerate() {
@@ -127,8 +124,8 @@ impl Procedure<'_> {
         refused
     }
 
-    fn standard(&self, standing: &[Step], x: &DVector<f64>) -> Vec<f64> {
-        possible::standard(self.nominal, x, standing.iter().flat_map(|step| &step.adopted))
+    fn standard(&self, standing: &[Step], solved: &Solved) -> Vec<f64> {
+        possible::standard(self.nominal, &solved.x, standing.iter().flat_map(|step| &step.adopted))
     }
 
     /// Takes what was refused from the causes; with the `wrong` values that came out impossible before, it becomes hints.
@@ -168,15 +165,9 @@ impl Procedure<'_> {
     }
 
     /// Sizes of all that a step adds as it was `solved`.
-    pub(crate) fn magnitude(
-        &self,
-        search: &Search<'_>,
-        step: &Step,
-        x: &DVector<f64>,
-        stretches: &[DVector<f64>],
-    ) -> Vec<(String, f64)> {
-        let model = &self.nominal.model;
-        let standard = self.standard(std::slice::from_ref(step), x);
+    pub(crate) fn magnitude(&self, search: &Search<'_>, step: &Step, solved: &Solved) -> Vec<(String, f64)> {
+        let (model, x) = (&self.nominal.model, &solved.x);
+        let standard = self.standard(std::slice::from_ref(step), solved);
         // Of a body's ten values some are in no joint's torque and stay as given.
         let own = step.columns.iter().filter(|c| self.nominal.x.get(**c).is_some_and(|given| *given != standard[**c]));
         // Next to nothing is nothing.
@@ -186,7 +177,7 @@ impl Procedure<'_> {
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
             let mut c: Vec<f64> = match adopted.form {
-                Form::Force { .. } => stretches.iter().flatten().copied().collect(),
+                Form::Force { .. } => solved.stretches.iter().flatten().copied().collect(),
                 _ => adopted.coefficients(x),
             };
             // One value by two columns, the model's and its own.
@@ -206,10 +197,10 @@ impl Procedure<'_> {
             }
             if let Form::Force { moment, .. } = adopted.form {
                 if !moment || search.floor.len() >= numbers(true) {
-                    let steady = search.steady_force(stretches, moment).map(|of_burst| of_burst.norm());
+                    let steady = search.steady_force(&solved.stretches, moment).map(|of_burst| of_burst.norm());
                     sizes.push(("steady_N".to_owned(), steady.fold(0.0, f64::max)));
                 }
-                let torque = search.design.local_torque(stretches);
+                let torque = search.design.local_torque(&solved.stretches);
                 let largest = torque.iter().flatten().flatten().fold(0.0, |most: f64, t| most.max(t.abs()));
                 sizes.push(("largest_joint_Nm".to_owned(), largest));
             }
@@ -237,7 +228,6 @@ pub(crate) fn unmeasured(effect: Effect, joints: Vec<String>) -> Cause {
         effect,
         joints,
         magnitude: Vec::new(),
-        intervals: Vec::new(),
         shrink: Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN },
         share: None,
         p_value: None,

@@ -105,51 +105,23 @@ impl Widths {
 impl Wrong {
     /// The background solved with the wrong groups free, but for those at `dropped`, which are held as the others.
     pub(crate) fn without(&self, search: &mut Search<'_>, dropped: &[usize]) -> Option<Solved> {
-        let std = self.widths_of(dropped, false);
-        self.solved(search, std)
+        let (free, dropped) = self.split(dropped);
+        let held: Vec<Group> = self.held.iter().cloned().chain(dropped).collect();
+        self.solved(search, self.widths.with(&free, &held))
     }
 
     /// The same; `frozen`: those at `dropped` and impossible ones exactly as given, however much they would take.
     pub(crate) fn held(&self, search: &mut Search<'_>, dropped: &[usize], frozen: bool) -> Option<Solved> {
-        let std = self.widths_of(dropped, frozen);
-        self.solved(search, std)
-    }
-
-    /// The same for each of several choices of blocks, a block as often as it is chosen; those that have no solution are left out.
-    pub(crate) fn held_on(
-        &self,
-        search: &mut Search<'_>,
-        dropped: &[usize],
-        frozen: bool,
-        choices: &[Vec<usize>],
-    ) -> Vec<Solved> {
-        let std = self.widths_of(dropped, frozen);
-        let scale = self.widths.scale;
-        with_widths(search, std, |search| {
-            let solve = |blocks: &Vec<usize>| search.design.background.solve(&search.weights, scale, blocks);
-            choices.iter().filter_map(solve).collect()
-        })
-    }
-
-    /// The background with every value as unsure as values of files usually are, or as these came out, whichever is more.
-    pub(crate) fn all_free(&self, search: &mut Search<'_>) -> Option<Solved> {
-        let scale = self.widths.scale.max(1.0);
-        with_widths(search, self.widths.usual.clone(), |search| search.solved(scale))
-    }
-
-    /// Prior standard deviations with the wrong groups free, but for those at `dropped`.
-    fn widths_of(&self, dropped: &[usize], frozen: bool) -> DVector<f64> {
-        let (free, dropped) = self.split(dropped);
         if !frozen {
-            let held: Vec<Group> = self.held.iter().cloned().chain(dropped).collect();
-            return self.widths.with(&free, &held);
+            return self.without(search, dropped);
         }
+        let (free, dropped) = self.split(dropped);
         let mut std = self.widths.with(&free, &self.held);
         let impossible = self.impossible.iter().flat_map(|(group, _)| &group.columns);
         for c in dropped.iter().flat_map(|group| &group.columns).chain(impossible) {
             std[*c] = self.widths.usual[*c] * FROZEN;
         }
-        std
+        self.solved(search, std)
     }
 
     /// Groups that are not `dropped`, and those that are.
@@ -161,21 +133,16 @@ impl Wrong {
     }
 
     fn solved(&self, search: &mut Search<'_>, std: DVector<f64>) -> Option<Solved> {
-        with_widths(search, std, |search| search.solved(self.widths.scale))
+        let kept = std::mem::replace(&mut search.design.background.std, std);
+        let solved = search.solved(self.widths.scale);
+        search.design.background.std = kept;
+        solved
     }
 
     /// Gives the design its beliefs from before back.
     pub(crate) fn undo(&self, search: &mut Search<'_>) {
         search.design.background.std.clone_from(&self.widths.usual);
     }
-}
-
-/// What `of` finds with the prior standard deviations `std` in the background's place.
-fn with_widths<'a, T>(search: &mut Search<'a>, std: DVector<f64>, of: impl FnOnce(&Search<'a>) -> T) -> T {
-    let kept = std::mem::replace(&mut search.design.background.std, std);
-    let found = of(search);
-    search.design.background.std = kept;
-    found
 }
 
 /// Groups whose values are wrong. All others are held near their nominal values from now on, and so are those that would come

@@ -63,14 +63,12 @@ impl Document {
             // Masses before where they are.
             let (masses, others): (Vec<_>, Vec<_>) = known.partition(|(name, _)| name.as_str() == "mass_kg");
             let one = |(name, value): (&String, f64)| {
-                let ends = cause.intervals.get(name).and_then(|[low, high]| (*low).zip(*high));
-                let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
                 let value = figure(value, 3);
                 if let Some(what) = FACTORS.iter().find_map(|(factor, what)| (factor == name).then_some(what)) {
-                    return format!("{what} {value}{ends} times the file's");
+                    return format!("{what} {value} times the file's");
                 }
                 let (name, unit) = quantity_of(name, &cause.joints, self);
-                format!("{name} {value}{ends} {unit}").trim_end().to_owned()
+                format!("{name} {value} {unit}").trim_end().to_owned()
             };
             return masses.into_iter().chain(others).map(one).collect();
         }
@@ -127,7 +125,7 @@ fn distance(rad: f64) -> String {
 }
 
 /// The 90 % interval behind a figure.
-pub(crate) fn interval(low: f64, high: f64) -> String {
+fn interval(low: f64, high: f64) -> String {
     format!(" [{}, {}]", figure(low, 3), figure(high, 3))
 }
 
@@ -194,21 +192,6 @@ mod tests {
             said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.650 [0.630, 0.670] kg m²."),
             "{said}"
         );
-    }
-
-    #[test]
-    fn a_size_stands_with_its_interval_and_an_inner_value_without() {
-        let mut friction = of("stribeck_friction", &["elbow"], &json!({"excess_Nm": 1.47, "velocity_rad_s": 0.081}));
-        friction["intervals"] = json!({"excess_Nm": [1.4, 1.55]});
-        let said = actions(&[friction], &[], &[]).concat();
-        assert!(
-            said.starts_with("Add stribeck friction to elbow: excess 1.47 [1.40, 1.55] N m, velocity 0.0810 rad/s."),
-            "{said}"
-        );
-        let mut rotor = of("rotor_inertia", &["wrist"], &json!({"inertia_gain": 1.63}));
-        rotor["intervals"] = json!({"inertia_gain": [1.5, 1.7]});
-        let said = actions(&[rotor], &[], &[]).concat();
-        assert!(said.starts_with("Set rotor inertia of wrist: inertia 1.63 [1.50, 1.70] times the file's."), "{said}");
     }
 
     #[test]

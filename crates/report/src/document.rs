@@ -174,10 +174,6 @@ pub struct Cause {
     pub joints: Vec<String>,
     /// Its size.
     pub magnitude: Magnitude,
-    /// 90 % intervals `[low, high]` of those sizes that follow from the fit, by the same names. They hold for the inner values as found (a velocity,
-    /// a length, an order), which have none.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub intervals: BTreeMap<String, [Number; 2]>,
     /// How far the gap shrinks.
     pub shrink: Shrink,
     /// Share of the squared gap on the training logs, independent of the order of causes (Shapley value of the explained variance); null for

@@ -129,11 +129,6 @@ impl Cause {
             effect: cause.effect.name().to_owned(),
             joints: cause.joints.clone(),
             magnitude: cause.magnitude.iter().map(|(name, value)| (name.clone(), number(*value))).collect(),
-            intervals: cause
-                .intervals
-                .iter()
-                .map(|(name, low, high)| (name.clone(), [number(*low), number(*high)]))
-                .collect(),
             shrink: Shrink {
                 predicted: number(cause.shrink.predicted),
                 low: number(cause.shrink.low),

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
-use crate::actions::interval;
 use crate::document::is_contact;
 use crate::document::{Cause, Curve, Document, Excerpt, Figures};
 use crate::verdict::OTHER_CONTACT;
@@ -113,9 +112,7 @@ fn body(cause: &Cause, document: &Document) -> String {
         .iter()
         .map(|(name, value)| {
             let (label, unit) = quantity_of(name, &cause.joints, document);
-            let ends = cause.intervals.get(name).and_then(|[low, high]| (*low).zip(*high));
-            let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
-            let size = |v| format!("{}{ends} {unit}", figure(v, 3)).trim_end().to_owned();
+            let size = |v| format!("{} {unit}", figure(v, 3)).trim_end().to_owned();
             (label, value.map_or_else(|| "-".to_owned(), size))
         })
         .collect();
