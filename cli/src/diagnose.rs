@@ -217,6 +217,10 @@ fn is_void(reading: &reading::Found, found: &Diagnosis, document: &Document) -> 
     }
     let of_this_log =
         |run: &str| run.strip_prefix(reading.log.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '));
+    // It refuses by itself, for a channel that it names.
+    if found.verdict == Verdict::NotEvaluated && found.log.iter().any(|f| f.fault.spoils()) {
+        return false;
+    }
     let findings: Vec<&rivet_diagnosis::LogFinding> = found.log.iter().filter(|f| of_this_log(&f.run)).collect();
     let joints = |of: &dyn Fn(&LogFault) -> bool| -> Vec<&str> {
         findings.iter().filter(|f| of(&f.fault)).map(|f| f.joint.as_str()).collect()

@@ -61,7 +61,7 @@ pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
         all.add(piece, &predict_piece(robot, piece, &motion)?);
     }
-    Ok(all.finish(log))
+    Ok(all.finish(log).0)
 }
 
 /// Torque on the rows of a log, piece after piece.
@@ -82,17 +82,13 @@ impl OnRows {
         }
     }
 
-    /// Torque on every row; rows that stand alone between holes have that of a straight line between the rows around them.
-    fn finish(self, log: &Log) -> Vec<Vec<f64>> {
-        if self.t.len() == log.len() {
-            return self.tau;
-        }
+    /// Torque on every row, and how many rows stand alone between holes: those have that of a straight line between the rows around them.
+    fn finish(self, log: &Log) -> (Vec<Vec<f64>>, usize) {
         let alone = log.len() - self.t.len();
-        rivet_files::note(format_args!(
-            "rivet predict: {}: {alone} rows stand alone between holes; their torque is interpolated and counts in no error",
-            log.path.display()
-        ));
-        self.tau.iter().map(|tau| interpolate(&self.t, tau, &log.t)).collect()
+        if alone == 0 {
+            return (self.tau, alone);
+        }
+        (self.tau.iter().map(|tau| interpolate(&self.t, tau, &log.t)).collect(), alone)
     }
 }
 
@@ -153,7 +149,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
         all.add(piece, &predicted);
     }
-    let mut tau = all.finish(&log);
+    let (mut tau, alone) = all.finish(&log);
+    if alone > 0 {
+        rivet_files::note(format_args!(
+            "rivet predict: {}: {alone} rows stand alone between holes; their torque is interpolated and counts in no error",
+            log.path.display()
+        ));
+    }
     for warning in excessive(&robot, &log, &tau) {
         warning.warn();
     }

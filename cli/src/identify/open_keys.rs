@@ -331,19 +331,22 @@ mod tests {
         (0..(20.0 / period_s) as usize).map(|k| round(position(k))).collect()
     }
 
+    /// The band filter passes `MOTION_SHARE` of the power of a wave from 1.58 times its frequency on: `(1 + (f/fc)^8)^-2 = 0.95`. The next edge of a
+    /// band is at most a quarter of an octave above that.
     #[test]
     fn bandwidth_follows_the_motion_not_the_encoder_steps() {
+        let most = 1.58 * 2.0_f64.powf(1.0 / BANDS_PER_OCTAVE);
         for (period_s, step) in [(0.01, 0.0), (0.01, 4e-4), (0.002, 4e-4), (0.001, 1e-4)] {
             let noise = step / 12.0_f64.sqrt();
             for hz in [0.5, 1.5, 4.0] {
                 let found = band(&[&wave(hz, period_s, step)], period_s, noise).expect("motion").motion_hz;
-                assert!((0.9 * hz..1.6 * hz).contains(&found), "{hz} Hz, {period_s} s, {step} rad: {found}");
+                assert!((hz..most * hz).contains(&found), "{hz} Hz, {period_s} s, {step} rad: {found}");
             }
         }
     }
 
     #[test]
-    fn noise_alone_has_no_bandwidth() {
+    fn noise_alone_widens_no_bandwidth() {
         // A linear congruential generator: white enough for a band's variance.
         let mut state = 1_u64;
         let mut next = || {
@@ -351,18 +354,20 @@ mod tests {
             (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
         let noise: Vec<f64> = (0..20_000).map(|_| 1e-3 * next()).collect();
-        assert!(band(&[&noise], 0.002, 1e-3 / 12.0_f64.sqrt()).is_none());
+        // The ends of a record leak into the lowest band, which decides nothing.
+        let found = band(&[&noise], 0.002, 1e-3 / 12.0_f64.sqrt());
+        assert!(found.is_none_or(|found| found.motion_hz <= LOWEST_BAND_HZ), "{found:?}");
     }
 
     #[test]
-    fn coarse_encoders_and_slow_logs_lower_the_cutoff() {
-        let cutoff = |period_s: f64, step: f64| {
-            let found = band(&[&wave(1.5, period_s, step)], period_s, step / 12.0_f64.sqrt()).expect("motion");
-            let fast = Band { motion_hz: 4.0 * found.motion_hz, ..found };
-            FilterChoice::new(fast, 0.0, 1.0 / period_s).cutoff_hz
-        };
-        assert!(cutoff(0.002, 0.05) < 0.8 * cutoff(0.002, 1e-5));
-        assert!(cutoff(0.01, 1e-5) < 0.8 * cutoff(0.002, 1e-5));
+    fn noisy_accelerations_and_slow_logs_lower_the_cutoff() {
+        let motion = Band { motion_hz: 10.0, noise_hz: f64::INFINITY, stretches_hz: 0.0 };
+        let choose = |band: Band, rate_hz: f64| FilterChoice::new(band, 0.0, rate_hz);
+        let [fast, slow] = [500.0, 100.0].map(|rate_hz| choose(motion, rate_hz));
+        assert_eq!((fast.cutoff_hz, fast.limit), (20.0, Limit::Motion));
+        assert_eq!((slow.cutoff_hz, slow.limit), (6.0, Limit::Rate));
+        let noisy = choose(Band { noise_hz: 7.0, ..motion }, 500.0);
+        assert_eq!((noisy.cutoff_hz, noisy.limit), (7.0, Limit::Noise));
     }
 
     #[test]

@@ -129,5 +129,5 @@ fn a_row_alone_between_holes_ends_nothing() {
     let (text, found) = told(&robot, 1.0, 2, |row| !(10_000..10_600).contains(&row) || row == 10_300);
     assert_eq!(found["parameters"].as_array().map(Vec::len), Some(58), "{text}");
     let words: Vec<&str> = text.split_whitespace().collect();
-    assert!(words.join(" ").contains("Standard deviations do not include that"), "{text}");
+    assert!(words.join(" ").contains("Standard deviations include the effect of this rounding"), "{text}");
 }
