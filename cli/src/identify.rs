@@ -334,7 +334,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let mut instrumental = instrumental.with_context(of_logs)?;
     let chosen = choose(robot, &least_squares, &instrumental);
     let torque_steps = that_matter(&torque_steps, &chosen.noise);
-    // Rows that stand alone between holes have no motion to be rounded along: then nobody knows.
+    // Where the torque of rounded rows cannot be predicted, nobody knows.
     let moved = rounding::moved(robot, logs, &torque_steps, &chosen.values);
     let known = if moved.is_ok() { ROUNDED_AGAIN } else { NOT_ROUNDED_AGAIN };
     let moved = moved.unwrap_or_default();

@@ -76,7 +76,7 @@ impl Store {
             TryLockError::Error(source) => fail(&path, source),
             TryLockError::WouldBlock => fail(&path, io::Error::other("another process stores this robot's parameters")),
         })?;
-        (self.lock, self.refused) = (Some(lock), None);
+        self.lock = Some(lock);
         self.remove_unfinished();
         Ok(())
     }
@@ -241,7 +241,12 @@ impl Store {
     /// # Errors
     /// It could not be written; the generations are then as they were.
     pub fn save(&mut self, knowledge: &Knowledge) -> Result<(), StoreError> {
-        self.take()?;
+        if self.refused.is_some() {
+            self.take()?;
+            // A start that could not write has left files of other models in their places.
+            self.set_others_aside(knowledge.model_hash)?;
+            self.refused = None;
+        }
         let newest = || {
             let sound = |(_, content): &(PathBuf, Option<Result<Entry, Problem>>)| match content {
                 Some(Ok(entry)) => Some(entry.generation),

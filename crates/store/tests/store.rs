@@ -113,6 +113,26 @@ fn another_model_is_set_aside_and_another_robot_is_not_read() {
     assert_eq!(loaded.problems[0].1, Problem::OtherRobot("ur10e".to_owned()));
 }
 
+/// A folder that cannot be taken at the start is taken by the first save that can, which writes over no other model's file.
+#[test]
+fn a_folder_that_can_be_written_later_keeps_what_is_in_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (state, away) = (folder.path().join("state"), folder.path().join("away"));
+    store(&state).save(&knowledge(1)).expect("written");
+    fs::rename(&state, &away).and_then(|()| fs::write(&state, "in its place")).expect("moved");
+    let mut late = store(&state);
+    let other = Knowledge { model_hash: HASH + 1, ..knowledge(2) };
+    assert!(late.refused().is_some() && late.save(&other).is_err());
+    fs::remove_file(&state).and_then(|()| fs::rename(&away, &state)).expect("moved back");
+    late.save(&other).expect("written");
+    assert!(
+        late.refused().is_none() && files(&state).iter().any(|name| name.contains("state-of-")),
+        "{:?}",
+        files(&state)
+    );
+    assert_eq!(late.load(HASH + 1).knowledge, Some(other));
+}
+
 /// A disk that takes nothing: the error says which file, and what was there is still there.
 #[test]
 fn what_cannot_be_written_changes_nothing() {
