@@ -151,14 +151,21 @@ fn off_line_deviations_hold_on_an_arm_that_sticks() {
     assert!(100 * held >= 85 * all, "{held} of {all}");
 }
 
-/// With friction as the model has it, rows beside a stop hold little that is in no other: they count on most joints like any other.
+/// Rows next to a stop lose weight where friction sticks. With friction as the model has it they keep most of it: unmodelled
+/// torque near zero speed is left, 20 to 70 % of the weight on three draws, against 1 to 13 % on an arm that sticks.
 #[test]
-fn rows_beside_a_stop_count_where_nothing_sticks() {
-    let (held, all, beside) = coverage("manutec-r3", "--duration 40 --friction-velocity 0.004 --seed 5");
-    assert!(100 * held >= 85 * all, "{held} of {all}");
-    let less = |joint: &&Value| joint["weight"].as_f64().is_some_and(|weight| weight < 0.2);
-    assert!(beside.iter().filter(less).count() == 0, "{beside:?}");
-    assert!(beside.iter().filter(|joint| joint.is_null()).count() >= 3, "{beside:?}");
+fn rows_beside_a_stop_keep_their_weight_where_nothing_sticks() {
+    let weights = |how: &str| {
+        let (held, all, beside) = coverage("manutec-r3", &format!("--duration 40 --seed 5{how}"));
+        let weight = |joint: &Value| joint["weight"].as_f64().unwrap_or(1.0);
+        (100 * held / all, beside.iter().map(weight).collect::<Vec<f64>>())
+    };
+    let (held, smooth) = weights(" --friction-velocity 0.004");
+    assert!(held >= 85, "{held} % within two deviations");
+    let (_, sticks) = weights("");
+    for (j, (smooth, sticks)) in smooth.iter().zip(&sticks).enumerate() {
+        assert!(*smooth >= 0.2 && *smooth >= 2.0 * sticks, "joint {}: {smooth} and {sticks}", j + 1);
+    }
 }
 
 /// With differences of the steps as they are, 69, 62 and 67 % of the true values lay within two standard deviations.

@@ -7,8 +7,11 @@
 //!
 //! ```text
 //! s_o² = Σ_o e² / n_o,  s_b² = Σ_b e² / n_b      residuals of the ordinary rows and of those beside a stop, joint by joint
-//! t = min(1, s_o² / s_b²)                       weight of a row beside a stop, that of an ordinary one being 1
+//! t = s_o² / s_b²                               weight of a row beside a stop, that of an ordinary one being 1
+//! d = √(2 / m_o + 2 / m_b)                      standard deviation of ln t by chance, with m independent rows of a kind
 //! ```
+//!
+//! Where `ln t > -2 d`, chance explains the difference, and all rows count alike.
 //!
 //! The residuals are those of the fit in which all rows count alike. A law of friction that remembers its direction over some
 //! travel knows what happens beside a stop: there all rows count.
@@ -32,6 +35,9 @@ const STOPS: f64 = 4.0;
 /// of one kind, and how little it leaves there proves nothing against the other. (Kinova's joint 7 has 14 parameters and six such
 /// rows beside stops: doubting those spoils the whole arm, 497 instead of 43 %.)
 const INDEPENDENT_ROWS: f64 = 1.0;
+/// Standard deviations of the logarithm of the ratio that chance may explain. Without this bound, rows of joints that do not
+/// stick lose weight in every second log.
+const CHANCE_DEVIATIONS: f64 = 2.0;
 
 /// Whether the filter mixes standstill of a joint into a sample, `[joint][sample]`.
 pub(super) fn beside_stop(
@@ -71,7 +77,8 @@ pub(super) fn trust<'a>(records: impl Iterator<Item = &'a JointRows>, residuals:
     if ordinary.min(beside) < INDEPENDENT_ROWS * columns as f64 {
         return 1.0;
     }
+    let chance = (2.0 / ordinary + 2.0 / beside).sqrt();
     let [ordinary, beside] = [0, 1].map(|k| square[k] / count[k]);
-    // A perfect fit says nothing of either.
-    if ordinary > 0.0 && beside > ordinary { ordinary / beside } else { 1.0 }
+    // A perfect fit decides nothing.
+    if ordinary > 0.0 && (beside / ordinary).ln() > CHANCE_DEVIATIONS * chance { ordinary / beside } else { 1.0 }
 }
