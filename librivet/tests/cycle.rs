@@ -44,6 +44,15 @@ fn others(private: &PrivateBus, stop: &AtomicBool) {
     }
 }
 
+/// Ends the others, also when the test fails.
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 #[allow(unsafe_code, reason = "calls the C interface")]
 fn open(private: &PrivateBus) -> *mut RivetRobot {
     let text = |bytes: &[u8]| CString::new(bytes).expect("no zero byte");
@@ -73,6 +82,7 @@ fn the_cycle_neither_allocates_nor_waits() {
     let mut seen = [0_u64; 5];
     std::thread::scope(|scope| {
         scope.spawn(|| others(&private, &stop));
+        let _end = End(&stop);
         for cycle in 0..CYCLES {
             // SAFETY, here and below: an open robot, used by this thread only, and values of the right types.
             let mut status = Status::Internal;
@@ -100,7 +110,6 @@ fn the_cycle_neither_allocates_nor_waits() {
             });
             clean("rivet_wait_command", cycle, u32::MAX, waiting);
         }
-        stop.store(true, Ordering::Relaxed);
     });
     // The guard sees what it has to see.
     let allocation = watched(&[], || drop(std::hint::black_box(Box::new(1))));
