@@ -105,10 +105,7 @@ impl Core {
     ) -> Command {
         let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        let mut x = self.acting;
-        for (x, friction) in x.iter_mut().zip(&self.friction) {
-            *x = if *friction { 0.0 } else { *x };
-        }
+        let x = self.without_friction();
         if let Some(stopping) = &mut self.stopping {
             stopping.periods = stopping.periods.saturating_add(elapsed);
             let stopping_s = stopping.periods as f64 * self.period_s;
