@@ -204,7 +204,9 @@ mod tests {
         for path in ["/dev/fd/3", "/proc/self/fd/3", "/proc/17/fd/0"] {
             assert!(is_open_file(Path::new(path)), "{path}");
         }
-        for path in ["/dev/fd/../shm/x", "/proc/../tmp/fd/3", "/proc/self/fd/x", "/proc/self/cwd/fd/3", "/dev/fd/", "fd/3"] {
+        for path in
+            ["/dev/fd/../shm/x", "/proc/../tmp/fd/3", "/proc/self/fd/x", "/proc/self/cwd/fd/3", "/dev/fd/", "fd/3"]
+        {
             assert!(!is_open_file(Path::new(path)), "{path}");
         }
     }
