@@ -312,6 +312,7 @@ impl Loop {
             let mut health = ControllerHealth::default();
             self.core.write_health(&mut health);
             health.stamp_ns = now;
+            health.polls = self.ports.arrival.polls().into();
             [health.foreign_joint_states, health.foreign_setpoints, health.foreign_parameters] = foreign;
             // A service thread that does not keep up costs messages, never the loop's time.
             let _ = self.outbound.push(health);

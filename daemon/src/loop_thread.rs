@@ -394,6 +394,7 @@ impl RealTimeLoop {
         self.timing.write_health(health);
         health.stamp_ns = start;
         health.publishers = publishers as u32;
+        health.polls = self.pace.polls().into();
         if foreign > 0 && health.input_fault == u32::from(InputFault::None) {
             health.input_fault = InputFault::SecondPublisher.into();
         }

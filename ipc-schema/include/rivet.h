@@ -612,7 +612,7 @@ RIVET_ASSERT(offsetof(rivet_consistent_parameters_v1, smallest_eigenvalue) == 17
 
 /* How the daemon is doing, a few times a second, on service `rivet/<robot>/health`. Counters run since the daemon's
  * start and never go back. */
-#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v6"
+#define RIVET_HEALTH_TYPE_NAME "rivet.Health.v7"
 typedef struct {
     /* seq of the last joint state taken in. */
     uint64_t seq;
@@ -708,55 +708,55 @@ typedef struct {
     uint64_t rows_doubted;
     /* A RIVET_STATE_FOLDER_*: whether parameters and flight records can be written. */
     uint32_t state_folder;
-    /* Zero. */
-    uint32_t reserved;
-} rivet_health_v6;
-RIVET_ASSERT(sizeof(rivet_health_v6) == 1016);
-RIVET_ASSERT(offsetof(rivet_health_v6, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_health_v6, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_health_v6, samples) == 16);
-RIVET_ASSERT(offsetof(rivet_health_v6, lost) == 24);
-RIVET_ASSERT(offsetof(rivet_health_v6, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_health_v6, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_health_v6, rejected_faults) == 48);
-RIVET_ASSERT(offsetof(rivet_health_v6, gaps) == 56);
-RIVET_ASSERT(offsetof(rivet_health_v6, setpoints_missing) == 64);
-RIVET_ASSERT(offsetof(rivet_health_v6, catch_up_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_health_v6, periods) == 80);
-RIVET_ASSERT(offsetof(rivet_health_v6, overruns) == 88);
-RIVET_ASSERT(offsetof(rivet_health_v6, dropped_messages) == 96);
-RIVET_ASSERT(offsetof(rivet_health_v6, held) == 104);
-RIVET_ASSERT(offsetof(rivet_health_v6, active) == 108);
-RIVET_ASSERT(offsetof(rivet_health_v6, mode) == 112);
-RIVET_ASSERT(offsetof(rivet_health_v6, instruments) == 116);
-RIVET_ASSERT(offsetof(rivet_health_v6, residual_rms) == 120);
-RIVET_ASSERT(offsetof(rivet_health_v6, nominal_residual_rms) == 184);
-RIVET_ASSERT(offsetof(rivet_health_v6, torque_rms) == 248);
-RIVET_ASSERT(offsetof(rivet_health_v6, wake_histogram) == 312);
-RIVET_ASSERT(offsetof(rivet_health_v6, work_histogram) == 440);
-RIVET_ASSERT(offsetof(rivet_health_v6, worst_wake_ns) == 568);
-RIVET_ASSERT(offsetof(rivet_health_v6, worst_work_ns) == 576);
-RIVET_ASSERT(offsetof(rivet_health_v6, loop_lag_s) == 584);
-RIVET_ASSERT(offsetof(rivet_health_v6, cycle_s) == 648);
-RIVET_ASSERT(offsetof(rivet_health_v6, window_s) == 656);
-RIVET_ASSERT(offsetof(rivet_health_v6, hausman) == 664);
-RIVET_ASSERT(offsetof(rivet_health_v6, hausman_p_value) == 672);
-RIVET_ASSERT(offsetof(rivet_health_v6, instrument_ratio) == 680);
-RIVET_ASSERT(offsetof(rivet_health_v6, hausman_degrees) == 744);
-RIVET_ASSERT(offsetof(rivet_health_v6, input_fault) == 748);
-RIVET_ASSERT(offsetof(rivet_health_v6, input_joints) == 752);
-RIVET_ASSERT(offsetof(rivet_health_v6, last_input_fault) == 756);
-RIVET_ASSERT(offsetof(rivet_health_v6, load_level) == 760);
-RIVET_ASSERT(offsetof(rivet_health_v6, publishers) == 764);
-RIVET_ASSERT(offsetof(rivet_health_v6, input_faults) == 768);
-RIVET_ASSERT(offsetof(rivet_health_v6, recovery_s) == 960);
-RIVET_ASSERT(offsetof(rivet_health_v6, load_changes) == 968);
-RIVET_ASSERT(offsetof(rivet_health_v6, load_seq) == 976);
-RIVET_ASSERT(offsetof(rivet_health_v6, late_sets) == 984);
-RIVET_ASSERT(offsetof(rivet_health_v6, samples_held) == 992);
-RIVET_ASSERT(offsetof(rivet_health_v6, rows_doubted) == 1000);
-RIVET_ASSERT(offsetof(rivet_health_v6, state_folder) == 1008);
-RIVET_ASSERT(offsetof(rivet_health_v6, reserved) == 1012);
+    /* 1 while joint states come without the wake-up event, so that a daemon that waits for it polls; else 0. */
+    uint32_t polls;
+} rivet_health_v7;
+RIVET_ASSERT(sizeof(rivet_health_v7) == 1016);
+RIVET_ASSERT(offsetof(rivet_health_v7, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_health_v7, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_health_v7, samples) == 16);
+RIVET_ASSERT(offsetof(rivet_health_v7, lost) == 24);
+RIVET_ASSERT(offsetof(rivet_health_v7, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_health_v7, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_health_v7, rejected_faults) == 48);
+RIVET_ASSERT(offsetof(rivet_health_v7, gaps) == 56);
+RIVET_ASSERT(offsetof(rivet_health_v7, setpoints_missing) == 64);
+RIVET_ASSERT(offsetof(rivet_health_v7, catch_up_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_health_v7, periods) == 80);
+RIVET_ASSERT(offsetof(rivet_health_v7, overruns) == 88);
+RIVET_ASSERT(offsetof(rivet_health_v7, dropped_messages) == 96);
+RIVET_ASSERT(offsetof(rivet_health_v7, held) == 104);
+RIVET_ASSERT(offsetof(rivet_health_v7, active) == 108);
+RIVET_ASSERT(offsetof(rivet_health_v7, mode) == 112);
+RIVET_ASSERT(offsetof(rivet_health_v7, instruments) == 116);
+RIVET_ASSERT(offsetof(rivet_health_v7, residual_rms) == 120);
+RIVET_ASSERT(offsetof(rivet_health_v7, nominal_residual_rms) == 184);
+RIVET_ASSERT(offsetof(rivet_health_v7, torque_rms) == 248);
+RIVET_ASSERT(offsetof(rivet_health_v7, wake_histogram) == 312);
+RIVET_ASSERT(offsetof(rivet_health_v7, work_histogram) == 440);
+RIVET_ASSERT(offsetof(rivet_health_v7, worst_wake_ns) == 568);
+RIVET_ASSERT(offsetof(rivet_health_v7, worst_work_ns) == 576);
+RIVET_ASSERT(offsetof(rivet_health_v7, loop_lag_s) == 584);
+RIVET_ASSERT(offsetof(rivet_health_v7, cycle_s) == 648);
+RIVET_ASSERT(offsetof(rivet_health_v7, window_s) == 656);
+RIVET_ASSERT(offsetof(rivet_health_v7, hausman) == 664);
+RIVET_ASSERT(offsetof(rivet_health_v7, hausman_p_value) == 672);
+RIVET_ASSERT(offsetof(rivet_health_v7, instrument_ratio) == 680);
+RIVET_ASSERT(offsetof(rivet_health_v7, hausman_degrees) == 744);
+RIVET_ASSERT(offsetof(rivet_health_v7, input_fault) == 748);
+RIVET_ASSERT(offsetof(rivet_health_v7, input_joints) == 752);
+RIVET_ASSERT(offsetof(rivet_health_v7, last_input_fault) == 756);
+RIVET_ASSERT(offsetof(rivet_health_v7, load_level) == 760);
+RIVET_ASSERT(offsetof(rivet_health_v7, publishers) == 764);
+RIVET_ASSERT(offsetof(rivet_health_v7, input_faults) == 768);
+RIVET_ASSERT(offsetof(rivet_health_v7, recovery_s) == 960);
+RIVET_ASSERT(offsetof(rivet_health_v7, load_changes) == 968);
+RIVET_ASSERT(offsetof(rivet_health_v7, load_seq) == 976);
+RIVET_ASSERT(offsetof(rivet_health_v7, late_sets) == 984);
+RIVET_ASSERT(offsetof(rivet_health_v7, samples_held) == 992);
+RIVET_ASSERT(offsetof(rivet_health_v7, rows_doubted) == 1000);
+RIVET_ASSERT(offsetof(rivet_health_v7, state_folder) == 1008);
+RIVET_ASSERT(offsetof(rivet_health_v7, polls) == 1012);
 
 /* Where the daemon's real-time thread spends its time, with every health message, on service
  * `rivet/<robot>/timing`. Counts run since the daemon's start. */
@@ -838,7 +838,7 @@ RIVET_ASSERT(offsetof(rivet_drift_v1, reference_rms) == 448);
 /* How the controller is doing and which
  * parameters it trusts, a few times a second and at every change, on service `rivet/<robot>/controller-health`.
  * Counters run since the controller's start and never go back. */
-#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v4"
+#define RIVET_CONTROLLER_HEALTH_TYPE_NAME "rivet.ControllerHealth.v5"
 typedef struct {
     /* seq of the last joint state answered. */
     uint64_t seq;
@@ -916,45 +916,51 @@ typedef struct {
     double nominal_prediction_rms[RIVET_MAX_JOINTS];
     /* Largest step of the command from one period to the next [N m, or N]. */
     double largest_step[RIVET_MAX_JOINTS];
-} rivet_controller_health_v4;
-RIVET_ASSERT(sizeof(rivet_controller_health_v4) == 784);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, seq) == 0);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, stamp_ns) == 8);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, commands) == 16);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, passed_over) == 24);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, refused_stale) == 32);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, refused_invalid) == 40);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, stops) == 48);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, broken) == 56);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, saturated) == 64);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, rate_limited) == 72);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, setpoints_limited) == 80);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, accepted) == 88);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, switches) == 96);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, epoch) == 104);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, parameters_seq) == 112);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_joint_states) == 120);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_setpoints) == 128);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, foreign_parameters) == 136);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, strayed) == 144);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, setpoints_refused) == 152);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, resumed) == 160);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_causes) == 168);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, refusals) == 360);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, source) == 488);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, source_reason) == 492);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, last_refusal) == 496);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, state) == 500);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_cause) == 504);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, stop_joints) == 508);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_refusal) == 512);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, plan_joints) == 516);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, joints) == 520);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, state_folder) == 524);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, tracking_rms) == 528);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, prediction_rms) == 592);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, nominal_prediction_rms) == 656);
-RIVET_ASSERT(offsetof(rivet_controller_health_v4, largest_step) == 720);
+    /* 1 while joint states come without the wake-up event, so that the controller polls; else 0. */
+    uint32_t polls;
+    /* Zero. */
+    uint32_t reserved;
+} rivet_controller_health_v5;
+RIVET_ASSERT(sizeof(rivet_controller_health_v5) == 792);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, seq) == 0);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, stamp_ns) == 8);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, commands) == 16);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, passed_over) == 24);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, refused_stale) == 32);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, refused_invalid) == 40);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, stops) == 48);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, broken) == 56);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, saturated) == 64);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, rate_limited) == 72);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, setpoints_limited) == 80);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, accepted) == 88);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, switches) == 96);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, epoch) == 104);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, parameters_seq) == 112);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, foreign_joint_states) == 120);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, foreign_setpoints) == 128);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, foreign_parameters) == 136);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, strayed) == 144);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, setpoints_refused) == 152);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, resumed) == 160);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, stop_causes) == 168);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, refusals) == 360);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, source) == 488);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, source_reason) == 492);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, last_refusal) == 496);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, state) == 500);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, stop_cause) == 504);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, stop_joints) == 508);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, plan_refusal) == 512);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, plan_joints) == 516);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, joints) == 520);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, state_folder) == 524);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, tracking_rms) == 528);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, prediction_rms) == 592);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, nominal_prediction_rms) == 656);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, largest_step) == 720);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, polls) == 784);
+RIVET_ASSERT(offsetof(rivet_controller_health_v5, reserved) == 788);
 
 /* What anyone may ask of the daemon, on service `rivet/<robot>/control`. */
 #define RIVET_CONTROL_REQUEST_TYPE_NAME "rivet.ControlRequest.v1"

@@ -289,7 +289,7 @@ class Health(_Message):
     daemon's start and never go back.
     """
 
-    TYPE_NAME = "rivet.Health.v6"
+    TYPE_NAME = "rivet.Health.v7"
     _fields_ = [
         # seq of the last joint state taken in.
         ("seq", ctypes.c_uint64),
@@ -385,8 +385,8 @@ class Health(_Message):
         ("rows_doubted", ctypes.c_uint64),
         # A STATE_FOLDER: whether parameters and flight records can be written.
         ("state_folder", ctypes.c_uint32),
-        # Zero.
-        ("reserved", ctypes.c_uint32),
+        # 1 while joint states come without the wake-up event, so that a daemon that waits for it polls; else 0.
+        ("polls", ctypes.c_uint32),
     ]
 
 
@@ -459,7 +459,7 @@ class ControllerHealth(_Message):
     health`. Counters run since the controller's start and never go back.
     """
 
-    TYPE_NAME = "rivet.ControllerHealth.v4"
+    TYPE_NAME = "rivet.ControllerHealth.v5"
     _fields_ = [
         # seq of the last joint state answered.
         ("seq", ctypes.c_uint64),
@@ -537,6 +537,10 @@ class ControllerHealth(_Message):
         ("nominal_prediction_rms", ctypes.c_double * MAX_JOINTS),
         # Largest step of the command from one period to the next [N m, or N].
         ("largest_step", ctypes.c_double * MAX_JOINTS),
+        # 1 while joint states come without the wake-up event, so that the controller polls; else 0.
+        ("polls", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
     ]
 
 
@@ -680,7 +684,7 @@ LAYOUT = {
         "samples_held": 992,
         "rows_doubted": 1000,
         "state_folder": 1008,
-        "reserved": 1012,
+        "polls": 1012,
     }),
     Timing: (2264, {
         "stamp_ns": 0,
@@ -706,7 +710,7 @@ LAYOUT = {
         "residual_rms": 192,
         "reference_rms": 448,
     }),
-    ControllerHealth: (784, {
+    ControllerHealth: (792, {
         "seq": 0,
         "stamp_ns": 8,
         "commands": 16,
@@ -744,6 +748,8 @@ LAYOUT = {
         "prediction_rms": 592,
         "nominal_prediction_rms": 656,
         "largest_step": 720,
+        "polls": 784,
+        "reserved": 788,
     }),
     ControlRequest: (8, {
         "command": 0,

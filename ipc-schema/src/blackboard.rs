@@ -189,6 +189,11 @@ pub struct BlackboardReader<T: Stamped> {
     tried_ns: Option<u64>,
 }
 
+#[allow(unsafe_code, reason = "the bus library marks its entry handle as bound to a thread, for its reference counts")]
+// SAFETY: the counts that are not atomic belong to the ports of one reader. Node, service, reader and handle are private to this
+// struct, no other port shares them, and none is handed out. They move together, so only one thread at a time counts.
+unsafe impl<T: Stamped> Send for BlackboardReader<T> {}
+
 impl<T: Stamped> fmt::Debug for BlackboardReader<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "BlackboardReader<{}> of {}", T::TYPE_NAME, self.name)

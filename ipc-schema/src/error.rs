@@ -86,6 +86,19 @@ pub enum BusError {
     /// Another version of the message is spoken on the service.
     #[error("{0}")]
     Version(VersionMismatch),
+    /// A service exists with settings that are too small for rivet's programs: another program created it.
+    #[error(
+        "service {service} has {found}, and rivet needs {needed}: end the program that created it, start rivetd, then that program; \
+         or use librivet there, which creates services with these settings"
+    )]
+    Settings {
+        /// Full name of the service.
+        service: String,
+        /// The settings that it has.
+        found: String,
+        /// The settings that all parties ask for.
+        needed: String,
+    },
     /// A service could not be opened, or a port of it could not be made.
     #[error("service {service}: cannot open {role}: {why}")]
     Open {

@@ -8,7 +8,8 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::{Listener as IoxListener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier as IoxNotifier;
-use iceoryx2::prelude::{Config, ServiceName, ipc};
+use iceoryx2::prelude::{Config, MessagingPattern, ServiceName, ipc};
+use iceoryx2::service::Service as _;
 use iceoryx2::service::builder::event::{
     EventCreateError as CreateError, EventOpenError as OpenError, EventOpenOrCreateError as OpenOrCreateError,
 };
@@ -52,11 +53,36 @@ pub(crate) fn open_service(
                 )
         )
     };
-    retry(config, attempt, passing).map_err(|e| BusError::Open {
-        service: name.to_string(),
-        role,
-        why: format!("{e:?}"),
+    retry(config, attempt, passing).map_err(|e| {
+        if matches!(&e, OpenOrCreateError::EventOpenError(why) if differs(*why))
+            && let Some(found) = settings(config, name)
+        {
+            let needed = listed(MAX_PUBLISHERS, MAX_SUBSCRIBERS, MAX_NODES);
+            return BusError::Settings { service: format!("{name} (event)"), found, needed };
+        }
+        BusError::Open { service: name.to_string(), role, why: format!("{e:?}") }
     })
+}
+
+/// Whether an event service was not opened since it has other settings than the ones asked for.
+fn differs(why: OpenError) -> bool {
+    matches!(
+        why,
+        OpenError::DoesNotSupportRequestedAmountOfNotifiers
+            | OpenError::DoesNotSupportRequestedAmountOfListeners
+            | OpenError::DoesNotSupportRequestedAmountOfNodes
+    )
+}
+
+/// The settings of an existing event service.
+fn settings(config: &Config, name: &ServiceName) -> Option<String> {
+    let details = ipc::Service::details(name, config, MessagingPattern::Event).ok()??;
+    let it = details.static_details.event();
+    Some(listed(it.max_notifiers(), it.max_listeners(), it.max_nodes()))
+}
+
+fn listed(notifiers: usize, listeners: usize, nodes: usize) -> String {
+    format!("notifiers {notifiers}, listeners {listeners}, nodes {nodes}")
 }
 
 /// Wakes the listeners of a service. Call after [`send`](crate::Publisher::send); one datagram a listener

@@ -20,7 +20,7 @@
 //! [`Subscriber::receive`], [`BlackboardReader::latest`] and [`BlackboardWriter::write`] neither allocate nor
 //! make a system call (as long as no publisher joins or leaves). Everything else does: publishers, events,
 //! control and every opening belong on another thread. A [`Bus`] and its ports stay on the thread that
-//! opened them; a second thread opens its own.
+//! opened them; a second thread opens its own. Only a [`BlackboardReader`] may move to another thread.
 
 mod blackboard;
 mod bus;

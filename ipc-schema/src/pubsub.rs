@@ -5,7 +5,8 @@ use iceoryx2::port::publisher::Publisher as IoxPublisher;
 use iceoryx2::port::subscriber::Subscriber as IoxSubscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{ReceiveError, SendError};
-use iceoryx2::prelude::{BackpressureStrategy, Config, ServiceName, ipc};
+use iceoryx2::prelude::{BackpressureStrategy, Config, MessagingPattern, ServiceName, ipc};
+use iceoryx2::service::Service as _;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError as CreateError, PublishSubscribeOpenError as OpenError,
     PublishSubscribeOpenOrCreateError as OpenOrCreateError,
@@ -46,6 +47,25 @@ impl Quality {
     }
 }
 
+impl Quality {
+    /// The settings that all parties ask for, as words for an error.
+    fn needed(self) -> String {
+        self.listed(MAX_PUBLISHERS, MAX_NODES, MAX_BORROWED, true)
+    }
+
+    fn listed(self, publishers: usize, nodes: usize, borrowed: usize, overflow: bool) -> String {
+        let Self { history, buffer, subscribers } = self;
+        let overflow = if overflow { "on" } else { "off" };
+        format!(
+            "publishers {publishers}, subscribers {subscribers}, nodes {nodes}, history {history}, subscriber buffer {buffer}, \
+             borrowed samples {borrowed}, safe overflow {overflow}"
+        )
+    }
+}
+
+/// Samples that a subscriber may hold at a time.
+const MAX_BORROWED: usize = 2;
+
 type Factory<T> = PortFactory<ipc::Service, T, ()>;
 
 /// Opens the service, or creates it with the full limits.
@@ -65,7 +85,7 @@ pub(crate) fn open_service<T: Message>(
             .max_nodes(MAX_NODES)
             .history_size(quality.history)
             .subscriber_max_buffer_size(quality.buffer)
-            .subscriber_max_borrowed_samples(2)
+            .subscriber_max_borrowed_samples(MAX_BORROWED)
             .enable_safe_overflow(true)
             .open_or_create()
     };
@@ -97,8 +117,40 @@ pub(crate) fn open_service<T: Message>(
         {
             return BusError::Version(version::mismatch::<T>(name.as_str(), &carried));
         }
+        if matches!(&e, OpenOrCreateError::PublishSubscribeOpenError(why) if differs(*why))
+            && let Some(found) = settings(config, name)
+        {
+            return BusError::Settings { service: name.to_string(), found, needed: quality.needed() };
+        }
         BusError::Open { service: name.to_string(), role, why: format!("{e:?}") }
     })
+}
+
+/// Whether a service was not opened since it has other settings than the ones asked for.
+fn differs(why: OpenError) -> bool {
+    matches!(
+        why,
+        OpenError::DoesNotSupportRequestedMinBufferSize
+            | OpenError::DoesNotSupportRequestedMinHistorySize
+            | OpenError::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+            | OpenError::DoesNotSupportRequestedAmountOfPublishers
+            | OpenError::DoesNotSupportRequestedAmountOfSubscribers
+            | OpenError::DoesNotSupportRequestedAmountOfNodes
+            | OpenError::IncompatibleOverflowBehavior
+    )
+}
+
+/// The settings of an existing service, as [`Quality::needed`] states them.
+fn settings(config: &Config, name: &ServiceName) -> Option<String> {
+    let details = ipc::Service::details(name, config, MessagingPattern::PublishSubscribe).ok()??;
+    let it = details.static_details.publish_subscribe();
+    let found = Quality {
+        history: it.history_size(),
+        buffer: it.subscriber_max_buffer_size(),
+        subscribers: it.max_subscribers(),
+    };
+    let borrowed = it.subscriber_max_borrowed_samples();
+    Some(found.listed(it.max_publishers(), it.max_nodes(), borrowed, it.has_safe_overflow()))
 }
 
 /// Sends messages of one service. Not for a real-time thread: [`send`](Self::send) allocates and, when a

@@ -1,8 +1,8 @@
 //! The live view.
 
 use crate::snapshot::{
-    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, is_state_lost, load,
-    parameter_state, phases, quantiles, refusals, source, state_folder, worst,
+    POLLS, Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, is_state_lost,
+    load, parameter_state, phases, quantiles, refusals, source, state_folder, worst,
 };
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -110,10 +110,15 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
         let text = Span::styled(state_folder(state), BAD);
         is_state_lost(state).then(|| Line::from(vec![Span::styled("state       ", STRONG), text]))
     };
+    let polls = |polls: u32| {
+        let text = Span::styled(POLLS, BAD);
+        (polls != 0).then(|| Line::from(vec![Span::styled("wake-up     ", STRONG), text]))
+    };
     lines.push(state("daemon      ", s.mode(), &["estimating", "frozen"]));
     if let Some(report) = s.health {
         let h = report.message;
         lines.extend(lost(h.state_folder));
+        lines.extend(polls(h.polls));
         let window = if h.window_s.is_finite() { format!("{:.1} s", h.window_s) } else { "endless".to_owned() };
         lines.push(plain("supervision ", format!("{} move, {} held; window {window}", h.active, h.held)));
         lines.push(plain("instruments ", instruments(h.instruments)));
@@ -128,6 +133,7 @@ fn draw_words(frame: &mut Frame<'_>, area: Rect, s: &Snapshot) {
     if let Some(report) = s.controller {
         let c = report.message;
         lines.extend(lost(c.state_folder));
+        lines.extend(polls(c.polls));
         // What stopped the arm is not to be cut off by a small screen.
         for (label, text) in [("stops       ", s.stops(&c)), ("plan        ", s.refused_plan(&c))] {
             lines.extend(text.map(|text| Line::from(vec![Span::styled(label, STRONG), Span::styled(text, BAD)])));

@@ -312,6 +312,9 @@ pub(crate) fn parameter_state(state: u8) -> &'static str {
     }
 }
 
+/// What a process that polls for samples reports.
+pub(crate) const POLLS: &str = "POLLS: the robot controller does not send the wake-up event";
+
 /// Whether a process can write its state folder.
 pub(crate) fn state_folder(state: u32) -> String {
     match StateFolder::try_from(state) {

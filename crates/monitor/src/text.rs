@@ -1,8 +1,8 @@
 //! One look as text, for scripts: a word at the beginning of each line says what it is about.
 
 use crate::snapshot::{
-    Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load, parameter_state,
-    phases, quantiles, refusals, source, state_folder, worst,
+    POLLS, Snapshot, controller_faults, drops, figure, flags, input_faults, input_state, instruments, load,
+    parameter_state, phases, quantiles, refusals, source, state_folder, worst,
 };
 use rivet_ipc_schema::Health;
 use std::fmt::Write as _;
@@ -27,6 +27,9 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
             writeln!(out, "load         {}", load(&h))?;
             writeln!(out, "drops        {}", drops(&h))?;
             writeln!(out, "state        {}", state_folder(h.state_folder))?;
+            if h.polls != 0 {
+                writeln!(out, "wake-up      {POLLS}")?;
+            }
             writeln!(out, "periods      {}", h.periods)?;
             writeln!(out, "wake         {}", quantiles(&h.wake_histogram, h.worst_wake_ns))?;
             writeln!(out, "work         {}", quantiles(&h.work_histogram, h.worst_work_ns))?;
@@ -64,6 +67,9 @@ fn write(out: &mut String, s: &Snapshot) -> std::fmt::Result {
                 writeln!(out, "c-plan       {refused}")?;
             }
             writeln!(out, "c-state      {}", state_folder(c.state_folder))?;
+            if c.polls != 0 {
+                writeln!(out, "c-wake-up    {POLLS}")?;
+            }
             let refused: Vec<_> = refusals(&c).into_iter().map(|(why, count)| format!("{count} {why}")).collect();
             let refused = if refused.is_empty() { "none".to_owned() } else { refused.join(", ") };
             writeln!(out, "gate         {} sets accepted, refused: {refused}", c.accepted)?;

@@ -1,4 +1,4 @@
-//! `rivet.ControllerHealth.v4`
+//! `rivet.ControllerHealth.v5`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -15,7 +15,7 @@ pub const STOP_CAUSES: usize = 24;
 ///
 /// Counters run since the controller's start and never go back.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.ControllerHealth.v4")]
+#[type_name("rivet.ControllerHealth.v5")]
 #[repr(C)]
 pub struct ControllerHealth {
     /// `seq` of the last joint state answered.
@@ -92,6 +92,10 @@ pub struct ControllerHealth {
     pub nominal_prediction_rms: [f64; MAX_JOINTS],
     /// Largest step of the command from one period to the next \[N m, or N\].
     pub largest_step: [f64; MAX_JOINTS],
+    /// 1 while joint states come without the wake-up event, so that the controller polls; else 0.
+    pub polls: u32,
+    /// Zero. Padding is spelt out, so the layout can be read off the source.
+    pub reserved: u32,
 }
 
 wire_enum!(
@@ -232,7 +236,7 @@ wire_enum!(
     }
 );
 
-message!(ControllerHealth v 4, size 784 align 8, empty ControllerHealth {
+message!(ControllerHealth v 5, size 792 align 8, empty ControllerHealth {
     seq: 0, stamp_ns: 0, commands: 0, passed_over: 0, refused_stale: 0, refused_invalid: 0, stops: 0, broken: 0,
     saturated: 0, rate_limited: 0, setpoints_limited: 0, accepted: 0, switches: 0, epoch: 0, parameters_seq: 0,
     foreign_joint_states: 0, foreign_setpoints: 0, foreign_parameters: 0, strayed: 0, setpoints_refused: 0, resumed: 0,
@@ -240,6 +244,7 @@ message!(ControllerHealth v 4, size 784 align 8, empty ControllerHealth {
     stop_cause: 0, stop_joints: 0, plan_refusal: 0, plan_joints: 0, joints: 0, state_folder: 0,
     tracking_rms: [0.0; MAX_JOINTS], prediction_rms: [f64::NAN; MAX_JOINTS],
     nominal_prediction_rms: [f64::NAN; MAX_JOINTS], largest_step: [0.0; MAX_JOINTS],
+    polls: 0, reserved: 0,
 }, {
     seq @ 0, stamp_ns @ 8, commands @ 16, passed_over @ 24, refused_stale @ 32, refused_invalid @ 40, stops @ 48,
     broken @ 56, saturated @ 64, rate_limited @ 72, setpoints_limited @ 80, accepted @ 88, switches @ 96, epoch @ 104,
@@ -247,6 +252,7 @@ message!(ControllerHealth v 4, size 784 align 8, empty ControllerHealth {
     strayed @ 144, setpoints_refused @ 152, resumed @ 160, stop_causes @ 168, refusals @ 360, source @ 488,
     source_reason @ 492, last_refusal @ 496, state @ 500, stop_cause @ 504, stop_joints @ 508, plan_refusal @ 512, plan_joints @ 516, joints @ 520,
     state_folder @ 524, tracking_rms @ 528, prediction_rms @ 592, nominal_prediction_rms @ 656, largest_step @ 720,
+    polls @ 784, reserved @ 788,
 });
 
 impl Stamped for ControllerHealth {

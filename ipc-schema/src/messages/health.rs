@@ -1,4 +1,4 @@
-//! `rivet.Health.v6`
+//! `rivet.Health.v7`
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -12,9 +12,10 @@ pub const HISTOGRAM_BINS: usize = 32;
 ///
 /// Counters run since the daemon's start and never go back. Version 2 adds what the estimator says about its instruments and
 /// its window, version 3 how far least squares can be trusted beside them, version 4 what is wrong with the input and how
-/// much of the work is done, version 5 what was left aside, version 6 whether the state folder can be written.
+/// much of the work is done, version 5 what was left aside, version 6 whether the state folder can be written, version 7 whether samples come without
+/// the wake-up event.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
-#[type_name("rivet.Health.v6")]
+#[type_name("rivet.Health.v7")]
 #[repr(C)]
 pub struct Health {
     /// `seq` of the last joint state taken in.
@@ -110,8 +111,8 @@ pub struct Health {
     pub rows_doubted: u64,
     /// A [`StateFolder`]: whether parameters and flight records can be written.
     pub state_folder: u32,
-    /// Zero. Padding is spelt out, so the layout can be read off the source.
-    pub reserved: u32,
+    /// 1 while joint states come without the wake-up event, so that a daemon that waits for it polls; else 0.
+    pub polls: u32,
 }
 
 /// Entries of [`Health::input_faults`].
@@ -215,7 +216,7 @@ wire_enum!(
     }
 );
 
-message!(Health v 6, size 1016 align 8, empty Health {
+message!(Health v 7, size 1016 align 8, empty Health {
     seq: 0, stamp_ns: 0, samples: 0, lost: 0, refused_stale: 0, refused_invalid: 0, rejected_faults: 0, gaps: 0,
     setpoints_missing: 0, catch_up_limited: 0, periods: 0, overruns: 0, dropped_messages: 0,
     held: 0, active: 0, mode: 0, instruments: 0,
@@ -225,7 +226,7 @@ message!(Health v 6, size 1016 align 8, empty Health {
     hausman: f64::NAN, hausman_p_value: f64::NAN, instrument_ratio: [f64::NAN; MAX_JOINTS], hausman_degrees: 0,
     input_fault: 0, input_joints: 0, last_input_fault: 0, load_level: 0, publishers: 0,
     input_faults: [0; INPUT_FAULTS], recovery_s: f64::NAN, load_changes: 0, load_seq: 0, late_sets: 0,
-    samples_held: 0, rows_doubted: 0, state_folder: 0, reserved: 0,
+    samples_held: 0, rows_doubted: 0, state_folder: 0, polls: 0,
 }, {
     seq @ 0, stamp_ns @ 8, samples @ 16, lost @ 24, refused_stale @ 32, refused_invalid @ 40, rejected_faults @ 48,
     gaps @ 56, setpoints_missing @ 64, catch_up_limited @ 72, periods @ 80, overruns @ 88, dropped_messages @ 96,
@@ -234,7 +235,7 @@ message!(Health v 6, size 1016 align 8, empty Health {
     loop_lag_s @ 584, cycle_s @ 648, window_s @ 656, hausman @ 664, hausman_p_value @ 672, instrument_ratio @ 680,
     hausman_degrees @ 744, input_fault @ 748, input_joints @ 752, last_input_fault @ 756, load_level @ 760,
     publishers @ 764, input_faults @ 768, recovery_s @ 960, load_changes @ 968, load_seq @ 976, late_sets @ 984,
-    samples_held @ 992, rows_doubted @ 1000, state_folder @ 1008, reserved @ 1012,
+    samples_held @ 992, rows_doubted @ 1000, state_folder @ 1008, polls @ 1012,
 });
 
 impl Stamped for Health {

@@ -164,3 +164,25 @@ fn control_of_another_version_is_refused() {
         "{refusal}"
     );
 }
+
+/// A robot controller of somebody's own that creates its services first, with the bus library's default settings.
+#[test]
+fn services_with_other_settings_are_named_with_both_settings_and_the_mend() {
+    let private = PrivateBus::new("settings");
+    let node = foreign_node(&private);
+    let _states = node
+        .service_builder(&name("joint-state"))
+        .publish_subscribe::<rivet_ipc_schema::JointState>()
+        .create()
+        .expect("foreign");
+    let _event = node.service_builder(&name("joint-state")).event().max_nodes(20).create().expect("foreign");
+    let bus = Bus::open(private.config(), &robot(), "ours").expect("bus");
+    let refusal = bus.joint_state_subscriber().unwrap_err();
+    let BusError::Settings { service, found, needed } = &refusal else { panic!("{refusal:?}") };
+    assert_eq!(service, "rivet/x/joint-state");
+    assert!(found.contains("subscriber buffer 2,") && found.contains("subscribers 8,"), "{found}");
+    assert!(needed.contains("subscriber buffer 1024,") && needed.contains("subscribers 16,"), "{needed}");
+    assert!(refusal.to_string().contains("start rivetd, then that program"), "{refusal}");
+    let refusal = bus.joint_state_notifier().unwrap_err().to_string();
+    assert!(refusal.contains("joint-state (event)") && refusal.contains("nodes 20, and rivet needs"), "{refusal}");
+}

@@ -1,9 +1,10 @@
-//! `cargo xtask install`: programs, units, user, directories, robots, headers.
+//! `cargo xtask install`: programs, library, units, user, directories, robots, headers.
 
 use anyhow::{Context as _, Result, ensure};
 use rivet_files::Draft;
 use std::fs;
 use std::io::Write as _;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -14,6 +15,12 @@ const PROGRAMS: [(&str, &str, &str); 4] = [
     ("rivet-controller", "rivet-controller", "service"),
     ("rivet-sim", "rivet-simulation", "release"),
 ];
+/// The package of the library for robot controllers. It is built with the profile `release`: it catches panics.
+const LIBRARY: &str = "librivet";
+/// The shared library's file: its soname.
+const SHARED_LIBRARY: &str = "librivet.so.1";
+/// What a program that links the static library needs beside it (`rustc --print native-static-libs`).
+const STATIC_NEEDS: &str = "-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc";
 /// Folder beside the programs with man pages and completions, laid out as `share`.
 const GENERATED: &str = "generated";
 /// Where the units in the source say that the programs and their documents are.
@@ -36,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let installed = install(source, &target, &args.destdir, &args.prefix)?;
     println!("{installed} files below {}", below(&args.destdir, &args.prefix).display());
     if args.destdir == Path::new("/") {
-        println!("next, as root: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload");
+        println!("next, as root: ldconfig && systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload");
     }
     println!("then a robot:  /etc/rivet/<robot>/robot.toml, and systemctl enable --now rivetd@<robot>");
     Ok(())
@@ -49,6 +56,9 @@ fn build(source: &Path) -> Result<PathBuf> {
         cargo.current_dir(source).args(["build", "--locked", "--profile", profile]);
         for (_, package, _) in PROGRAMS.iter().filter(|(_, _, its)| *its == profile) {
             cargo.args(["--package", package]);
+        }
+        if profile == "release" {
+            cargo.args(["--package", LIBRARY]);
         }
         ensure!(cargo.status().context("cargo cannot be started")?.success(), "the programs do not build");
     }
@@ -75,6 +85,7 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
         let bytes = fs::read(&path).with_context(|| format!("{}: not built?", path.display()))?;
         files += put(&to("bin").join(program), &bytes, 0o755)?;
     }
+    files += install_library(&target.join("release"), &to("lib"), prefix)?;
     let here = ["bin", "share"].map(|inner| format!("{}/", prefix.join(inner).display()));
     for (folder, inner) in
         [("system", "lib/systemd/system"), ("sysusers.d", "lib/sysusers.d"), ("tmpfiles.d", "lib/tmpfiles.d")]
@@ -88,7 +99,10 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
     }
     for (file, inner) in [
         ("ipc-schema/include/rivet.h", "include/rivet.h"),
+        ("librivet/include/librivet.h", "include/librivet.h"),
+        ("librivet/include/librivet.hpp", "include/librivet.hpp"),
         ("ipc-schema/python/rivet_ipc.py", "share/rivet/rivet_ipc.py"),
+        ("librivet/python/librivet.py", "share/rivet/librivet.py"),
         ("docs/operating.md", "share/doc/rivet/operating.md"),
         ("docs/robot-toml.md", "share/doc/rivet/robot-toml.md"),
     ] {
@@ -105,6 +119,29 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
         }
     }
     Ok(files + put_all(&target.join(GENERATED), &to("share"))?)
+}
+
+/// Shared and static library, the name that a linker looks for, and the file of pkg-config; `built` has the libraries.
+fn install_library(built: &Path, lib: &Path, prefix: &Path) -> Result<usize> {
+    let mut files = 0;
+    for (from, to, mode) in [("librivet.so", SHARED_LIBRARY, 0o755), ("librivet.a", "librivet.a", 0o644)] {
+        let path = built.join(from);
+        let bytes = fs::read(&path).with_context(|| format!("{}: not built?", path.display()))?;
+        files += put(&lib.join(to), &bytes, mode)?;
+    }
+    let link = lib.join("librivet.so");
+    if fs::symlink_metadata(&link).is_ok() {
+        fs::remove_file(&link).with_context(|| link.display().to_string())?;
+    }
+    symlink(SHARED_LIBRARY, &link).with_context(|| link.display().to_string())?;
+    let text = format!(
+        "prefix={}\nlibdir=${{prefix}}/lib\nincludedir=${{prefix}}/include\n\nName: librivet\n\
+         Description: connects a robot controller to rivet\nVersion: {}\nCflags: -I${{includedir}}\n\
+         Libs: -L${{libdir}} -lrivet\nLibs.private: {STATIC_NEEDS}\n",
+        prefix.display(),
+        env!("CARGO_PKG_VERSION")
+    );
+    Ok(files + 1 + put(&lib.join("pkgconfig/librivet.pc"), text.as_bytes(), 0o644)?)
 }
 
 /// Puts every file below a folder at the same place below another.
@@ -155,6 +192,9 @@ mod tests {
             fs::create_dir_all(programs.path().join(profile)).expect("made");
             fs::write(programs.path().join(profile).join(program), profile).expect("written");
         }
+        for library in ["librivet.so", "librivet.a"] {
+            fs::write(programs.path().join("release").join(library), library).expect("written");
+        }
         let manual = programs.path().join(GENERATED).join("man/man1");
         fs::create_dir_all(&manual).expect("made");
         fs::write(manual.join("rivet.1"), "page").expect("written");
@@ -178,6 +218,34 @@ mod tests {
         let mode = fs::metadata(below(destdir.path(), Path::new(program))).expect("it is there").permissions().mode();
         assert_eq!(mode & 0o777, 0o755);
         assert!(destdir.path().join("opt/rivet/lib/sysusers.d/rivet.conf").is_file());
+        let lib = destdir.path().join("opt/rivet/lib");
+        assert_eq!(fs::read_link(lib.join("librivet.so")).expect("a link"), Path::new(SHARED_LIBRARY));
+        assert_eq!(fs::read(lib.join(SHARED_LIBRARY)).expect("installed"), b"librivet.so");
+        for header in ["rivet.h", "librivet.h", "librivet.hpp"] {
+            assert!(destdir.path().join("opt/rivet/include").join(header).is_file(), "{header}");
+        }
+        assert!(destdir.path().join("opt/rivet/share/rivet/librivet.py").is_file());
         assert!(destdir.path().join("opt/rivet/share/rivet/robots/dd2/robot.toml").is_file());
+    }
+
+    /// What `pkg-config` makes of the installed file.
+    #[test]
+    fn pkg_config_finds_headers_and_library() {
+        let (built, lib) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        for library in ["librivet.so", "librivet.a"] {
+            fs::write(built.path().join(library), library).expect("written");
+        }
+        install_library(built.path(), lib.path(), Path::new("/opt/rivet")).expect("installed");
+        let mut asked = Command::new("pkg-config");
+        asked.env("PKG_CONFIG_PATH", lib.path().join("pkgconfig")).args(["--cflags", "--libs", "librivet"]);
+        let Ok(answer) = asked.output() else {
+            let _ = writeln!(std::io::stderr(), "SKIPPED: pkg-config does not run");
+            return;
+        };
+        let words = String::from_utf8_lossy(&answer.stdout);
+        assert_eq!(
+            words.split_whitespace().collect::<Vec<_>>(),
+            ["-I/opt/rivet/include", "-L/opt/rivet/lib", "-lrivet"]
+        );
     }
 }

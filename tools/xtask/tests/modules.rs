@@ -14,7 +14,7 @@ fn workspace() -> PathBuf {
 fn crates() -> Vec<String> {
     let below = std::fs::read_dir(workspace().join("crates")).expect("the folder is there");
     let names = below.map(|entry| format!("crates/{}", entry.expect("an entry").file_name().to_string_lossy()));
-    let top = ["daemon", "controller", "ipc-schema", "config", "cli"].map(str::to_owned);
+    let top = ["daemon", "controller", "ipc-schema", "librivet", "config", "cli"].map(str::to_owned);
     let mut all: Vec<String> = top.into_iter().chain(names).collect();
     all.retain(|name| workspace().join(name).join("src").is_dir());
     all.sort();
