@@ -1,6 +1,7 @@
 //! Every decision of the controller, with no clock, bus or thread in it.
 
 use crate::gate::{Gate, Newest, Refusal};
+use crate::governor::Governor;
 use crate::history::{History, Moment};
 use crate::law::{ControlLaw, Desired, Gains};
 use crate::limits::SetpointLimits;
@@ -92,6 +93,7 @@ pub struct Core {
     refusals: [u64; REFUSALS],
     plan: Option<(u64, Desired)>,
     plan_check: PlanCheck,
+    governor: Governor,
     /// Why the last setpoint was refused, and the number of the first one refused in a row.
     plan_refused: Option<(RefusedPlan, u64)>,
     last_plan_refused: RefusedPlan,
@@ -210,22 +212,26 @@ impl Core {
         // Without a limit in the file: from nothing to full torque in a tenth of a second.
         let rates = settings.rate_limit.clone();
         let rates = rates.unwrap_or_else(|| robot.config.drive.torque_limit.iter().map(|limit| 10.0 * limit).collect());
-        let step = rates.iter().map(|rate| rate * period_s).collect();
+        let step: Vec<f64> = rates.iter().map(|rate| rate * period_s).collect();
         let timeout = (settings.parameter_timeout_s / period_s).ceil() as u64;
         let recent = Recent::new(robot)?;
         let (row, apart) = (settings.return_after as u32, recent.periods_between());
         let limits = SetpointLimits::of(&robot.model.arm);
-        let torque = torque_limits(robot);
+        let output = Limits { torque: torque_limits(robot), step };
         let stale_periods = settings.stale_periods as u64;
+        let plan_check = PlanCheck::new(&law, &limits, &output.torque, period_s, stale_periods);
+        let bounds = |j: usize| [settings.tracking_error[j], plan_check.corner(j)];
+        let bounds: Vec<[f64; 2]> = (0..dof).map(bounds).collect();
         let periods = |seconds: f64| (seconds / period_s).ceil() as u64;
         Ok(Core {
             gate: Gate::new(robot, &mut law),
-            plan_check: PlanCheck::new(&law, &limits, &torque, period_s, stale_periods),
-            watch: Watch::new(robot, &law, &limits, &torque),
+            plan_check,
+            watch: Watch::new(robot, &law, &limits, &output.torque),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
-            output: Output::new(Limits { torque, step }, (1e-3 * settings.saturation_ms / period_s) as u32),
+            governor: Governor::new(&output, &bounds, period_s),
+            output: Output::new(output, (1e-3 * settings.saturation_ms / period_s) as u32),
             clock: SampleClock::new(period_s),
             confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
@@ -649,7 +655,18 @@ impl Core {
             speed[j] += acceleration * self.period_s;
             offset[j] += speed[j] * self.period_s;
         }
+        let x = self.without_friction();
+        self.governor.apply(&mut desired, &mut self.law, &x[..self.count], &mut self.mass);
         desired
+    }
+
+    /// The acting parameters with friction 0.
+    fn without_friction(&self) -> Values {
+        let mut x = self.acting;
+        for (x, friction) in x.iter_mut().zip(&self.friction) {
+            *x = if *friction { 0.0 } else { *x };
+        }
+        x
     }
 
     /// Whether feedback alone brings the arm to `plan`.
@@ -665,6 +682,7 @@ impl Core {
     /// Begins to follow `plan`: from where the arm is, if that is not near.
     fn join(&mut self, plan: &Desired, sample: &JointState, qd: &[f64; MAX_JOINTS], near: bool) {
         self.joining = [[0.0; MAX_JOINTS]; 2];
+        self.governor.restart();
         if !near {
             for j in 0..self.dof {
                 self.joining[0][j] = sample.q[j] - plan.q[j];
@@ -682,7 +700,11 @@ impl Core {
         let bridged = self.bridged.min(self.stale_periods.saturating_sub(1)).max(1);
         let refused = self.plan_refused.filter(|(_, first)| sample.seq.saturating_sub(*first) >= bridged);
         let refused = refused.map(|((cause, joints), _)| Wrong { cause, joints, lasting: true });
-        refused.or_else(|| self.watch.tracking(&sample.q, desired))
+        let behind = || {
+            let joints = self.governor.beyond();
+            (joints != 0).then_some(Wrong { cause: StopCause::PlanAcceleration, joints, lasting: true })
+        };
+        refused.or_else(behind).or_else(|| self.watch.tracking(&sample.q, desired))
     }
 
     /// The arm is held where it is. One in motion is first brought to rest as `damp` does it, with feedback that the rate limit of the

@@ -7,6 +7,7 @@ mod core;
 mod desired;
 mod error;
 pub mod gate;
+mod governor;
 mod history;
 mod inertia;
 pub mod law;

@@ -84,6 +84,11 @@ impl PlanCheck {
         self.jump[j]
     }
 
+    /// Jump of the planned velocity that feedback alone answers \[rad/s\].
+    pub(crate) fn corner(&self, j: usize) -> f64 {
+        self.corner[j]
+    }
+
     /// Forgets the setpoints before: the next one begins a plan.
     pub(crate) fn restart(&mut self) {
         self.last = None;

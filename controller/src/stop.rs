@@ -1,12 +1,15 @@
 //! What the arm gets when it is stopped: torque from what can still be trusted.
 //!
-//! `damp` is a plan of the controller's own, from the state in which the stop began to rest: `q̇ = q̇₀·e^(−t/T)`. The model knows its
-//! torque. Joints with a trusted encoder are kept on it by slow feedback; the others get the torque alone. Friction is left
-//! out of that torque: it then brakes a joint more than planned, and never drives one whose velocity is not known.
+//! `damp` is a plan of the controller's own, from the state in which the stop began to rest: `q̈ = −q̇ / T`. The model knows its
+//! torque. Where the limits of torque and rate hold that back, the plan brakes as much less as the model predicts, and
+//! for longer: the arm comes to rest as fast as its drives let it. Joints with a trusted encoder are kept on the plan by slow
+//! feedback; the others get the torque alone. Friction is left out of that torque: it then brakes a joint more than
+//! planned, and never drives one whose velocity is not known.
 
 use crate::history::{History, Moment};
 use crate::inertia::acceleration_of;
 use crate::law::ControlLaw;
+use crate::matrix::{cholesky_succeeds, solve_factored};
 use rivet_config::StopReaction;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::StopCause;
@@ -25,6 +28,9 @@ const DECAY_SHARE: f64 = 0.25;
 /// Bandwidth of the feedback on a stop \[rad/s\], critically damped: stable with readings that are 100 ms late (up to 6 rad/s).
 pub(crate) const FEEDBACK: f64 = 4.0;
 
+/// Planned speed below which a joint is at rest \[rad/s\].
+const RESTING: f64 = 1e-4;
+
 /// Longest time over which the arm's motion is reckoned from commands \[s\].
 const LONGEST_RECKONED_S: f64 = 0.1;
 
@@ -39,7 +45,7 @@ pub(crate) struct Stopping {
     pub(crate) joints: u32,
     /// Joints whose readings are not used.
     pub(crate) untrusted: u32,
-    /// The state in which it began.
+    /// The plan of the stop now: at first the state in which it began.
     pub(crate) q: [f64; MAX_JOINTS],
     pub(crate) qd: [f64; MAX_JOINTS],
     /// The command before it \[N·m\].
@@ -64,6 +70,41 @@ impl Stop {
     /// Time constant with which `damp` slows down, and an arm that has no plan any more \[s\].
     pub(crate) fn decay_s(self) -> f64 {
         DECAY_SHARE * self.time_s
+    }
+
+    /// Moves the plan of `damp` on by `elapsed_s`. `lacking` is the torque that the limits held back \[N·m\]: given less wanted.
+    /// `mass` is scratch of dof² numbers. Real-time safe.
+    pub(crate) fn advance(
+        self,
+        law: &mut ControlLaw,
+        x: &[f64],
+        stopping: &mut Stopping,
+        mut lacking: [f64; MAX_JOINTS],
+        elapsed_s: f64,
+        mass: &mut [f64],
+    ) {
+        if self.reaction != StopReaction::Damp {
+            return;
+        }
+        let n = law.dof();
+        if lacking[..n].iter().any(|tau| *tau != 0.0) {
+            law.inertia(&stopping.q[..n], x, mass);
+            if cholesky_succeeds(mass, n) {
+                solve_factored(mass, n, &mut lacking);
+            } else {
+                lacking = [0.0; MAX_JOINTS];
+            }
+        }
+        let rest = (-elapsed_s / self.decay_s()).exp();
+        for j in 0..n {
+            let before = stopping.qd[j];
+            stopping.qd[j] = before * rest + lacking[j] * elapsed_s;
+            if stopping.qd[j] * before < 0.0 || stopping.qd[j].abs() < RESTING {
+                // A stop does not turn a joint round.
+                stopping.qd[j] = 0.0;
+            }
+            stopping.q[j] += 0.5 * (before + stopping.qd[j]) * elapsed_s;
+        }
     }
 
     /// Torque \[N·m\] of a stop that has lasted for `stopping_s`. `seen` are positions and velocities of a sample, if there is
@@ -93,11 +134,8 @@ impl Stop {
             }
             StopReaction::Damp => {
                 let time = self.decay_s();
-                let rest = if stopping_s >= self.time_s { 0.0 } else { (-stopping_s / time).exp() };
-                let (mut q, mut qd, mut qdd) = (stopping.q, zero, zero);
+                let (mut q, qd, mut qdd) = (stopping.q, stopping.qd, zero);
                 for j in 0..n {
-                    q[j] += stopping.qd[j] * time * (1.0 - rest);
-                    qd[j] = stopping.qd[j] * rest;
                     qdd[j] = -qd[j] / time;
                     if let Some([measured, speed]) = seen
                         && stopping.untrusted & 1 << j == 0

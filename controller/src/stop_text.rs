@@ -27,7 +27,7 @@ pub fn stop_text(cause: u32, joints: u32) -> String {
         StopCause::PlanNotFinite => "the plan has a number that is not finite, or another number of joints",
         StopCause::PlanImplausible => "the plan has a number beyond all that an arm can do",
         StopCause::PlanJump => "the plan jumps further than the joint can follow",
-        StopCause::PlanAcceleration => "the plan needs more torque than the drives have",
+        StopCause::PlanAcceleration => "the plan needs more torque, or a faster change of torque, than the drives have",
     };
     let named: Vec<String> = (0..u32::BITS).filter(|j| joints >> j & 1 == 1).map(|j| (j + 1).to_string()).collect();
     match named.len() {

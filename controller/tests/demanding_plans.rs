@@ -139,3 +139,15 @@ fn check(arm: &str, joints: &[usize], words: &str) {
 fn plans_at_the_edge_are_followed_or_refused_without_a_rate_limit() {
     check("dd2", &[0, 1], "rate_limit = 1e5\n");
 }
+
+/// The default rate limit, full torque in 0.1 s: what changes faster is followed by a reference that falls behind, or refused.
+#[test]
+fn plans_at_the_edge_are_followed_or_refused_with_the_default_rate_limit() {
+    check("dd2", &[0, 1], "");
+}
+
+/// The same on six axes.
+#[test]
+fn plans_at_the_edge_are_followed_or_refused_on_six_axes() {
+    check("ur10e", &[1, 4], "");
+}

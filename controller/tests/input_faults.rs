@@ -524,3 +524,29 @@ fn stored_parameters_times_three_never_act() {
         }
     }
 }
+
+/// Speed of the plan at which a stop needs all that the drives give, in parts of the joints' limits.
+const FAST: f64 = 0.8;
+/// Way of such a stop \[rad\]: with the default rate limit dd2 needs 0.1 s to its full torque, in which it goes on for 0.4 rad.
+const FAST_AWAY: f64 = 0.5;
+/// Speed that is left after a second \[rad/s\]; without a sample only friction takes what the model misses.
+const FAST_REST: f64 = 0.3;
+
+#[test]
+fn fast_arms_come_to_rest_too() {
+    for words in ["", "rate_limit = 1e5\n"] {
+        for (arm, joints, phases) in ARMS {
+            for period_s in PERIODS {
+                for wrong in [Wrong::Silence, Wrong::AllFrozen, Wrong::Repeated, Wrong::Frozen(joints[1])] {
+                    for &sound_s in phases {
+                        let o = Rig::new(arm, period_s, words, FAST).run(sound_s, wrong, AFTER_S, |_, _| ());
+                        let name = format!("{arm} {period_s} s, {words:?}, {wrong:?} after {sound_s} s");
+                        println!("{name}: speed {:.2}, away {:.3} rad, rest {:.4} rad/s", o.speed, o.away, o.rest);
+                        assert!(o.stop.is_some() && o.speed <= FAST + 0.05, "{name}: {o:?}");
+                        assert!(o.away <= FAST_AWAY && o.rest <= FAST_REST, "{name}: {o:?}");
+                    }
+                }
+            }
+        }
+    }
+}

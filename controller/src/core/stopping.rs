@@ -105,16 +105,23 @@ impl Core {
     ) -> Command {
         let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        let mut x = self.acting;
-        for (x, friction) in x.iter_mut().zip(&self.friction) {
-            *x = if *friction { 0.0 } else { *x };
-        }
+        let x = self.without_friction();
         if let Some(stopping) = &mut self.stopping {
             stopping.periods = stopping.periods.saturating_add(elapsed);
             let stopping_s = stopping.periods as f64 * self.period_s;
-            let x = &x[..self.count];
-            self.stop.torque(&mut self.law, x, stopping, seen, stopping_s, &mut tau[..n]);
+            self.stop.torque(&mut self.law, &x[..self.count], stopping, seen, stopping_s, &mut tau[..n]);
         }
-        self.give(seq, stamp_ns, tau, false)
+        let command = self.give(seq, stamp_ns, tau, false);
+        if let Some(stopping) = &mut self.stopping {
+            let mut lacking = [0.0; MAX_JOINTS];
+            for j in 0..n {
+                // What is not a number lacks nothing that is known.
+                let lack = command.tau[j] - tau[j];
+                lacking[j] = if lack.is_finite() { lack } else { 0.0 };
+            }
+            let (x, elapsed_s) = (&x[..self.count], elapsed as f64 * self.period_s);
+            self.stop.advance(&mut self.law, x, stopping, lacking, elapsed_s, &mut self.mass);
+        }
+        command
     }
 }

@@ -96,9 +96,15 @@ pub(crate) fn parent(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A path that names an open file of this process.
+/// A path that names an open file of a process: `/dev/fd/N`, `/proc/self/fd/N` or `/proc/PID/fd/N`, and nothing that leads elsewhere.
 fn is_open_file(path: &Path) -> bool {
-    path.starts_with("/dev/fd") || (path.starts_with("/proc") && parent(path).ends_with("fd"))
+    let Some(path) = path.to_str() else { return false };
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    match path.split('/').collect::<Vec<&str>>()[..] {
+        ["", "dev", "fd", number] => is_number(number),
+        ["", "proc", process, "fd", number] => (process == "self" || is_number(process)) && is_number(number),
+        _ => false,
+    }
 }
 
 fn own_stream(path: &Path) -> Option<Destination> {
@@ -191,6 +197,18 @@ mod tests {
 
     fn opened(path: &Path) -> io::Result<PathBuf> {
         Folder::open(path).map(|folder| folder.path().to_owned())
+    }
+
+    #[test]
+    fn only_numbers_below_fd_are_open_files() {
+        for path in ["/dev/fd/3", "/proc/self/fd/3", "/proc/17/fd/0"] {
+            assert!(is_open_file(Path::new(path)), "{path}");
+        }
+        for path in
+            ["/dev/fd/../shm/x", "/proc/../tmp/fd/3", "/proc/self/fd/x", "/proc/self/cwd/fd/3", "/dev/fd/", "fd/3"]
+        {
+            assert!(!is_open_file(Path::new(path)), "{path}");
+        }
     }
 
     #[test]
