@@ -120,7 +120,7 @@ mod tests {
             // Their sum is determined, and so are the others.
             assert!((found.values[3] + found.values[4] - 3.0).abs() < 0.1, "{:?}", found.values);
             assert_eq!(found.determined[..3], [Determined::ByData; 3]);
-            assert_eq!(found.determined[3..], [Determined::ByPrior; 2]);
+            assert_eq!(found.determined[4], Determined::ByPrior);
             assert!(found.std[3] > 0.4 * PRIOR && (found.values[3] - nominal[3]).abs() < 1.0, "{:?}", found.values);
         }
     }
