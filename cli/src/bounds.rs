@@ -75,7 +75,10 @@ impl Bounded {
             let values = solve(&Equations::new(rows), &left.nominal)?;
             let beyond = |column: usize| match robot.base.parameter(&robot.model, column) {
                 // What is said of a joint that stands, the robot file says.
-                Parameter::LoadFriction(joint) if rows.iter().any(|r| r.count(joint) > 0) => {
+                Parameter::LoadFriction(joint)
+                    if rows.iter().any(|r| r.count(joint) > 0)
+                        && left.held.iter().all(|held| held.column != column) =>
+                {
                     let found = values[column];
                     let held = Held { column, joint, value: 0.0, why: Why::Impossible(found) };
                     (!SHARE.contains(&found)).then_some(held)

@@ -1,6 +1,7 @@
 //! `rivet identify`: base parameters of a robot from whole logs.
 
 pub(crate) mod left_out;
+mod not_excited;
 pub(crate) mod open_keys;
 mod rows;
 mod said;
@@ -44,6 +45,7 @@ use crate::rounding;
 use crate::runs::{self, Piece};
 use crate::table::show;
 use left_out::Sets;
+use not_excited::NotExcited;
 use open_keys::OpenKeys;
 
 pub(crate) use rows::{rows_everywhere, rows_of, rows_without_plan};
@@ -157,6 +159,7 @@ struct Findings {
     sets: Option<Sets>,
     /// Whether the physically consistent parameters are exported.
     exports_consistent: bool,
+    not_excited: NotExcited,
     held_out: Vec<HeldOut>,
     /// What stands for the contents of each log.
     contents: Vec<u64>,
@@ -227,6 +230,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     if let Some(folder) = &args.export {
         let fit = result.exported(&robot);
+        let robot = Robot { not_excited: result.not_excited.text(), ..robot };
         export(&robot, &fit, &result.consistent, result.exports_consistent, &result.reference, folder)?;
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
     }
@@ -390,6 +394,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(evidence::unfollowed(robot, &runs::short_name(path), &joints));
     }
     distrusts.extend(doubts::still(robot, &still));
+    let not_excited = NotExcited::new(robot, chosen, &still);
     distrusts.extend(doubts::brief(robot, &rows));
     distrusts.extend(doubts::short(robot, &rows));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
@@ -439,6 +444,7 @@ fn identify(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         consistent,
         sets,
         exports_consistent,
+        not_excited,
         held_out,
         contents,
         distrusts,

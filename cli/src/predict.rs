@@ -135,6 +135,9 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = args.map.apply(rivet_config::load(&args.model)?)?;
     Outputs::beside(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
+    if !robot.not_excited.is_empty() {
+        rivet_files::note(format_args!("rivet predict: not excited by the training logs: {}", robot.not_excited));
+    }
     let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
     mended.iter().for_each(Distrust::warn);
     reading::warn(&robot, &log);

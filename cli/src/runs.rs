@@ -47,9 +47,13 @@ pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     }
 }
 
-/// Time of every row of a recording \[s\].
+/// Time of every row of a recording \[s\], those with damaged cells included.
 pub(crate) fn recorded_times(robot: &Robot, path: &Path) -> Result<Vec<f64>> {
-    recorded(robot, path).map(|log| log.t)
+    let log = recorded(robot, path)?;
+    let mut t = log.t;
+    t.extend(log.damaged_t);
+    t.sort_unstable_by(f64::total_cmp);
+    Ok(t)
 }
 
 /// A recording as it is, with its channels as the robot file and the command line state them.

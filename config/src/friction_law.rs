@@ -103,6 +103,7 @@ impl Robot {
             nominal,
             nominal_base,
             identified: None,
+            not_excited: String::new(),
             description: self.description.clone(),
         })
     }

@@ -490,6 +490,8 @@ pub const KEYS: &[Key] = &[
         "Hash of the model the values belong to, 16 hexadecimal digits."),
     key("identified", "parameters", Shape::Parameters, "", Bounds::None, Required,
         "Every base parameter of the model, with value and standard deviation in the parameter's unit."),
+    key("identified", "not_excited", Text, "", Bounds::None, Fallback::Text(""),
+        "Joints at rest in the training logs and directions of the parameter space that these logs do not determine. `rivet predict` prints it."),
 ];
 
 /// The declaration of a key.

@@ -32,6 +32,8 @@ pub struct Robot {
     pub nominal_base: Vec<f64>,
     /// Identified base parameters, where the file has them.
     pub identified: Option<Identified>,
+    /// What the logs of the identified parameters did not excite, for people; empty where nothing is known.
+    pub not_excited: String,
     /// What the URDF says beyond the model.
     pub description: Description,
 }
@@ -161,6 +163,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
         let hash = reader.text("identified", "hash");
         (hash, reader.parameters("identified", "parameters"))
     });
+    let not_excited = if given.is_some() { reader.text("identified", "not_excited") } else { String::new() };
 
     // The model is only made from values without a mistake; its own mistakes join the list.
     let built = match (arm, &described) {
@@ -243,6 +246,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
         nominal,
         nominal_base,
         identified,
+        not_excited,
         description,
     })
 }

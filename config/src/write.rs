@@ -14,6 +14,7 @@ use crate::reader::{Origin, Resolved, Value, value_text};
 ///
 /// Every value that the robot's own file gave is kept with all its digits (comments are not); `urdf` is rewritten so
 /// that it is found from the new place. `values` and `std` are in the order of [`Robot::base`] and in its units.
+/// [`Robot::not_excited`] is written beside them.
 /// The file appears whole or not at all: it is written beside its place and renamed.
 ///
 /// # Errors
@@ -183,6 +184,10 @@ fn identified_text(out: &mut String, robot: &Robot, values: &[f64], std: &[f64])
         let _ = writeln!(out, "  {{ name = \"{name}\", value = {value}, std = {std} }},  # {unit}");
     }
     out.push_str("]\n");
+    if !robot.not_excited.is_empty() {
+        // A TOML string of the kind that Rust writes.
+        let _ = writeln!(out, "not_excited = {:?}", robot.not_excited);
+    }
 }
 
 /// `target` as seen from `folder`; absolute if they have no common root.

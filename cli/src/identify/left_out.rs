@@ -10,6 +10,8 @@ use super::{WEAKER_PRIOR, bounded, method};
 
 /// Parts of a single log.
 pub(crate) const STRETCHES: usize = 4;
+/// The free set is exported where it is better by so many standard errors.
+const MIN_GAIN_STANDARD_ERRORS: f64 = 1.0;
 /// Blocks that a part is divided into where errors are compared.
 const BLOCKS: usize = 4;
 
@@ -128,9 +130,11 @@ impl Sets {
         if sets.free.is_empty() { Err(anyhow!("no part of the logs can be left out")) } else { Ok(sets) }
     }
 
-    /// Whether the consistent parameters predict left-out rows better.
+    /// Whether the consistent parameters predict left-out rows better, or worse by less than the comparison's own standard error: an arm has
+    /// consistent ones.
     pub(crate) fn prefers_consistent(&self) -> bool {
-        self.consistent.log_ratio(&self.free)[0] < 0.0
+        let [gain, standard_error] = self.consistent.log_ratio(&self.free);
+        gain < MIN_GAIN_STANDARD_ERRORS * standard_error
     }
 
     /// Errors of free and consistent parameters, root mean square over the joints \[%\].

@@ -265,18 +265,32 @@ fn median_length_s(pieces: &[Log]) -> Option<f64> {
 }
 
 /// Mean square of signals below a frequency, without the ends that a filter of `lowest_hz` colours: the same rows for every frequency.
+///
+/// A filter continues a record beyond its ends by its first and last samples. The noise of those two would enter all of that, so a cosine
+/// takes the ends to 0 before.
 fn power_below(hz: f64, lowest_hz: f64, signals: &[Vec<f64>], period_s: f64) -> f64 {
     let transient = ZeroPhase::new(lowest_hz, BAND_ORDER, period_s).edge();
     let filter = ZeroPhase::new(hz, BAND_ORDER, period_s);
     let squares = |signal: &Vec<f64>| {
         let mut signal = signal.clone();
-        filter.apply(&mut signal);
         let edge = transient.min(signal.len() / 4);
+        taper(&mut signal, edge);
+        filter.apply(&mut signal);
         let inner = &signal[edge..signal.len() - edge];
         (inner.iter().map(|x| x * x).sum::<f64>(), inner.len())
     };
     let (sum, count) = signals.iter().map(squares).fold((0.0, 0), |all, one| (all.0 + one.0, all.1 + one.1));
     sum / count.max(1) as f64
+}
+
+/// Multiplies the first and last `edge` samples by half a period of a cosine, from 0 at the ends to 1.
+fn taper(signal: &mut [f64], edge: usize) {
+    let last = signal.len().saturating_sub(1);
+    for k in 0..edge {
+        let weight = 0.5 - 0.5 * (0.5 * TAU * k as f64 / edge as f64).cos();
+        signal[k] *= weight;
+        signal[last - k] *= weight;
+    }
 }
 
 /// Bandwidth of one joint's motion, and up to where its accelerations stand out of the noise; none where noise is all there is.
@@ -354,9 +368,24 @@ mod tests {
             (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
         let noise: Vec<f64> = (0..20_000).map(|_| 1e-3 * next()).collect();
-        // The ends of a record leak into the lowest band, which decides nothing.
         let found = band(&[&noise], 0.002, 1e-3 / 12.0_f64.sqrt());
         assert!(found.is_none_or(|found| found.motion_hz <= LOWEST_BAND_HZ), "{found:?}");
+    }
+
+    /// White noise of variance σ² has below f accelerations of variance 2·T·σ²·(2π)⁴·f⁵/5; that of the motion is known.
+    #[test]
+    fn coarse_positions_bound_the_band_of_accelerations() {
+        for (hz, period_s, step) in [(0.3, 0.01, 0.05), (0.5, 0.01, 0.05), (0.3, 0.004, 0.02)] {
+            let noise = step / 12.0_f64.sqrt();
+            let acceleration: f64 = 0.5 * (TAU * hz).powi(2) / 2.0_f64.sqrt();
+            let density = 2.0 * period_s * noise * noise * TAU.powi(4);
+            let expected = (5.0 * acceleration.powi(2) / density).powf(0.2);
+            let found = band(&[&wave(hz, period_s, step)], period_s, noise).expect("motion").noise_hz;
+            assert!(
+                (found / expected - 1.0).abs() < 0.15,
+                "{hz} Hz, {period_s} s, {step} rad: {found} of {expected} Hz"
+            );
+        }
     }
 
     #[test]

@@ -139,6 +139,10 @@ pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String 
     );
     out += "\n";
     out += &paragraph("rank ", &known);
+    let not_excited = result.not_excited.text();
+    if !not_excited.is_empty() {
+        out += &paragraph("not excited: ", &not_excited);
+    }
     out += &evidence::bias_text(&result.bias, &compared(robot, result));
     out += &delays::text(&runs::joint_names(robot), &result.delays, &result.dry);
     out += &evidence::sampling_text(robot, result.runs.iter().map(|run| &run.piece.report));
@@ -276,6 +280,7 @@ pub(super) fn to_json(robot: &Robot, result: &Findings, open: &OpenKeys, refined
         }),
         "logs": result.runs.iter().zip(&result.rows).map(log).collect::<Vec<_>>(),
         "joints": (0..robot.dof()).map(per_joint).collect::<Vec<_>>(),
+        "not_excited": result.not_excited.json(),
         "warnings": evidence::distrust_json(&result.distrusts),
         "rank": chosen.rank,
         "base_parameters": base.len(),

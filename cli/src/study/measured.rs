@@ -30,17 +30,22 @@ pub(crate) struct Args {
 impl Args {
     /// That the folders are there and the files can be written: asked before what takes long.
     pub(crate) fn check(&self) -> Result<()> {
+        if !self.data.is_dir() {
+            return Err(
+                Fault::Usage(format!("{}: no such folder of data: give --data DIR", self.data.display())).into()
+            );
+        }
+        self.check_without_data()
+    }
+
+    /// The same of a study that needs no data.
+    pub(crate) fn check_without_data(&self) -> Result<()> {
         if !self.root.join("robots").is_dir() {
             let root = self.root.display();
             return Err(Fault::Usage(format!(
                 "{root}: no robots/ there: the robot files of a checkout are needed; run it in one, or give --root DIR"
             ))
             .into());
-        }
-        if !self.data.is_dir() {
-            return Err(
-                Fault::Usage(format!("{}: no such folder of data: give --data DIR", self.data.display())).into()
-            );
         }
         for path in self.json.iter().chain(&self.markdown) {
             writable(path).with_context(|| path.display().to_string())?;

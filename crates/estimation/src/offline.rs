@@ -31,6 +31,7 @@ mod shifts;
 mod steps;
 mod sums;
 mod trust;
+mod undetermined;
 mod zero_phase;
 
 pub use bias::{Bias, bias};

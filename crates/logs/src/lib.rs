@@ -36,6 +36,7 @@ mod columns;
 mod crowded;
 mod csv_dialect;
 mod csv_file;
+mod damaged;
 mod error;
 mod families;
 mod frozen;

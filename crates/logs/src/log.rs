@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::channel_map::ChannelMap;
 use crate::columns::{Group, Table};
+use crate::damaged;
 use crate::error::{LogError, LogFault};
 use crate::guess;
 use crate::plan::{Naming, Plan};
@@ -17,7 +18,7 @@ use crate::readers;
 pub type Signals = Vec<Vec<f64>>;
 
 /// Rows below which a file is a mistake and not a log.
-const LEAST_ROWS: usize = 10;
+pub(crate) const LEAST_ROWS: usize = 10;
 
 /// What the robot file says about its logs.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +82,8 @@ pub struct Log {
     pub off_s: f64,
     /// Rows of the file that came right after another and were taken together with it ([`Log::without_crowds`]).
     pub crowded: usize,
+    /// Times \[s\] of rows of the file that were left out because a value was not finite.
+    pub damaged_t: Vec<f64>,
     /// How its channels were found, and what is wrong with the file although it was read.
     pub notes: Vec<String>,
 }
@@ -94,10 +97,12 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions<'_>) -> Result<Log, Lo
 }
 
 /// Reads a recording, with joints by their names and channels as they are stated. Columns of the contract (`t`, `q1..N`) are taken as
-/// they are; where there are none, names decide, and [`Log::notes`] lists what they decided.
+/// they are; where there are none, names decide, and [`Log::notes`] lists what they decided. A few rows with a value that is not finite are
+/// left out, with a note.
 ///
 /// # Errors
-/// The recording cannot be read, a stated channel does not fit it, names fit more than one group of columns, or a value breaks a rule.
+/// The recording cannot be read, a stated channel does not fit it, names fit more than one group of columns, a value breaks a rule, or more
+/// than a tenth of the rows have a value that is not finite.
 pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Naming<'_>) -> Result<Log, LogError> {
     let path = path.as_ref();
     let reader = readers::find(path)?;
@@ -106,9 +111,11 @@ pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Namin
         Plan::find(&listing, naming, options.joints, options.torque_from_current).map_err(|fault| fault.at(path))?;
     let mut table = (reader.read)(path, &|name| plan.wants(name))?;
     let warnings = std::mem::take(&mut table.warnings);
-    let (table, notes) = plan.apply(table).map_err(|fault| fault.at(path))?;
+    let (mut table, notes) = plan.apply(table).map_err(|fault| fault.at(path))?;
+    let damaged = damaged::take_out(&mut table);
     let log = Log::from_table(path, table, options).map_err(|fault| fault.at(path))?;
-    Ok(Log { notes: warnings.into_iter().chain(notes).collect(), ..log })
+    let notes = warnings.into_iter().chain(notes).chain(damaged.note).collect();
+    Ok(Log { notes, damaged_t: damaged.t, ..log })
 }
 
 /// Reads columns by name from a recording that need not be a log, such as a prediction. All are there, of one
@@ -235,6 +242,7 @@ impl Log {
             stamps: None,
             off_s: self.off_s,
             crowded: self.crowded,
+            damaged_t: self.damaged_t.clone(),
             notes: self.notes.clone(),
         }
     }
@@ -314,6 +322,7 @@ impl Log {
             stamps: None,
             off_s: 0.0,
             crowded: 0,
+            damaged_t: Vec::new(),
             notes: Vec::new(),
         })
     }
@@ -367,7 +376,7 @@ fn take_link_positions(table: &mut Table, joints: usize, rows: usize) -> Result<
 /// Least step of time that is one \[s\]: slopes over less would be none.
 const LEAST_STEP_S: f64 = 1e-9;
 /// Largest number that is taken for a time, position, torque or current.
-const LARGEST: f64 = 1e12;
+pub(crate) const LARGEST: f64 = 1e12;
 
 fn check_values(name: &str, values: &[f64], rows: usize) -> Result<(), LogFault> {
     let column = || name.to_owned();

@@ -112,6 +112,7 @@ mod tests {
             stamps: None,
             off_s: 0.0,
             crowded: 0,
+            damaged_t: Vec::new(),
             notes: Vec::new(),
         }
     }

@@ -3,6 +3,8 @@
 //! A robot file is made in memory: kinematics, bodies and limits of the URDF, gear ratios and encoder steps of the data sheet,
 //! sample period of the logs. Friction and rotor inertia are 0, and every other key is left out.
 
+pub mod drawn;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -105,7 +107,7 @@ const SPLITS: &[Split] = &[
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The split.
-    pub name: &'static str,
+    pub name: String,
     /// Plain batch least squares.
     pub plain: Vec<f64>,
     /// Largest measured torque over the joint's limit, all joints and rows of the test logs.
@@ -149,7 +151,7 @@ fn mean_ratio(errors: &[f64], plain: &[f64]) -> f64 {
 
 /// Everything that a split needs, whatever it was made from.
 struct Task {
-    name: &'static str,
+    name: String,
     robot: Robot,
     train: Vec<Log>,
     test: Vec<Log>,
@@ -228,12 +230,24 @@ fn new_arm(split: &Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Resu
     };
     let (train, test) = (logs(split.train)?, logs(split.test)?);
     let (period_s, cutoff_hz) = (split.period_s, split.cutoff_hz);
-    Ok(Task { name: split.name, robot, train, test, period_s, cutoff_hz, judged: (0..joints).collect() })
+    Ok(Task { name: split.name.to_owned(), robot, train, test, period_s, cutoff_hz, judged: (0..joints).collect() })
 }
 
 /// An arm of `rivet study real`, with the tuned keys of its robot file taken out.
 fn known_arm(split: &real::Split, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<Task, String> {
     let tuned = rivet_config::load(root.join(split.robot)).map_err(|e| e.to_string())?;
+    let robot = without_tuned_keys(&tuned, tuned.config.sample_period_s, root)?;
+    let train = split.train.iter().map(|part| read_part(&robot, data, part, engine)).collect::<Result<_, _>>()?;
+    let test = vec![read_part(&robot, data, &split.test, engine)?];
+    let (period_s, cutoff_hz) = (split.period_s, tuned.config.signal.model_filter_hz);
+    Ok(Task { name: split.name.to_owned(), robot, train, test, period_s, cutoff_hz, judged: split.judged.to_vec() })
+}
+
+/// The robot by a file that has what a data sheet has: friction and rotor inertia are 0.
+///
+/// * `period_s`: of the logs \[s\]
+/// * `root`: the checkout, as the place of the file
+fn without_tuned_keys(tuned: &Robot, period_s: f64, root: &Path) -> Result<Robot, String> {
     let config = &tuned.config;
     let mut more = String::new();
     if let Some(gain) = &config.drive.drive_gain {
@@ -251,18 +265,14 @@ fn known_arm(split: &real::Split, root: &Path, data: &Path, engine: &Engine<'_>)
     let text = robot_file(&Facts {
         name: &config.name,
         urdf: &config.urdf.canonicalize().map_err(|e| e.to_string())?,
-        period_s: config.sample_period_s,
+        period_s,
         gravity: config.gravity,
         gear_ratio: &config.drive.gear_ratio,
         torque_limit: &limits(&tuned.description.effort),
         encoder_step: &config.drive.encoder_resolution,
         more: &more,
     });
-    let robot = rivet_config::parse(&root.join("stranger.toml"), &text).map_err(|e| e.to_string())?;
-    let train = split.train.iter().map(|part| read_part(&robot, data, part, engine)).collect::<Result<_, _>>()?;
-    let test = vec![read_part(&robot, data, &split.test, engine)?];
-    let (period_s, cutoff_hz) = (split.period_s, config.signal.model_filter_hz);
-    Ok(Task { name: split.name, robot, train, test, period_s, cutoff_hz, judged: split.judged.to_vec() })
+    rivet_config::parse(&root.join("stranger.toml"), &text).map_err(|e| e.to_string())
 }
 
 /// Efforts of a URDF as torque limits \[N m\]; a joint without one has the largest of the others.
@@ -326,7 +336,7 @@ fn outcome(task: &Task, engine: &Engine<'_>) -> Result<Outcome, String> {
             measured_over_limit = tau.iter().fold(measured_over_limit, |most, tau| most.max(tau.abs() / limit));
         }
     }
-    Ok(Outcome { name: task.name, plain: judged(plain(task)?), measured_over_limit, default, refined })
+    Ok(Outcome { name: task.name.clone(), plain: judged(plain(task)?), measured_over_limit, default, refined })
 }
 
 /// The stretches of a log between holes as ranges of rows, each long enough for the filter of the errors.

@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::fit::Method;
 use super::sums::JointSums;
+use super::undetermined::Undetermined;
 use crate::linear::dot;
 
 /// α: share of what counts all parameters alike. Between the two, agreement of runs of a measured arm hardly changes
@@ -38,6 +39,8 @@ pub(super) struct Whole<'a> {
     pub(super) scale: &'a DVector<f64>,
     /// The fit, not scaled.
     pub(super) x: &'a DVector<f64>,
+    /// Directions that keep the prior mean, with and without the block.
+    pub(super) held: Option<&'a Undetermined>,
 }
 
 /// The covariance of a fit, scaled, given what it were (`plain`) if the residuals of a joint were coloured alike for all
@@ -105,5 +108,11 @@ fn block_sums(
     let left = DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]);
     let score = score.component_mul(scale);
     let led = |lead: &DMatrix<f64>| (lead * &left, lead * &score);
-    any.then(|| whole.lead.map_or_else(|| (left.clone(), score.clone()), led))
+    any.then(|| {
+        let (mut left, mut score) = whole.lead.map_or_else(|| (left.clone(), score.clone()), led);
+        if let Some(held) = whole.held {
+            held.take_out(&mut left, &mut score);
+        }
+        (left, score)
+    })
 }

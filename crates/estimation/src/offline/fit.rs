@@ -7,6 +7,7 @@ use super::record::OfflineError;
 use super::rows::{Range, Rows};
 use super::sums::{Equations, JointSums, Normal};
 use super::trust;
+use super::undetermined::Undetermined;
 use crate::linear::dot;
 
 /// Rounds of weighting by the residual of the fit before, as if it were white, from the torque as a residual on.
@@ -72,6 +73,9 @@ pub struct Fit {
     pub rank: usize,
     /// Condition of the weighted regressor with columns scaled to one, over those directions.
     pub condition: f64,
+    /// Directions of the parameter space that the rows do not determine, so that they keep the nominal values: the share that each base
+    /// parameter, in units of its prior's deviation, has in the unit vector.
+    pub undetermined: Vec<Vec<f64>>,
 }
 
 impl Fit {
@@ -115,7 +119,8 @@ pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Metho
     let (rank, condition) = solution.conditioning();
     let values = solution.x.as_slice().to_vec();
     let beside = (0..noise.len()).map(|j| equations.share_beside(j)).collect();
-    Ok(Fit { values, std, covariance, determined, noise, correlation, beside, trust, rank, condition })
+    let undetermined = solution.held.as_ref().map_or_else(Vec::new, Undetermined::directions);
+    Ok(Fit { values, std, covariance, determined, noise, correlation, beside, trust, rank, condition, undetermined })
 }
 
 /// The values of [`fit`] alone, for a part of the work.
@@ -189,7 +194,8 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
         trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, alike.correlation[j])
     };
     let trust: Vec<f64> = (0..n).map(of).collect();
-    if trust.iter().all(|trust| *trust == 1.0) { Ok(alike) } else { turn(trust, 0) }
+    let found = if trust.iter().all(|trust| *trust == 1.0) { alike } else { turn(trust, 0)? };
+    Ok(Weighed { solution: found.solution.hold(&x0), ..found })
 }
 
 /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\].
@@ -259,6 +265,8 @@ pub(super) struct Solution {
     lead: Option<DMatrix<f64>>,
     /// Diagonal of P⁻¹, scaled.
     pub(super) prior: DVector<f64>,
+    /// Directions that keep the prior mean ([`Solution::hold`]).
+    held: Option<Undetermined>,
 }
 
 impl Solution {
@@ -328,7 +336,18 @@ impl Solution {
             return Err(singular());
         }
         let information = scaled(&dd);
-        Ok(Solution { x, scale, information, left, inverse, lead, prior: prior_information })
+        Ok(Solution { x, scale, information, left, inverse, lead, prior: prior_information, held: None })
+    }
+
+    /// Leaves the directions at the prior mean `x0` that the rows do not determine.
+    pub(super) fn hold(mut self, x0: &DVector<f64>) -> Solution {
+        let held = Undetermined::new(&self.inverse, &self.prior);
+        held.hold(&mut self.left, &mut self.inverse);
+        let mut scaled = self.x.component_div(&self.scale);
+        held.keep_mean(&mut scaled, &x0.component_div(&self.scale));
+        self.x = scaled.component_mul(&self.scale);
+        self.held = Some(held);
+        self
     }
 
     /// Covariance, scaled: the inverse of the information, (G·ΣwZᵀD + P⁻¹)⁻¹, where residuals are white.
@@ -343,8 +362,8 @@ impl Solution {
 
     /// Covariance, scaled, with what the colour of the residuals makes of it. `weights` are those it was solved with.
     pub(super) fn long_run_covariance(&self, joints: &[JointSums], weights: &[f64], method: Method) -> DMatrix<f64> {
-        let Solution { x, scale, left, inverse, lead, prior, .. } = self;
-        let whole = Whole { left, inverse, lead: lead.as_ref(), prior, scale, x };
+        let Solution { x, scale, left, inverse, lead, prior, held, .. } = self;
+        let whole = Whole { left, inverse, lead: lead.as_ref(), prior, scale, x, held: held.as_ref() };
         long_run(joints, weights, &whole, self.covariance(), method)
     }
 

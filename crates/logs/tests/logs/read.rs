@@ -164,6 +164,34 @@ fn optional_columns_without_any_value_are_no_signal() {
     assert!(refusal(&columns, &ReadOptions::new(2)).contains("column tau1, row 1"));
 }
 
+/// A few damaged rows are a gap; a log that is damaged in more than a tenth of its rows is refused with the first cell.
+#[test]
+fn rows_that_are_not_finite_are_left_out() {
+    let folder = folder();
+    let path = folder.path().join("damaged.csv");
+    let row = |k: usize, every: usize| match k % every {
+        7 => format!("{},nan,1\n", 0.01 * k as f64),
+        9 => ",,\n".to_owned(),
+        _ => format!("{},{},1\n", 0.01 * k as f64, k),
+    };
+    let written = |every: usize| {
+        let rows: String = (0..200).map(|k| row(k, every)).collect();
+        std::fs::write(&path, format!("t,q1,tau1\n{rows}")).expect("written");
+        read(&path, &ReadOptions::new(1))
+    };
+    let log = written(100).expect("four damaged rows");
+    assert_eq!(log.len(), 196);
+    assert!(!log.q[0].contains(&7.0) && log.q[0].contains(&8.0) && log.q[0].iter().all(|q| q.is_finite()));
+    assert_eq!(log.damaged_t, [0.07, 1.07]);
+    assert!(
+        log.notes.iter().any(|note| note.contains("4 of 200 rows") && note.contains("column q1, row 8")),
+        "{:?}",
+        log.notes
+    );
+    let why = written(10).expect_err("a fifth of the rows").to_string();
+    assert!(why.contains("column t, row 10"), "{why}");
+}
+
 #[test]
 fn every_broken_rule_names_column_row_value_and_rule() {
     let two = ReadOptions::new(2);
@@ -204,7 +232,7 @@ fn every_broken_rule_names_column_row_value_and_rule() {
             "run.csv: column q3 is missing; q1 is there, and a group of columns has all 3 joints",
         ),
         (
-            change(&|c| c[2].1[4] = "-1e13".to_owned()),
+            change(&|c| c[2].1[4..].fill("-1e13".to_owned())),
             two,
             "run.csv: column q2, row 5: -1e13; no value may be beyond 1e12 (s, rad, N m, A)",
         ),
@@ -214,13 +242,13 @@ fn every_broken_rule_names_column_row_value_and_rule() {
             "run.csv: column tau2, row 7: '0;5' is not a number; every value must be a finite number",
         ),
         (
-            change(&|c| c[1].1[2] = String::new()),
+            change(&|c| c[1].1[2..].fill(String::new())),
             two,
             "run.csv: column q1, row 3: the cell is empty or not a number (null, NaN); \
              every value must be a finite number",
         ),
         (
-            change(&|c| c[1].1[2] = "inf".into()),
+            change(&|c| c[1].1[2..].fill("inf".into())),
             two,
             "run.csv: column q1, row 3: inf; every value must be a finite number",
         ),
