@@ -28,9 +28,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let Args { measured, only, drawn, seed } = args;
     if drawn.is_some() {
-        measured.check_without_data()?
+        measured.check_without_data()?;
     } else {
-        measured.check()?
+        measured.check()?;
     }
     let (outcomes, skipped, failed) = with_engine(|engine| match drawn {
         Some(count) => {

@@ -41,7 +41,9 @@ pub(crate) fn take_out(table: &mut Table) -> Damaged {
         first + 1
     );
     let mut is_kept = vec![true; rows];
-    cells.iter().for_each(|(row, _)| is_kept[*row] = false);
+    for (row, _) in &cells {
+        is_kept[*row] = false;
+    }
     let times = table.columns.get("t").into_iter().flatten().zip(&is_kept);
     let t = times.filter(|(t, kept)| !**kept && !damaged(t)).map(|(t, _)| *t).collect();
     for values in table.columns.values_mut().filter(|values| values.len() == rows) {
