@@ -543,8 +543,12 @@ impl Core {
         let stop_periods = periods.saturating_sub(self.missed).max(1);
         self.last_seq = Some(sample.seq);
         (self.missed, self.wrong, self.wrong_samples) = (0, None, 0);
-        if self.stopping.is_none() && periods > self.stale_periods {
-            self.begin_anew();
+        if periods > self.stale_periods {
+            if self.stopping.is_none() {
+                self.begin_anew();
+            }
+            // What the arm did in between is not known.
+            self.velocity.restart();
         }
         self.sources.advance(periods);
         let qd = *self.velocity.update(&sample.q[..self.dof], periods);
@@ -552,7 +556,7 @@ impl Core {
         if self.stopping.is_some() && !self.resumes(sample, found.is_none()) {
             return Ok(self.stopped(sample.seq, sample.stamp_ns, stop_periods, Some([&sample.q, &qd])));
         }
-        let desired = self.desired(sample, &qd);
+        let desired = self.desired(sample, &qd, periods);
         if let Some(wrong) = self.strayed(sample, &desired) {
             self.begin_stop(wrong, 0);
             return Ok(self.stopped(sample.seq, sample.stamp_ns, 1, Some([&sample.q, &qd])));
@@ -628,7 +632,7 @@ impl Core {
     }
 
     /// What the arm is to do now: the plan if there is one of about this period near by, else stand where it is.
-    fn desired(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS]) -> Desired {
+    fn desired(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS], periods: u64) -> Desired {
         // A plan of the future is one of another time, too: a robot controller that was started anew counts from 1.
         let Some((_, plan)) = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods) else {
             self.following = false;
@@ -656,7 +660,9 @@ impl Core {
             offset[j] += speed[j] * self.period_s;
         }
         let x = self.without_friction();
-        self.governor.apply(&mut desired, &mut self.law, &x[..self.count], &mut self.mass);
+        self.governor.apply(&mut desired, &mut self.law, &x[..self.count], &mut self.mass, periods);
+        // The reference stays within the joints' ranges, too.
+        let _ = self.limits.apply(&mut desired);
         desired
     }
 

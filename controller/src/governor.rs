@@ -22,6 +22,9 @@ const RETURN: f64 = 5.0;
 /// the arm beyond its bounds with 1, 4 with 0.75, none with 0.5.
 const RATE_SHARE: f64 = 0.5;
 
+/// Longest gap between two references that is one step \[periods\]: the return stays stable.
+const MAX_PERIODS: u64 = 10;
+
 /// The reference's offset from the plan, and the torque that leads it.
 #[derive(Clone, Debug)]
 pub(crate) struct Governor {
@@ -72,10 +75,17 @@ impl Governor {
         (0..self.dof).filter(is_beyond).fold(0, |bits, j| bits | 1 << j)
     }
 
-    /// Turns a plan into the reference, one period after the last one. `x` are base parameters without friction, `mass` is scratch of
+    /// Turns a plan into the reference, `periods` after the last one. `x` are base parameters without friction, `mass` is scratch of
     /// dof² numbers. Real-time safe.
-    pub(crate) fn apply(&mut self, desired: &mut Desired, law: &mut ControlLaw, x: &[f64], mass: &mut [f64]) {
-        let n = self.dof;
+    pub(crate) fn apply(
+        &mut self,
+        desired: &mut Desired,
+        law: &mut ControlLaw,
+        x: &[f64],
+        mass: &mut [f64],
+        periods: u64,
+    ) {
+        let (n, periods) = (self.dof, periods.clamp(1, MAX_PERIODS) as f64);
         let mut accelerations = [0.0; MAX_JOINTS];
         for (j, a) in accelerations.iter_mut().enumerate().take(n) {
             *a = -RETURN * (RETURN * self.offset[j] + 2.0 * self.speed[j]);
@@ -88,7 +98,7 @@ impl Governor {
         let mut given = self.given.unwrap_or(needed);
         let mut lacking = [0.0; MAX_JOINTS];
         for j in 0..n {
-            let step = RATE_SHARE * self.step[j];
+            let step = RATE_SHARE * self.step[j] * periods;
             given[j] += (needed[j] - given[j]).clamp(-step, step);
             given[j] = given[j].clamp(-self.torque[j], self.torque[j]);
             lacking[j] = given[j] - needed[j];
@@ -105,8 +115,8 @@ impl Governor {
             }
         }
         for j in 0..n {
-            self.speed[j] += accelerations[j] * self.period_s;
-            self.offset[j] += self.speed[j] * self.period_s;
+            self.speed[j] += accelerations[j] * periods * self.period_s;
+            self.offset[j] += self.speed[j] * periods * self.period_s;
         }
     }
 }
@@ -139,7 +149,7 @@ mod tests {
         let mut reference = |a: f64| {
             plan.qdd[0] = a;
             let mut desired = plan;
-            governor.apply(&mut desired, &mut law, &x, &mut mass);
+            governor.apply(&mut desired, &mut law, &x, &mut mass, 1);
             let (away, mut tau) = (desired.q[0] - plan.q[0], [0.0; MAX_JOINTS]);
             law.model_torque(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], &x, &mut tau[..dof]);
             plan.q[0] += plan.qd[0] * PERIOD_S + 0.5 * a * PERIOD_S * PERIOD_S;

@@ -18,6 +18,8 @@ const LEAST_JUMP: f64 = 0.005;
 const MOST_JUMP: f64 = 0.05;
 /// Jump of the planned velocity that is always permitted, in parts of the speed limit: plans of straight lines have corners.
 const CORNER_SHARE: f64 = 0.25;
+/// Time over which positions and velocities of a plan are compared \[s\]. Velocities that are late by 10 ms are as good as exact.
+const AGREEMENT_S: f64 = 0.05;
 /// Share of the speed limit above which steps of the planned position are a jump.
 const STEP_SHARE: f64 = 1.2;
 
@@ -41,6 +43,8 @@ pub(crate) struct PlanCheck {
     last: Option<(u64, Desired)>,
     step: [f64; MAX_JOINTS],
     excess: [f64; MAX_JOINTS],
+    /// Way of the positions less that of the velocities, over the last moment \[rad\].
+    apart: [f64; MAX_JOINTS],
 }
 
 impl PlanCheck {
@@ -76,6 +80,7 @@ impl PlanCheck {
             last: None,
             step: [0.0; MAX_JOINTS],
             excess: [0.0; MAX_JOINTS],
+            apart: [0.0; MAX_JOINTS],
         }
     }
 
@@ -138,7 +143,7 @@ impl PlanCheck {
             return Err((StopCause::PlanAcceleration, joints));
         }
         let before = self.last.filter(|(last, _)| seq > *last && seq - *last <= self.longest_gap);
-        let (mut step, mut excess) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        let (mut step, mut excess, mut apart) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         if let Some((last, before)) = before {
             let periods = (seq - last) as f64;
             let joints = (0..n)
@@ -146,7 +151,8 @@ impl PlanCheck {
                     let (now, then) = (desired, &before);
                     step[j] = (now.q[j] - then.q[j]) / periods;
                     excess[j] = self.excess_way(j, step[j], periods);
-                    self.jumps(j, now, then, periods) || excess[j] > self.jump[j]
+                    apart[j] = self.way_apart(j, now, then, periods);
+                    self.jumps(j, now, then, periods) || excess[j] > self.jump[j] || apart[j].abs() > self.jump[j]
                 })
                 .fold(0, |bits, j| bits | 1 << j);
             if joints != 0 {
@@ -154,6 +160,7 @@ impl PlanCheck {
             }
         }
         (self.last, self.step, self.excess) = (Some((seq, *desired)), step, excess);
+        self.apart = apart;
         Ok(())
     }
 
@@ -165,6 +172,16 @@ impl PlanCheck {
         // Beyond a corner the drives may accelerate with all their torque.
         let corner = self.corner[j] + self.acceleration[j] * span_s;
         by_velocity.min(by_steps) > self.jump[j] || (now.qd[j] - then.qd[j]).abs() > corner
+    }
+
+    /// Way of joint `j` by positions less that by velocities \[rad\], forgotten with [`AGREEMENT_S`]; 0 for a plan without velocities.
+    fn way_apart(&self, j: usize, now: &Desired, then: &Desired, periods: f64) -> f64 {
+        if now.qd[j] == 0.0 && then.qd[j] == 0.0 {
+            return 0.0;
+        }
+        let span_s = periods * self.period_s;
+        let way = now.q[j] - then.q[j] - 0.5 * (now.qd[j] + then.qd[j]) * span_s;
+        (self.apart[j] + way) * (-span_s / AGREEMENT_S).exp()
     }
 
     /// Way beyond the speed limit that small jumps of joint `j` have added up to \[rad\].

@@ -100,7 +100,7 @@ impl Stop {
             let before = stopping.qd[j];
             stopping.qd[j] = before * rest + lacking[j] * elapsed_s;
             if stopping.qd[j] * before < 0.0 || stopping.qd[j].abs() < RESTING {
-                // A stop does not turn a joint round.
+                // A stop does not turn a joint round. One at rest may be dragged along by others for want of torque.
                 stopping.qd[j] = 0.0;
             }
             stopping.q[j] += 0.5 * (before + stopping.qd[j]) * elapsed_s;

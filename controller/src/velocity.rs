@@ -47,6 +47,11 @@ impl VelocityFilter {
         self.unknown <= MOST_UNKNOWN
     }
 
+    /// The velocity of the last update \[rad/s\].
+    pub(crate) fn value(&self) -> &[f64; MAX_JOINTS] {
+        &self.velocity
+    }
+
     /// Takes in positions that are `periods` sample periods younger than the last ones (1 without losses).
     pub(crate) fn update(&mut self, q: &[f64], periods: u64) -> &[f64; MAX_JOINTS] {
         let mut now = [0.0; MAX_JOINTS];

@@ -26,6 +26,8 @@ const GROWTHS_S: [f64; 2] = [0.0, 1.0];
 const MAX_PLANNED_SPEED: f64 = 1.1;
 const MAX_SPEED: f64 = 1.2;
 const MAX_AWAY: f64 = 0.3;
+/// A stop at speed goes on for as long as the drives need (`fast_arms_come_to_rest_too`) \[rad\].
+const MAX_STOP_AWAY: f64 = 0.5;
 
 /// `(1 − cos ωt)` rad times a size on one joint, grown as t³(10 − 15t + 6t²).
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +98,10 @@ fn sized(mut wave: Wave, torque: f64, robot: &Robot, motion: &Motion) -> Option<
 fn is_within(o: &Outcome, is_smooth: bool) -> bool {
     let is_handled = match o.stop {
         None => o.away <= MAX_AWAY,
-        Some((cause, ..)) => !is_smooth || matches!(cause, StopCause::PlanAcceleration | StopCause::PlanJump),
+        Some((cause, ..)) => {
+            let is_named = matches!(cause, StopCause::PlanAcceleration | StopCause::PlanJump);
+            o.away <= MAX_STOP_AWAY && (!is_smooth || is_named)
+        }
     };
     o.speed <= MAX_SPEED && is_handled
 }
@@ -134,7 +139,7 @@ fn check(arm: &str, joints: &[usize], words: &str) {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Drives that take any step: only the torque itself bounds the plan. With a lower rate limit hard plans swing the arm (`docs/controller.md`).
+/// Drives that take any step: only the torque itself bounds the plan.
 #[test]
 fn plans_at_the_edge_are_followed_or_refused_without_a_rate_limit() {
     check("dd2", &[0, 1], "rate_limit = 1e5\n");

@@ -495,6 +495,26 @@ fn a_plan_that_runs_away_in_small_steps_is_refused() {
     }
 }
 
+/// Positions that run away at a share of the speed limit, beside velocities that stay those of the swing.
+#[test]
+fn a_plan_whose_positions_contradict_its_velocities_is_refused() {
+    for (arm, ..) in ARMS {
+        for period_s in PERIODS {
+            for share in [0.8, 0.95, 1.19] {
+                let mut rig = Rig::new(arm, period_s, "resume_after = 0\n", SHARE);
+                let speed = share * rig.robot.model.arm.joints[0].velocity;
+                let begin = rig.planned(1.7)[0];
+                let o = rig.run(1.7, Wrong::Nothing, AFTER_S, |t, plan| plan[0][0] = begin + speed * t);
+                let name = format!("{arm} {period_s} s, {share} of the speed");
+                println!("{name}: {o:?}");
+                let (cause, joints, _) = o.stop.expect("stopped");
+                assert_eq!((cause, joints), (StopCause::PlanJump, 1), "{name}: {o:?}");
+                assert!(is_harmless(&o), "{name}: {o:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn absurd_plans_are_refused() {
     for k in 0..3 {

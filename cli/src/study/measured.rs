@@ -30,12 +30,13 @@ pub(crate) struct Args {
 impl Args {
     /// That the folders are there and the files can be written: asked before what takes long.
     pub(crate) fn check(&self) -> Result<()> {
+        self.check_without_data()?;
         if !self.data.is_dir() {
             return Err(
                 Fault::Usage(format!("{}: no such folder of data: give --data DIR", self.data.display())).into()
             );
         }
-        self.check_without_data()
+        Ok(())
     }
 
     /// The same of a study that needs no data.

@@ -71,8 +71,9 @@ impl Core {
         let (resume_after, asked) = (self.resume_after, self.asked);
         let Some(stopping) = &mut self.stopping else { return true };
         stopping.sound = if sound { stopping.sound.saturating_add(1) } else { 0 };
-        if sound && !stopping.doubts_encoders() {
-            stopping.untrusted = 0;
+        if sound && !stopping.doubts_encoders() && stopping.untrusted != 0 && self.velocity.is_known() {
+            // What was reckoned while nothing was seen gives way to what is seen.
+            (stopping.untrusted, stopping.q, stopping.qd) = (0, sample.q, *self.velocity.value());
         }
         let by_itself = !stopping.until_asked && stopping.sound >= resume_after;
         if stopping.sound == 0 || !reached || !(asked || by_itself) {

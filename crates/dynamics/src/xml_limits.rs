@@ -6,6 +6,8 @@
 const MAX_DEPTH: usize = 64;
 /// Most elements of a file. A humanoid with all its meshes has some 3000.
 const MAX_ELEMENTS: usize = 50_000;
+/// Most comments, processing instructions and CDATA sections of a file: a parser keeps each, and the text between them.
+const MAX_ASIDES: usize = 50_000;
 /// Most attributes of an element. URDF and MJCF elements have at most 20.
 const MAX_ATTRIBUTES: usize = 64;
 /// Longest tag with its attributes \[bytes\].
@@ -23,7 +25,7 @@ pub struct XmlExcess {
     pub limit: usize,
 }
 
-/// Checks nesting, number of elements, attributes an element and length of a tag. Malformed XML passes: the parser names the fault.
+/// Checks nesting, number of elements and of comments, attributes an element and length of a tag. Malformed XML passes: the parser names the fault.
 ///
 /// # Errors
 /// The first limit that is exceeded. A document type with declarations of its own is refused, since entities expand.
@@ -33,11 +35,15 @@ pub(crate) fn ensure_bounded(text: &str) -> Result<(), XmlExcess> {
         let line = text[..at].matches('\n').count() + 1;
         Err(XmlExcess { line, what, limit })
     };
-    let (mut at, mut depth, mut elements) = (0, 0_usize, 0_usize);
+    let (mut at, mut depth, mut elements, mut asides) = (0, 0_usize, 0_usize, 0_usize);
     while let Some(step) = text[at..].find('<') {
         let start = at + step;
         let rest = &text[start..];
         let skip = |end: &str| rest.find(end).map_or(bytes.len(), |i| start + i + end.len());
+        asides += usize::from(rest.starts_with("<!") || rest.starts_with("<?"));
+        if asides > MAX_ASIDES {
+            return excess(start, "comments and processing instructions", MAX_ASIDES);
+        }
         if rest.starts_with("<!--") {
             at = skip("-->");
         } else if rest.starts_with("<![CDATA[") {
@@ -124,6 +130,9 @@ mod tests {
             ("<a/>".repeat(MAX_ELEMENTS + 1), "elements"),
             (format!("<a {}/>", "b=\"\" ".repeat(MAX_ATTRIBUTES + 1)), "attributes"),
             (format!("<a b=\"{}\"/>", "x".repeat(MAX_TAG_BYTES)), "bytes"),
+            ("<!---->".repeat(MAX_ASIDES + 1), "comments"),
+            ("<?a?>".repeat(MAX_ASIDES + 1), "processing instructions"),
+            ("<![CDATA[a]]>".repeat(MAX_ASIDES + 1), "comments"),
             ("<!DOCTYPE a [<!ENTITY b \"c\">]><a/>".to_owned(), "DOCTYPE"),
         ];
         for (text, what) in cases {

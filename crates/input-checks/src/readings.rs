@@ -16,6 +16,8 @@ const SPEED: f64 = 8.0;
 const FROZEN_RUN: u32 = 4;
 /// Speed above which one joint alone does not stop from one sample to the next \[rad/s\].
 const FAST: f64 = 0.2;
+/// Last step over the smoothed one, below which a joint brakes.
+const STEADY_SHARE: f64 = 0.5;
 /// Speed above which a joint moves \[rad/s\].
 const SLOW: f64 = 0.04;
 /// A position that has not changed for this long, with no setpoint that moves, is of an arm that stands \[s\].
@@ -203,7 +205,7 @@ impl Joint {
     fn run(&mut self, still: bool, desired: f64, q: f64, frozen_run: u32) -> bool {
         if still {
             if self.same == 0 {
-                self.speed_before = self.speed;
+                self.speed_before = self.steady_speed();
                 self.setpoint_before = desired;
             }
             self.same = self.same.saturating_add(1);
@@ -220,6 +222,12 @@ impl Joint {
             self.same = 0;
             thawed
         }
+    }
+
+    /// Speed with which the joint would have gone on \[rad a period\]: smoothed, or the last step where that is much slower. A joint that
+    /// brakes and sticks at its turning point is slower in its last step than over the samples before it.
+    fn steady_speed(&self) -> f64 {
+        if self.step.abs() < STEADY_SHARE * self.speed.abs() { self.step } else { self.speed }
     }
 
     /// Takes in a position; whether it has jumped, now or before.
@@ -284,5 +292,52 @@ impl Joint {
             self.offset_age = 0;
         }
         self.offset != 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: JointLimits = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
+
+    /// A joint that brakes into its turning point and sticks there for 30 ms, while its plan turns round: no encoder that is frozen.
+    #[test]
+    fn a_joint_that_brakes_and_sticks_is_sound() {
+        for period_s in [0.004, 0.002, 0.001] {
+            for deceleration in [2.0, 9.0, 20.0] {
+                let mut check = ReadingCheck::new(&[ONE], period_s);
+                for seq in 1..=2000 {
+                    // At rest at 0.5 s.
+                    let t = seq as f64 * period_s - 0.5;
+                    let along = |t: f64| -0.5 * deceleration * t * t;
+                    let q = if t < 0.0 { along(t) } else { along((t - 0.03).max(0.0)) };
+                    let tau = [0.1 * (7.0 * t).sin()];
+                    let found = check.check(&Reading { seq, q: &[q], tau: &tau }, Some(&[along(t)]));
+                    assert_eq!(found, None, "{period_s} s, {deceleration} rad/s²: {t} s");
+                    if t > 0.3 {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// One that freezes in motion, while it brakes as well.
+    #[test]
+    fn a_reading_that_freezes_in_motion_is_found() {
+        for period_s in [0.004, 0.001] {
+            for deceleration in [0.0, 2.0] {
+                let mut check = ReadingCheck::new(&[ONE], period_s);
+                let found = (1..=500).find_map(|seq| {
+                    let t = (seq as f64 * period_s).min(0.3);
+                    let q = t - 0.5 * deceleration * t * t;
+                    check.check(&Reading { seq, q: &[q], tau: &[(0.1 * seq as f64).sin()] }, None).map(|f| (seq, f))
+                });
+                let (seq, found) = found.expect("it is found");
+                assert_eq!(found, Found { fault: Fault::Frozen, joints: 1 });
+                assert!(seq as f64 * period_s <= 0.3 + 0.0201, "{seq}");
+            }
+        }
     }
 }

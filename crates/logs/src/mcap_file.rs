@@ -18,6 +18,10 @@ pub(crate) const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// Longest chunk, before compression \[bytes\]. `ros2 bag` writes some MB.
 const MAX_CHUNK_BYTES: u64 = 1 << 30;
+/// Bytes that all chunks of a file may have before compression, beside this many times the file's own: recordings of joints that move
+/// compress to a tenth, those of an arm at rest to a hundredth.
+const FREE_BYTES: u64 = 256 << 20;
+const MAX_EXPANSION: u64 = 200;
 /// Longest name of a compression \[bytes\].
 const MAX_COMPRESSION_BYTES: u32 = 32;
 /// Channel, sequence number and two times before the data of a message \[bytes\].
@@ -67,8 +71,16 @@ fn walk(path: &Path, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Vec<Strin
             break;
         }
         let mut stream = open(file).map_err(|e| LogFault::Io(e).at(file))?;
-        let mut walk =
-            Walk { channels: HashMap::new(), types: HashMap::new(), sink, warnings: Vec::new(), messages: 0 };
+        let bytes = std::fs::metadata(file).map_err(|e| LogFault::Io(e).at(file))?.len();
+        let mut walk = Walk {
+            channels: HashMap::new(),
+            types: HashMap::new(),
+            sink,
+            warnings: Vec::new(),
+            messages: 0,
+            expanded: 0,
+            budget: budget(bytes),
+        };
         let ended = walk.file(&mut *stream);
         let name = if files.len() > 1 {
             format!("{}: ", file.file_name().unwrap_or_default().to_string_lossy())
@@ -91,6 +103,11 @@ fn walk(path: &Path, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Vec<Strin
     Ok(warnings)
 }
 
+/// Most bytes that a file of `bytes` may have before compression.
+fn budget(bytes: u64) -> u64 {
+    bytes.saturating_mul(MAX_EXPANSION).saturating_add(FREE_BYTES)
+}
+
 /// A file, decompressed where `ros2 bag` compressed it as a whole.
 fn open(path: &Path) -> io::Result<Box<dyn Read>> {
     let mut file = File::open(path)?;
@@ -98,7 +115,8 @@ fn open(path: &Path) -> io::Result<Box<dyn Read>> {
     let length = file.read(&mut magic)?;
     file.seek(SeekFrom::Start(0))?;
     if magic[..length] == *ZSTD_MAGIC {
-        return Ok(Box::new(BufReader::new(zstd::stream::read::Decoder::new(file)?)));
+        let budget = budget(file.metadata()?.len());
+        return Ok(Box::new(BufReader::new(zstd::stream::read::Decoder::new(file)?).take(budget)));
     }
     Ok(Box::new(BufReader::with_capacity(1 << 16, file)))
 }
@@ -168,6 +186,9 @@ struct Walk<'a> {
     sink: &'a mut dyn Sink,
     warnings: Vec<String>,
     messages: u64,
+    /// Bytes that the chunks so far claim before compression, and the most that they may.
+    expanded: u64,
+    budget: u64,
 }
 
 impl Walk<'_> {
@@ -241,6 +262,14 @@ impl Walk<'_> {
         let (claimed, crc, named) = (field(16), word(24), word(28));
         if claimed > MAX_CHUNK_BYTES {
             let why = format!("a chunk claims {claimed} bytes; at most {MAX_CHUNK_BYTES} are read");
+            return Err(Stop::Refused(why));
+        }
+        self.expanded = self.expanded.saturating_add(claimed);
+        if self.expanded > self.budget {
+            let why = format!(
+                "its chunks claim {} bytes and more; at most {} are read: {MAX_EXPANSION} times the file's and {FREE_BYTES} beside",
+                self.expanded, self.budget
+            );
             return Err(Stop::Refused(why));
         }
         if named > MAX_COMPRESSION_BYTES {

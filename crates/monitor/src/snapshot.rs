@@ -321,7 +321,7 @@ pub(crate) fn state_folder(state: u32) -> String {
         Ok(StateFolder::None) => "no folder: nothing is stored or recorded".to_owned(),
         Ok(StateFolder::Writable) => "folder can be written".to_owned(),
         Ok(StateFolder::Unwritable) => "FOLDER CANNOT BE WRITTEN: nothing is stored or recorded".to_owned(),
-        Ok(StateFolder::Full) => "FOLDER IS FULL: nothing is stored or recorded".to_owned(),
+        Ok(StateFolder::Full) => "FOLDER IS FULL: less than 64 KiB are left, records may be missing".to_owned(),
         Err(_) => format!("state of the folder {state}"),
     }
 }
