@@ -18,10 +18,12 @@ pub(crate) const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// Longest chunk, before compression \[bytes\]. `ros2 bag` writes some MB.
 const MAX_CHUNK_BYTES: u64 = 1 << 30;
-/// Bytes that all chunks of a file may have before compression, beside this many times the file's own: recordings of joints that move
-/// compress to a tenth, those of an arm at rest to a hundredth.
+/// Bytes that all chunks of a recording may have before compression, beside this many times its files' own: recordings of joints that
+/// move compress to a tenth, those of an arm at rest to a hundredth.
 const FREE_BYTES: u64 = 256 << 20;
-const MAX_EXPANSION: u64 = 200;
+const MAX_EXPANSION: u64 = 100;
+/// What a chunk counts at least, for the work of its decoder \[bytes\].
+const CHUNK_BYTES: u64 = 32 << 10;
 /// Longest name of a compression \[bytes\].
 const MAX_COMPRESSION_BYTES: u32 = 32;
 /// Channel, sequence number and two times before the data of a message \[bytes\].
@@ -65,21 +67,22 @@ pub(crate) fn read_files(path: &Path, files: &[PathBuf], wanted: Wanted<'_>) -> 
 
 /// Passes every message of the files to `sink`; returns what is wrong with the files.
 fn walk(path: &Path, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Vec<String>, LogError> {
+    let bytes = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|meta| meta.len()).sum();
+    let (budget, mut expanded) = (budget(bytes), 0);
     let mut warnings = Vec::new();
     for file in files {
         if sink.is_done() {
             break;
         }
         let mut stream = open(file).map_err(|e| LogFault::Io(e).at(file))?;
-        let bytes = std::fs::metadata(file).map_err(|e| LogFault::Io(e).at(file))?.len();
         let mut walk = Walk {
             channels: HashMap::new(),
             types: HashMap::new(),
             sink,
             warnings: Vec::new(),
             messages: 0,
-            expanded: 0,
-            budget: budget(bytes),
+            expanded: &mut expanded,
+            budget,
         };
         let ended = walk.file(&mut *stream);
         let name = if files.len() > 1 {
@@ -103,7 +106,7 @@ fn walk(path: &Path, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Vec<Strin
     Ok(warnings)
 }
 
-/// Most bytes that a file of `bytes` may have before compression.
+/// Most bytes that a recording of `bytes` may have before compression.
 fn budget(bytes: u64) -> u64 {
     bytes.saturating_mul(MAX_EXPANSION).saturating_add(FREE_BYTES)
 }
@@ -186,8 +189,8 @@ struct Walk<'a> {
     sink: &'a mut dyn Sink,
     warnings: Vec<String>,
     messages: u64,
-    /// Bytes that the chunks so far claim before compression, and the most that they may.
-    expanded: u64,
+    /// Bytes that the chunks of all files so far claim before compression, and the most that they may.
+    expanded: &'a mut u64,
     budget: u64,
 }
 
@@ -264,10 +267,10 @@ impl Walk<'_> {
             let why = format!("a chunk claims {claimed} bytes; at most {MAX_CHUNK_BYTES} are read");
             return Err(Stop::Refused(why));
         }
-        self.expanded = self.expanded.saturating_add(claimed);
-        if self.expanded > self.budget {
+        *self.expanded = self.expanded.saturating_add(claimed.max(CHUNK_BYTES));
+        if *self.expanded > self.budget {
             let why = format!(
-                "its chunks claim {} bytes and more; at most {} are read: {MAX_EXPANSION} times the file's and {FREE_BYTES} beside",
+                "its chunks claim {} bytes and more; at most {} are read: {MAX_EXPANSION} times the recording's and {FREE_BYTES} beside",
                 self.expanded, self.budget
             );
             return Err(Stop::Refused(why));

@@ -216,6 +216,23 @@ fn mcap_that_claims_too_much_is_refused() {
     }
 }
 
+/// Chunks that claim nothing have their decoder all the same.
+#[test]
+fn mcap_of_very_many_chunks_is_refused() {
+    let folder = folder();
+    let path = folder.path().join("chunks.mcap");
+    let mut chunk = vec![6];
+    chunk.extend(40_u64.to_le_bytes());
+    chunk.extend([0; 40]);
+    for (count, is_refused) in [(1000, false), (20_000, true)] {
+        let mut bytes = mcap::MAGIC.to_vec();
+        bytes.extend(chunk.repeat(count));
+        std::fs::write(&path, bytes).expect("written");
+        let why = read_named(&path).expect_err("it has no message").to_string();
+        assert_eq!(why.contains("its chunks claim"), is_refused, "{why}");
+    }
+}
+
 #[test]
 fn bag_of_two_files_is_one_recording() {
     let Some(measured) = measured() else { return };
