@@ -270,7 +270,7 @@ impl Walk<'_> {
         *self.expanded = self.expanded.saturating_add(claimed.max(CHUNK_BYTES));
         if *self.expanded > self.budget {
             let why = format!(
-                "its chunks claim {} bytes and more; at most {} are read: {MAX_EXPANSION} times the recording's and {FREE_BYTES} beside",
+                "its chunks claim {} bytes and more; at most {} are read: {MAX_EXPANSION} times the recording's plus {FREE_BYTES}",
                 self.expanded, self.budget
             );
             return Err(Stop::Refused(why));
