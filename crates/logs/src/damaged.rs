@@ -1,7 +1,6 @@
 //! Rows with a cell that is empty, not a number or beyond every quantity of an arm.
 
 use crate::columns::{Group, Table};
-use crate::log::{LARGEST, LEAST_ROWS};
 
 /// Share of rows that may be damaged. A log with more is refused with the first such cell.
 const MAX_DAMAGED: f64 = 0.1;
@@ -15,14 +14,14 @@ pub(crate) struct Damaged {
     pub(crate) note: Option<String>,
 }
 
-/// Takes rows out of which some value is not finite or beyond `LARGEST`. A column without any value is no damage.
+/// Takes rows out of which some value is not finite or beyond `largest`. A column without any value is no damage.
 ///
-/// Nothing is taken out where columns differ in length, where more than `MAX_DAMAGED` of the rows are damaged, or where fewer rows than a log
-/// needs would be left.
-pub(crate) fn take_out(table: &mut Table) -> Damaged {
+/// Nothing is taken out where columns differ in length, where more than `MAX_DAMAGED` of the rows are damaged, or where fewer than
+/// `least_rows` would be left.
+pub(crate) fn take_out(table: &mut Table, largest: f64, least_rows: usize) -> Damaged {
     let rows = table.columns.get("t").map_or(0, Vec::len);
     let is_signal = |name: &str| name == "t" || Group::parse(name).is_some();
-    let damaged = |value: &f64| value.is_nan() || value.abs() > LARGEST;
+    let damaged = |value: &f64| value.is_nan() || value.abs() > largest;
     let signals =
         || table.columns.iter().filter(|(name, values)| is_signal(name) && !values.iter().all(|v| v.is_nan()));
     if signals().any(|(_, values)| values.len() != rows) {
@@ -32,7 +31,7 @@ pub(crate) fn take_out(table: &mut Table) -> Damaged {
         |row: &usize| signals().find(|(_, values)| damaged(&values[*row])).map(|(name, _)| (*row, name.clone()));
     let cells: Vec<(usize, String)> = (0..rows).filter_map(|row| cell_of(&row)).collect();
     let Some((first, column)) = cells.first() else { return Damaged::default() };
-    if cells.len() as f64 > MAX_DAMAGED * rows as f64 || rows - cells.len() < LEAST_ROWS {
+    if cells.len() as f64 > MAX_DAMAGED * rows as f64 || rows - cells.len() < least_rows {
         return Damaged::default();
     }
     let note = format!(

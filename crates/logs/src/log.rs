@@ -112,7 +112,7 @@ pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Namin
     let mut table = (reader.read)(path, &|name| plan.wants(name))?;
     let warnings = std::mem::take(&mut table.warnings);
     let (mut table, notes) = plan.apply(table).map_err(|fault| fault.at(path))?;
-    let damaged = damaged::take_out(&mut table);
+    let damaged = damaged::take_out(&mut table, LARGEST, LEAST_ROWS);
     let log = Log::from_table(path, table, options).map_err(|fault| fault.at(path))?;
     let notes = warnings.into_iter().chain(notes).chain(damaged.note).collect();
     Ok(Log { notes, damaged_t: damaged.t, ..log })
