@@ -546,9 +546,10 @@ impl Core {
         if periods > self.stale_periods {
             if self.stopping.is_none() {
                 self.begin_anew();
+            } else {
+                // What the arm did in between is not known.
+                self.velocity.restart();
             }
-            // What the arm did in between is not known.
-            self.velocity.restart();
         }
         self.sources.advance(periods);
         let qd = *self.velocity.update(&sample.q[..self.dof], periods);

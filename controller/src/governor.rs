@@ -11,8 +11,8 @@
 //!
 //! `τ(r)` is without friction: friction turns round with the arm, not with the reference.
 
+use crate::inertia::acceleration_by;
 use crate::law::{ControlLaw, Desired};
-use crate::matrix::{cholesky_succeeds, solve_factored};
 use crate::output::Limits;
 use rivet_dynamics::MAX_JOINTS;
 
@@ -104,18 +104,10 @@ impl Governor {
             lacking[j] = given[j] - needed[j];
         }
         self.given = Some(given);
-        if lacking[..n].iter().any(|tau| *tau != 0.0) {
-            law.inertia(&desired.q[..n], x, mass);
-            if cholesky_succeeds(mass, n) {
-                solve_factored(mass, n, &mut lacking);
-                for j in 0..n {
-                    desired.qdd[j] += lacking[j];
-                    accelerations[j] += lacking[j];
-                }
-            }
-        }
+        let delta = acceleration_by(law, &desired.q[..n], &lacking, x, mass);
         for j in 0..n {
-            self.speed[j] += accelerations[j] * periods * self.period_s;
+            desired.qdd[j] += delta[j];
+            self.speed[j] += (accelerations[j] + delta[j]) * periods * self.period_s;
             self.offset[j] += self.speed[j] * periods * self.period_s;
         }
     }

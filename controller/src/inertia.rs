@@ -16,14 +16,31 @@ pub(crate) fn acceleration_of(
     let n = law.dof();
     let (zero, mut bias) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
     law.model_torque(q, qd, &zero[..n], x, &mut bias[..n]);
+    let mut net = zero;
+    for i in 0..n {
+        net[i] = tau[i] - bias[i];
+    }
+    acceleration_by(law, q, &net, x, mass)
+}
+
+/// Acceleration \[rad/s²\] by which a torque `tau` moves an arm with base parameters `x` at `q` beyond what it does without: `M(q)⁻¹·τ`. `mass`
+/// is scratch of dof² numbers. Zeros without a torque, and where the inertia matrix is that of no arm. Real-time safe.
+pub(crate) fn acceleration_by(
+    law: &mut ControlLaw,
+    q: &[f64],
+    tau: &[f64; MAX_JOINTS],
+    x: &[f64],
+    mass: &mut [f64],
+) -> [f64; MAX_JOINTS] {
+    let n = law.dof();
+    if tau[..n].iter().all(|tau| *tau == 0.0) {
+        return [0.0; MAX_JOINTS];
+    }
     law.inertia(q, x, mass);
     if !cholesky_succeeds(mass, n) {
-        return zero;
+        return [0.0; MAX_JOINTS];
     }
-    let mut a = zero;
-    for i in 0..n {
-        a[i] = tau[i] - bias[i];
-    }
+    let mut a = *tau;
     solve_factored(mass, n, &mut a);
     a
 }

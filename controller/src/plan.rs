@@ -18,7 +18,7 @@ const LEAST_JUMP: f64 = 0.005;
 const MOST_JUMP: f64 = 0.05;
 /// Jump of the planned velocity that is always permitted, in parts of the speed limit: plans of straight lines have corners.
 const CORNER_SHARE: f64 = 0.25;
-/// Time over which positions and velocities of a plan are compared \[s\]. Velocities that are late by 10 ms are as good as exact.
+/// Time over which positions and velocities of a plan are compared \[s\]. Velocities that are late by 10 ms pass.
 const AGREEMENT_S: f64 = 0.05;
 /// Share of the speed limit above which steps of the planned position are a jump.
 const STEP_SHARE: f64 = 1.2;

@@ -7,9 +7,8 @@
 //! planned, and never drives one whose velocity is not known.
 
 use crate::history::{History, Moment};
-use crate::inertia::acceleration_of;
+use crate::inertia::{acceleration_by, acceleration_of};
 use crate::law::ControlLaw;
-use crate::matrix::{cholesky_succeeds, solve_factored};
 use rivet_config::StopReaction;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::StopCause;
@@ -79,7 +78,7 @@ impl Stop {
         law: &mut ControlLaw,
         x: &[f64],
         stopping: &mut Stopping,
-        mut lacking: [f64; MAX_JOINTS],
+        lacking: &[f64; MAX_JOINTS],
         elapsed_s: f64,
         mass: &mut [f64],
     ) {
@@ -87,18 +86,11 @@ impl Stop {
             return;
         }
         let n = law.dof();
-        if lacking[..n].iter().any(|tau| *tau != 0.0) {
-            law.inertia(&stopping.q[..n], x, mass);
-            if cholesky_succeeds(mass, n) {
-                solve_factored(mass, n, &mut lacking);
-            } else {
-                lacking = [0.0; MAX_JOINTS];
-            }
-        }
+        let dragged = acceleration_by(law, &stopping.q[..n], lacking, x, mass);
         let rest = (-elapsed_s / self.decay_s()).exp();
         for j in 0..n {
             let before = stopping.qd[j];
-            stopping.qd[j] = before * rest + lacking[j] * elapsed_s;
+            stopping.qd[j] = before * rest + dragged[j] * elapsed_s;
             if stopping.qd[j] * before < 0.0 || stopping.qd[j].abs() < RESTING {
                 // A stop does not turn a joint round. One at rest may be dragged along by others for want of torque.
                 stopping.qd[j] = 0.0;

@@ -121,7 +121,7 @@ impl Core {
                 lacking[j] = if lack.is_finite() { lack } else { 0.0 };
             }
             let (x, elapsed_s) = (&x[..self.count], elapsed as f64 * self.period_s);
-            self.stop.advance(&mut self.law, x, stopping, lacking, elapsed_s, &mut self.mass);
+            self.stop.advance(&mut self.law, x, stopping, &lacking, elapsed_s, &mut self.mass);
         }
         command
     }
