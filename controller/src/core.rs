@@ -231,7 +231,7 @@ impl Core {
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
             governor: Governor::new(&output, &bounds, period_s),
-            output: Output::new(output, (1e-3 * settings.saturation_ms / period_s) as u32),
+            output: Output::new(output, (1e-3 * settings.saturation_ms / period_s) as u32, period_s),
             clock: SampleClock::new(period_s),
             confirmed: false,
             velocity: VelocityFilter::new(period_s, settings.velocity_filter_hz),
@@ -447,11 +447,10 @@ impl Core {
         let n = self.dof;
         let plan = self.plan.filter(|_| self.following).map(|(_, plan)| plan);
         let command = *self.output.last();
-        let wrong = self.watch.readings(sample, &command, plan.as_ref()).or_else(|| {
-            // What brakes or a stop do is no answer to a plan.
-            let moves = sample.faults == 0 && self.stopping.is_none();
-            if moves { self.answers() } else { None }
-        });
+        let wrong = self.watch.readings(sample, &command, plan.as_ref());
+        // What brakes do is no answer to a torque. A joint that is too fast may answer it all the same.
+        let is_compared = sample.faults == 0 && wrong.is_none_or(|wrong| wrong.cause == StopCause::TooFast);
+        let wrong = wrong.or(if is_compared { self.answers() } else { None });
         if wrong.is_none() && sample.faults == 0 {
             if self.observed_seq.is_some_and(|last| last.checked_add(1) != Some(sample.seq)) {
                 self.recent.restart_signals();
@@ -466,9 +465,17 @@ impl Core {
 
     /// Whether the arm answers its torque, and feedback is not held back.
     fn answers(&mut self) -> Option<Wrong> {
-        let held_back = self.output.held_back();
-        let late = (held_back != 0).then_some(Wrong { cause: StopCause::Saturated, joints: held_back, lasting: true });
-        self.watch.response(&mut self.law, &self.acting[..self.count]).or(late)
+        let unanswered = self.watch.response(&mut self.law, &self.acting[..self.count]);
+        match self.stopping.map(|stopping| stopping.cause) {
+            None => {
+                let joints = self.output.held_back();
+                let late = Wrong { cause: StopCause::Saturated, joints, lasting: true };
+                unanswered.or((joints != 0).then_some(late))
+            }
+            // These stops use readings because they have been answers.
+            Some(StopCause::TooFast | StopCause::TrackingError) => unanswered,
+            Some(_) => None,
+        }
     }
 
     /// Asks the pose and recent torques whether the right parameters act.
@@ -554,7 +561,7 @@ impl Core {
         self.sources.advance(periods);
         let qd = *self.velocity.update(&sample.q[..self.dof], periods);
         self.blend_parameters();
-        if self.stopping.is_some() && !self.resumes(sample, found.is_none()) {
+        if self.stopping.is_some() && !self.resumes(sample, found) {
             return Ok(self.stopped(sample.seq, sample.stamp_ns, stop_periods, Some([&sample.q, &qd])));
         }
         let desired = self.desired(sample, &qd, periods);
@@ -756,6 +763,7 @@ impl Core {
         let applied = self.output.apply(&mut tau[..n]);
         if integrate {
             self.law.integrate(&applied.limited[..n]);
+            self.governor.hedge(&applied.lacking);
         }
         self.counts.broken += u64::from(applied.broken);
         self.counts.saturated += u64::from(applied.saturated);

@@ -2,11 +2,13 @@
 //!
 //! A plan may need torque that changes faster than the drives take it. The arm falls behind it by that much whatever the feedback
 //! does, and feedback that answers with torque that comes too late swings the arm. So the reference falls behind as well, by what the
-//! model predicts, and comes back slowly:
+//! model predicts, and comes back slowly. What the rate limit takes from feedback moves the reference in the same way
+//! (pseudo-control hedging, E. N. Johnson and A. J. Calise, 2001): the error then does not grow by torque that was never given.
 //!
 //! ```text
-//! r = plan + o                        ö = δ − J²·o − 2·J·ȯ            o: offset of the reference from the plan, per joint
+//! r = plan + o                        ö = δ + η − J²·o − 2·J·ȯ        o: offset of the reference from the plan, per joint
 //! u ← u + clamp(τ(r) − u, ±rate)      δ = M⁻¹·(u − τ(r))              u: torque of the reference behind the limits
+//!                                     η = M⁻¹·l                       l: what the rate limit took from the last command
 //! ```
 //!
 //! `τ(r)` is without friction: friction turns round with the arm, not with the reference.
@@ -35,6 +37,8 @@ pub(crate) struct Governor {
     bounds: [[f64; 2]; MAX_JOINTS],
     /// Torque of the reference; `None` before the first one.
     given: Option<[f64; MAX_JOINTS]>,
+    /// What the rate limit took from the last command \[N·m\].
+    held_back: [f64; MAX_JOINTS],
     /// Offset \[rad\] and its rate \[rad/s\].
     offset: [f64; MAX_JOINTS],
     speed: [f64; MAX_JOINTS],
@@ -51,6 +55,7 @@ impl Governor {
             step: zero,
             bounds: [[0.0; 2]; MAX_JOINTS],
             given: None,
+            held_back: zero,
             offset: zero,
             speed: zero,
         };
@@ -63,14 +68,20 @@ impl Governor {
     /// Begins without an offset.
     pub(crate) fn restart(&mut self) {
         (self.given, self.offset, self.speed) = (None, [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        self.held_back = [0.0; MAX_JOINTS];
     }
 
-    /// Joints, bit 0 the base's, whose reference is further from the plan than an arm may be, or leaves it faster than a plan may
-    /// jump: the plan is too hard for the rate limit.
+    /// Takes in what the rate limit took from the command that answered the last reference \[N·m\], feedback and all.
+    pub(crate) fn hedge(&mut self, lacking: &[f64; MAX_JOINTS]) {
+        self.held_back = *lacking;
+    }
+
+    /// Joints, bit 0 the base's, whose reference is further from the plan than an arm may be, or leaves it faster than a plan may jump, or
+    /// does a part of both: the plan is too hard for the rate limit.
     pub(crate) fn beyond(&self) -> u32 {
         let is_beyond = |j: &usize| {
             let [offset, speed] = self.bounds[*j];
-            self.offset[*j].abs() > offset || self.speed[*j].abs() > speed
+            self.offset[*j].abs() / offset + self.speed[*j].abs() / speed > 1.0
         };
         (0..self.dof).filter(is_beyond).fold(0, |bits, j| bits | 1 << j)
     }
@@ -105,9 +116,10 @@ impl Governor {
         }
         self.given = Some(given);
         let delta = acceleration_by(law, &desired.q[..n], &lacking, x, mass);
+        let hedge = acceleration_by(law, &desired.q[..n], &self.held_back, x, mass);
         for j in 0..n {
             desired.qdd[j] += delta[j];
-            self.speed[j] += (accelerations[j] + delta[j]) * periods * self.period_s;
+            self.speed[j] += (accelerations[j] + delta[j] + hedge[j]) * periods * self.period_s;
             self.offset[j] += self.speed[j] * periods * self.period_s;
         }
     }

@@ -2,8 +2,11 @@
 
 use rivet_dynamics::MAX_JOINTS;
 
-/// Torque by which the rate limit holds a command back that swings an arm, in parts of its limit: less is the chatter of feedback.
+/// Torque by which the rate limit holds a command back that swings an arm, in parts of the torque limit: less is the chatter of feedback.
 const LACKING_SHARE: f64 = 0.25;
+/// Time over which that torque is smoothed \[s\]: encoder steps of 1.5 mrad
+/// make feedback chatter faster, an arm swings more slowly. With 10 ms the first are followed badly, with 30 ms the second.
+const LACKING_S: f64 = 0.015;
 
 /// What no command may exceed, joint by joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +18,7 @@ pub struct Limits {
 }
 
 /// What was done to a torque on its way out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Applied {
     /// Joints that did not get what the law wanted.
     pub limited: [bool; MAX_JOINTS],
@@ -25,6 +28,8 @@ pub struct Applied {
     pub rate_limited: bool,
     /// A joint's torque was not a number.
     pub broken: bool,
+    /// What the rate limit takes from each joint's torque, given less wanted, smoothed and beyond the chatter of feedback \[N·m\].
+    pub lacking: [f64; MAX_JOINTS],
 }
 
 /// Turns what the law wants into what the robot gets.
@@ -35,13 +40,16 @@ pub struct Output {
     largest_step: [f64; MAX_JOINTS],
     /// Commands that the rate limit held back by much, less those that it did not, from zero on.
     held_back: [u32; MAX_JOINTS],
+    /// What the rate limit takes, smoothed \[N·m\], and the weight of one command in it.
+    lacking: [f64; MAX_JOINTS],
+    weight: f64,
     /// Largest permitted value of that count.
     most_held_back: [u32; MAX_JOINTS],
 }
 
 impl Output {
     /// Starts from zero torque: the first commands rise at the permitted rate. `longest` is the most commands that may be at a limit.
-    pub fn new(limits: Limits, longest: u32) -> Output {
+    pub fn new(limits: Limits, longest: u32, period_s: f64) -> Output {
         let mut most_held_back = [longest; MAX_JOINTS];
         for (most, (torque, step)) in most_held_back.iter_mut().zip(limits.torque.iter().zip(&limits.step)) {
             let swing = 2.0 * torque / step;
@@ -49,7 +57,8 @@ impl Output {
             *most = (*most).max(swing.ceil() as u32);
         }
         let zero = [0.0; MAX_JOINTS];
-        Output { limits, last: zero, largest_step: zero, held_back: [0; MAX_JOINTS], most_held_back }
+        let weight = 1.0 - (-period_s / LACKING_S).exp();
+        Output { limits, last: zero, largest_step: zero, held_back: [0; MAX_JOINTS], lacking: zero, weight, most_held_back }
     }
 
     /// Joints, bit 0 the base's, whose torque the rate limit has held back by a quarter of its limit and more for longer than it may be at a limit and longer than
@@ -62,6 +71,7 @@ impl Output {
     /// Forgets for how long torques have been held back.
     pub fn restart(&mut self) {
         self.held_back = [0; MAX_JOINTS];
+        self.lacking = [0.0; MAX_JOINTS];
     }
 
     /// Limits `wanted` in place. A joint whose torque is not a number keeps its last command. Real-time safe.
@@ -75,7 +85,11 @@ impl Output {
                 applied.rate_limited |= (within - last).abs() > step;
                 // Saturating last as well as first: a step may not lead out of the limits.
                 let given = within.clamp(last - step, last + step).clamp(-limit, limit);
-                let (lacking, before) = ((within - given).abs() > LACKING_SHARE * limit, self.held_back[j]);
+                let chatter = LACKING_SHARE * limit;
+                let lacking = given - within;
+                self.lacking[j] += self.weight * (lacking - self.lacking[j]);
+                applied.lacking[j] = self.lacking[j] - self.lacking[j].clamp(-chatter, chatter);
+                let (lacking, before) = (lacking.abs() > chatter, self.held_back[j]);
                 self.held_back[j] = if lacking { before.saturating_add(1) } else { before.saturating_sub(1) };
                 applied.limited[j] = given != *tau;
                 *tau = given;
@@ -106,7 +120,7 @@ mod tests {
     use super::*;
 
     fn output() -> Output {
-        Output::new(Limits { torque: vec![10.0, 10.0], step: vec![4.0, 100.0] }, 4)
+        Output::new(Limits { torque: vec![10.0, 10.0], step: vec![4.0, 100.0] }, 4, 0.001)
     }
 
     /// A torque that asks for more than the rate limit with every command, this way and that; joint 2 may step as it likes.

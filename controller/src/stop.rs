@@ -9,6 +9,7 @@
 use crate::history::{History, Moment};
 use crate::inertia::{acceleration_by, acceleration_of};
 use crate::law::ControlLaw;
+use crate::watch::Wrong;
 use rivet_config::StopReaction;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::StopCause;
@@ -42,7 +43,9 @@ pub(crate) struct Stopping {
     pub(crate) cause: StopCause,
     /// Joints that the cause names, bit 0 the base's.
     pub(crate) joints: u32,
-    /// Joints whose readings are not used.
+    /// Joints whose readings are not used in this stop: their encoders are in doubt.
+    pub(crate) doubted: u32,
+    /// Joints whose readings are not used now: those, and all while no sample is seen.
     pub(crate) untrusted: u32,
     /// The plan of the stop now: at first the state in which it began.
     pub(crate) q: [f64; MAX_JOINTS],
@@ -57,11 +60,16 @@ pub(crate) struct Stopping {
     pub(crate) until_asked: bool,
 }
 
-impl Stopping {
-    /// Whether the encoders themselves are in doubt: then no later sample makes a joint trusted again.
-    pub(crate) fn doubts_encoders(&self) -> bool {
-        use StopCause::{EncoderJump, Frozen, NoResponse, TooFast, TrackingError};
-        matches!(self.cause, Frozen | EncoderJump | TooFast | NoResponse | TrackingError)
+/// Joints, bit 0 the base's, whose encoders a fault puts in doubt: then no later sample makes them trusted again. `suspects` are not known
+/// to be where their encoders say.
+pub(crate) fn doubted(wrong: Wrong, suspects: u32, all: u32) -> u32 {
+    match wrong.cause {
+        // What moves jumps where all positions are late: nothing of this sample is believed.
+        StopCause::EncoderJump if wrong.joints.count_ones() > 1 => all,
+        StopCause::Frozen | StopCause::EncoderJump | StopCause::NoResponse => wrong.joints,
+        // A joint that is too fast, or off its plan, and moves as its torque moves it, is where its encoder says.
+        StopCause::TooFast | StopCause::TrackingError => wrong.joints & suspects,
+        _ => 0,
     }
 }
 

@@ -6,17 +6,12 @@ use rivet_config::Robot;
 use rivet_dynamics::{JointKind, MAX_JOINTS};
 use rivet_estimation::{LARGEST_EFFORT, LARGEST_MOTION};
 use rivet_input_checks::{
-    DriveCheck, Fault, Found, JointLimits, MotionCheck, MotionLimits, Planned, Reading, ReadingCheck,
+    DriveCheck, Fault, Found, JointLimits, MotionCheck, MotionLimits, Planned, Reading, ReadingCheck, breakaway,
 };
 use rivet_ipc_schema::{JointState, StopCause, faults};
 
-/// Torque that friction may hold at rest beyond what it was in motion, in parts of the robot file's Coulomb friction: a joint that turns
-/// round holds the kinetic and the static level, 1 and up to 1.3, of friction that differs by half from the file's.
-const BREAKAWAY_TIMES: f64 = 3.0;
-/// The same where the robot file has no friction, as a share of the torque limit.
-const UNKNOWN_BREAKAWAY_SHARE: f64 = 0.15;
-/// What else the model may miss, as a share of the torque limit.
-const UNKNOWN_SHARE: f64 = 0.05;
+/// A joint whose reading was no encoder's, or did not answer its torque, is suspect for so long \[s\].
+const SUSPECT_S: f64 = 0.02;
 
 /// Something that is wrong with a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +42,9 @@ pub(crate) struct Watch {
     motion: MotionCheck,
     drives: DriveCheck,
     tracking_error: [f64; MAX_JOINTS],
+    /// Samples for which joints stay suspect, and for how many more each one is.
+    suspect_for: u32,
+    suspect: [u32; MAX_JOINTS],
 }
 
 impl Watch {
@@ -59,13 +57,9 @@ impl Watch {
                 resolution: config.drive.encoder_resolution[j],
                 torque: torque[j],
                 revolute: arm.joints[j].kind == JointKind::Revolute,
+                breakaway: breakaway(config.friction.coulomb[j], torque[j]),
             })
             .collect();
-        let breakaway = |j: usize| {
-            let coulomb = config.friction.coulomb[j];
-            let friction = if coulomb > 0.0 { BREAKAWAY_TIMES * coulomb } else { UNKNOWN_BREAKAWAY_SHARE * torque[j] };
-            friction + UNKNOWN_SHARE * torque[j]
-        };
         let motion: Vec<MotionLimits> = joints
             .iter()
             .enumerate()
@@ -73,7 +67,6 @@ impl Watch {
                 joint: *joint,
                 speed: limits.speed(j),
                 inertia: law.nominal_inertia(j),
-                breakaway: breakaway(j),
             })
             .collect();
         let mut tracking_error = [f64::INFINITY; MAX_JOINTS];
@@ -86,6 +79,8 @@ impl Watch {
             motion: MotionCheck::new(&motion, period_s),
             drives: DriveCheck::new(&joints, period_s, 1e-3 * config.controller.saturation_ms),
             tracking_error,
+            suspect_for: (SUSPECT_S / period_s).ceil() as u32,
+            suspect: [0; MAX_JOINTS],
         }
     }
 
@@ -153,7 +148,9 @@ impl Watch {
             return found.map(wrong_of);
         }
         let given = self.drives.check(tau, command);
-        found.or(moved).or(given).map(wrong_of)
+        let found = found.or(moved);
+        self.suspect(found);
+        found.or(given).map(wrong_of)
     }
 
     /// Whether the joints move as the commanded torque moves an arm with base parameters `x`. Real-time safe.
@@ -163,6 +160,22 @@ impl Watch {
         let mut needed = [0.0; MAX_JOINTS];
         law.model_torque(&motion.q[..n], &motion.qd[..n], &motion.qdd[..n], x, &mut needed[..n]);
         self.motion.answers(&motion, &needed[..n]).map(wrong_of)
+    }
+
+    /// Remembers on which joints an encoder was wrong.
+    fn suspect(&mut self, found: Option<Found>) {
+        let is_encoder = |found: &Found| matches!(found.fault, Fault::Frozen | Fault::EncoderJump);
+        let joints = found.filter(is_encoder).map_or(0, |found| found.joints);
+        for (j, left) in self.suspect.iter_mut().enumerate().take(self.dof) {
+            *left = if joints >> j & 1 == 1 { self.suspect_for } else { left.saturating_sub(1) };
+        }
+    }
+
+    /// Joints, bit 0 the base's, of which it is not known that they are where their encoders say: they do not move as the commanded torque
+    /// moves them, or their readings were wrong a moment ago.
+    pub(crate) fn suspects(&self) -> u32 {
+        let is_suspect = |j: &usize| self.suspect[*j] > 0;
+        (0..self.dof).filter(is_suspect).fold(self.motion.unanswered(), |bits, j| bits | 1 << j)
     }
 
     /// Whether the arm at `q` is further from its plan than it may be.

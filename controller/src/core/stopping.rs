@@ -1,7 +1,7 @@
 //! When the stop reaction begins and ends, and its commands.
 
 use super::Core;
-use crate::stop::{Stopping, reckon};
+use crate::stop::{Stopping, doubted, reckon};
 use crate::watch::Wrong;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::{Command, JointState, StopCause};
@@ -25,6 +25,7 @@ impl Core {
         let mut stopping = Stopping {
             cause: wrong.cause,
             joints: wrong.joints,
+            doubted: doubted(wrong, self.watch.suspects(), all),
             untrusted: 0,
             q: [0.0; MAX_JOINTS],
             qd: [0.0; MAX_JOINTS],
@@ -33,13 +34,9 @@ impl Core {
             sound: 0,
             until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
         };
-        // Without a sample nothing of the arm is seen; a joint that is named is not believed.
-        stopping.untrusted = if stopping.doubts_encoders() { wrong.joints } else { all };
-        let doubted = if stopping.doubts_encoders() { (DOUBTED_S / self.period_s).ceil() as usize } else { 0 };
-        if stopping.cause == StopCause::EncoderJump && wrong.joints.count_ones() > 1 {
-            // What moves jumps where all positions are late: nothing of this sample is believed.
-            stopping.untrusted = all;
-        }
+        // Without a sample nothing of the arm is seen.
+        stopping.untrusted = if stopping.doubted == 0 { all } else { stopping.doubted };
+        let doubted = if stopping.doubted == 0 { 0 } else { (DOUBTED_S / self.period_s).ceil() as usize };
         let since = [doubted, usize::try_from(unseen).unwrap_or(usize::MAX)];
         let (law, x) = (&mut self.law, &self.acting[..self.count]);
         let reckoned = reckon(law, x, &mut self.mass, &self.history, stopping.untrusted, since, self.period_s);
@@ -64,16 +61,25 @@ impl Core {
         now.saturating_sub(resumed) as f64 * self.period_s < RELAPSE_S
     }
 
-    /// Whether a stop ends with this sample, with which nothing is wrong if it is `sound`.
-    pub(super) fn resumes(&mut self, sample: &JointState, sound: bool) -> bool {
+    /// Whether a stop ends with this sample, with which nothing is wrong but `found`.
+    pub(super) fn resumes(&mut self, sample: &JointState, found: Option<Wrong>) -> bool {
         let plan = self.plan.filter(|(seq, _)| seq.abs_diff(sample.seq) <= self.stale_periods);
         let reached = plan.is_none_or(|(_, plan)| self.distance(&plan, sample) <= super::REJOIN);
-        let (resume_after, asked) = (self.resume_after, self.asked);
+        let (resume_after, asked, dof) = (self.resume_after, self.asked, self.dof);
+        let suspects = self.watch.suspects();
         let Some(stopping) = &mut self.stopping else { return true };
-        stopping.sound = if sound { stopping.sound.saturating_add(1) } else { 0 };
-        if sound && !stopping.doubts_encoders() && stopping.untrusted != 0 && self.velocity.is_known() {
+        stopping.sound = if found.is_none() { stopping.sound.saturating_add(1) } else { 0 };
+        let new = found.map_or(0, |wrong| doubted(wrong, suspects, (1 << dof) - 1)) & !stopping.doubted;
+        stopping.doubted |= new;
+        stopping.untrusted |= new;
+        // A joint that is too fast is seen to be.
+        let is_seen = found.is_none_or(|wrong| wrong.cause == StopCause::TooFast);
+        if is_seen && stopping.untrusted != stopping.doubted && self.velocity.is_known() {
             // What was reckoned while nothing was seen gives way to what is seen.
-            (stopping.untrusted, stopping.q, stopping.qd) = (0, sample.q, *self.velocity.value());
+            for j in (0..dof).filter(|j| (stopping.untrusted & !stopping.doubted) >> j & 1 == 1) {
+                (stopping.q[j], stopping.qd[j]) = (sample.q[j], self.velocity.value()[j]);
+            }
+            stopping.untrusted = stopping.doubted;
         }
         let by_itself = !stopping.until_asked && stopping.sound >= resume_after;
         if stopping.sound == 0 || !reached || !(asked || by_itself) {

@@ -138,7 +138,7 @@ impl DriveCheck {
 mod tests {
     use super::*;
 
-    const LIMITS: [JointLimits; 1] = [JointLimits { resolution: 1e-5, torque: 100.0, revolute: true }];
+    const LIMITS: [JointLimits; 1] = [JointLimits { resolution: 1e-5, torque: 100.0, revolute: true, breakaway: 10.0 }];
 
     /// Runs a second of a drive that answers 5 ms late; from 0.5 s on `wrong` makes the measured torque from the right one and
     /// that of 0.5 s. What is found, and how long after.

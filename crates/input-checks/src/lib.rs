@@ -58,6 +58,22 @@ pub struct JointLimits {
     pub torque: f64,
     /// Whether the joint turns: a whole turn is the same place.
     pub revolute: bool,
+    /// Torque beyond what it was in motion that friction may hold at rest \[N m, or N\]: see [`breakaway`].
+    pub breakaway: f64,
+}
+
+/// Torque that friction may hold at rest beyond what it was in motion, in parts of the robot file's Coulomb friction: a joint that turns
+/// round holds the kinetic and the static level, 1 and up to 1.3, of friction that differs by half from the file's.
+const BREAKAWAY_TIMES: f64 = 3.0;
+/// The same where the robot file has no friction, as a share of the torque limit.
+const UNKNOWN_BREAKAWAY_SHARE: f64 = 0.15;
+/// What else the model may miss, as a share of the torque limit.
+const UNKNOWN_SHARE: f64 = 0.05;
+
+/// [`JointLimits::breakaway`] of a joint with Coulomb friction `coulomb`, 0 where the robot file has none, and torque limit `torque`.
+pub fn breakaway(coulomb: f64, torque: f64) -> f64 {
+    let friction = if coulomb > 0.0 { BREAKAWAY_TIMES * coulomb } else { UNKNOWN_BREAKAWAY_SHARE * torque };
+    friction + UNKNOWN_SHARE * torque
 }
 
 /// The part of a sample that is checked: one entry a joint, all finite.

@@ -33,8 +33,6 @@ pub struct MotionLimits {
     pub speed: f64,
     /// Inertia that a reading's noise is multiplied by where its second difference is taken for a torque \[kg·m²\].
     pub inertia: f64,
-    /// Torque beyond what it was in motion that friction may hold at rest \[N·m\].
-    pub breakaway: f64,
 }
 
 /// The plan of one period: positions \[rad\] and velocities \[rad/s\].
@@ -216,7 +214,7 @@ impl MotionCheck {
             let missed = needed[j] - motion.tau[j];
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.breakaway + noise;
+            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.joint.breakaway + noise;
             frozen |= if held { 0 } else { 1 << j };
             if !self.compared {
                 joint.model_error = missed;
@@ -233,6 +231,12 @@ impl MotionCheck {
         self.compared = true;
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         found(Fault::Frozen, frozen).or_else(|| found(Fault::NoResponse, joints))
+    }
+
+    /// Joints, bit 0 the base's, that did not answer their torque when [`answers`](Self::answers) last compared it, or of which that is not known.
+    pub fn unanswered(&self) -> u32 {
+        let is_unanswered = |j: &usize| !self.compared || self.joints[*j].unanswered > 0;
+        (0..self.dof).filter(is_unanswered).fold(0, |bits, j| bits | 1 << j)
     }
 
     /// Longest time from the first wrong sample until a fault of this check is found \[samples\].
@@ -286,8 +290,8 @@ mod tests {
     const PERIODS: [f64; 2] = [0.004, 0.001];
 
     fn check(period_s: f64) -> MotionCheck {
-        let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
-        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, inertia: 0.1, breakaway: 1.0 }], period_s)
+        let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true, breakaway: 1.0 };
+        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, inertia: 0.1 }], period_s)
     }
 
     /// Position and velocity of a motion of 1 rad/s at the most.

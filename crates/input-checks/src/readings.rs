@@ -22,7 +22,8 @@ const STEADY_SHARE: f64 = 0.5;
 const SLOW: f64 = 0.04;
 /// A position that has not changed for this long, with no setpoint that moves, is of an arm that stands \[s\].
 const STANDING_S: f64 = 1.0;
-/// A setpoint that has moved by this much since the readings froze says that the arm does not stand \[rad\].
+/// A setpoint that has moved by this much since the readings froze is of an arm that does not stand, if the torque has changed by more than
+/// friction holds \[rad\].
 const SETPOINT_MOVED: f64 = 0.02;
 /// A position that has jumped and stays so for this long is that of an encoder that was referenced anew \[s\].
 const REFERENCED_S: f64 = 10.0;
@@ -47,10 +48,11 @@ struct Joint {
     speed: f64,
     /// Mean square of second differences.
     usual: f64,
-    /// Identical positions in a row, the speed before them, and where the setpoint was.
+    /// Identical positions in a row, the speed before them, and what setpoint and torque were.
     same: u32,
     speed_before: f64,
     setpoint_before: f64,
+    torque_before: f64,
     frozen: bool,
     /// Where the position would be had it not jumped is `q - offset`.
     offset: f64,
@@ -146,6 +148,7 @@ impl ReadingCheck {
             let (joint, limits, bit) = (&mut self.joints[j], &self.limits[j], 1 << j);
             let (q, tau) = (sample.q[j], sample.tau[j]);
             let tau_same = since == 1 && joint.known > 0 && tau == joint.tau;
+            let torque_before = joint.tau;
             joint.tau_same = if tau_same { joint.tau_same + 1 } else { 0 };
             joint.tau = tau;
             joint.at_limit = if tau.abs() >= AT_LIMIT * limits.joint.torque { joint.at_limit + 1 } else { 0 };
@@ -153,6 +156,9 @@ impl ReadingCheck {
             let still = since == 1 && joint.known > 0 && q == joint.q;
             identical &= still && tau_same;
             let desired = setpoint.map_or(f64::NAN, |q| q[j]);
+            if still && joint.same == 0 {
+                joint.torque_before = torque_before;
+            }
             let thawed = joint.run(still, desired, q, self.frozen_run);
             least_run = least_run.min(joint.same);
             moved |=
@@ -171,7 +177,8 @@ impl ReadingCheck {
                 }
             }
             let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.joint.resolution);
-            let left = (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
+            let pushed = (tau - joint.torque_before).abs() > limits.joint.breakaway;
+            let left = pushed && (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
             joint.frozen |= joint.same >= self.frozen_run && (fast || left);
             joint.frozen &= joint.same > 0 && !stood;
             frozen |= if joint.frozen { bit } else { 0 };
@@ -299,7 +306,7 @@ impl Joint {
 mod tests {
     use super::*;
 
-    const ONE: JointLimits = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true };
+    const ONE: JointLimits = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true, breakaway: 1.0 };
 
     /// A joint that brakes into its turning point and sticks there for 30 ms, while its plan turns round: no encoder that is frozen.
     #[test]
@@ -319,6 +326,24 @@ mod tests {
                         break;
                     }
                 }
+            }
+        }
+    }
+
+    /// A joint that is held by friction while its plan goes on by 0.1 rad: frozen only if the torque has changed by more than friction holds.
+    #[test]
+    fn a_joint_that_sticks_is_sound_and_one_that_is_pushed_is_frozen() {
+        for period_s in [0.004, 0.001] {
+            for (push, expected) in [(0.9, None), (3.0, Some(Found { fault: Fault::Frozen, joints: 1 }))] {
+                let mut check = ReadingCheck::new(&[ONE], period_s);
+                let found = (1..=(0.5 / period_s) as u64).find_map(|seq| {
+                    let t = seq as f64 * period_s - 0.3;
+                    let along = |t: f64| -t * t;
+                    let plan = along(t) + 0.5 * t.max(0.0);
+                    let tau = push * (5.0 * t).clamp(0.0, 1.0) + 1e-3 * (700.0 * t).sin();
+                    check.check(&Reading { seq, q: &[along(t.min(0.0))], tau: &[tau] }, Some(&[plan]))
+                });
+                assert_eq!(found, expected, "{period_s} s, {push} N m");
             }
         }
     }

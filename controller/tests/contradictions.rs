@@ -1,0 +1,116 @@
+//! Plans whose positions, velocities and accelerations do not belong together: followed, or refused by name, and never faster than the
+//! joints may be.
+
+mod common;
+
+use common::rig::{Motion, Rig, Swing, Values, Wrong};
+use rivet_dynamics::MAX_JOINTS;
+
+/// Sample periods \[s\].
+const PERIODS: [f64; 2] = [0.004, 0.001];
+/// Largest speed of the plan, in parts of the joints' limits.
+const SHARES: [f64; 3] = [0.2, 0.6, 0.8];
+/// Above this share dd2 needs the accelerations of its plan, since its default rate limit takes 0.1 s to the full torque.
+const FOLLOWED_SHARE: f64 = 0.6;
+/// Seconds of a sound plan, and of the planner's after it.
+const SOUND_S: f64 = 1.7;
+const PLANNED_S: f64 = 2.0;
+const MAX_SPEED: f64 = 1.2;
+/// Farthest from the plan while it is followed \[rad\].
+const MAX_AWAY: f64 = 0.25;
+
+/// Positions, velocities and accelerations of the true plan after so many seconds.
+type Plan<'a> = &'a dyn Fn(f64) -> [Values; 3];
+/// What a planner makes of the true plan at a time \[s\], one setpoint every so many seconds.
+type Planner = fn(Plan<'_>, f64, f64) -> [Values; 3];
+
+/// The plan with velocities and accelerations times so much.
+fn scaled(plan: [Values; 3], velocity: f64, acceleration: f64) -> [Values; 3] {
+    [plan[0], plan[1].map(|x| velocity * x), plan[2].map(|x| acceleration * x)]
+}
+
+/// Velocities and accelerations that are `late_s` old.
+fn late(plan: Plan<'_>, t: f64, late_s: f64) -> [Values; 3] {
+    let before = plan(t - late_s);
+    [plan(t)[0], before[1], before[2]]
+}
+
+/// Velocities and accelerations that change `hz` times a second.
+fn held(plan: Plan<'_>, t: f64, hz: f64) -> [Values; 3] {
+    late(plan, t, t - (t * hz).floor() / hz)
+}
+
+/// Velocities of 0 in the first `zeros` of every `of` setpoints.
+fn gaps(plan: Plan<'_>, t: f64, period_s: f64, [zeros, of]: [u64; 2]) -> [Values; 3] {
+    let k = (t / period_s).round() as u64;
+    if k % of < zeros { scaled(plan(t), 0.0, 0.0) } else { plan(t) }
+}
+
+/// Rounded positions, and their differences.
+fn rounded(plan: Plan<'_>, t: f64, period_s: f64, step: f64) -> [Values; 3] {
+    let at = |t: f64| plan(t)[0].map(|q| (q / step).round() * step);
+    let (now, before) = (at(t), at(t - period_s));
+    [now, std::array::from_fn(|j| (now[j] - before[j]) / period_s), [0.0; MAX_JOINTS]]
+}
+
+/// Planners as they are found: what they plan is followed.
+const SOUND: [(&str, Planner); 7] = [
+    ("true", |plan, t, _| plan(t)),
+    ("no accelerations", |plan, t, _| scaled(plan(t), 1.0, 0.0)),
+    ("velocities 10 ms late", |plan, t, _| late(plan, t, 0.01)),
+    ("velocities 20 ms late", |plan, t, _| late(plan, t, 0.02)),
+    ("velocities that change at 50 Hz", |plan, t, _| held(plan, t, 50.0)),
+    ("velocities of 0.9", |plan, t, _| scaled(plan(t), 0.9, 1.0)),
+    ("differences of positions of 0.1 mrad", |plan, t, period_s| rounded(plan, t, period_s, 1e-4)),
+];
+
+/// Planners that are wrong.
+const WRONG: [(&str, Planner); 10] = [
+    ("positions only", |plan, t, _| scaled(plan(t), 0.0, 0.0)),
+    ("no velocity in every second", |plan, t, period_s| gaps(plan, t, period_s, [1, 2])),
+    ("no velocity in every third", |plan, t, period_s| gaps(plan, t, period_s, [1, 3])),
+    ("no velocity in two of four", |plan, t, period_s| gaps(plan, t, period_s, [2, 4])),
+    ("no velocity in four of eight", |plan, t, period_s| gaps(plan, t, period_s, [4, 8])),
+    ("velocities that change at 20 Hz", |plan, t, _| held(plan, t, 20.0)),
+    ("velocities that change at 10 Hz", |plan, t, _| held(plan, t, 10.0)),
+    ("velocities that change at 8 Hz", |plan, t, _| held(plan, t, 8.0)),
+    ("velocities of 1.5", |plan, t, _| scaled(plan(t), 1.5, 1.0)),
+    ("velocities of the other sign", |plan, t, _| scaled(plan(t), -1.0, -1.0)),
+];
+
+/// Runs planners on an arm; those that have to be followed must not be stopped up to [`FOLLOWED_SHARE`].
+fn check(arm: &str, planners: &[(&str, Planner)], are_followed: bool) {
+    let (mut wrong, mut fastest, mut furthest) = (Vec::new(), 0.0_f64, 0.0_f64);
+    for period_s in PERIODS {
+        for share in SHARES {
+            for (name, planner) in planners {
+                // A plan that is sound again is followed again, which is not what is looked at here.
+                let mut rig = Rig::new(arm, period_s, "resume_after = 0\n", share);
+                let motion = Motion::Swing(Swing::new(&rig.robot, share));
+                let plan = |t: f64| motion.at(SOUND_S + t);
+                let o = rig.run(SOUND_S, Wrong::Nothing, PLANNED_S, |t, out| *out = planner(&plan, t, period_s));
+                let name = format!("{arm} {period_s} s, {share} of the speed, {name}");
+                println!("{name}: {:?}, speed {:.2}, away {:.3} rad", o.stop, o.speed, o.away);
+                (fastest, furthest) = (fastest.max(o.speed), furthest.max(o.away));
+                let is_followed = o.stop.is_none() && o.away <= MAX_AWAY;
+                if o.speed > MAX_SPEED || (are_followed && share <= FOLLOWED_SHARE && !is_followed) {
+                    wrong.push(format!("{name}: {o:?}"));
+                }
+            }
+        }
+    }
+    println!("{arm}: at most {fastest:.2} times the speed limit, {furthest:.2} rad");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn plans_of_imperfect_planners_are_followed() {
+    check("dd2", &SOUND, true);
+    check("ur10e", &SOUND, true);
+}
+
+#[test]
+fn plans_that_contradict_themselves_make_no_arm_fast() {
+    check("dd2", &WRONG, false);
+    check("ur10e", &WRONG, false);
+}
