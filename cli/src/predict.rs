@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
-use rivet_estimation::offline::{Trajectory, ZeroPhase, predict};
+use rivet_estimation::offline::{Smoothing, Trajectory, ZeroPhase, position_noise, position_step, predict_smoothed};
 use rivet_logs::{Log, interpolate, write_columns};
 
 use crate::coarse::coarse;
@@ -20,8 +21,8 @@ use crate::runs::{self, Piece};
 use crate::sound::Sound;
 use crate::table::{Table, number, paragraph, show};
 
-/// The prediction is smoothed at this many times the cut-off of the model filter: second differences of quantised
-/// positions are noise above it, and identification has seen nothing of the model there.
+/// The prediction is smoothed at this many times the cut-off of the model filter or above. Second differences of noisy positions are noise
+/// there, and dry friction has harmonics: the noise decides ([`Smoothing`]).
 const SMOOTH: f64 = 2.0;
 
 /// Lengths of a filter's edge (half a period of its cut-off) within which the ends of a record colour what it filters.
@@ -56,10 +57,10 @@ struct Sums {
 
 /// Torque of the file's best parameters along a log, on the log's own rows, `[joint][row]`.
 pub(crate) fn along(robot: &Robot, log: &Log) -> Result<Vec<Vec<f64>>> {
-    let pieces = smoothed(robot, log, pieces_of(log)?);
+    let Positions { pieces, noise } = smoothed(robot, log, pieces_of(log)?);
     let mut all = OnRows::new(robot.dof());
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
-        all.add(piece, &predict_piece(robot, piece, &motion)?);
+        all.add(piece, &predict_piece(robot, piece, &motion, &noise)?);
     }
     Ok(all.finish(log).0)
 }
@@ -101,25 +102,34 @@ pub(crate) fn errors(robot: &Robot, sound: &Sound<'_>) -> Result<Option<Vec<f64>
     } else {
         runs::pieces_without(&sound.left_out, &sound.log, sound.log.median_step_s())?
     };
-    let pieces = smoothed(robot, &sound.log, pieces);
+    let Positions { pieces, noise } = smoothed(robot, &sound.log, pieces);
     if pieces.iter().all(|piece| moving(robot, piece).is_none()) {
         return Ok(None);
     }
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
-        let predicted = predict_piece(robot, piece, &motion)?;
+        let predicted = predict_piece(robot, piece, &motion, &noise)?;
         compare(robot, piece, &predicted, &mut sums)?;
     }
     Ok(Some(sums.iter().map(|s| percent(s.filtered)).collect()))
 }
 
+/// Pieces of a log whose positions are no coarser than those that are learnt from.
+struct Positions {
+    pieces: Vec<Piece>,
+    /// Standard deviation of white noise of the positions as logged \[rad\], per joint.
+    noise: Vec<f64>,
+}
+
 /// Positions as of logs that are learnt from: what is noise near standstill has every direction, and would count against any friction.
-fn smoothed(robot: &Robot, log: &Log, mut pieces: Vec<Piece>) -> Vec<Piece> {
+fn smoothed(robot: &Robot, log: &Log, mut pieces: Vec<Piece>) -> Positions {
     if let Some(coarse) = coarse(robot, log) {
         for piece in &mut pieces {
             coarse.smooth_positions(robot, &mut piece.grid.q, piece.report.period_s);
         }
     }
-    pieces
+    let rounding = |q: &[f64]| position_step(q).map_or(0.0, |step| step / 12.0_f64.sqrt());
+    let noise = log.q.par_iter().map(|q| position_noise(q).max(rounding(q))).collect();
+    Positions { pieces, noise }
 }
 
 /// The pieces of a log between holes, at its own rate; rows that stand alone are in none.
@@ -141,12 +151,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let (log, mended) = bridged(&robot, runs::read_log(&robot, &args.log)?)?;
     mended.iter().for_each(Distrust::warn);
     reading::warn(&robot, &log);
-    let pieces = smoothed(&robot, &log, pieces_of(&log)?);
+    let Positions { pieces, noise } = smoothed(&robot, &log, pieces_of(&log)?);
     let n = robot.dof();
     let mut all = OnRows::new(n);
     let mut sums = log.tau.as_ref().map(|_| vec![Sums::default(); n]);
     for (piece, motion) in pieces.iter().zip(runs::motions(&pieces)) {
-        let predicted = predict_piece(&robot, piece, &motion)?;
+        let predicted = predict_piece(&robot, piece, &motion, &noise)?;
         if let Some(sums) = &mut sums {
             compare(&robot, piece, &predicted, sums)?;
         }
@@ -189,12 +199,18 @@ fn every_row(robot: &Robot, file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Res
     Ok(t)
 }
 
-fn predict_piece(robot: &Robot, piece: &Piece, run: &Run) -> Result<Vec<Vec<f64>>> {
+fn predict_piece(robot: &Robot, piece: &Piece, run: &Run, noise: &[f64]) -> Result<Vec<Vec<f64>>> {
     let (signal, period) = (&robot.config.signal, piece.report.period_s);
     let smooth = ZeroPhase::new(SMOOTH * signal.model_filter_hz, signal.model_filter_order, period);
     let mut motion = Trajectory::from_positions(&positions(robot, piece), period);
     hold_ends(&mut motion, &smooth);
-    let mut tau = predict(&robot.model, &robot.base, robot.base_parameters(), &motion, &smooth)
+    let smoothing = Smoothing {
+        lowest_hz: SMOOTH * signal.model_filter_hz,
+        order: signal.model_filter_order,
+        period_s: period,
+        position_noise: noise.to_vec(),
+    };
+    let mut tau = predict_smoothed(&robot.model, &robot.base, robot.base_parameters(), &motion, &smoothing)
         .with_context(|| piece.grid.path.display().to_string())?;
     if let Some(beside) = memory_torque(&robot.model, &robot.nominal, run) {
         for (tau, mut beside) in tau.iter_mut().zip(beside) {

@@ -154,6 +154,18 @@ pub fn predict(
     motion: &Trajectory,
     smooth: &ZeroPhase,
 ) -> Result<Vec<Vec<f64>>, OfflineError> {
+    let mut tau = unfiltered_torque(model, base, x, motion)?;
+    tau.par_iter_mut().for_each(|tau| smooth.apply(tau));
+    Ok(tau)
+}
+
+/// The same torque before the low-pass.
+pub(super) fn unfiltered_torque(
+    model: &Model,
+    base: &BaseSet,
+    x: &[f64],
+    motion: &Trajectory,
+) -> Result<Vec<Vec<f64>>, OfflineError> {
     let (n, full, k) = (model.arm.dof(), model.len(), base.len());
     let rows = motion.len();
     motion.check(n, rows)?;
@@ -177,9 +189,6 @@ pub fn predict(
             model.add_effects(&mut ws, &q, &qd, &qdd, &mut at);
             tau.iter_mut().zip(&at).for_each(|(tau, at)| tau[row] = *at);
         }
-    }
-    for tau in &mut tau {
-        smooth.apply(tau);
     }
     Ok(tau)
 }
