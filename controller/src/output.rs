@@ -58,7 +58,15 @@ impl Output {
         }
         let zero = [0.0; MAX_JOINTS];
         let weight = 1.0 - (-period_s / LACKING_S).exp();
-        Output { limits, last: zero, largest_step: zero, held_back: [0; MAX_JOINTS], lacking: zero, weight, most_held_back }
+        Output {
+            limits,
+            last: zero,
+            largest_step: zero,
+            held_back: [0; MAX_JOINTS],
+            lacking: zero,
+            weight,
+            most_held_back,
+        }
     }
 
     /// Joints, bit 0 the base's, whose torque the rate limit has held back by a quarter of its limit and more for longer than it may be at a limit and longer than
