@@ -120,9 +120,9 @@ impl Judge<'_> {
         let on = self.joints(step);
         let transfers = !predictable
             || if value && !everywhere {
-                self.sealed.misses(k, on)
+                self.sealed.misses(k, on.clone())
             } else {
-                self.sealed.notices(k, on) && !(everywhere && self.sealed.spoils(k))
+                self.sealed.notices(k, on.clone()) && !(everywhere && self.sealed.spoils(k))
             };
         // Refined, it may have become as little as a stop is smeared by.
         let smeared = |a: &Adopted| {
@@ -137,10 +137,13 @@ impl Judge<'_> {
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
-        // What wrong parameters imitate is decided by the prior: the refit without it would absorb it.
-        let imitated = |a: &Adopted| a.form.hides() && !a.form.shifts_time();
-        let by_prior = !self.sound && step.adopted.iter().any(imitated);
-        let supported = !predictable || by_prior || self.factors[k].supports();
+        let supported = match step.adopted.is_empty() {
+            true => self.factors[k].supports(),
+            false if value || !predictable => true,
+            false if self.sound => self.factors[k].supports(),
+            // Wrong parameters absorb some effects when they are refitted: the factor says nothing against these.
+            false => self.sealed.is_helped(k, on),
+        };
         let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
         let needed_there = law && self.sealed.is_needed(k, own());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a

@@ -16,6 +16,12 @@ const PLAIN: f64 = 0.8;
 const PLAIN_OVER_NOISE: f64 = 2.0;
 /// What acts on the whole arm and leaves a joint so much more of its torque, as a share, is something else.
 const SPOILT: f64 = 0.1;
+/// With an effect at most this much of the squares in motion that the others leave is left on a joint of it. A delay found on sound
+/// arms whose friction sticks left all of it.
+const HELPED: f64 = 0.9;
+/// Nor does it help a joint of which it takes less than this share of the gap as given: of a gap of 400 times the noise, values that take it
+/// leave some times the noise as they are told of any motion, which an elastic gear fits.
+const SLIGHT: f64 = 0.01;
 /// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
 /// arms with a named effect from 2.2 on.
 pub(crate) const SOUND: f64 = 2.0;
@@ -190,6 +196,19 @@ impl Sealed<'_> {
         let along = 0.5 * (missed.by + missed.due);
         let takes = if missed.due > 0.0 { along * along / missed.due } else { missed.by };
         missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
+    }
+
+    /// Whether step `k` takes some of what the others leave in motion on one of these joints, or as much as would be a gap.
+    pub(crate) fn is_helped(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
+        let helped = |j: usize| {
+            let with =
+                self.mean_square(j, self.left(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
+            let without = self.without(k, j).powi(2);
+            let takes = without - with;
+            let slight = self.in_motion(j).is_some_and(|[given, _]| takes < (SLIGHT * given).powi(2));
+            !slight && (with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
+        };
+        joints.any(|j| self.moves(j) && helped(j))
     }
 
     /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.
