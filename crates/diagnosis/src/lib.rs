@@ -64,6 +64,7 @@ mod physics;
 mod possible;
 mod power;
 mod predict;
+mod predictive;
 mod procedure;
 mod products;
 mod random;
