@@ -100,6 +100,8 @@ pub struct Core {
     /// Whether the plan is followed; else the arm is held at `held`.
     following: bool,
     held: Option<Held>,
+    /// Positions of the plan with that \[rad\]: those that the arm is to keep to, whatever the reference does.
+    planned: [f64; MAX_JOINTS],
     /// What is added to the plan since it was joined: position and velocity \[rad, rad/s\].
     joining: [[f64; MAX_JOINTS]; 2],
     /// Stored parameters that have not passed the gate yet.
@@ -250,6 +252,7 @@ impl Core {
             last_plan_refused: (StopCause::None, 0),
             following: false,
             held: None,
+            planned: [0.0; MAX_JOINTS],
             joining: [[0.0; MAX_JOINTS]; 2],
             stored: None,
             stored_row: 0,
@@ -565,7 +568,7 @@ impl Core {
             return Ok(self.stopped(sample.seq, sample.stamp_ns, stop_periods, Some([&sample.q, &qd])));
         }
         let desired = self.desired(sample, &qd, periods);
-        if let Some(wrong) = self.strayed(sample, &desired) {
+        if let Some(wrong) = self.strayed(sample) {
             self.begin_stop(wrong, 0);
             return Ok(self.stopped(sample.seq, sample.stamp_ns, 1, Some([&sample.q, &qd])));
         }
@@ -667,6 +670,7 @@ impl Core {
             speed[j] += acceleration * self.period_s;
             offset[j] += speed[j] * self.period_s;
         }
+        self.planned = desired.q;
         let x = self.without_friction();
         self.governor.apply(&mut desired, &mut self.law, &x[..self.count], &mut self.mass, periods);
         // The reference stays within the joints' ranges, too.
@@ -706,7 +710,7 @@ impl Core {
     }
 
     /// Whether the arm has left its plan, or its planner plans what the arm cannot follow.
-    fn strayed(&self, sample: &JointState, desired: &Desired) -> Option<Wrong> {
+    fn strayed(&self, sample: &JointState) -> Option<Wrong> {
         if !self.following {
             return None;
         }
@@ -718,7 +722,7 @@ impl Core {
             let joints = self.governor.beyond();
             (joints != 0).then_some(Wrong { cause: StopCause::PlanAcceleration, joints, lasting: true })
         };
-        refused.or_else(behind).or_else(|| self.watch.tracking(&sample.q, desired))
+        refused.or_else(behind).or_else(|| self.watch.tracking(&sample.q, &self.planned))
     }
 
     /// The arm is held where it is. One in motion is first brought to rest as `damp` does it, with feedback that the rate limit of the

@@ -45,6 +45,9 @@ pub(crate) struct PlanCheck {
     excess: [f64; MAX_JOINTS],
     /// Way of the positions less that of the velocities, over the last moment \[rad\].
     apart: [f64; MAX_JOINTS],
+    /// Joints whose plan has had velocities, bit 0 the base's, and those whose positions have parted from them: their plan stays refused.
+    has_velocity: u32,
+    parted: u32,
 }
 
 impl PlanCheck {
@@ -81,6 +84,8 @@ impl PlanCheck {
             step: [0.0; MAX_JOINTS],
             excess: [0.0; MAX_JOINTS],
             apart: [0.0; MAX_JOINTS],
+            has_velocity: 0,
+            parted: 0,
         }
     }
 
@@ -96,7 +101,7 @@ impl PlanCheck {
 
     /// Forgets the setpoints before: the next one begins a plan.
     pub(crate) fn restart(&mut self) {
-        self.last = None;
+        (self.last, self.has_velocity, self.parted) = (None, 0, 0);
     }
 
     /// Whether a setpoint's number is too far from that of the one before to be compared with it.
@@ -142,8 +147,10 @@ impl PlanCheck {
         if joints != 0 {
             return Err((StopCause::PlanAcceleration, joints));
         }
+        self.has_velocity = (0..n).filter(|j| desired.qd[*j] != 0.0).fold(self.has_velocity, |bits, j| bits | 1 << j);
         let before = self.last.filter(|(last, _)| seq > *last && seq - *last <= self.longest_gap);
         let (mut step, mut excess, mut apart) = ([0.0; MAX_JOINTS], [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        let mut parted = self.parted;
         if let Some((last, before)) = before {
             let periods = (seq - last) as f64;
             let joints = (0..n)
@@ -152,9 +159,15 @@ impl PlanCheck {
                     step[j] = (now.q[j] - then.q[j]) / periods;
                     excess[j] = self.excess_way(j, step[j], periods);
                     apart[j] = self.way_apart(j, now, then, periods);
-                    self.jumps(j, now, then, periods) || excess[j] > self.jump[j] || apart[j].abs() > self.jump[j]
+                    if self.jumps(j, now, then, periods) || excess[j] > self.jump[j] {
+                        return true;
+                    }
+                    let parts = apart[j].abs() > self.jump[j];
+                    parted |= if parts { 1 << j } else { 0 };
+                    parts
                 })
-                .fold(0, |bits, j| bits | 1 << j);
+                .fold(self.parted, |bits, j| bits | 1 << j);
+            self.parted = parted;
             if joints != 0 {
                 return Err((StopCause::PlanJump, joints));
             }
@@ -174,9 +187,10 @@ impl PlanCheck {
         by_velocity.min(by_steps) > self.jump[j] || (now.qd[j] - then.qd[j]).abs() > corner
     }
 
-    /// Way of joint `j` by positions less that by velocities \[rad\], forgotten with [`AGREEMENT_S`]; 0 for a plan without velocities.
+    /// Way of joint `j` by positions less that by velocities \[rad\], forgotten with [`AGREEMENT_S`]; 0 for a plan that has
+    /// had no velocities.
     fn way_apart(&self, j: usize, now: &Desired, then: &Desired, periods: f64) -> f64 {
-        if now.qd[j] == 0.0 && then.qd[j] == 0.0 {
+        if self.has_velocity >> j & 1 == 0 {
             return 0.0;
         }
         let span_s = periods * self.period_s;

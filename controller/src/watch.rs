@@ -174,9 +174,9 @@ impl Watch {
         (0..self.dof).filter(is_suspect).fold(self.motion.unanswered(), |bits, j| bits | 1 << j)
     }
 
-    /// Whether the arm at `q` is further from its plan than it may be.
-    pub(crate) fn tracking(&self, q: &[f64; MAX_JOINTS], desired: &Desired) -> Option<Wrong> {
-        let away = |j: &usize| (desired.q[*j] - q[*j]).abs() > self.tracking_error[*j];
+    /// Whether the arm at `q` is further from the positions of its plan than it may be.
+    pub(crate) fn tracking(&self, q: &[f64; MAX_JOINTS], planned: &[f64; MAX_JOINTS]) -> Option<Wrong> {
+        let away = |j: &usize| (planned[*j] - q[*j]).abs() > self.tracking_error[*j];
         let joints = (0..self.dof).filter(away).fold(0, |bits, j| bits | 1 << j);
         (joints != 0).then_some(Wrong { cause: StopCause::TrackingError, joints, lasting: true })
     }

@@ -65,12 +65,21 @@ const SOUND: [(&str, Planner); 7] = [
 ];
 
 /// Planners that are wrong.
-const WRONG: [(&str, Planner); 10] = [
+const WRONG: [(&str, Planner); 13] = [
     ("positions only", |plan, t, _| scaled(plan(t), 0.0, 0.0)),
     ("no velocity in every second", |plan, t, period_s| gaps(plan, t, period_s, [1, 2])),
     ("no velocity in every third", |plan, t, period_s| gaps(plan, t, period_s, [1, 3])),
     ("no velocity in two of four", |plan, t, period_s| gaps(plan, t, period_s, [2, 4])),
     ("no velocity in four of eight", |plan, t, period_s| gaps(plan, t, period_s, [4, 8])),
+    ("no velocity for 0.2 of 0.6 s", |plan, t, period_s| {
+        gaps(plan, t, period_s, [0.2, 0.6].map(|s| (s / period_s) as u64))
+    }),
+    ("no velocity for 0.1 of 0.5 s", |plan, t, period_s| {
+        gaps(plan, t, period_s, [0.1, 0.5].map(|s| (s / period_s) as u64))
+    }),
+    ("no velocity for 0.3 of 0.55 s", |plan, t, period_s| {
+        gaps(plan, t, period_s, [0.3, 0.55].map(|s| (s / period_s) as u64))
+    }),
     ("velocities that change at 20 Hz", |plan, t, _| held(plan, t, 20.0)),
     ("velocities that change at 10 Hz", |plan, t, _| held(plan, t, 10.0)),
     ("velocities that change at 8 Hz", |plan, t, _| held(plan, t, 8.0)),
@@ -113,4 +122,17 @@ fn plans_of_imperfect_planners_are_followed() {
 fn plans_that_contradict_themselves_make_no_arm_fast() {
     check("dd2", &WRONG, false);
     check("ur10e", &WRONG, false);
+}
+
+/// One setpoint that is far off is left out, and the plan is followed.
+#[test]
+fn one_wrong_setpoint_is_left_out() {
+    for (arm, period_s) in [("dd2", 0.004), ("dd2", 0.001), ("ur10e", 0.004)] {
+        let mut rig = Rig::new(arm, period_s, "", 0.4);
+        let wrong =
+            |t: f64, plan: &mut [Values; 3]| plan[0][0] += if (t / period_s).round() == 20.0 { 0.3 } else { 0.0 };
+        let o = rig.run(SOUND_S, Wrong::Nothing, 1.0, wrong);
+        assert!(o.stop.is_none() && o.away < 0.05, "{arm} {period_s} s: {o:?}");
+        assert_eq!(rig.core.counts().setpoints_refused, 1, "{arm} {period_s} s");
+    }
 }

@@ -8,7 +8,7 @@ use rivet_estimation::{
     Identifier, Instrument, LARGEST_EFFORT, LARGEST_MOTION, Motion, Observer, ParameterState as Estimated, Phase,
     Reconfigured, Row, Sample, SettingsError, Skip, Step,
 };
-use rivet_input_checks::{Fault, JointLimits, Reading, ReadingCheck, TorqueCheck, breakaway};
+use rivet_input_checks::{Fault, JointLimits, Reading, ReadingCheck, TorqueCheck};
 use rivet_ipc_schema::{
     ControlCommand, DaemonMode, Drift, Health, InputFault, InstrumentSource, JointState, LinkState, LoadLevel,
     MAX_PARAMETERS, OldNumbers, ParameterState, Parameters, SampleClock, Setpoint, parameter_flags,
@@ -565,7 +565,8 @@ fn joint_limits(robot: &Robot) -> Vec<JointLimits> {
         resolution: drive.encoder_resolution[j],
         torque: drive.torque_limit[j],
         revolute: joint.kind == JointKind::Revolute,
-        breakaway: breakaway(robot.config.friction.coulomb[j], drive.torque_limit[j]),
+        // What does not answer its setpoint is not learnt from, whatever holds it.
+        breakaway: 0.0,
     };
     robot.model.arm.joints.iter().enumerate().map(limits).collect()
 }

@@ -58,7 +58,8 @@ pub struct JointLimits {
     pub torque: f64,
     /// Whether the joint turns: a whole turn is the same place.
     pub revolute: bool,
-    /// Torque beyond what it was in motion that friction may hold at rest \[N m, or N\]: see [`breakaway`].
+    /// Torque beyond what it was in motion that friction may hold at rest \[N m, or N\]: see [`breakaway`]. With 0 a joint that stays where its
+    /// setpoint goes on is frozen, whatever holds it.
     pub breakaway: f64,
 }
 
