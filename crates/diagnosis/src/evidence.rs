@@ -197,23 +197,6 @@ impl Background {
         self.solve_sums(self.sums(weights, cells, more, times)?, scale)
     }
 
-    /// Solves for all blocks without the columns `out`, each with the prior mean that was taken out of its coefficient; those of the result
-    /// are 0.
-    pub(crate) fn solve_without(&self, weights: &[f64], scale: f64, out: &[(usize, f64)]) -> Option<Solved> {
-        let mut sums = self.sums(weights, self.folds.iter(), &[], |_| 1.0)?;
-        for (c, mean) in out {
-            // The torque of the mean goes back to the left-hand side.
-            sums.yy += mean * (2.0 * sums.dy[*c] + mean * sums.dd[(*c, *c)]);
-            sums.dy.axpy(*mean, &sums.dd.column(*c), 1.0);
-        }
-        for (c, _) in out {
-            sums.dy[*c] = 0.0;
-            sums.dd.row_mut(*c).fill(0.0);
-            sums.dd.column_mut(*c).fill(0.0);
-        }
-        self.solve_sums(sums, scale)
-    }
-
     /// Solves for all blocks at each of the scales that can be solved, with `more` stretches.
     pub(crate) fn solve_scales(&self, weights: &[f64], scales: &[f64], more: &[Stretch]) -> Vec<(f64, Solved)> {
         let Some(sums) = self.sums(weights, self.folds.iter(), more, |_| 1.0) else { return Vec::new() };
@@ -510,21 +493,6 @@ mod tests {
             let added = solved.add(&own, &belief(), &[4.0], |_| true).expect("well conditioned");
             assert_eq!(added.log_evidence > solved.log_evidence, better, "coefficient {coefficient}");
         }
-    }
-
-    #[test]
-    fn leaves_out_a_column_and_the_torque_of_its_mean() {
-        let out = |truth: [f64; 3], mean: f64| {
-            example(truth).0.solve_without(&[4.0], 0.5, &[(0, mean)]).expect("well conditioned")
-        };
-        // The mean of 0.4 was taken out of the torque of the first example.
-        let (reduced, whole) = (out([1.0, -2.0, 0.5], 0.4), out([1.4, -2.0, 0.5], 0.0));
-        assert!((reduced.x[1] - whole.x[1]).abs() < 1e-12 && reduced.x[0] == 0.0);
-        assert!((reduced.log_evidence - whole.log_evidence).abs() < 1e-8);
-        let mut held = example([1.4, -2.0, 0.5]).0;
-        held.std[0] = 1e-6;
-        let held = held.solve(&[4.0], 0.5, &[0, 1, 2]).expect("well conditioned");
-        assert!((held.x[1] - whole.x[1]).abs() < 1e-6);
     }
 
     /// A coefficient that is known to be 1 costs nothing to use when it is.

@@ -64,7 +64,6 @@ mod physics;
 mod possible;
 mod power;
 mod predict;
-mod predictive;
 mod procedure;
 mod products;
 mod random;

@@ -10,7 +10,6 @@ use crate::held_load::held_load;
 use crate::lmg;
 use crate::log_check::{LogFault, LogFinding};
 use crate::predict::Prediction;
-use crate::predictive::BayesFactor;
 use crate::procedure::{Procedure, Step, is_drive};
 use crate::repeats;
 use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict, pooled};
@@ -82,8 +81,6 @@ pub(crate) struct Opened<'a> {
     /// The runs looked at, step by step.
     pub(crate) seen: &'a [Stages],
     pub(crate) solved: &'a Solved,
-    /// Evidence of each step in motion.
-    pub(crate) factors: &'a [BayesFactor],
     pub(crate) log: Vec<LogFinding>,
 }
 
@@ -96,7 +93,6 @@ struct Judge<'a> {
     sliding: Vec<Gap>,
     names: Vec<String>,
     log: &'a [LogFinding],
-    factors: &'a [BayesFactor],
     /// Whether the model as given misses nothing in motion, on the sealed run and on those looked at.
     sound: bool,
 }
@@ -130,30 +126,29 @@ impl Judge<'_> {
                 && !a.form.plausible(&a.coefficients(&solved.x))
         };
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
+        // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
         let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
         let settled = || own().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
-        let plain = self.sealed.is_plain(k, own());
-        let drive = plain && is_drive(step.effect) && settled();
+        let drive = is_drive(step.effect) && settled();
+        let seen = self.sealed.is_plain(k, own());
+        let plain = seen && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
         let right = step.effect == Effect::TorqueConstant && !own().any(given);
-        let supported = match step.adopted.is_empty() {
-            true => self.factors[k].supports(),
-            false if value || !predictable => true,
-            false if self.sound => self.factors[k].supports(),
-            // Wrong parameters absorb some effects when they are refitted: the factor says nothing against these.
-            false => self.sealed.is_helped(k, on),
-        };
+        let cut = step.effect == Effect::TorqueSaturation;
+        let needed = || !self.sound && self.sealed.is_helped(k, on);
+        let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
         let needed_there = law && self.sealed.is_needed(k, own());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
         let tilt_or_time =
             matches!(step.effect, Effect::GravityDirection | Effect::TransportDelay | Effect::CurrentLoopLag);
-        let plain_everywhere = tilt_or_time && !step.adopted.is_empty() && plain;
+        let plain_everywhere = tilt_or_time && !step.adopted.is_empty() && seen;
         // Two wrong values of a drive that make up for each other are each the worse for being right alone.
-        let material = drive || needed_there || plain_everywhere || is_material(step, shrink, plain, predictable);
-        transfers && enough && material && supported && !right && self.is_believed(step) && !step.doubtful
+        let material =
+            (drive && plain) || needed_there || plain_everywhere || is_material(step, shrink, plain, predictable);
+        transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
 
     /// Whether two laws of the angle stand on one joint: together they fit one that nobody knows.
@@ -241,7 +236,6 @@ impl Opened<'_> {
             sliding,
             names: names.clone(),
             log: &self.log,
-            factors: self.factors,
         };
         let load = exhibit::load(procedure.sealed, procedure.nominal, &procedure.nominal.x);
         let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
@@ -491,8 +485,8 @@ pub(crate) fn creeping_share(stages: &Stages) -> f64 {
 fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> bool {
     let Shrink { predicted, low, high, measured } = shrink;
     if step.adopted.is_empty() {
-        // Evidence decides on values, however little of the whole gap they take: most of that is torque at rest.
-        return measured > 0.0;
+        // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
+        return measured > 0.0 && (plain || low > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL));
     }
     let value = step.effect.kind() == Kind::Value;
     let everywhere = step.joints.is_empty();

@@ -21,7 +21,6 @@ use crate::opened::Opened;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
-use crate::predictive::{BayesFactor, bayes_factors};
 use crate::regimes::{self, Regime};
 use crate::report::{Cause, Cell, DataUse, Diagnosis};
 use crate::residue::Residue;
@@ -151,10 +150,6 @@ impl Procedure<'_> {
             steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
         let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
         say("the sealed torque");
-        let factors = bayes_factors(&search, (&adopted, &steps), &seen, &hidden, &means);
-        let none = || vec![BayesFactor::default(); steps.len()];
-        let factors = or_said(factors, "evidence of causes on held-out motion", &mut left_out).unwrap_or_else(none);
-        steps.iter().zip(&factors).for_each(|(step, factor)| say(&factor.of_step(step)));
         log.extend(log_check::check(self.sealed, self.nominal));
         let with_turns =
             |run: &RunColumns<'_>| run.stages_turned(&self.nominal.x, &order, &x, &means, turn_columns(self.nominal));
@@ -168,7 +163,6 @@ impl Procedure<'_> {
             measured: &measured,
             seen: &stages,
             solved: &solved,
-            factors: &factors,
             log,
         };
         let (mut report, mut upheld) = opened.diagnosis();

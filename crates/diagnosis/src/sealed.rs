@@ -78,16 +78,6 @@ impl Sealed<'_> {
         sum / f64::max(total, f64::MIN_POSITIVE)
     }
 
-    /// Rows of joint `j`, each counted by its weight.
-    pub(crate) fn rows_in_motion(&self, j: usize) -> f64 {
-        (0..self.run.doubt[j].len()).map(|row| self.weight(j, row)).sum()
-    }
-
-    /// Mean square residual of joint `j` with all causes over these rows \[N²·m²\].
-    pub(crate) fn residual_in_motion(&self, j: usize) -> f64 {
-        self.mean_square(j, self.left(self.whole(), j))
-    }
-
     fn left(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
         let (tau, model) = (&self.stages.tau[j], &self.stages.models[stage][j]);
         // Of a joint that creeps, how softly friction turns over is most of the torque that is missed, and nobody's fault.
@@ -120,6 +110,11 @@ impl Sealed<'_> {
     /// Whether joint `j` moves for a while.
     fn moves(&self, j: usize) -> bool {
         is_moved(&self.run.motion, &self.run.chain, j)
+    }
+
+    /// Whether half of the joints stand, or more.
+    pub(crate) fn mostly_stands(&self) -> bool {
+        2 * (0..self.noise.len()).filter(|j| self.moves(*j)).count() <= self.noise.len()
     }
 
     /// Joints whose torque says something of motion.
