@@ -13,7 +13,7 @@
 //!
 //! `τ(r)` is without friction: friction turns round with the arm, not with the reference.
 
-use crate::inertia::acceleration_by;
+use crate::inertia::accelerations_by;
 use crate::law::{ControlLaw, Desired};
 use crate::output::Limits;
 use rivet_dynamics::MAX_JOINTS;
@@ -115,8 +115,7 @@ impl Governor {
             lacking[j] = given[j] - needed[j];
         }
         self.given = Some(given);
-        let delta = acceleration_by(law, &desired.q[..n], &lacking, x, mass);
-        let hedge = acceleration_by(law, &desired.q[..n], &self.held_back, x, mass);
+        let [delta, hedge] = accelerations_by(law, &desired.q[..n], [&lacking, &self.held_back], x, mass);
         for j in 0..n {
             desired.qdd[j] += delta[j];
             self.speed[j] += (accelerations[j] + delta[j] + hedge[j]) * periods * self.period_s;
@@ -180,5 +179,29 @@ mod tests {
         let furthest = found.iter().map(|[away, _]| away.abs()).fold(0.0, f64::max);
         let last = found.last().map_or(f64::NAN, |[away, _]| away.abs());
         assert!(furthest > 1e-4 && furthest < 0.1 && last < 1e-6, "{furthest} and {last} rad");
+    }
+
+    /// Torque that was taken from feedback moves the reference of an arm at rest as it moves the arm, and the reference comes back.
+    #[test]
+    fn torque_that_was_taken_moves_the_reference() {
+        let (mut law, x, dof) = law();
+        let limits = Limits { torque: vec![150.0, 15.0], step: vec![STEP; dof] };
+        let mut governor = Governor::new(&limits, &vec![[0.25, 1.0]; dof], PERIOD_S);
+        let (mut mass, mut offsets) = (vec![0.0; dof * dof], Vec::new());
+        for k in 0..3000 {
+            let taken = [if k < 50 { -2.0 } else { 0.0 }, 0.0];
+            let mut lacking = [0.0; MAX_JOINTS];
+            lacking[..dof].copy_from_slice(&taken);
+            governor.hedge(&lacking);
+            let mut desired = Desired::default();
+            governor.apply(&mut desired, &mut law, &x, &mut mass, 1);
+            offsets.push(desired.q[0]);
+        }
+        let furthest = offsets.iter().copied().fold(0.0, f64::min);
+        assert!(
+            offsets[50] < 0.0 && furthest > -0.1 && offsets[2999].abs() < 1e-5,
+            "{furthest} and {} rad",
+            offsets[2999]
+        );
     }
 }

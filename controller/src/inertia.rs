@@ -32,17 +32,32 @@ pub(crate) fn acceleration_by(
     x: &[f64],
     mass: &mut [f64],
 ) -> [f64; MAX_JOINTS] {
+    let [a] = accelerations_by(law, q, [tau], x, mass);
+    a
+}
+
+/// The same for several torques at one pose.
+pub(crate) fn accelerations_by<const K: usize>(
+    law: &mut ControlLaw,
+    q: &[f64],
+    tau: [&[f64; MAX_JOINTS]; K],
+    x: &[f64],
+    mass: &mut [f64],
+) -> [[f64; MAX_JOINTS]; K] {
     let n = law.dof();
-    if tau[..n].iter().all(|tau| *tau == 0.0) {
-        return [0.0; MAX_JOINTS];
+    let none = [[0.0; MAX_JOINTS]; K];
+    if tau.iter().all(|tau| tau[..n].iter().all(|tau| *tau == 0.0)) {
+        return none;
     }
     law.inertia(q, x, mass);
     if !cholesky_succeeds(mass, n) {
-        return [0.0; MAX_JOINTS];
+        return none;
     }
-    let mut a = *tau;
-    solve_factored(mass, n, &mut a);
-    a
+    tau.map(|tau| {
+        let mut a = *tau;
+        solve_factored(mass, n, &mut a);
+        a
+    })
 }
 
 /// Inertia matrices at fixed poses as linear functions of the base parameters: checking them costs no kinematics.

@@ -10,7 +10,7 @@ use rivet_input_checks::{
 };
 use rivet_ipc_schema::{JointState, StopCause, faults};
 
-/// A joint whose reading was no encoder's, or did not answer its torque, is suspect for so long \[s\].
+/// A joint whose reading was frozen or jumped is suspect for so long \[s\].
 const SUSPECT_S: f64 = 0.02;
 
 /// Something that is wrong with a sample.

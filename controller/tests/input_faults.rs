@@ -415,7 +415,7 @@ const TOO_FAST: [(&str, usize, f64); 4] = [("dd2", 0, 0.9), ("ur10e", 0, 0.4), (
 fn a_joint_beyond_its_speed_limit_is_stopped() {
     for (arm, joint, most) in TOO_FAST {
         for period_s in PERIODS {
-            // A plan that is sound again is followed again, which is not what is looked at here.
+            // The first stop is to last: a plan that is sound again would be followed again.
             let robot = Rig::new(arm, period_s, "resume_after = 0\n", SHARE).robot;
             let mut swing = Swing::new(&robot, 0.02);
             let speed = 1.17 * robot.model.arm.joints[joint].velocity;
@@ -468,7 +468,7 @@ fn samples_at_another_rate_are_stopped() {
 fn check_plan(bend: impl Fn(f64, &mut [Values; 3]), cause: StopCause) {
     for (arm, ..) in ARMS {
         for period_s in PERIODS {
-            // A plan that is sound again is followed again, which is not what is looked at here.
+            // The first stop is to last: a plan that is sound again would be followed again.
             let mut rig = Rig::new(arm, period_s, "resume_after = 0\n", SHARE);
             let o = rig.run(1.7, Wrong::Nothing, AFTER_S, &bend);
             holds(&format!("{arm} {period_s} s, plan"), &o, &[cause]);

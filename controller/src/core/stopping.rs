@@ -36,8 +36,8 @@ impl Core {
         };
         // Without a sample nothing of the arm is seen.
         stopping.untrusted = if stopping.doubted == 0 { all } else { stopping.doubted };
-        let doubted = if stopping.doubted == 0 { 0 } else { (DOUBTED_S / self.period_s).ceil() as usize };
-        let since = [doubted, usize::try_from(unseen).unwrap_or(usize::MAX)];
+        let unused = if stopping.doubted == 0 { 0 } else { (DOUBTED_S / self.period_s).ceil() as usize };
+        let since = [unused, usize::try_from(unseen).unwrap_or(usize::MAX)];
         let (law, x) = (&mut self.law, &self.acting[..self.count]);
         let reckoned = reckon(law, x, &mut self.mass, &self.history, stopping.untrusted, since, self.period_s);
         if let Some(now) = reckoned {

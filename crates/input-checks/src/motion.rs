@@ -220,8 +220,8 @@ impl MotionCheck {
             let missed = needed[j] - motion.tau[j];
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.joint.breakaway + noise;
-            frozen |= if held { 0 } else { 1 << j };
+            let is_held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.joint.breakaway + noise;
+            frozen |= if is_held { 0 } else { 1 << j };
             if !self.compared {
                 joint.model_error = missed;
             }

@@ -177,9 +177,9 @@ impl ReadingCheck {
                 }
             }
             let fast = joint.speed_before.abs() > (FAST * self.period_s).max(8.0 * limits.joint.resolution);
-            let pushed = (tau - joint.torque_before).abs() >= limits.joint.breakaway;
-            let left = pushed && (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
-            joint.frozen |= joint.same >= self.frozen_run && (fast || left);
+            let is_pushed = (tau - joint.torque_before).abs() >= limits.joint.breakaway;
+            let has_left = is_pushed && (desired - joint.setpoint_before).abs() > SETPOINT_MOVED;
+            joint.frozen |= joint.same >= self.frozen_run && (fast || has_left);
             joint.frozen &= joint.same > 0 && !stood;
             frozen |= if joint.frozen { bit } else { 0 };
         }

@@ -85,8 +85,11 @@ impl Smoothing {
     fn cutoff_hz(&self, joint: usize, torque: f64, noise: f64, sign_velocity: f64) -> f64 {
         let most = (MAX_NOISE_OVER_TORQUE * torque).powi(2);
         let by_acceleration = (5.0 * most / (2.0 * self.period_s * noise.powi(2) * TAU.powi(4))).powf(0.2);
-        let told = || told_up_to_hz(self.position_noise[joint], self.period_s, sign_velocity);
-        let by_sign = if sign_velocity > 0.0 { told() } else { f64::INFINITY };
+        let by_sign = if sign_velocity > 0.0 {
+            told_up_to_hz(self.position_noise[joint], self.period_s, sign_velocity)
+        } else {
+            f64::INFINITY
+        };
         // No noise and no torque: NaN, which min and max leave out.
         by_acceleration.min(by_sign).max(self.lowest_hz)
     }
