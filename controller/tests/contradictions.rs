@@ -5,6 +5,8 @@ mod common;
 
 use common::rig::{Motion, Rig, Swing, Values, Wrong};
 use rivet_dynamics::MAX_JOINTS;
+use rivet_simulation::Random;
+use std::f64::consts::TAU;
 
 /// Sample periods \[s\].
 const PERIODS: [f64; 2] = [0.004, 0.001];
@@ -46,6 +48,13 @@ fn gaps(plan: Plan<'_>, t: f64, period_s: f64, [zeros, of]: [u64; 2]) -> [Values
     if k % of < zeros { scaled(plan(t), 0.0, 0.0) } else { plan(t) }
 }
 
+/// Accelerations of the first joint that swing beside those of the plan, by so many rad/s² with so many Hz.
+fn swinging(plan: Plan<'_>, t: f64, [by, hz]: [f64; 2]) -> [Values; 3] {
+    let mut out = plan(t);
+    out[2][0] += by * (TAU * hz * t).sin();
+    out
+}
+
 /// Rounded positions, and their differences.
 fn rounded(plan: Plan<'_>, t: f64, period_s: f64, step: f64) -> [Values; 3] {
     let at = |t: f64| plan(t)[0].map(|q| (q / step).round() * step);
@@ -65,7 +74,7 @@ const SOUND: [(&str, Planner); 7] = [
 ];
 
 /// Planners that are wrong.
-const WRONG: [(&str, Planner); 13] = [
+const WRONG: [(&str, Planner); 17] = [
     ("positions only", |plan, t, _| scaled(plan(t), 0.0, 0.0)),
     ("no velocity in every second", |plan, t, period_s| gaps(plan, t, period_s, [1, 2])),
     ("no velocity in every third", |plan, t, period_s| gaps(plan, t, period_s, [1, 3])),
@@ -84,6 +93,10 @@ const WRONG: [(&str, Planner); 13] = [
     ("velocities that change at 10 Hz", |plan, t, _| sampled(plan, t, 10.0)),
     ("velocities that change at 8 Hz", |plan, t, _| sampled(plan, t, 8.0)),
     ("velocities of 1.5", |plan, t, _| scaled(plan(t), 1.5, 1.0)),
+    ("accelerations that swing by 30 rad/s² at 6 Hz", |plan, t, _| swinging(plan, t, [30.0, 6.0])),
+    ("accelerations that swing by 35 rad/s² at 8 Hz", |plan, t, _| swinging(plan, t, [35.0, 8.0])),
+    ("accelerations that swing by 40 rad/s² at 10 Hz", |plan, t, _| swinging(plan, t, [40.0, 10.0])),
+    ("accelerations that swing by 40 rad/s² at 13 Hz", |plan, t, _| swinging(plan, t, [40.0, 13.0])),
     ("velocities of the other sign", |plan, t, _| scaled(plan(t), -1.0, -1.0)),
 ];
 
@@ -136,4 +149,108 @@ fn one_wrong_setpoint_is_left_out() {
         assert!(o.stop.is_none() && o.away < 0.05, "{arm} {period_s} s: {o:?}");
         assert_eq!(rig.core.counts().setpoints_refused, 1, "{arm} {period_s} s");
     }
+}
+
+/// A fault of a planner: what it does to positions, velocities or accelerations of one joint.
+#[derive(Clone, Copy, Debug)]
+enum Fault {
+    Scaled(f64),
+    /// By so much, so many times a second.
+    Swinging(f64, f64),
+    Late(f64),
+    /// New values so many times a second.
+    Held(f64),
+    /// 0 for the first so many seconds of every so many.
+    Missing(f64, f64),
+    Rounded(f64),
+}
+
+/// A fault of a part (0: positions, 1: velocities, 2: accelerations) of a joint's plan.
+#[derive(Clone, Copy, Debug)]
+struct DrawnFault {
+    part: usize,
+    joint: usize,
+    fault: Fault,
+}
+
+impl DrawnFault {
+    /// `scale` are speed limit \[rad/s\] and acceleration \[rad/s²\] of each joint.
+    fn draw(random: &mut Random, dof: usize, scale: &dyn Fn(usize) -> [f64; 2]) -> DrawnFault {
+        let log = |random: &mut Random, low: f64, high: f64| low * (high / low).powf(random.uniform(0.0, 1.0));
+        let part = (random.uniform(0.0, 3.0) as usize).min(2);
+        let joint = (random.uniform(0.0, dof as f64) as usize).min(dof - 1);
+        let [speed, acceleration] = scale(joint);
+        let hz = log(random, 0.5, 25.0);
+        let largest = [0.2 * speed / (TAU * hz), 0.3 * speed, acceleration][part];
+        let fault = match random.uniform(0.0, 6.0) as usize {
+            0 => Fault::Scaled(random.uniform(-2.0, 2.0)),
+            1 => Fault::Swinging(largest * random.uniform(0.1, 1.0), hz),
+            2 => Fault::Late(log(random, 0.004, 0.2)),
+            3 => Fault::Held(log(random, 5.0, 200.0)),
+            4 => {
+                let every = log(random, 0.02, 1.0);
+                Fault::Missing(every * random.uniform(0.1, 0.9), every)
+            }
+            _ => Fault::Rounded(largest * log(random, 0.01, 1.0)),
+        };
+        DrawnFault { part, joint, fault }
+    }
+
+    fn apply(&self, plan: Plan<'_>, t: f64, out: &mut [Values; 3]) {
+        let (part, j) = (self.part, self.joint);
+        let value = &mut out[part][j];
+        *value = match self.fault {
+            // A scaled position is far off at once.
+            Fault::Scaled(by) if part > 0 => by * *value,
+            Fault::Scaled(_) => *value,
+            Fault::Swinging(by, hz) => *value + by * (TAU * hz * t).sin(),
+            Fault::Late(by) => plan(t - by)[part][j],
+            Fault::Held(hz) => plan((t * hz).floor() / hz)[part][j],
+            Fault::Missing(missing, every) if part > 0 && t % every < missing => 0.0,
+            Fault::Missing(..) => *value,
+            Fault::Rounded(step) => (*value / step).round() * step,
+        };
+    }
+}
+
+/// Planners with one to three drawn faults.
+#[test]
+fn drawn_faults_of_planners_make_no_arm_fast() {
+    let number = |key: &str, default: u64| std::env::var(key).ok().and_then(|s| s.parse().ok()).unwrap_or(default);
+    let (first, count) = (number("SEED", 100), number("COUNT", 40));
+    let mut wrong = Vec::new();
+    let mut speeds = Vec::new();
+    for seed in first..first + count {
+        let mut random = Random::stream(seed, 11);
+        let arm = if random.uniform(0.0, 1.0) < 0.6 { "dd2" } else { "ur10e" };
+        let period_s = if random.uniform(0.0, 1.0) < 0.6 { 0.004 } else { 0.001 };
+        let share = random.uniform(0.2, 0.8);
+        let mut rig = Rig::new(arm, period_s, "resume_after = 0\n", share);
+        rig.bend_is_planned = true;
+        let swing = Swing::new(&rig.robot, share);
+        let scale = |j: usize| {
+            let speed = rig.robot.model.arm.joints[j].velocity;
+            [speed, 10.0 * speed]
+        };
+        let faults: Vec<DrawnFault> = (0..1 + (random.uniform(0.0, 3.0) as usize).min(2))
+            .map(|_| DrawnFault::draw(&mut random, rig.robot.dof(), &scale))
+            .collect();
+        let motion = Motion::Swing(swing);
+        let plan = |t: f64| motion.at(SOUND_S + t);
+        let o = rig.run(SOUND_S, Wrong::Nothing, PLANNED_S, |t, out| {
+            *out = plan(t);
+            for fault in &faults {
+                fault.apply(&plan, t, out);
+            }
+        });
+        let name = format!("seed {seed}: {arm} {period_s} s, {share:.2} of the speed, {faults:?}");
+        println!("{name}: {:?}, speed {:.2}, away {:.3} rad", o.stop, o.speed, o.away);
+        speeds.push(o.speed);
+        if o.speed > MAX_SPEED || o.stop.is_none() && o.away > MAX_AWAY {
+            wrong.push(format!("{name}: {o:?}"));
+        }
+    }
+    let fastest = speeds.iter().copied().fold(0.0, f64::max);
+    println!("at most {fastest:.2} times the speed limit");
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -153,3 +153,25 @@ fn a_missing_period_gets_one_command() {
     assert_eq!(commands, 1);
     assert!(core.missing(13).is_some());
 }
+
+/// The arm is stopped at several moments of a fast motion, with all readings or none.
+#[test]
+fn a_stop_at_any_moment_makes_no_joint_fast() {
+    const MOMENTS: u32 = 6;
+    let mut wrong = Vec::new();
+    for (arm, period_s) in [("dd2", 0.004), ("dd2", 0.001), ("ur10e", 0.004), ("ur10e", 0.001)] {
+        for fault in [Wrong::FaultBits, Wrong::Silence] {
+            let (mut fastest, mut furthest) = (0.0_f64, 0.0_f64);
+            for k in 0..MOMENTS {
+                let mut rig = Rig::new(arm, period_s, "", 0.8);
+                let o = rig.run(1.2 + 0.237 * f64::from(k), fault, 1.0, |_, _| ());
+                (fastest, furthest) = (fastest.max(o.speed), furthest.max(o.away));
+                if o.speed > 1.2 {
+                    wrong.push(format!("{arm} {period_s} s, {fault:?}, moment {k}: {o:?}"));
+                }
+            }
+            println!("{arm} {period_s} s, {fault:?}: at most {fastest:.2} times the speed limit, {furthest:.2} rad");
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
