@@ -200,14 +200,13 @@ impl DrawnFault {
         let (part, j) = (self.part, self.joint);
         let value = &mut out[part][j];
         *value = match self.fault {
-            // A scaled position is far off at once.
             Fault::Scaled(by) if part > 0 => by * *value,
-            Fault::Scaled(_) => *value,
             Fault::Swinging(by, hz) => *value + by * (TAU * hz * t).sin(),
             Fault::Late(by) => plan(t - by)[part][j],
             Fault::Held(hz) => plan((t * hz).floor() / hz)[part][j],
             Fault::Missing(missing, every) if part > 0 && t % every < missing => 0.0,
-            Fault::Missing(..) => *value,
+            // A position that is scaled, or 0, is refused at once.
+            Fault::Scaled(_) | Fault::Missing(..) => *value,
             Fault::Rounded(step) => (*value / step).round() * step,
         };
     }
@@ -232,7 +231,7 @@ fn drawn_faults_of_planners_make_no_arm_fast() {
             let speed = rig.robot.model.arm.joints[j].velocity;
             [speed, 10.0 * speed]
         };
-        let faults: Vec<DrawnFault> = (0..1 + (random.uniform(0.0, 3.0) as usize).min(2))
+        let faults: Vec<DrawnFault> = (0..=(random.uniform(0.0, 3.0) as usize).min(2))
             .map(|_| DrawnFault::draw(&mut random, rig.robot.dof(), &scale))
             .collect();
         let motion = Motion::Swing(swing);
