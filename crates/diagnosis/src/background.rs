@@ -42,8 +42,8 @@ impl Typical {
         self.speed[joint]
     }
 
-    pub(crate) fn of(runs: &[Run], joints: usize) -> Typical {
-        let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();
+    pub(crate) fn from_runs(runs: &[Run], joints: usize) -> Typical {
+        let motions: Vec<Motion> = runs.iter().map(Motion::from_run).collect();
         let rms = |signals: &mut dyn Iterator<Item = &Vec<f64>>| {
             let (square, rows) = signals.flatten().fold((0.0, 0.0), |(s, n), t| (s + t * t, n + 1.0));
             f64::sqrt(square / f64::max(rows, 1.0)).max(1e-9)
@@ -65,7 +65,7 @@ pub(crate) struct Nominal {
     /// Standard deviation of each entry's error.
     pub(crate) std: Vec<f64>,
     /// Standard vector by which it is told what a log cannot show: as `x`, but for friction that a first fit has more of, and for
-    /// rotors that the file does not know ([`first_fit`](crate::first_fit)).
+    /// rotors that the file does not know (`first_fit`).
     pub(crate) near: Vec<f64>,
 }
 
@@ -90,8 +90,8 @@ impl Nominal {
 
 fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical) -> f64 {
     let torque = &typical.torque;
-    let of = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
-    let missing = of(parameter) == 0.0;
+    let nominal_size = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
+    let missing = nominal_size(parameter) == 0.0;
     match parameter {
         Parameter::RotorInertia(j) if missing => MISSING * torque[j] / typical.accel[j],
         Parameter::Viscous(j) if missing => MISSING * torque[j] / typical.speed[j],
@@ -111,12 +111,12 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical
             }
         }
         // Without unit or scale of their own: as far off as themselves, or a hundredth of the torque.
-        Parameter::LoadFriction(_) => of(parameter).max(0.05),
-        Parameter::ViscousQuadratic(j) => of(parameter).max(0.01 * torque[j]),
-        Parameter::RotorInertia(j) => ROTOR * of(parameter).max(1e-4 * torque[j]),
-        Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * of(parameter).max(0.05 * torque[j]),
+        Parameter::LoadFriction(_) => nominal_size(parameter).max(0.05),
+        Parameter::ViscousQuadratic(j) => nominal_size(parameter).max(0.01 * torque[j]),
+        Parameter::RotorInertia(j) => ROTOR * nominal_size(parameter).max(1e-4 * torque[j]),
+        Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * nominal_size(parameter).max(0.05 * torque[j]),
         Parameter::Offset(j) => {
-            let friction = of(Parameter::Coulomb(j));
+            let friction = nominal_size(Parameter::Coulomb(j));
             if friction == 0.0 {
                 OFFSET_UNMEASURED * MISSING * torque[j]
             } else {
@@ -124,7 +124,7 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical
             }
         }
         Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
-            FRICTION * of(parameter).max(1e-3)
+            FRICTION * nominal_size(parameter).max(1e-3)
         }
     }
 }

@@ -9,12 +9,13 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::evidence::{Belief, FOLDS, Solved};
 use crate::form::Form;
 use crate::possible::{self, Impossible};
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Found, Selected};
+use crate::select::{Found, Selected};
 
 /// Share of a joint's gap that it must take ...
 const OF_JOINT: f64 = 0.5;
@@ -36,28 +37,28 @@ pub(crate) fn at_flange(
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
-    if !Residue::of(search).any_noisy() {
+    if !Residue::from_search(search).any_noisy() {
         return Some(None);
     }
     let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
     let Some(belief) = one_body(search, &candidate) else { return Some(None) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
-    let held = links_held(search)?;
+    let with_links_held = links_held(search)?;
     let background = &search.design.background;
     let joints = search.noise.len();
-    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let added = with_links_held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let sum = |of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
         let folds: Vec<Vec<f64>> = (0..FOLDS).map(of).collect();
         (0..joints).map(|j| folds.iter().map(|f| f[j]).sum()).collect()
     };
-    let before = sum(&|f| background.fold_errors(f, &held));
+    let before = sum(&|f| background.fold_errors(f, &with_links_held));
     let links = sum(&|f| background.fold_errors(f, &free));
     let body = sum(&|f| background.fold_errors_with(&candidate.cells, &[], f, &added));
     let taken = |left: &[f64]| -> f64 { (0..joints).map(|j| search.weights[j] * (before[j] - left[j])).sum() };
     let share = taken(&body) / taken(&links).max(f64::MIN_POSITIVE);
     let falls: Vec<f64> = (0..joints).map(|j| 1.0 - body[j] / before[j].max(f64::MIN_POSITIVE)).collect();
-    let gain = added.log_evidence - held.log_evidence;
+    let gain = added.log_evidence - with_links_held.log_evidence;
     say(&format!(
         "a body at the flange {:.3?} takes {share:.2} of what all links take; by joint {falls:.2?}",
         added.c.as_slice()
@@ -84,8 +85,8 @@ pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>,
     let Some(belief) = one_body(search, &candidate) else { return Some(false) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
-    let held = links_held(search)?;
-    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let with_links_held = links_held(search)?;
+    let added = with_links_held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let c = added.c.as_slice();
     let is_one = candidate.form.plausible(c)
         && possible::of_payload(c, &search.nominal.model.arm).is_none()
@@ -107,9 +108,9 @@ fn links_held(search: &mut Search<'_>) -> Option<Solved> {
             search.design.background.std[at] *= HELD / search.scale;
         }
     }
-    let held = search.solved(search.scale);
+    let solved = search.solved(search.scale);
     search.design.background.std = usual;
-    held
+    solved
 }
 
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the

@@ -58,11 +58,11 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
         for k in 0..rows {
             let around = k.saturating_sub(half)..(k + half + 1).min(rows);
             let mean = |j: usize| around.clone().map(|k| power(j, k)).sum::<f64>() / around.len() as f64;
-            let own: Vec<f64> = (0..joints).map(mean).collect();
-            let felt = own.iter().filter(|p| **p > FELT).count();
+            let joint_powers: Vec<f64> = (0..joints).map(mean).collect();
+            let felt = joint_powers.iter().filter(|p| **p > FELT).count();
             let t = run.chain.sample_of(k) as f64 * run.run.period_s;
             let inside = t > EDGE_S && t < run.run.seconds() - EDGE_S;
-            if own.iter().sum::<f64>() / joints as f64 <= HIGH || felt < 2.min(joints) || !inside {
+            if joint_powers.iter().sum::<f64>() / joints as f64 <= HIGH || felt < 2.min(joints) || !inside {
                 continue;
             }
             match windows.last_mut() {

@@ -52,7 +52,7 @@ pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
         return Vec::new();
     }
     let Trajectory { q, qd, qdd } = desired.clone();
-    let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::of(run)];
+    let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::from_run(run)];
     let moves = |j: &usize| motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > STILL));
     let moving: Vec<usize> = (0..run.joints()).filter(moves).collect();
     let tau =
@@ -106,11 +106,11 @@ pub(crate) fn flange_body<'a>(arm: &Arm, runs: impl IntoIterator<Item = &'a Run>
         let motion = Motion { period_s: run.period_s, q, qd, qdd };
         for (j, rows) in averaged(arm, &motion, &starts, stretch).iter().enumerate() {
             let tau = DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));
-            let left = tau - rows * &file;
+            let unmodelled = tau - rows * &file;
             let y = rows.fixed_columns::<4>(last);
             normal += y.tr_mul(&y);
-            moment += y.tr_mul(&left);
-            missed += left.norm_squared();
+            moment += y.tr_mul(&unmodelled);
+            missed += unmodelled.norm_squared();
         }
     }
     let x = normal.cholesky()?.solve(&moment);
@@ -125,9 +125,9 @@ fn is_late(desired: &[f64], measured: &[f64], starts: &[usize], stretch: usize) 
     let error = |k: usize| measured[k] - desired[k];
     let (mut slow, mut all) = (0.0, 0.0);
     for start in starts {
-        let own = || *start..*start + stretch;
-        slow += (own().map(error).sum::<f64>() / stretch as f64).powi(2) * stretch as f64;
-        all += own().map(|k| error(k).powi(2)).sum::<f64>();
+        let stretch_samples = || *start..*start + stretch;
+        slow += (stretch_samples().map(error).sum::<f64>() / stretch as f64).powi(2) * stretch as f64;
+        all += stretch_samples().map(|k| error(k).powi(2)).sum::<f64>();
     }
     slow > SLOW * all
 }
@@ -169,14 +169,14 @@ fn missed(rows: &DMatrix<f64>, tau: &DVector<f64>) -> f64 {
         return 1.0;
     }
     let Some(range) = range(rows, ROUNDING) else { return 1.0 };
-    let left = tau - &range * range.tr_mul(tau);
+    let residual = tau - &range * range.tr_mul(tau);
     let rank = range.ncols();
     let free = tau.len().saturating_sub(rank);
     if 2 * free < tau.len() {
         return 1.0;
     }
     // Rows that the columns take up say nothing.
-    left.norm() / torque * (tau.len() as f64 / free as f64).sqrt()
+    residual.norm() / torque * (tau.len() as f64 / free as f64).sqrt()
 }
 
 #[cfg(test)]

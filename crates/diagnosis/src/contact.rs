@@ -42,7 +42,7 @@ impl Search<'_> {
         }
         let joints = self.noise.len();
         let torque: Vec<f64> =
-            (0..joints).map(|j| self.heard(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
+            (0..joints).map(|j| self.trusted_runs(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
         let reach = reach(self.nominal);
         for stretch in &mut local {
             let mut std: Vec<f64> = Vec::with_capacity(stretch.columns.len());
@@ -71,10 +71,10 @@ impl Search<'_> {
         let mut cd = nalgebra::DMatrix::zeros(1, self.design.background.len());
         let mut from = 0;
         for stretch in &candidate.local {
-            let own = c.rows(from, stretch.std.len());
+            let coefficients = c.rows(from, stretch.std.len());
             from += stretch.std.len();
             for cell in &stretch.cells {
-                cd.gemm_tr(self.weights[cell.joint], &own, &cell.cd, 1.0);
+                cd.gemm_tr(self.weights[cell.joint], &coefficients, &cell.cd, 1.0);
             }
         }
         cd.into()
@@ -89,18 +89,18 @@ impl Search<'_> {
     ) -> impl Iterator<Item = Vector3<f64>> + 'b {
         let each = numbers(moment);
         self.design.background.local.iter().zip(found).filter_map(move |(stretch, c)| {
-            let mut told = DMatrix::zeros(each, each);
+            let mut information = DMatrix::zeros(each, each);
             let mut sum = DVector::zeros(each);
             for cell in &stretch.cells {
                 let weighed = &cell.cc * c;
                 for (a, weighed) in weighed.iter().enumerate() {
                     sum[a % each] += self.weights[cell.joint] * weighed;
                     for b in 0..c.len() {
-                        told[(a % each, b % each)] += self.weights[cell.joint] * cell.cc[(a, b)];
+                        information[(a % each, b % each)] += self.weights[cell.joint] * cell.cc[(a, b)];
                     }
                 }
             }
-            let force = Cholesky::new(told)?.solve(&sum);
+            let force = Cholesky::new(information)?.solve(&sum);
             Some(Vector3::new(force[0], force[1], force[2]))
         })
     }

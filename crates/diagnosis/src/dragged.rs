@@ -53,9 +53,10 @@ pub(crate) fn kind(
             if share < WHOLE {
                 return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
             }
-            let own = search.candidate(Form::Presliding { joint, length }, physics);
-            let made = own.and_then(|own| Some((search.standing(standing.at, &own, &solved)?, own)));
-            Some(made.map_or(Kind::AsNamed, |(its, own)| Kind::Of(Box::new((own, its)))))
+            let presliding = search.candidate(Form::Presliding { joint, length }, physics);
+            let made = presliding
+                .and_then(|presliding| Some((search.standing(standing.at, &presliding, &solved)?, presliding)));
+            Some(made.map_or(Kind::AsNamed, |(its, presliding)| Kind::Of(Box::new((presliding, its)))))
         }
         Form::Hysteresis { joint, length } => {
             let share = share(search, physics, joint, standing)?;
@@ -74,8 +75,8 @@ fn is_own(share: f64, length: f64) -> bool {
 fn share(search: &Search<'_>, physics: &[Physics<'_>], joint: usize, standing: &Standing) -> Option<f64> {
     let at = physics.first()?.coulomb(joint);
     let c = &standing.added.c;
-    let beside = (search.nominal.x[at] + standing.added.x[at] + c[1]).max(0.0);
-    Some(c[0] / (c[0] + beside))
+    let remaining_friction = (search.nominal.x[at] + standing.added.x[at] + c[1]).max(0.0);
+    Some(c[0] / (c[0] + remaining_friction))
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use crate::background::{Nominal, Typical};
 use crate::computed;
 use crate::design::Prepared;
 use crate::first_fit;
-use crate::log_check::{self, LogFinding};
+use crate::log_check;
+use crate::log_fault::LogFinding;
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
 use crate::procedure::Procedure;
@@ -15,6 +16,7 @@ use crate::run::{Run, split};
 use crate::signals;
 use crate::signs;
 use crate::silence;
+use crate::stillness;
 use crate::timing;
 use crate::units;
 use crate::upright;
@@ -111,7 +113,7 @@ fn run_all(
         return if names.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, &why), None)) };
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
-    let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let all = Nominal::new(model, nominal, &Typical::from_runs(&runs, joints));
     let is_mute = |(_, run): &(usize, Run)| silence::is_mute(run, &all.x);
     let (mute, telling): (Vec<_>, Vec<_>) = places.into_iter().zip(runs).partition(is_mute);
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
@@ -148,7 +150,7 @@ fn run_all(
         return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) }, None));
     }
     say("motion, regressors");
-    let mut nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
+    let mut nominal = Nominal::new(model, nominal, &Typical::from_runs(&look, joints));
     let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let mut sealed = Prepared::new(sealed, &nominal);
     for run in look.iter_mut().chain([&mut sealed]) {
@@ -165,12 +167,12 @@ fn run_all(
             None,
         ));
     }
-    silence::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
+    log_check::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
     say("torque and position in time");
     log.extend(timing::align::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
     if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
         log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
-        let stands = |run: &Prepared| (0..joints).all(|j| log_check::is_still(&run.motion, j));
+        let stands = |run: &Prepared| (0..joints).all(|j| stillness::is_still(&run.motion, j));
         let why = if stands(&sealed) {
             "no joint moves in the last part, which is held out: no test is possible on it"
         } else {

@@ -82,7 +82,7 @@ impl Variable {
         matches!(self, TravelSinceReversal | Load | Temperature | WarmingTime)
     }
 
-    fn of(effect: Effect, run: &Prepared) -> Variable {
+    fn for_effect(effect: Effect, run: &Prepared) -> Variable {
         match effect {
             Effect::CoulombFriction
             | Effect::ViscousFriction
@@ -215,16 +215,16 @@ pub(crate) fn curves(
     sizes
         .into_iter()
         .map(|(j, size, _)| {
-            let own = cause(j);
-            let variable = Variable::of(shown.effect, run);
+            let cause_torque = cause(j);
+            let variable = Variable::for_effect(shown.effect, run);
             let at = signal(variable, run, load, full, j, shown);
             let speed = run.chain.sample(&run.motion.qd[j]);
             let turned = |k: usize| if variable.along_motion() { speed[k].signum() } else { 1.0 };
             let rows: Vec<Row> = (0..at.len())
                 .map(|k| {
-                    let left = (stages.tau[j][k] - full[j][k]) * turned(k);
-                    let own = own[k] * turned(k);
-                    Row { at: at[k], without: left + own, with: left, cause: own }
+                    let residual = (stages.tau[j][k] - full[j][k]) * turned(k);
+                    let torque = cause_torque[k] * turned(k);
+                    Row { at: at[k], without: residual + torque, with: residual, cause: torque }
                 })
                 .collect();
             let even_bins = matches!(variable, Variable::Phase | Variable::Time | Variable::WarmingTime);
@@ -348,8 +348,8 @@ pub(crate) fn excerpts(run: &Prepared, stages: &Stages, names: &[String]) -> Vec
             let best = (0..=rows - length)
                 .step_by(length.div_ceil(4))
                 .max_by(|a, b| {
-                    let of = |from: usize| error[from..from + length].iter().sum::<f64>();
-                    of(*a).total_cmp(&of(*b))
+                    let window_error = |from: usize| error[from..from + length].iter().sum::<f64>();
+                    window_error(*a).total_cmp(&window_error(*b))
                 })
                 .unwrap_or(0);
             let cut = |x: &[f64]| x[best..best + length].iter().step_by(step).copied().collect();

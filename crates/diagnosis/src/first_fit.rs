@@ -5,7 +5,7 @@ use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::sealed::IN_MOTION;
+use crate::gap::IN_MOTION;
 use crate::search::Search;
 
 /// Rows in doubt count little, so that a fit without doubt is the first of so many.

@@ -4,10 +4,9 @@ mod bodies;
 
 use std::f64::consts::TAU;
 
-use crate::design::SMEARED_S;
 use crate::effect::Effect;
-use crate::mounting::Mode;
-use crate::physics::Physics;
+use crate::physics::mounting::Mode;
+use crate::physics::{Physics, SMEARED_S};
 use crate::run::derivative;
 use crate::two_mass::{self, Gear};
 use crate::warming::Warmth;

@@ -6,6 +6,7 @@
 
 use rivet_dynamics::Arm;
 
+use crate::adopted::{Adopted, Rival};
 use crate::body;
 use crate::effect::Effect;
 use crate::form::Form;
@@ -13,7 +14,7 @@ use crate::motions::Class;
 use crate::possible;
 use crate::report::Diagnosis;
 use crate::search::Search;
-use crate::select::{Adopted, Rival, Selected};
+use crate::select::Selected;
 use crate::separate;
 
 /// What a body may leave of each joint's torque for it to explain as much: root mean square over that with the counterbalance.
@@ -34,7 +35,7 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
 }
 
 /// Log evidence that a counterbalance adds beside values that are free, from which on these may only imitate it. Where there is none it is
-/// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::select::LEAST_GAIN)).
+/// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::adopted::LEAST_GAIN)).
 const DOUBT: f64 = 6.0;
 
 /// What one body at the flange may leave of each joint's torque for it to explain as much as all links: it is one of them.
@@ -51,7 +52,7 @@ pub(crate) struct Doubts {
 
 impl Doubts {
     /// None where equations have no solution.
-    pub(crate) fn of(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
+    pub(crate) fn find(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
         let free = search.solved(search.scale)?;
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
@@ -107,8 +108,8 @@ impl Diagnosis {
 
     /// Says of wrong values of links what they are not told from.
     pub(crate) fn links_are_not_told_from(&mut self, effects: &[Effect]) {
-        let told = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
-        let class: Vec<Effect> = effects.iter().filter(told).copied().collect();
+        let is_not_named = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
+        let class: Vec<Effect> = effects.iter().filter(is_not_named).copied().collect();
         for cause in self.causes.iter_mut().filter(|cause| cause.effect == Effect::LinkInertia) {
             if cause.indistinguishable_from.is_empty() {
                 cause.separating_motion = separate::motion(cause.effect, &class).filter(|_| !class.is_empty());
@@ -120,8 +121,8 @@ impl Diagnosis {
 
 /// The body of link `joint` instead of a counterbalance there, where it explains as much and is one that can be; else nothing.
 fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Rival>> {
-    let own = 10 * joint;
-    let mass = search.nominal.x[own];
+    let first_column = 10 * joint;
+    let mass = search.nominal.x[first_column];
     let far = length(&search.nominal.model.arm, joint);
     if mass <= 0.0 || far <= 0.0 {
         return Some(Vec::new());
@@ -132,19 +133,20 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
         let background = &mut search.design.background;
         for entry in (1..10).filter(|_| freed) {
             let width = if entry < 4 { mass * far } else { mass * far * far };
-            background.std[own + entry] = if background.scaled[own + entry] { width / scale } else { width };
+            background.std[first_column + entry] =
+                if background.scaled[first_column + entry] { width / scale } else { width };
         }
         for place in (one.place..one.place + one.mean.len()).filter(|_| held) {
             background.std[place] *= HELD;
         }
         let solved = search.solved(scale);
         let background = &search.design.background;
-        let left = solved.as_ref().map(|solved| {
+        let fold_errors = solved.as_ref().map(|solved| {
             let folds: Vec<Vec<f64>> = (0..background.folds.len()).map(|f| background.fold_errors(f, solved)).collect();
             (0..search.noise.len()).map(|j| folds.iter().map(|fold| fold[j]).sum()).collect::<Vec<f64>>()
         });
         search.design.background.std.clone_from(&usual);
-        solved.zip(left)
+        solved.zip(fold_errors)
     };
     let (_, with) = solve(false, false)?;
     let (_, neither) = solve(false, true)?;
@@ -154,10 +156,10 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
     // Of the counterbalance's torque what the body cannot make, as a share.
     let across = (all(&instead) - all(&both)) / (all(&neither) - all(&both)).max(f64::MIN_POSITIVE);
     let alike = instead.iter().zip(&with).all(|(instead, with)| *instead <= ALIKE * ALIKE * with);
-    let moment = |entry: usize| search.nominal.x[own + entry] + body.x[own + entry];
+    let moment = |entry: usize| search.nominal.x[first_column + entry] + body.x[first_column + entry];
     let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
     let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();
-    let rival = Rival::of(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
+    let rival = Rival::if_confounded(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
     Some(rival.into_iter().collect())
 }
 

@@ -7,6 +7,7 @@
 
 use nalgebra::DVector;
 
+use crate::adopted::{ALONG, Adopted, LEAST_GAIN, RIVAL_GAP, Rival, is_full};
 use crate::effect::Effect;
 use crate::evidence::{CandidateSums, Solved};
 use crate::form::Form;
@@ -14,15 +15,13 @@ use crate::parallel;
 use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Found, LEAST_GAIN, RIVAL_GAP, Rival, Selected, is_full};
-use crate::values::{Group, WORTH, Wrong};
+use crate::select::{Found, Selected};
+use crate::value_group::Group;
+use crate::values::{WORTH, Wrong};
 
 /// Effects of which each is tried as a whole explanation.
 const SHORT_LIST: usize = 6;
-/// Cosine of the principal angle from which on the runs cannot tell an effect from values, or from another effect: what explains as
-/// much across it explains something else.
-pub(crate) const ALONG: f64 = 0.95;
-/// The same where it may be only one of several groups that the effect takes the place of.
+/// Cosine of the principal angle where an effect may be only one of several groups that the effect takes the place of.
 const PARTLY_ALONG: f64 = 0.5;
 /// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
 /// none is ahead by more than 4.
@@ -50,14 +49,14 @@ struct Instead {
 }
 
 /// The effect to adopt instead of values that were found wrong, with these and other such effects as its rivals.
-pub(crate) fn of(
+pub(crate) fn replace(
     search: &mut Search<'_>,
     wrong: &Wrong,
     selected: &Selected<'_>,
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     // Where more than noise is left, as on measured arms, what sets two explanations apart may be what neither explains.
-    if is_full(&selected.adopted) || Residue::of(search).any_noisy() {
+    if is_full(&selected.adopted) || Residue::from_search(search).any_noisy() {
         return Some(None);
     }
     let found = find(search, wrong, selected)?;
@@ -89,11 +88,11 @@ pub(crate) fn of(
         if near && form.effect() != candidate.form.effect() && other.replaces.iter().any(|at| place(&at)) {
             let its = DVector::from_column_slice(&other.c);
             // Values that one of them takes the place of would carry what the two have in common.
-            let mut held = first.replaces.clone();
-            held.extend(other.replaces.iter().filter(|at| !first.replaces.contains(at)));
-            let solved = wrong.without(search, &held)?;
+            let mut replaced = first.replaces.clone();
+            replaced.extend(other.replaces.iter().filter(|at| !first.replaces.contains(at)));
+            let solved = wrong.without(search, &replaced)?;
             let cosine = search.cosine(&solved, (candidate, &c), (&other.candidate, &its))?;
-            adoption.rivals.extend(Rival::of(form, cosine));
+            adoption.rivals.extend(Rival::if_confounded(form, cosine));
         }
     }
     if first.ahead < FAR_BEHIND {
@@ -165,15 +164,15 @@ fn whole(
     };
     let mut candidate = start.clone();
     let mut dropped = vec![first];
-    let mut held = wrong.without(search, &dropped)?;
+    let mut with_replaced_held = wrong.without(search, &dropped)?;
     for _ in 0..=wrong.groups.len() {
         if candidate.form.inner_values() > 0 {
-            let Some(better) = refined(search, &candidate.form, &held) else { return Some(None) };
+            let Some(better) = refined(search, &candidate.form, &with_replaced_held) else { return Some(None) };
             candidate = better;
         }
         let weights = &search.weights;
-        let sums = held.sums(&candidate.cells, weights, |_| true)?;
-        let now = held.add_sums(&sums, &candidate.belief)?.log_evidence;
+        let sums = with_replaced_held.sums(&candidate.cells, weights, |_| true)?;
+        let now = with_replaced_held.add_sums(&sums, &candidate.belief)?.log_evidence;
         let mut next: Option<(f64, usize, Solved)> = None;
         for at in 0..wrong.groups.len() {
             if dropped.contains(&at) || !touches(&candidate.form, &wrong.groups[at]) {
@@ -188,19 +187,19 @@ fn whole(
         }
         let Some((_, at, solved)) = next else { break };
         dropped.push(at);
-        held = solved;
+        with_replaced_held = solved;
     }
-    let sums = held.sums(&candidate.cells, &search.weights, |_| true)?;
-    let added = held.add_sums(&sums, &candidate.belief)?;
+    let sums = with_replaced_held.sums(&candidate.cells, &search.weights, |_| true)?;
+    let added = with_replaced_held.add_sums(&sums, &candidate.belief)?;
     let evidence = added.log_evidence - candidate.price();
     let all = wrong.without(search, &[])?;
     if candidate.columns.is_empty() {
         candidate = search.candidate(candidate.form, physics)?;
     }
     Some(stands(&candidate.form, added.c.as_slice()).then(|| Instead {
-        gain: evidence - held.log_evidence,
+        gain: evidence - with_replaced_held.log_evidence,
         ahead: evidence - all.log_evidence,
-        cosine: cosine(&all, &held, &sums, &added.c).unwrap_or(0.0),
+        cosine: cosine(&all, &with_replaced_held, &sums, &added.c).unwrap_or(0.0),
         c: added.c.iter().copied().collect(),
         replaces: dropped,
         candidate,
@@ -210,7 +209,7 @@ fn whole(
 /// Cosine of the angle between an effect's torque and what values can make of it that are free in `free` and held in `held`,
 /// beside all else that is free in both.
 fn cosine(free: &Solved, held: &Solved, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
-    let (left, whole) = (free.own(sums, c)?, held.own(sums, c)?);
+    let (left, whole) = (free.remaining_square(sums, c)?, held.remaining_square(sums, c)?);
     Some((1.0 - left / whole.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0).sqrt())
 }
 

@@ -98,7 +98,7 @@ pub fn friction_ladder(
     if folds.len() < 2 || folds.iter().any(Vec::is_empty) {
         return Err(DiagnosisError::NoRun);
     }
-    let typical = Typical::of(&all, joints);
+    let typical = Typical::from_runs(&all, joints);
     let nominal = Nominal::new(model, nominal, &typical);
     let mut prepared: Vec<Prepared> =
         all.into_iter().map(|run| Prepared::by(Chain::up_to(cutoff_hz, run.period_s), run, &nominal)).collect();
@@ -136,14 +136,14 @@ fn align(runs: &mut [Prepared], nominal: &Nominal, typical: &Typical) -> Option<
         }
         let train: Vec<&Prepared> = runs.iter().collect();
         let mut law = Law::new(&train, nominal, typical);
-        let mut left = 0.0;
+        let mut relative_square = 0.0;
         for _ in 0..2 {
             let fit = law.fit(&train, nominal, typical, &[])?;
-            left = (0..fit.left.len()).map(|j| (fit.left[j] / typical.torque(j)).powi(2)).sum();
+            relative_square = (0..fit.left.len()).map(|j| (fit.left[j] / typical.torque(j)).powi(2)).sum();
             law.noise = fit.left;
         }
-        if left < best.0 {
-            best = (left, shift);
+        if relative_square < best.0 {
+            best = (relative_square, shift);
         }
     }
     for run in runs {
@@ -165,11 +165,11 @@ fn rung(name: &'static str, left: &[Vec<Left>], plain: &[Vec<Left>]) -> Rung {
     let share = |block: &Left| -> f64 { block.left.iter().zip(&scale).map(|(l, s)| l * s).sum() };
     let joint = |j: usize| (left.iter().flatten().map(|b| b.left[j]).sum::<f64>() / torque(j)).sqrt();
     let fold = |blocks: &Vec<Left>| {
-        let of = |j: usize| {
+        let relative_error = |j: usize| {
             let torque: f64 = blocks.iter().map(|b| b.torque[j]).sum();
             blocks.iter().map(|b| b.left[j]).sum::<f64>() / torque.max(f64::MIN_POSITIVE)
         };
-        ((0..joints).map(of).sum::<f64>() / joints as f64).sqrt()
+        ((0..joints).map(relative_error).sum::<f64>() / joints as f64).sqrt()
     };
     let whole: f64 = plain.iter().flatten().map(share).sum();
     let differences: Vec<f64> =
@@ -193,7 +193,7 @@ fn fitted(train: &[&Prepared], nominal: &Nominal, typical: &Typical, parts: &[Pa
     for _ in 0..ROUNDS {
         let mut best = vec![(f64::INFINITY, tried[0]); joints];
         for share in tried {
-            let fit = law.with(vec![*share; joints]).fit(train, nominal, typical, parts)?;
+            let fit = law.with_stribeck(vec![*share; joints]).fit(train, nominal, typical, parts)?;
             for (best, left) in best.iter_mut().zip(&fit.left) {
                 if *left < best.0 {
                     *best = (*left, *share);
@@ -216,10 +216,10 @@ fn blocks(design: &Design, held: &[&Prepared], values: &DVector<f64>) -> Vec<Lef
     let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
     let block = |b: &Block| {
         // Rows near standstill count less: no law says what friction is between its two directions.
-        let left = |j: usize| squares(&mut b.rows.clone().map(|k| residuals[b.run][j][k]));
+        let residual_square = |j: usize| squares(&mut b.rows.clone().map(|k| residuals[b.run][j][k]));
         let weighed = |j: usize, k: usize| held[b.run].tau[j][k] * design.root(b.run, j)[k];
         let torque = |j: usize| squares(&mut b.rows.clone().map(|k| weighed(j, k)));
-        Left { left: (0..joints).map(left).collect(), torque: (0..joints).map(torque).collect() }
+        Left { left: (0..joints).map(residual_square).collect(), torque: (0..joints).map(torque).collect() }
     };
     design.blocks.iter().map(block).collect()
 }
@@ -250,7 +250,7 @@ impl Law {
         Law { x: nominal.x.clone(), stribeck: vec![STRIBECK[0]; noise.len()], noise }
     }
 
-    fn with(&self, stribeck: Vec<f64>) -> Law {
+    fn with_stribeck(&self, stribeck: Vec<f64>) -> Law {
         Law { stribeck, ..self.clone() }
     }
 
@@ -289,12 +289,12 @@ impl Law {
         let scales = design.background.solve_scales(&weights, &PRIOR_SCALES, &[]);
         let (_, best) = scales.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))?;
         let residuals = design.residuals(&best.x, &[]);
-        let left = |j: usize| {
+        let residual_rms = |j: usize| {
             let (square, rows) =
                 residuals.iter().fold((0.0, 0.0), |(s, n), run| (s + run[j].norm_squared(), n + run[j].len() as f64));
             f64::sqrt(square / f64::max(rows, 1.0))
         };
-        Some(Fit { left: (0..self.noise.len()).map(left).collect(), values: best.x })
+        Some(Fit { left: (0..self.noise.len()).map(residual_rms).collect(), values: best.x })
     }
 }
 

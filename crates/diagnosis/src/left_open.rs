@@ -5,8 +5,8 @@
 //! joints were closed it mostly was.
 
 use crate::effect::{Effect, Kind};
+use crate::gap::{IN_MOTION, SOUND};
 use crate::report::{Cause, Diagnosis, JointGap, Verdict};
-use crate::sealed::{IN_MOTION, SOUND};
 
 /// A gap is closed where it became so many times smaller, whatever is left.
 const CLOSED: f64 = 7.0;
@@ -70,12 +70,12 @@ impl Diagnosis {
 
     /// Joints that are left open by several exact laws of their own, while most come down to their noise.
     fn crowded(&self) -> impl Iterator<Item = &String> {
-        let of = |joint: &String| {
+        let exact_causes = |joint: &String| {
             let exact = |c: &&Cause| c.effect.kind() == Kind::Structure && !is_inexact(c.effect);
             self.causes.iter().filter(exact).filter(|c| c.joints.contains(joint)).count()
         };
         let apart = self.come_down();
-        self.left_open().map(|(joint, _)| joint).filter(move |joint| apart && of(joint) >= CROWD)
+        self.left_open().map(|(joint, _)| joint).filter(move |joint| apart && exact_causes(joint) >= CROWD)
     }
 
     /// Whether at least half of the joints come down to their noise in motion.
@@ -96,10 +96,10 @@ impl Diagnosis {
     /// Lowers the confidence in what is named on joints that are left open, and beside them. Contact comes again as it likes, and what a
     /// simulated gear, bristle or delay misses is of its own form: that says nothing against the cause itself, or of other joints.
     pub(crate) fn doubt_what_is_left_open(&mut self) {
-        let own = |cause: &Cause, joint: &String| cause.joints.is_empty() || cause.joints.contains(joint);
+        let acts_on = |cause: &Cause, joint: &String| cause.joints.is_empty() || cause.joints.contains(joint);
         let open: Vec<String> = self.left_open().map(|(joint, _)| joint.clone()).collect();
         let roughly: Vec<Cause> = self.causes.iter().filter(|c| is_inexact(c.effect)).cloned().collect();
-        let strange = open.iter().any(|joint| !roughly.iter().any(|c| own(c, joint)));
+        let strange = open.iter().any(|joint| !roughly.iter().any(|c| acts_on(c, joint)));
         let rings = self.per_joint.iter().any(|gap| gap.in_motion.is_some_and(|[_, after]| after > SOUND));
         for cause in &mut self.causes {
             let kept = |gap: &JointGap| {
@@ -115,7 +115,7 @@ impl Diagnosis {
                 cause.confidence *= LEFT_OPEN;
             }
             let structure = cause.effect.kind() == Kind::Structure;
-            if structure && !is_inexact(cause.effect) && open.iter().any(|joint| own(cause, joint)) {
+            if structure && !is_inexact(cause.effect) && open.iter().any(|joint| acts_on(cause, joint)) {
                 cause.confidence *= LEFT_OPEN;
             } else if strange {
                 cause.confidence *= OPEN_BESIDE;

@@ -55,12 +55,12 @@ pub struct Leftover {
 }
 
 /// Joint by joint.
-pub(crate) fn of(run: &Prepared, stages: &Stages, names: &[String]) -> Vec<Leftover> {
-    let left = |model: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+pub(crate) fn by_joint(run: &Prepared, stages: &Stages, names: &[String]) -> Vec<Leftover> {
+    let residuals = |model: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
         stages.tau.iter().zip(model).map(|(t, m)| t.iter().zip(m).map(|(t, m)| t - m).collect()).collect()
     };
-    let before = left(&stages.models[0]);
-    let after = left(&stages.models[stages.models.len() - 1]);
+    let before = residuals(&stages.models[0]);
+    let after = residuals(&stages.models[stages.models.len() - 1]);
     let period = run.chain.row_period_s;
     names
         .iter()
@@ -164,8 +164,8 @@ fn orders(run: &Prepared, j: usize, before: &[f64], after: &[f64]) -> Vec<Order>
     (0..count)
         .step_by(each)
         .filter_map(|first| {
-            let own = (first..(first + each).min(count)).filter_map(|i| amplitude(lowest + step * i as f64));
-            own.max_by(|a, b| a.before.max(a.after).total_cmp(&b.before.max(b.after)))
+            let amplitudes = (first..(first + each).min(count)).filter_map(|i| amplitude(lowest + step * i as f64));
+            amplitudes.max_by(|a, b| a.before.max(a.after).total_cmp(&b.before.max(b.after)))
         })
         .collect()
 }

@@ -1,10 +1,10 @@
 //! Every effect on every joint it can act on, with a grid of inner values. Those that hang on more than one run have places of their
 //! own: warming joints, a base that gives way.
 
+use crate::base_modes;
 use crate::form::Form;
-use crate::log_check;
-use crate::mounting;
 use crate::physics::Physics;
+use crate::stillness::{self, STILL};
 use crate::two_mass::Gear;
 
 /// Speeds of the Stribeck curve \[rad/s\].
@@ -99,7 +99,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
             }
         }
         // What one joint holds while its neighbour stands no motor brings it.
-        let moves = |p: &Physics<'_>, j: usize| !log_check::is_still(p.motion, j);
+        let moves = |p: &Physics<'_>, j: usize| !stillness::is_still(p.motion, j);
         let together = joint > 0 && runs.iter().any(|p| moves(p, joint - 1) && moves(p, joint));
         if together && first.nominal.model.structure.coupling.is_none() {
             forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
@@ -147,7 +147,7 @@ pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
         other.effect() == form.effect() && other.joints() == form.joints() && other != form && !other.is_nameless()
     };
     let run = std::slice::from_ref(physics);
-    let modes = if let Form::Base { .. } = form { mounting::forms(run) } else { Vec::new() };
+    let modes = if let Form::Base { .. } = form { base_modes::forms(run) } else { Vec::new() };
     std::iter::once(form.clone()).chain(forms(run, &orders).into_iter().chain(modes).filter(same)).collect()
 }
 
@@ -172,7 +172,7 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
 /// Whether a limit cuts the command of a joint now and then while it moves, not for most of the time nor in single samples.
 pub(crate) fn is_cut(runs: &[Physics<'_>], joint: usize, limit: f64) -> bool {
     let signals = runs.iter().flat_map(|p| p.run.tau[joint].iter().zip(&p.motion.qd[joint]));
-    let moving: Vec<f64> = signals.filter(|(_, qd)| qd.abs() > log_check::STILL).map(|(tau, _)| tau.abs()).collect();
+    let moving: Vec<f64> = signals.filter(|(_, qd)| qd.abs() > STILL).map(|(tau, _)| tau.abs()).collect();
     let beyond = |limit: f64| moving.iter().filter(|tau| **tau > limit).count() as f64 / moving.len().max(1) as f64;
     beyond(limit) < MOSTLY_CUT && beyond(BEYOND * limit) > SELDOM_CUT
 }

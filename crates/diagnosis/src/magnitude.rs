@@ -28,8 +28,8 @@ impl Form {
             Form::Load { .. } => named(&[("ratio", c[0])]),
             Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
             Form::Warming { joint, warmth } => {
-                let beside = [nominal[11 * joints + joint], nominal[12 * joints + joint]];
-                let [first, last] = warmth.ends(c, beside);
+                let friction = [nominal[11 * joints + joint], nominal[12 * joints + joint]];
+                let [first, last] = warmth.ends(c, friction);
                 let change = |first: f64, last: f64| 100.0 * (last - first) / first;
                 let all = |at: [f64; 2]| at[0] * warmth.work[1] + at[1] * warmth.work[0];
                 let mut size = named(&[

@@ -13,6 +13,7 @@
 
 use rivet_dynamics::{Model, Workspace};
 
+use crate::adopted::RIVAL_GAP;
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
@@ -20,7 +21,6 @@ use crate::form::Form;
 use crate::physics::Physics;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
-use crate::select::RIVAL_GAP;
 use crate::timing::SLOW_HZ;
 
 use duel::{Duel, Record, duels};
@@ -52,7 +52,7 @@ pub struct SeparatingMotion {
 
 impl SeparatingMotion {
     /// Whether it is expected to tell: twice the log evidence by which a rival that is none has to be behind.
-    pub fn tells(&self) -> bool {
+    pub fn is_conclusive(&self) -> bool {
         self.separation >= 2.0 * RIVAL_GAP
     }
 }
@@ -85,7 +85,7 @@ const COARSE_S: f64 = 0.004;
 
 impl MotionBounds {
     /// From the limits of the arm's file and its drives, with margins.
-    pub fn of(model: &Model, torque_limit: &[f64], period_s: f64) -> MotionBounds {
+    pub fn from_limits(model: &Model, torque_limit: &[f64], period_s: f64) -> MotionBounds {
         let joints = &model.arm.joints;
         let range = |j: &rivet_dynamics::Joint| {
             let (low, high) = (j.lower.max(-std::f64::consts::PI), j.upper.min(std::f64::consts::PI));
@@ -137,7 +137,7 @@ impl Plan {
 
     /// The plans that tell this class. Its own link as a rival is asked as a scale of what the file has, which any motion refutes; as a
     /// body that is free it pulls like a counterbalance at rest and in slow moves, and only its inertia tells.
-    fn of(class: &Class<'_>) -> &'static [Plan] {
+    fn for_class(class: &Class<'_>) -> &'static [Plan] {
         let is = |effect: Effect| move |form: &Form| form.effect() == effect;
         let has = |effect: Effect| is(effect)(class.form) || class.rivals.iter().any(is(effect));
         if class.is_of_time() {
@@ -341,10 +341,10 @@ pub(crate) fn best(
     let mut found: Option<Planned> = None;
     for furthest in FURTHEST {
         for joint in movers(class, home.len()) {
-            for plan in Plan::of(class) {
+            for plan in Plan::for_class(class) {
                 let Some(extent) = admissible(*plan, joint, &home, bounds, (model, x), furthest) else { continue };
                 let run = planned(*plan, joint, &home, bounds, extent);
-                let motion = Motion::of(&run);
+                let motion = Motion::from_run(&run);
                 let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
                 let physics = Physics::new(&run, &motion, &exact, x);
                 let most = found.as_ref().map_or(0.0, |found| found.separation);
@@ -389,7 +389,7 @@ fn separation(duels: &[Duel<'_>], record: &Record<'_>, physics: &Physics<'_>, le
     let mut smallest = f64::INFINITY;
     let mut imitations = Vec::new();
     for duel in duels {
-        let (evidence, form) = duel.with(record, physics)?;
+        let (evidence, form) = duel.separation(record, physics)?;
         smallest = smallest.min(evidence);
         imitations.push((duel, form));
     }
@@ -432,8 +432,8 @@ fn admissible(
     let mut fits = |extent: Extent| {
         let [q, qd, qdd] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
         (0..q[0].len()).step_by(5).all(|k| {
-            let of = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
-            let (q, qd, qdd) = (of(&q), of(&qd), of(&qdd));
+            let state = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
+            let (q, qd, qdd) = (state(&q), state(&qd), state(&qdd));
             model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
             let mut tau: Vec<f64> =
                 y.chunks_exact(width).map(|row| row.iter().zip(x).map(|(y, x)| y * x).sum()).collect();

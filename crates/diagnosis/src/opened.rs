@@ -1,22 +1,23 @@
 //! Once the seal is open: which steps are upheld as causes, and the verdict that follows.
 
+use crate::adopted::Adopted;
 use crate::class;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
 use crate::exhibit::{self, Shown};
 use crate::form::Form;
 use crate::gap::Gap;
+use crate::gap::{IN_MOTION, SOUND};
 use crate::held_load::held_load;
 use crate::lmg;
-use crate::log_check::{LogFault, LogFinding};
+use crate::log_fault::{LogFault, LogFinding};
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step, is_drive};
 use crate::repeats;
 use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict, pooled};
 use crate::residue::Residue;
-use crate::sealed::{IN_MOTION, SOUND, Sealed};
+use crate::sealed::Sealed;
 use crate::search::{Bursts, Search};
-use crate::select::Adopted;
 use crate::separate;
 use crate::shrink;
 use crate::stages::Stages;
@@ -127,19 +128,19 @@ impl Judge<'_> {
         };
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
         // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
-        let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
-        let settled = || own().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
+        let step_joints = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
+        let settled = || step_joints().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
         let drive = is_drive(step.effect) && settled();
-        let seen = self.sealed.is_plain(k, own());
+        let seen = self.sealed.is_plain(k, step_joints());
         let plain = seen && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
-        let right = step.effect == Effect::TorqueConstant && !own().any(given);
+        let right = step.effect == Effect::TorqueConstant && !step_joints().any(given);
         let cut = step.effect == Effect::TorqueSaturation;
         let needed = || !self.sound && self.sealed.is_helped(k, on);
         let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
-        let needed_there = law && self.sealed.is_needed(k, own());
+        let needed_there = law && self.sealed.is_needed(k, step_joints());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
         let tilt_or_time =
@@ -231,7 +232,7 @@ impl Opened<'_> {
         let judge = Judge {
             sound: sealed.fits_as_given() && procedure.look.iter().zip(seen).all(as_given),
             sealed,
-            residue: Residue::of(search),
+            residue: Residue::from_search(search),
             gaps,
             sliding,
             names: names.clone(),
@@ -240,27 +241,27 @@ impl Opened<'_> {
         let load = exhibit::load(procedure.sealed, procedure.nominal, &procedure.nominal.x);
         let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
         for (k, step) in steps.iter().enumerate() {
-            let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
+            let shrink = shrink::estimate(step.effect, k, self.prediction, seen, &judge.gaps);
             let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
             let instead = self.instead_of_contact(k, step);
             let touch = !self.acts_throughout(step);
             let stands = alone && touch && instead.is_none() && judge.upholds(k, step, shrink, self.solved);
             upheld.push(stands);
             // Whether it is material goes by what was looked at; what is promised, by what that says of motion of another kind.
-            let told = shrink.wider(self.prediction.wider);
-            let cause = Cause { impossible: instead, ..self.cause(k, step, told, &judge, &load) };
+            let widened = shrink.wider(self.prediction.wider);
+            let cause = Cause { impossible: instead, ..self.cause(k, step, widened, &judge, &load) };
             if stands { &mut causes } else { &mut withdrawn }.push(cause);
         }
         let refused: Vec<String> =
             withdrawn.iter().filter(|c| is_most(c)).flat_map(|c: &Cause| c.joints.clone()).collect();
-        let beside = |c: &Cause| is_structure(c) && c.joints.iter().any(|j| refused.contains(j));
-        if causes.iter().any(beside) {
+        let shares_refused_joint = |c: &Cause| is_structure(c) && c.joints.iter().any(|j| refused.contains(j));
+        if causes.iter().any(shares_refused_joint) {
             for (k, step) in steps.iter().enumerate() {
                 let of_step =
                     |c: &Cause| c.effect == step.effect && step.joints.iter().map(|j| &names[*j]).eq(&c.joints);
-                upheld[k] &= !causes.iter().any(|c| beside(c) && of_step(c));
+                upheld[k] &= !causes.iter().any(|c| shares_refused_joint(c) && of_step(c));
             }
-            let (out, kept) = causes.into_iter().partition(beside);
+            let (out, kept) = causes.into_iter().partition(shares_refused_joint);
             causes = kept;
             withdrawn.extend::<Vec<Cause>>(out);
         }
@@ -313,11 +314,12 @@ impl Opened<'_> {
         };
         let refuted = refuted && verdict == Verdict::Unexplained;
         let remark = (verdict == Verdict::NotEvaluated).then(|| {
-            let of: Vec<&str> = names.iter().filter(|name| judge.is_unbelieved(name)).map(String::as_str).collect();
-            format!("the torque of {} is untrusted; the other joints show no gap", of.join(", "))
+            let untrusted: Vec<&str> =
+                names.iter().filter(|name| judge.is_unbelieved(name)).map(String::as_str).collect();
+            format!("the torque of {} is untrusted; the other joints show no gap", untrusted.join(", "))
         });
         let between_runs = (verdict == Verdict::Unexplained)
-            .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))
+            .then(|| BetweenRuns::from_gaps(refuted, judge.residue.at_floor(), &per_joint))
             .flatten();
         // What changed may be but the scale of a signal.
         let changed = between_runs == Some(BetweenRuns::SealedDiffers);
@@ -392,7 +394,7 @@ impl Opened<'_> {
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
         // What the others say of a drive whose torque is not believed in some run nothing has checked.
         let step = &step.on_drives(&self.procedure.nominal.model.parameters, |j| !judge.is_unbelieved(&judge.names[j]));
-        let mut class = class::of(&step.adopted);
+        let mut class = class::effects(&step.adopted);
         let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
         class.extend(carries.then_some((Effect::Payload, 0.0)));
         let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
@@ -477,8 +479,8 @@ fn is_predictable(step: &Step) -> bool {
 
 /// Share of the squared gap that is left with all causes which is how softly friction turns over.
 pub(crate) fn creeping_share(stages: &Stages) -> f64 {
-    let left = stages.gaps().map(|gaps| gaps.last().map_or(f64::NAN, |gap| gap.all));
-    1.0 - (left[1] / left[0]).powi(2)
+    let gap_after = stages.gaps().map(|gaps| gaps.last().map_or(f64::NAN, |gap| gap.all));
+    1.0 - (gap_after[1] / gap_after[0]).powi(2)
 }
 
 /// Whether step `step` takes enough to be a cause.
@@ -511,12 +513,12 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
 /// How often such a name is that of the effect itself.
 fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let agreement = (shrink.predicted - shrink.measured).abs();
-    let held = if agreement < 0.1 { 0.97 } else { 0.85 };
+    let agreement_confidence = if agreement < 0.1 { 0.97 } else { 0.85 };
     let gains = step.adopted.iter().map(|a| a.gain);
     let value =
         if is_drive(step.effect) && step.joints.len() >= SEVERAL_DRIVES { VALUES_OF_DRIVES } else { VALUE_ALONE };
     let strong = gains.reduce(f64::max).map_or(value, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
-    held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
+    agreement_confidence * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
 }
 
 /// Share of the squared gap above the floor that is left.

@@ -1,8 +1,9 @@
-//! The whole procedure: runs to look at, a run that stays sealed, causes, predictions, then the sealed torque.
+//! The whole diagnosis: training runs, a run that stays sealed, causes, predictions, then the sealed torque.
 
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::body;
 use crate::design::{Prepared, turn_columns, unknown};
@@ -12,70 +13,34 @@ use crate::exhibit;
 use crate::form::Form;
 use crate::freed;
 use crate::gap::Gap;
+use crate::gap::IN_MOTION;
 use crate::instead;
 use crate::leftover;
-use crate::log_check::{self, LogFinding};
+use crate::log_check;
+use crate::log_fault::LogFinding;
 use crate::motions::MotionBounds;
 use crate::offsets;
 use crate::opened::Opened;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
 use crate::predict::{Prediction, predict};
-use crate::regimes::{self, Regime};
-use crate::report::{Cause, Cell, DataUse, Diagnosis};
+use crate::procedure::{Procedure, Step};
+use crate::regimes::{self, Cell, Regime};
+use crate::report::{Cause, Diagnosis};
 use crate::residue::Residue;
 use crate::rows::Column;
-use crate::sealed::IN_MOTION;
 use crate::search::Search;
-use crate::select::{Adopted, Selected};
+use crate::select::Selected;
 use crate::sizes;
 use crate::stages::{RunColumns, Stages, Steps};
 use crate::stranger;
-use crate::values::{self, Group};
+use crate::value_group::Group;
+use crate::values;
 use crate::views;
 use crate::written::Kept;
 
 /// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
 const MOST: f64 = 0.75;
-/// Runs that are sound, and what was said of the others.
-pub(crate) struct Procedure<'a> {
-    pub(crate) nominal: &'a Nominal,
-    pub(crate) look: &'a [Prepared],
-    pub(crate) sealed: &'a Prepared,
-    pub(crate) data: DataUse,
-    /// Of runs that say nothing and were left out.
-    pub(crate) mute: Vec<LogFinding>,
-}
-
-/// A cause before it is reported.
-#[derive(Clone)]
-pub(crate) struct Step {
-    pub(crate) effect: Effect,
-    pub(crate) joints: Vec<usize>,
-    pub(crate) columns: Vec<usize>,
-    /// Empty for values that the background has.
-    pub(crate) adopted: Vec<Adopted>,
-    /// Values of joints on which something without a name is left, which they may only imitate.
-    pub(crate) doubtful: bool,
-}
-
-impl Step {
-    /// The step without values of drives on joints that are not `told`.
-    pub(crate) fn on_drives(&self, parameters: &[Parameter], told: impl Fn(usize) -> bool) -> Step {
-        let stays = |j: usize| !is_drive(self.effect) || told(j);
-        let joint = |c: usize| parameters.get(c).and_then(Parameter::joint);
-        Step {
-            joints: self.joints.iter().copied().filter(|j| stays(*j)).collect(),
-            columns: self.columns.iter().copied().filter(|c| joint(*c).is_none_or(stays)).collect(),
-            ..self.clone()
-        }
-    }
-}
-
-/// Values of drives, of which few others take the place.
-pub(crate) fn is_drive(effect: Effect) -> bool {
-    matches!(effect, Effect::CoulombFriction | Effect::ViscousFriction | Effect::RotorInertia)
-}
 
 impl Procedure<'_> {
     /// None where the equations have no solution.
@@ -98,10 +63,10 @@ impl Procedure<'_> {
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
         let may_be = "whether wrong link parameters are a counterbalance or a load";
-        let mut doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
+        let mut doubts = or_said(freed::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
         let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
-            let instead = instead::of(&mut search, &wrong, &selected, say);
+            let instead = instead::replace(&mut search, &wrong, &selected, say);
             let instead = or_said(instead, "whether an effect replaces wrong parameters", &mut left_out);
             let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(&mut search);
@@ -109,7 +74,7 @@ impl Procedure<'_> {
             let taken = or_said(taken, "an effect in place of wrong parameters", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
-            doubts = or_said(freed::Doubts::of(&mut search, &selected, say), may_be, &mut left_out);
+            doubts = or_said(freed::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
             wrong = values::wrong(&mut search, &selected.adopted)?;
             if taken.is_none() {
                 break;
@@ -131,7 +96,7 @@ impl Procedure<'_> {
         let solved = search.solved(search.scale)?;
         let contact = search.design.local_torque(&solved.stretches);
         let x = solved.x.clone();
-        let residue = Residue::of(&search);
+        let residue = Residue::from_search(&search);
         let missing = |g: &Group| g.columns.iter().all(|c| self.nominal.x[*c] == 0.0);
         let imitates = |g: &Group| residue.is_nameless(g.joint) && !(missing(g) && self.takes_most(&search, g.joint));
         let (doubtful, sound): (Vec<Group>, Vec<Group>) = groups.iter().cloned().partition(imitates);
@@ -169,7 +134,7 @@ impl Procedure<'_> {
         let links: Vec<usize> = groups.iter().filter(|g| g.effect == Effect::LinkInertia).map(|g| g.joint).collect();
         report.links_are_not_told_from(&doubts.of_links(&links));
         let unheard = self.unheard(&report.log);
-        let heard: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
+        let trusted: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.
         let as_given: Vec<f64> = report.per_joint.iter().map(|gap| gap.before).collect();
         let fitted: Vec<bool> =
@@ -177,9 +142,9 @@ impl Procedure<'_> {
         let of_the_arm = |g: &&Group| matches!(g.effect, Effect::LinkInertia | Effect::RotorInertia);
         let impossible: Vec<usize> =
             wrong.impossible.iter().map(|(group, _)| group).filter(of_the_arm).map(|group| group.joint).collect();
-        let stranger = stranger::joints(self.nominal, &x, &adopted, &impossible, &heard)
+        let stranger = stranger::joints(self.nominal, &x, &adopted, &impossible, &trusted)
             .filter(|_| !report.refuted)
-            .or_else(|| stranger::far_too_strong(&as_given, &fitted, &heard));
+            .or_else(|| stranger::far_too_strong(&as_given, &fitted, &trusted));
         if let Some(joints) = stranger {
             report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
             upheld.fill(false);
@@ -188,7 +153,8 @@ impl Procedure<'_> {
         let sizes = "sizes of causes without the withdrawn ones (sizes with them are reported)";
         let sized = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
         let mut sized = or_said(sized, sizes, &mut left_out);
-        let mut told = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
+        let mut reported_stages =
+            sized.as_ref().and_then(|s| self.apply_named_model(&mut report, &hidden, s, &means, &search.noise));
         // With what was withdrawn an effect may have helped that hardly does by itself.
         let standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
         if standing.len() == report.causes.len() {
@@ -199,8 +165,9 @@ impl Procedure<'_> {
             if !out.is_empty() {
                 let again = self.size(&mut report, &mut search, &wrong, &steps, &upheld);
                 sized = or_said(again, sizes, &mut left_out);
-                let again = sized.as_ref().and_then(|s| self.told(&mut report, &hidden, s, &means, &search.noise));
-                told = again.or(told);
+                let again =
+                    sized.as_ref().and_then(|s| self.apply_named_model(&mut report, &hidden, s, &means, &search.noise));
+                reported_stages = again.or(reported_stages);
             }
         }
         report.doubt_what_is_left_open();
@@ -213,11 +180,11 @@ impl Procedure<'_> {
             sized = or_said(again, sizes, &mut left_out);
         }
         let named = |hint: &Cause| report.causes.iter().any(|c| c.effect == hint.effect && c.joints == hint.joints);
-        let offsets = offsets::told(self.nominal, &parameters, &report.per_joint);
+        let offsets = offsets::causes(self.nominal, &parameters, &report.per_joint);
         let offsets: Vec<Cause> = offsets.into_iter().filter(|hint| !named(hint)).collect();
         report.withdrawn.extend(offsets);
-        let told = told.as_ref().unwrap_or(&measured);
-        report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, told], parameters));
+        let reported = reported_stages.as_ref().unwrap_or(&measured);
+        report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, reported], parameters));
         report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));
         for what in &left_out {
             say(&format!("no solution: {what}"));
@@ -250,8 +217,8 @@ impl Procedure<'_> {
         let gap = |run: &Prepared| {
             let as_given =
                 RunColumns { run, extra: Vec::new() }.stages(&self.nominal.x, &none, &DVector::zeros(0), &[]);
-            let of = |k: usize| as_given.tau[j][k] - as_given.models[0][j][k];
-            (0..run.rows()).fold((0.0, 0.0), |(square, rows), k| (square + of(k).powi(2), rows + 1.0))
+            let residual = |k: usize| as_given.tau[j][k] - as_given.models[0][j][k];
+            (0..run.rows()).fold((0.0, 0.0), |(square, rows), k| (square + residual(k).powi(2), rows + 1.0))
         };
         let (square, rows) =
             self.look.iter().map(gap).fold((0.0, 0.0), |(s, n), (square, rows)| (s + square, n + rows));
@@ -288,8 +255,8 @@ impl Procedure<'_> {
         Details {
             stages: (0..measured.models.len()).map(stage).collect(),
             ledger: details::ledger(told, &self.sealed.floor, &names),
-            left: leftover::of(self.sealed, told, &names),
-            views: views::of(self.sealed, told, &load, &search.first_noise, &names),
+            left: leftover::by_joint(self.sealed, told, &names),
+            views: views::tabulate(self.sealed, told, &load, &search.first_noise, &names),
             excerpts: exhibit::excerpts(self.sealed, told, &names),
             parameters,
             nominal_error: search.scale,
@@ -316,23 +283,21 @@ impl Procedure<'_> {
         Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }
     }
 
-    pub(crate) fn names(&self) -> Vec<String> {
-        self.nominal.model.arm.joints.iter().map(|j| j.name.clone()).collect()
-    }
-
     /// What was adopted and which values are wrong, one step an effect; structure on several joints stays apart.
     fn steps(search: &Search<'_>, adopted: &[Adopted], sound: Vec<Group>, doubtful: Vec<Group>) -> Vec<Step> {
         let mut steps: Vec<Step> = Vec::new();
         let ends: Vec<usize> =
             adopted.iter().skip(1).map(|a| a.place).chain([search.design.background.len()]).collect();
-        let of = |groups: Vec<Group>, doubt: bool| {
+        let group_steps = |groups: Vec<Group>, doubt: bool| {
             groups.into_iter().map(move |g| (g.effect, vec![g.joint], g.columns, None, doubt))
         };
         let effects = adopted
             .iter()
             .zip(ends)
             .map(|(a, end)| (a.form.effect(), a.form.joints(), (a.place..end).collect(), Some(a.clone()), false));
-        for (effect, joints, columns, one, doubtful) in of(sound, false).chain(of(doubtful, true)).chain(effects) {
+        for (effect, joints, columns, one, doubtful) in
+            group_steps(sound, false).chain(group_steps(doubtful, true)).chain(effects)
+        {
             let same = |s: &&mut Step| s.effect == effect && s.doubtful == doubtful && effect.kind() == Kind::Value;
             match steps.iter_mut().find(same) {
                 Some(step) => {
@@ -356,14 +321,15 @@ impl Procedure<'_> {
         adopted: &[Adopted],
         contact: Option<&Vec<Vec<f64>>>,
     ) -> RunColumns<'b> {
-        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x).beside(&run.known);
+        let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x).with_known_torque(&run.known);
         let mut extra: Vec<Column> = run.unnamed(self.nominal, &nominal);
         for adopted in adopted {
             if let (Form::Force { .. }, Some(contact)) = (&adopted.form, contact) {
                 extra.push(contact.iter().cloned().map(Some).collect());
                 continue;
             }
-            let physics = Physics::new(&run.run, &run.motion, self.nominal, &adopted.values).beside(&run.known);
+            let physics =
+                Physics::new(&run.run, &run.motion, self.nominal, &adopted.values).with_known_torque(&run.known);
             let mut columns = run.columns(&adopted.form, &physics);
             // A run without the signal that the form needs is not changed by it.
             columns.resize(adopted.mean.len(), vec![None; run.tau.len()]);
@@ -377,7 +343,7 @@ impl Procedure<'_> {
         let mut cells = Vec::new();
         let mut total = 0.0;
         for (j, name) in names.iter().enumerate() {
-            let regimes = regimes::of(self.sealed, j);
+            let regimes = regimes::classify(self.sealed, j);
             let (tau, model) = (&measured.tau[j], &measured.models[0][j]);
             let full = &measured.models[measured.models.len() - 1][j];
             let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -438,11 +404,11 @@ fn in_order(
         let gap = |step: &Step| -> f64 {
             let mut tried = order.clone();
             tried.push(step.columns.clone());
-            let of = |run: &RunColumns<'_>| {
+            let run_gap = |run: &RunColumns<'_>| {
                 let stages = run.stages(&nominal.x, &tried, x, means);
                 Gap::new(&stages.tau, &stages.models[tried.len()]).all
             };
-            seen.iter().map(of).sum()
+            seen.iter().map(run_gap).sum()
         };
         let gaps: Vec<f64> = steps.iter().map(gap).collect();
         let best = (0..steps.len()).min_by(|a, b| gaps[*a].total_cmp(&gaps[*b])).unwrap_or(0);

@@ -4,11 +4,11 @@
 use nalgebra::DVector;
 use rivet_dynamics::{Arm, Parameter};
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::form::Form;
 use crate::known::Carried;
-use crate::select::Adopted;
-use crate::values::Group;
+use crate::value_group::Group;
 
 /// A value so little below zero, as a share of the one given, is next to nothing: what the file has is not there.
 const NEXT_TO_NOTHING: f64 = 0.1;
@@ -27,7 +27,7 @@ pub(crate) struct Impossible {
 }
 
 /// What a person would say of some.
-pub(crate) fn said(what: &[Impossible]) -> String {
+pub(crate) fn text(what: &[Impossible]) -> String {
     let each =
         |Impossible { name, value, unit }: &Impossible| format!("{name} {value:.3} {unit}").trim_end().to_owned();
     let all: Vec<String> = what.iter().map(each).collect();
@@ -152,8 +152,8 @@ mod tests {
 
     #[test]
     fn what_no_arm_has_is_told_from_next_to_nothing() {
-        let text = include_str!("../../../robots/manutec-r3/robot.urdf");
-        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let urdf = include_str!("../../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(urdf, [0.0, 0.0, -9.81]).expect("a sound arm");
         let n = arm.dof();
         let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
         let mut x = model.arm.links.concat();
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(with(&rotor, 10 * n + 1, -0.1), None, "a twentieth of what is given");
         let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
         assert_eq!(
-            said(&[found]),
+            text(&[found]),
             "j2.rotor_inertia -0.500 kg m^2 is outside of physical bounds: it is the effect of something else"
         );
         assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));

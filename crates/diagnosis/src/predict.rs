@@ -23,7 +23,7 @@
 //! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
-use crate::log_check::LogFault;
+use crate::log_fault::LogFault;
 use crate::random::Random;
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square};
@@ -83,13 +83,14 @@ pub(crate) fn predict(
     silent: &[usize],
 ) -> Option<Prediction> {
     let blocks = search.design.background.blocks();
-    let mut heard = x.clone();
+    let mut without_silent = x.clone();
     for c in silent {
-        heard[*c] = -means[*c];
+        without_silent[*c] = -means[*c];
     }
     let joints = sealed.run.floor.len();
     let friction = (12 * joints..13 * joints).map(|c| nominal[c] + x[c] + means[c]).collect();
-    let rest = Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &heard, means), steps.len(), friction);
+    let rest =
+        Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &without_silent, means), steps.len(), friction);
     let every: Vec<usize> = (0..rest.blocks.len()).collect();
     let v = rest.on_sealed(&every, HELD);
     let full = sealed.stages(nominal, steps, x, means);
@@ -118,25 +119,25 @@ pub(crate) fn predict(
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, &chosen)?.x;
         let [from, to] = HELD_FROM_TO;
-        let held = from + (to - from) * random.below(1000) as f64 / 999.0;
+        let standing_share = from + (to - from) * random.below(1000) as f64 / 999.0;
         let mut drawn = |count: usize| -> Vec<f64> {
-            let of: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
-            rest.on_sealed(&of, held)
+            let drawn_blocks: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
+            rest.on_sealed(&drawn_blocks, standing_share)
         };
         let (learnt, met) = (drawn(every.len()), drawn(rest.sealed_blocks));
-        let so_held = rest.on_sealed(&every, held);
+        let so_held = rest.on_sealed(&every, standing_share);
         let varied = so_held.iter().zip(learnt.iter().zip(&met));
         let v_again: Vec<f64> = varied.map(|(v, (a, b))| (a + b - v).clamp(v / VARIES, v * VARIES)).collect();
         let stages = sealed.stages(nominal, steps, &again, means);
-        let own = gaps(&stages, &v_again);
-        samples.push(shrinks(&own));
-        gaps_again.push(own);
+        let drawn_gaps = gaps(&stages, &v_again);
+        samples.push(shrinks(&drawn_gaps));
+        gaps_again.push(drawn_gaps);
         x_again.push(again.iter().copied().collect());
     }
     let ends = |samples: &[Vec<f64>], k: usize| {
-        let mut of: Vec<f64> = samples.iter().map(|s| s[k]).collect();
-        of.sort_by(f64::total_cmp);
-        let end = |share: f64| of[((of.len() - 1) as f64 * share).round() as usize];
+        let mut draws: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+        draws.sort_by(f64::total_cmp);
+        let end = |share: f64| draws[((draws.len() - 1) as f64 * share).round() as usize];
         (end(TAIL), end(1.0 - TAIL))
     };
     let shrink = central
@@ -223,11 +224,11 @@ impl Leaves {
         let rows: Vec<Vec<usize>> = (0..joints).map(|j| bins_of(sealed, j)).collect();
         // A joint that does not count on the sealed run leaves nothing on it.
         let share = |(rows, silent): (&Vec<usize>, &Option<LogFault>)| {
-            let mut of = [0.0; BINS];
+            let mut speed_shares = [0.0; BINS];
             for bin in rows.iter().filter(|_| silent.is_none()) {
-                of[*bin] += 1.0 / rows.len() as f64;
+                speed_shares[*bin] += 1.0 / rows.len() as f64;
             }
-            of
+            speed_shares
         };
         let speeds = rows.iter().zip(&sealed.run.silent).map(share).collect();
         // Below -1/2 a stage would be better than the full model.
@@ -267,8 +268,8 @@ impl Leaves {
             (0..self.speeds.len()).map(|j| std::array::from_fn(|bin| sum(j, bin))).collect();
         // Mean square in units of friction's, over all joints that stand: what holds one holds another.
         let standing: [f64; STANDS] = std::array::from_fn(|bin| {
-            let of = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
-            let [square, rows] = of.fold([FEW * held * held, FEW], |[square, rows], (friction, bins)| {
+            let with_friction = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
+            let [square, rows] = with_friction.fold([FEW * held * held, FEW], |[square, rows], (friction, bins)| {
                 // More than friction bears is left by something else.
                 let most = HELD_FROM_TO[1].powi(2) * bins[bin][1];
                 [square + (bins[bin][0] / (friction * friction)).min(most), rows + bins[bin][1]]

@@ -1,7 +1,7 @@
 //! Where the gap lies: which joint, doing what.
 
 use crate::design::Prepared;
-use crate::log_check::is_moved;
+use crate::stillness::is_moved;
 
 /// What a joint does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -40,7 +40,7 @@ const REVERSAL_S: f64 = 0.15;
 const SLOW: [f64; 2] = [0.1, 0.005];
 
 /// The regime of every row of one joint. What its position does where it never moves for a while is its sensor's noise: it rests.
-pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
+pub(crate) fn classify(run: &Prepared, joint: usize) -> Vec<Regime> {
     if !is_moved(&run.motion, &run.chain, joint) {
         return vec![Regime::Rest; run.rows()];
     }
@@ -72,4 +72,31 @@ pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
         direction = speed[k].signum();
     }
     regimes
+}
+
+/// Share of the gap in one regime of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// The joint's name.
+    pub joint: String,
+    /// What it does.
+    pub regime: Regime,
+    /// Of the squared gap of all joints.
+    pub share: f64,
+    /// How long it did so \[s\].
+    pub seconds: f64,
+    /// Root mean square of what the model as given leaves there \[N·m\].
+    pub before_nm: f64,
+    /// The same with all causes.
+    pub after_nm: f64,
+}
+
+impl Cell {
+    /// Less time in a regime than this \[s\] says nothing about it.
+    pub const LEAST_SECONDS: f64 = 0.3;
+
+    /// Whether there are data enough to say anything.
+    pub fn is_known(&self) -> bool {
+        self.seconds >= Cell::LEAST_SECONDS
+    }
 }

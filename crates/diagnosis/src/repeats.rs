@@ -39,7 +39,7 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn of(run: &'a Prepared) -> Rows<'a> {
+    fn from_run(run: &'a Prepared) -> Rows<'a> {
         let rows = |signals: &Vec<Vec<f64>>| signals.iter().map(|s| run.chain.sample(s)).collect();
         Rows { run, q: rows(&run.motion.q), qd: rows(&run.motion.qd), qdd: rows(&run.motion.qdd) }
     }
@@ -51,7 +51,7 @@ impl<'a> Rows<'a> {
 
 /// Each joint's scatter over all motion that runs have in common or repeat; none where that is too little.
 pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
-    let all: Vec<Rows<'_>> = runs.iter().map(|run| Rows::of(run)).collect();
+    let all: Vec<Rows<'_>> = runs.iter().map(|run| Rows::from_run(run)).collect();
     let joints = runs.first().map_or(0, |run| run.silent.len());
     // Sum of squares, rows.
     let mut sums = vec![(0.0, 0.0); joints];
@@ -69,12 +69,12 @@ pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
             }
         }
     }
-    let told = |(square, rows): (f64, f64)| {
+    let scatter = |(square, rows): (f64, f64)| {
         let seconds = rows * period;
         // Both runs have it.
         (seconds >= LEAST_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
     };
-    sums.into_iter().map(told).collect()
+    sums.into_iter().map(scatter).collect()
 }
 
 /// Stretches of `one` that are in `other`; of one run what comes later.
@@ -157,16 +157,16 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
         .filter(|(k, _)| one.qd[j][*k].abs() > MOVING)
         .collect();
     let tau = &other.run.tau[j];
-    let own = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();
-    let difference = own(&|k, at| one.run.tau[j][k] - between(tau, at));
-    let mut columns = vec![own(&|_, at| 0.5 * (between(tau, at + 1.0) - between(tau, at - 1.0)))];
+    let sampled = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();
+    let difference = sampled(&|k, at| one.run.tau[j][k] - between(tau, at));
+    let mut columns = vec![sampled(&|_, at| 0.5 * (between(tau, at + 1.0) - between(tau, at - 1.0)))];
     for (a, b) in [(&one.q, &other.q), (&one.qd, &other.qd), (&one.qdd, &other.qdd)] {
-        columns.push(own(&|k, at| a[j][k] - between(&b[j], at)));
+        columns.push(sampled(&|k, at| a[j][k] - between(&b[j], at)));
     }
     if load {
         let last = 10 * (one.q.len() - 1);
         let body = one.run.standard[last..last + 10].iter().filter_map(|column| column[j].as_ref());
-        columns.extend(body.map(|column| own(&|k, _| column[k])));
+        columns.extend(body.map(|column| sampled(&|k, _| column[k])));
     }
     columns.retain(|column| column.iter().any(|v| *v != 0.0));
     let (rows, count) = (difference.len(), columns.len());
@@ -178,17 +178,17 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     let y = DVector::from_vec(difference);
     let mut gram = d.tr_mul(&d);
     (0..count).for_each(|k| gram[(k, k)] += 1e-9);
-    let left = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
+    let residual = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
     let free = rows as f64 / (rows - count) as f64;
-    Some((free * usual(again, &places, left.as_slice()) * rows as f64, rows as f64))
+    Some((free * usual(again, &places, residual.as_slice()) * rows as f64, rows as f64))
 }
 
 /// Mean square over the half of the stretches that differ least. What changed on the way, a load or wear, is in all pairs of a stretch
 /// before it and one after, and no noise.
 fn usual(again: &[Again], places: &[(usize, f64)], left: &[f64]) -> f64 {
     let part = |a: &Again| {
-        let own = places.iter().zip(left).filter(|((k, _), _)| a.rows.contains(k));
-        own.fold((0.0, 0.0), |(square, rows), (_, e)| (square + e * e, rows + 1.0))
+        let stretch_residuals = places.iter().zip(left).filter(|((k, _), _)| a.rows.contains(k));
+        stretch_residuals.fold((0.0, 0.0), |(square, rows), (_, e)| (square + e * e, rows + 1.0))
     };
     let mut parts: Vec<(f64, f64)> = again.iter().map(part).filter(|(_, rows)| *rows > 0.0).collect();
     parts.sort_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)));

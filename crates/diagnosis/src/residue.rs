@@ -1,10 +1,10 @@
 //! What is left of each joint's torque, and whether a name may stand on what was taken from it.
 
+use crate::adopted::Adopted;
+use crate::base_evidence::MIN_BASE_SHARE;
 use crate::effect::Kind;
 use crate::form::Form;
-use crate::mounting::FELT;
 use crate::search::Search;
-use crate::select::Adopted;
 
 /// Least share of a joint's excess over its floor that causes must explain for their names to stand.
 const EXPLAINED: f64 = 0.7;
@@ -28,7 +28,7 @@ pub(crate) struct Residue<'a> {
 }
 
 impl<'a> Residue<'a> {
-    pub(crate) fn of(search: &'a Search<'_>) -> Residue<'a> {
+    pub(crate) fn from_search(search: &'a Search<'_>) -> Residue<'a> {
         Residue { first: &search.first_noise, left: &search.noise, floor: &search.floor }
     }
 
@@ -86,7 +86,7 @@ impl<'a> Residue<'a> {
         match form {
             // It belongs to no joint, and is believed where it took something.
             Form::Base { .. } => {
-                (0..adopted.shares.len()).all(|j| adopted.shares[j] < FELT || self.explained(j) >= least(j))
+                (0..adopted.shares.len()).all(|j| adopted.shares[j] < MIN_BASE_SHARE || self.explained(j) >= least(j))
             }
             _ => form.joints().iter().all(|j| self.explained(*j) >= least(*j)),
         }

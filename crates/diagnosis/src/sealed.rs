@@ -2,8 +2,9 @@
 //! it, and that may be most of a gap of which no model knows better: rows are weighed by how sure the direction is.
 
 use crate::design::Prepared;
-use crate::log_check::is_moved;
+use crate::gap::{IN_MOTION, SOUND};
 use crate::stages::Stages;
+use crate::stillness::is_moved;
 
 /// A cause that is missed by less than this share of its own torque does not transfer.
 const TRANSFERS: f64 = 0.3;
@@ -22,11 +23,6 @@ const HELPED: f64 = 0.9;
 /// Nor does it help a joint of which it takes less than this share of the gap as given: of a gap of 400 times the noise, values that take it
 /// leave some times the noise as they are told of any motion, which an elastic gear fits.
 const SLIGHT: f64 = 0.01;
-/// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
-/// arms with a named effect from 2.2 on.
-pub(crate) const SOUND: f64 = 2.0;
-/// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
-pub(crate) const IN_MOTION: f64 = 4.0;
 
 /// A torque that is off by this share and more is in another scale.
 const SCALE: f64 = 0.1;
@@ -78,7 +74,7 @@ impl Sealed<'_> {
         sum / f64::max(total, f64::MIN_POSITIVE)
     }
 
-    fn left(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
+    fn residual(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
         let (tau, model) = (&self.stages.tau[j], &self.stages.models[stage][j]);
         // Of a joint that creeps, how softly friction turns over is most of the torque that is missed, and nobody's fault.
         let turned = self.stages.turned.get(j);
@@ -88,7 +84,7 @@ impl Sealed<'_> {
     /// Gap of joint `j` with the model as given and with all causes, over the noise of its torque signal; none where it stands.
     pub(crate) fn in_motion(&self, j: usize) -> Option<[f64; 2]> {
         let floor = self.run.floor[j].max(f64::MIN_POSITIVE);
-        let over = |stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor;
+        let over = |stage| self.mean_square(j, self.residual(stage, j)).sqrt() / floor;
         self.moves(j).then(|| [0, self.whole()].map(over))
     }
 
@@ -99,12 +95,12 @@ impl Sealed<'_> {
             let (tau, model) = (&self.stages.tau[j], &self.stages.models[self.whole()][j]);
             let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| self.weight(j, row) * of(row)).sum::<f64>();
             let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
-            let left = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
+            let rescaled_rms = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
             let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
             let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
-            (open && other && left <= SOUND * self.run.floor[j]).then_some((j, scale))
+            (open && other && rescaled_rms <= SOUND * self.run.floor[j]).then_some((j, scale))
         };
-        self.heard().filter_map(scale).collect()
+        self.trusted().filter_map(scale).collect()
     }
 
     /// Whether joint `j` moves for a while.
@@ -118,19 +114,19 @@ impl Sealed<'_> {
     }
 
     /// Joints whose torque says something of motion.
-    fn heard(&self) -> impl Iterator<Item = usize> + '_ {
+    fn trusted(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none() && self.moves(*j))
     }
 
     /// Whether the model as given misses no joint in motion by more than a sound one is missed by.
     pub(crate) fn fits_as_given(&self) -> bool {
-        let mut heard = self.heard().filter_map(|j| self.in_motion(j)).peekable();
-        heard.peek().is_some() && heard.all(|[before, _]| before <= SOUND)
+        let mut trusted = self.trusted().filter_map(|j| self.in_motion(j)).peekable();
+        trusted.peek().is_some() && trusted.all(|[before, _]| before <= SOUND)
     }
 
     /// Whether most joints keep more than noise in motion with all causes.
     pub(crate) fn is_mostly_open(&self) -> bool {
-        let times: Vec<[f64; 2]> = self.heard().filter_map(|j| self.in_motion(j)).collect();
+        let times: Vec<[f64; 2]> = self.trusted().filter_map(|j| self.in_motion(j)).collect();
         2 * times.iter().filter(|times| times[1] > IN_MOTION).count() > times.len()
     }
 
@@ -144,17 +140,17 @@ impl Sealed<'_> {
         let times = |j: usize| {
             let speed = self.run.chain.sample(&self.run.motion.qd[j]);
             let outside = |row: usize| speed[row].abs() > FAST && !windows.iter().any(|rows| rows.contains(&row));
-            self.mean_square_in(j, outside, self.left(self.whole(), j)).sqrt() / floor(j)
+            self.mean_square_in(j, outside, self.residual(self.whole(), j)).sqrt() / floor(j)
         };
-        2 * self.heard().filter(|j| times(*j) > IN_MOTION).count() > self.heard().count()
+        2 * self.trusted().filter(|j| times(*j) > IN_MOTION).count() > self.trusted().count()
     }
 
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.
     pub(crate) fn left_in_motion(&self) -> f64 {
-        let [before, after] = self.heard().fold([0.0; 2], |sum, j| {
+        let [before, after] = self.trusted().fold([0.0; 2], |sum, j| {
             let torque = self.mean_square(j, |row| self.stages.tau[j][row]).max(f64::MIN_POSITIVE);
             let floor = self.run.floor[j].powi(2);
-            let share = |stage| (self.mean_square(j, self.left(stage, j)) - floor).max(0.0) / torque;
+            let share = |stage| (self.mean_square(j, self.residual(stage, j)) - floor).max(0.0) / torque;
             [sum[0] + share(0), sum[1] + share(self.whole())]
         });
         if before > 0.0 { after / before } else { 0.0 }
@@ -164,12 +160,12 @@ impl Sealed<'_> {
         let mut missed = Missed { by: 0.0, due: 0.0, of: 0.0 };
         for j in joints {
             let unit = self.noise[j].powi(2);
-            let left = self.left(self.whole(), j);
-            let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-            let with = self.mean_square(j, &left);
-            let without = self.mean_square(j, |row| left(row) + own(row));
-            missed.by += (without - with) / unit;
-            missed.due += self.mean_square(j, own) / unit;
+            let residual = self.residual(self.whole(), j);
+            let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+            let square_with = self.mean_square(j, &residual);
+            let without = self.mean_square(j, |row| residual(row) + step_torque(row));
+            missed.by += (without - square_with) / unit;
+            missed.due += self.mean_square(j, step_torque) / unit;
             missed.of += (without - self.run.floor[j].powi(2)).max(0.0) / unit;
         }
         missed
@@ -196,21 +192,21 @@ impl Sealed<'_> {
     /// Whether step `k` takes some of what the others leave in motion on one of these joints, or as much as would be a gap.
     pub(crate) fn is_helped(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
         let helped = |j: usize| {
-            let with =
-                self.mean_square(j, self.left(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
+            let square_with =
+                self.mean_square(j, self.residual(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
             let without = self.without(k, j).powi(2);
-            let takes = without - with;
+            let takes = without - square_with;
             let slight = self.in_motion(j).is_some_and(|[given, _]| takes < (SLIGHT * given).powi(2));
-            !slight && (with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
+            !slight && (square_with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
         };
         joints.any(|j| self.moves(j) && helped(j))
     }
 
     /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.
     fn without(&self, k: usize, j: usize) -> f64 {
-        let left = self.left(self.whole(), j);
-        let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-        self.mean_square(j, |row| left(row) + own(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
+        let residual = self.residual(self.whole(), j);
+        let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+        self.mean_square(j, |row| residual(row) + step_torque(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
     }
 
     /// Whether its joints, which keep a gap in motion without step `k` and had one as given, come down to what sound ones have.
@@ -228,9 +224,10 @@ impl Sealed<'_> {
     /// Whether step `k` leaves some joint clearly more than there is without it.
     pub(crate) fn spoils(&self, k: usize) -> bool {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none()).any(|j| {
-            let left = self.left(self.whole(), j);
-            let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-            let [with, without] = [self.mean_square(j, &left), self.mean_square(j, |row| left(row) + own(row))];
+            let residual = self.residual(self.whole(), j);
+            let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+            let [with, without] =
+                [self.mean_square(j, &residual), self.mean_square(j, |row| residual(row) + step_torque(row))];
             with.sqrt() > (1.0 + SPOILT) * without.sqrt().max(IN_MOTION * self.run.floor[j])
         })
     }

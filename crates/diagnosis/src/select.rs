@@ -1,16 +1,14 @@
 //! Forward selection of effects on the runs that may be looked at.
 
-use nalgebra::DVector;
-
+use crate::adopted::{AT_FLOOR, Adopted, LEAST_GAIN, MAX_GAIN_ERROR, RIVAL_GAP, Rival, is_full, is_part};
 use crate::another_law;
+use crate::base_evidence;
 use crate::bursts;
 use crate::dragged;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
 use crate::form::Form;
-use crate::instead::ALONG;
-use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
 use crate::residue::Residue;
@@ -21,78 +19,24 @@ use material::{held_out_shares, is_material};
 
 mod material;
 
-/// Least gain of log evidence that names an effect, and that names a further one.
-pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
-/// A joint whose residual is below this multiple of its noise floor has little left to explain.
-pub(crate) const AT_FLOOR: f64 = 1.2;
 /// Candidates of the best that are refined and held against held-out blocks.
 const SHORT_LIST: usize = 7;
 /// Chance at which one of all candidates may show where nothing is.
 const FALSE_ALARMS: f64 = 0.05;
 /// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
 const RIVAL_SHARE: f64 = 0.8;
-/// ... unless the best is ahead of it by this much log evidence.
-pub(crate) const RIVAL_GAP: f64 = 12.0;
 /// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
 const SATURATED: f64 = 0.8;
 /// Times that forms are held against each other, each time at the noise that the best has left.
 const CONTEST_ROUNDS: usize = 4;
 /// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
 const CLEARLY_MORE: f64 = 0.1;
-/// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
-const OFF_GRID: f64 = 0.4;
-/// A delay is wanted at this share of its size at least: true ones were at 0.70 to 0.98, those that another effect left (play, friction that
-/// bends with the speed) at 0.51 to 0.66.
-const LATE_IN_FULL: f64 = 2.0 / 3.0;
 /// An encoder whose centre is off by this much of its radius is none \[rad\].
 const LARGEST_ECCENTRICITY: f64 = 0.02;
 /// Friction over the angle is a wave of at least this share of the level that comes with it.
 const WAVE: f64 = 0.25;
 /// Orders that differ by less than this share are the same.
 const SAME_ORDER: f64 = 0.01;
-/// Most effects in one diagnosis; joints that warm up together count once.
-const MOST: usize = 4;
-
-/// An effect that was adopted.
-#[derive(Clone, Debug)]
-pub(crate) struct Adopted {
-    pub(crate) form: Form,
-    /// Gain of log evidence over the model without it.
-    pub(crate) gain: f64,
-    /// Share of each joint's residual variance that it removed, held out; the largest of them.
-    pub(crate) shares: Vec<f64>,
-    pub(crate) share: f64,
-    /// How often chance alone shows one of the candidates as plainly; none where it was not drawn.
-    pub(crate) p_value: Option<f64>,
-    /// What else explains this about as well.
-    pub(crate) rivals: Vec<Rival>,
-    /// Where its columns begin in the design.
-    pub(crate) place: usize,
-    /// Standard vector that its columns were made with.
-    pub(crate) values: Vec<f64>,
-    /// Joints whose torque it changes.
-    pub(crate) acts_on: Vec<bool>,
-    /// Prior mean of its coefficients.
-    pub(crate) mean: Vec<f64>,
-    /// Whether it is a law of the angle beside which another one has evidence.
-    pub(crate) another_law: bool,
-}
-
-/// What explains the same as an adopted effect.
-#[derive(Clone, Debug)]
-pub(crate) struct Rival {
-    /// As it was refined.
-    pub(crate) form: Form,
-    /// Cosine of the principal angle between the two.
-    pub(crate) cosine: f64,
-}
-
-impl Rival {
-    /// None where the two are so far apart that what explains as much is not the same thing.
-    pub(crate) fn of(form: &Form, cosine: f64) -> Option<Rival> {
-        (cosine >= ALONG).then(|| Rival { form: form.clone(), cosine })
-    }
-}
 
 /// What was adopted, and what was not.
 pub(crate) struct Selected<'a> {
@@ -116,7 +60,10 @@ impl<'a> Selected<'a> {
             let orders = orders::find(&self.physics);
             self.candidates.clear();
             let flips = Flips::new(search)?;
-            self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&flips));
+            self.candidates = {
+                let scoring = |candidate: &Candidate| flips.scores(search, candidate, &candidate.columns);
+                search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&scoring))
+            };
             say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
             let found = best(search, &self.candidates, &self.physics, &self.adopted, Some(&flips), true, say)?;
             let Some((candidate, adoption)) = found else {
@@ -154,12 +101,6 @@ impl<'a> Selected<'a> {
     }
 }
 
-/// Whether as many effects as may be were adopted.
-pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
-    let warming = adopted.iter().filter(|a| matches!(a.form, Form::Warming { .. })).count();
-    adopted.len() - warming.saturating_sub(1) >= MOST
-}
-
 /// A candidate that is worth a name.
 struct Accepted {
     candidate: Candidate,
@@ -191,7 +132,7 @@ pub(crate) fn best(
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     let standings = search.rank(candidates)?;
-    let residue = Residue::of(search);
+    let residue = Residue::from_search(search);
     let least = LEAST_GAIN[adopted.len().min(1)];
     // The best of each effect on each joint, refined.
     let taken: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
@@ -235,7 +176,7 @@ pub(crate) fn best(
         }
         seen.push(key);
         // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
-        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
+        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > MAX_GAIN_ERROR {
             continue;
         }
         let (candidate, standing) = if !refined {
@@ -290,7 +231,10 @@ pub(crate) fn best(
             || is_material(search, (&candidate.form, standing.gain), &shares, adopted);
         let cut = !matches!(candidate.form, Form::Saturation { .. }) || shares.iter().any(|share| *share >= SATURATED);
         let shown = match &candidate.form {
-            Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
+            Form::Base { mode } => {
+                base_evidence::is_felt(&shares)
+                    && base_evidence::is_frequency_identified(search, mode, standing.gain, physics)
+            }
             _ => true,
         };
         let plausible = candidate.form.plausible(standing.added.c.as_slice())
@@ -363,7 +307,7 @@ pub(crate) fn best(
                 rivals.extend(if either {
                     Some(Rival { form: other.form.clone(), cosine })
                 } else {
-                    Rival::of(&other.form, cosine)
+                    Rival::if_confounded(&other.form, cosine)
                 });
             }
         }
@@ -381,67 +325,6 @@ pub(crate) fn best(
         ..Adopted::new(search, &candidate, physics, standing.gain)?
     };
     Some(Some((candidate, adoption)))
-}
-
-impl Adopted {
-    /// Its coefficients where the background is solved as `x`.
-    pub(crate) fn coefficients(&self, x: &DVector<f64>) -> Vec<f64> {
-        self.mean.iter().enumerate().map(|(k, mean)| x[self.place + k] + mean).collect()
-    }
-
-    /// Effects of the rivals, each once, and the angle between it and this one \[rad\].
-    pub(crate) fn class(&self) -> Vec<(Effect, f64)> {
-        let mut class: Vec<(Effect, f64)> = Vec::new();
-        for rival in &self.rivals {
-            if class.iter().all(|(effect, _)| *effect != rival.form.effect()) {
-                class.push((rival.form.effect(), rival.cosine.clamp(0.0, 1.0).acos()));
-            }
-        }
-        class
-    }
-
-    /// A form by itself.
-    #[cfg(test)]
-    pub(crate) fn alone(form: Form) -> Adopted {
-        Adopted {
-            form,
-            gain: 100.0,
-            shares: Vec::new(),
-            share: 0.9,
-            p_value: None,
-            rivals: Vec::new(),
-            place: 0,
-            values: Vec::new(),
-            acts_on: Vec::new(),
-            mean: Vec::new(),
-            another_law: false,
-        }
-    }
-
-    /// A candidate without rivals, before it is added to the model.
-    pub(crate) fn new(
-        search: &Search<'_>,
-        candidate: &Candidate,
-        physics: &[Physics<'_>],
-        gain: f64,
-    ) -> Option<Adopted> {
-        let joints = search.noise.len();
-        Some(Adopted {
-            form: candidate.form.clone(),
-            gain,
-            shares: vec![0.0; joints],
-            share: 0.0,
-            p_value: None,
-            rivals: Vec::new(),
-            place: search.design.background.len(),
-            values: candidate.form.made_with(physics.first()?).to_vec(),
-            acts_on: (0..joints)
-                .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
-                .collect(),
-            mean: candidate.belief.mean.iter().copied().collect(),
-            another_law: false,
-        })
-    }
 }
 
 /// Whether an encoder is off as none is. Over a whole turn it may be all the same; over a part of one it is a scale of the position, or a zero.
@@ -467,16 +350,6 @@ fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
         _ if form.shifts_time() => !residue.any_noisy(),
         _ => form.effect().kind() == Kind::Structure && residue.at_floor(),
     }
-}
-
-/// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
-pub(crate) fn is_part(form: &Form, standing: &Standing) -> bool {
-    let least = match form {
-        Form::TwoMass { .. } => 1.0 - OFF_GRID,
-        Form::Delay { .. } => LATE_IN_FULL,
-        _ => return false,
-    };
-    standing.added.c[0] < least
 }
 
 /// Gain of each of the forms that explain about as much at the noise that the best of them leaves; none of those that do not
@@ -507,8 +380,8 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         let errors: Vec<Vec<f64>> =
             (0..FOLDS).map(|fold| background.fold_errors_with(cells, local, fold, &best.added)).collect();
         for (j, noise) in noise.iter_mut().enumerate() {
-            let left: f64 = errors.iter().map(|fold| fold[j]).sum();
-            *noise = (left / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
+            let square: f64 = errors.iter().map(|fold| fold[j]).sum();
+            *noise = (square / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
             weights[j] = 1.0 / (noise.powi(2) * search.correlations[j]);
         }
     }
@@ -533,21 +406,6 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::Added;
-
-    fn standing(c: f64) -> Standing {
-        let none = || DVector::zeros(0);
-        let added = Added { c: DVector::repeat(1, c), x: none(), stretches: Vec::new(), log_evidence: 0.0 };
-        Standing { at: 0, gain: 50.0, added }
-    }
-
-    /// Play that a gear's form leaves is a delay of half its size; bristles have a level that may be anything.
-    #[test]
-    fn a_delay_is_wanted_in_full() {
-        let delay = Form::Delay { seconds: 0.006 };
-        assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
-        assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
-    }
 
     /// Of a sound arm's slow log: 0.28 N m at 165 cycles a turn about a level that was 2.2 N m off.
     #[test]

@@ -5,10 +5,11 @@
 //! come down to what holds, such rows count for little, and the other one is asked again. It is put in the first one's place for that:
 //! what a wrong law leaves is noise as well.
 
+use crate::adopted::{AT_FLOOR, Adopted, RIVAL_GAP};
 use crate::effect::Kind;
 use crate::form::Form;
 use crate::search::{Candidate, Search};
-use crate::select::{AT_FLOOR, Adopted, RIVAL_GAP, Selected};
+use crate::select::Selected;
 
 /// Share of what is believed of a coefficient that holds it at nothing.
 const NOTHING: f64 = 1e-6;
@@ -51,39 +52,39 @@ impl<'a> Selected<'a> {
         rival: &Form,
         say: &mut dyn FnMut(&str),
     ) -> Option<bool> {
-        let own = self.adopted.last()?.clone();
-        let noise = |search: &Search<'_>| own.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
+        let adopted = self.adopted.last()?.clone();
+        let noise = |search: &Search<'_>| adopted.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
         let is_down =
-            |search: &Search<'_>| own.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
+            |search: &Search<'_>| adopted.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
         let with_own = noise(search);
-        let [mine, its] = self.both(search, [&own.form, rival])?;
+        let [mine, its] = self.both(search, [&adopted.form, rival])?;
         let (mut ahead, mut down) = (mine.1 - its.1, is_down(search));
         let adoption = Adopted::new(search, &its.0, &self.physics, its.1)?;
-        let adoption = Adopted { place: own.place, ..adoption };
+        let adoption = Adopted { place: adopted.place, ..adoption };
         // With the other one in its place.
-        search.design.give_up(&own.mean);
+        search.design.give_up(&adopted.mean);
         if let Some(physics) = search.extend(&its.0, &adoption.mean) {
             if noise(search) < with_own {
                 self.adopted.pop();
                 self.adopted.push(adoption.clone());
                 let before = std::mem::replace(&mut self.physics, physics);
-                if let Some([mine, its]) = self.both(search, [&own.form, rival]) {
+                if let Some([mine, its]) = self.both(search, [&adopted.form, rival]) {
                     (ahead, down) = (mine.1 - its.1, is_down(search));
                 }
                 self.adopted.pop();
                 if down && -ahead > RIVAL_GAP {
-                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, own.form, -ahead));
-                    let rivals = own.rivals.into_iter().filter(|r| r.form != *rival).collect();
-                    let (shares, share, p_value) = (own.shares, own.share, own.p_value);
+                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, adopted.form, -ahead));
+                    let rivals = adopted.rivals.into_iter().filter(|r| r.form != *rival).collect();
+                    let (shares, share, p_value) = (adopted.shares, adopted.share, adopted.p_value);
                     self.adopted.push(Adopted { shares, share, p_value, rivals, ..adoption });
                     return Some(true);
                 }
-                self.adopted.push(own.clone());
+                self.adopted.push(adopted.clone());
                 self.physics = before;
             }
             search.design.give_up(&adoption.mean);
         }
-        if search.extend(candidate, &own.mean).is_none() {
+        if search.extend(candidate, &adopted.mean).is_none() {
             self.adopted.pop();
             return None;
         }

@@ -14,7 +14,7 @@ const KEPT: f64 = 0.1;
 const PROMISED: f64 = 0.1;
 
 /// Shrink by step `k`, which adds `effect`. `seen`: the runs looked at; `gaps`: the sealed one's.
-pub(crate) fn of(effect: Effect, k: usize, prediction: &Prediction, seen: &[Stages], gaps: &[Gap]) -> Shrink {
+pub(crate) fn estimate(effect: Effect, k: usize, prediction: &Prediction, seen: &[Stages], gaps: &[Gap]) -> Shrink {
     let (predicted, low, high) = if effect == Effect::TorqueSaturation {
         // As before, if the command is cut as often again.
         let before = on_runs(seen, k);

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::log_check::LogFault;
+use crate::log_fault::LogFault;
 use crate::run::Run;
 
 /// Time that a spike lasts at most \[s\], in whole samples up to so many.
@@ -96,21 +96,21 @@ pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
 
 /// The run at the rate at which these signals of it come, where each value is held for so many samples; of which joints, and how many.
 fn at_own_rate(run: &Run, signals: &[Vec<f64>]) -> Option<(Vec<usize>, usize, Run)> {
-    let held: Vec<Option<(usize, usize)>> = signals.iter().map(|q| held(q)).collect();
-    let (first, every) = held.iter().flatten().copied().next()?;
-    let joints = (0..held.len()).filter(|j| held[*j].is_some()).collect();
+    let holds: Vec<Option<(usize, usize)>> = signals.iter().map(|q| hold_period(q)).collect();
+    let (first, every) = holds.iter().flatten().copied().next()?;
+    let joints = (0..holds.len()).filter(|j| holds[*j].is_some()).collect();
     // Of one clock, or of none.
     let other = |h: &(usize, usize)| h.1 != every || h.0 % every != first % every;
-    if held.iter().flatten().any(other) {
+    if holds.iter().flatten().any(other) {
         return None;
     }
-    let of =
+    let decimated =
         |s: &Vec<Vec<f64>>| s.iter().map(|s| s.iter().skip(first % every).step_by(every).copied().collect()).collect();
-    Some((joints, every, run.each(every as f64 * run.period_s, of)))
+    Some((joints, every, run.each(every as f64 * run.period_s, decimated)))
 }
 
 /// Where a signal changes and after how many samples it changes again, if it is held for as many each time.
-fn held(q: &[f64]) -> Option<(usize, usize)> {
+fn hold_period(q: &[f64]) -> Option<(usize, usize)> {
     /// Changes that tell, and the share of them that has to agree.
     const ENOUGH: usize = 200;
     const NEARLY_ALL: f64 = 0.9;
@@ -354,6 +354,6 @@ mod tests {
         assert!((resolution(&coarse) / 1e-4 - 1.0).abs() < 1e-6);
         assert!((position_noise(&coarse, 2.2 * PERIOD_S) / 2.887e-5 - 1.0).abs() < 1e-3);
         // Steps alone are no positions that are held.
-        assert_eq!(held(&coarse), None);
+        assert_eq!(hold_period(&coarse), None);
     }
 }

@@ -4,9 +4,10 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
-use crate::log_check::{LogFault, is_still};
+use crate::log_fault::LogFault;
 use crate::rows::Column;
 use crate::run::Motion;
+use crate::stillness::is_still;
 
 /// Rows that are looked at, spread over the run.
 const ROWS: usize = 400;
@@ -71,15 +72,15 @@ struct Turned<'a> {
 impl Turned<'_> {
     /// What a rigid arm with friction misses of the torque of all joints at best, in units of what is known of it.
     fn missed(&self, position: Option<usize>, torque: Option<usize>) -> f64 {
-        let heard: Vec<usize> =
+        let trusted: Vec<usize> =
             (0..self.run.tau.len()).filter(|j| !matches!(self.run.silent[*j], Some(LogFault::Silent { .. }))).collect();
-        let own;
+        let flipped_columns;
         let columns = match position {
             Some(j) => {
                 let mut motion = self.run.motion.clone();
                 flip(&mut motion, j);
-                own = standard_columns(&self.nominal.model, &motion, &self.run.chain);
-                &own
+                flipped_columns = standard_columns(&self.nominal.model, &motion, &self.run.chain);
+                &flipped_columns
             }
             None => &self.run.standard,
         };
@@ -87,9 +88,9 @@ impl Turned<'_> {
         let columns: Vec<&Column> = columns.iter().chain(&own_angle).collect();
         let rows = self.run.rows();
         let used: Vec<usize> = (0..rows).step_by((rows / ROWS).max(1)).collect();
-        let mut y = DMatrix::zeros(used.len() * heard.len(), columns.len());
-        let mut b = DVector::zeros(used.len() * heard.len());
-        for (block, j) in heard.iter().enumerate() {
+        let mut y = DMatrix::zeros(used.len() * trusted.len(), columns.len());
+        let mut b = DVector::zeros(used.len() * trusted.len());
+        for (block, j) in trusted.iter().enumerate() {
             let tau = &self.run.tau[*j];
             let rms = (tau.iter().map(|t| t * t).sum::<f64>() / rows.max(1) as f64).sqrt();
             let known = self.run.floor[*j].hypot(KNOWN * rms);
@@ -107,7 +108,7 @@ impl Turned<'_> {
             }
         }
         let count = b.len().max(1) as f64;
-        left(y, &b) / count.sqrt()
+        residual_norm(y, &b) / count.sqrt()
     }
 
     /// Springs and counterbalances, which many arms have: the same whatever the sign.
@@ -132,7 +133,7 @@ fn flip(motion: &mut Motion, j: usize) {
 }
 
 /// Norm of what is left of `b` by the columns of `y`.
-fn left(mut y: DMatrix<f64>, b: &DVector<f64>) -> f64 {
+fn residual_norm(mut y: DMatrix<f64>, b: &DVector<f64>) -> f64 {
     for mut column in y.column_iter_mut() {
         let size = column.norm();
         if size > 0.0 {

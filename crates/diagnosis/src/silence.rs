@@ -1,10 +1,10 @@
 //! Torque channels that say nothing although their joints move: dead ones, and those that hold only noise.
 
-use crate::design::Prepared;
-use crate::log_check::{LogFault, STILL, is_moved, is_still};
+use crate::log_fault::LogFault;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
 use crate::signals;
+use crate::stillness::{STILL, is_moved, is_still};
 
 /// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
 const CARRIES: f64 = 1e-3;
@@ -35,7 +35,7 @@ impl LogFault {
 
 /// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
 /// drive takes, nor in the direction of its motion. What bodies take may cancel, so it does not count.
-pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
+pub(crate) fn detect(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
     let (n, speed, accel) = (motion.joints(), chain.sample(&motion.qd[j]), chain.sample(&motion.qdd[j]));
     if !is_moved(motion, chain, j) {
         return None;
@@ -65,26 +65,13 @@ pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f
 
 /// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.
 pub(crate) fn is_mute(run: &Run, x: &[f64]) -> bool {
-    let (motion, chain) = (Motion::of(run), Chain::new(run.period_s));
+    let (motion, chain) = (Motion::from_run(run), Chain::new(run.period_s));
     let moving: Vec<usize> = (0..run.joints()).filter(|j| !is_still(&motion, *j)).collect();
     let silent = |j: &usize| {
         let noise = signals::white_noise_without(&run.tau[*j], &run.interpolated) * chain.white_gain();
-        of(&chain.apply(&run.tau[*j]), noise, &motion, &chain, x, *j).is_some()
+        detect(&chain.apply(&run.tau[*j]), noise, &motion, &chain, x, *j).is_some()
     };
     !moving.is_empty() && moving.iter().all(silent)
-}
-
-/// A channel that says nothing whenever its joint moves says nothing where it stands either.
-pub(crate) fn silence_dead(runs: &mut [&mut Prepared], mute: &[Prepared]) {
-    for j in 0..runs.first().map_or(0, |run| run.silent.len()) {
-        let all = || runs.iter().map(|run| &**run).chain(mute);
-        let fault = all().find_map(|run| run.silent[j]);
-        if fault.is_some() && all().all(|run| run.silent[j].is_some() || is_still(&run.motion, j)) {
-            for run in runs.iter_mut() {
-                run.silent[j] = fault;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -100,7 +87,7 @@ mod tests {
         let chain = Chain::new(1e-3);
         let tau: Vec<f64> = (0..motion.len()).map(|k| tau(1e-3 * k as f64, motion.qd[0][k])).collect();
         let x = [vec![0.0; 10], vec![0.1, friction, friction, 0.0]].concat();
-        of(&chain.apply(&tau), 0.0, &motion, &chain, &x, 0)
+        detect(&chain.apply(&tau), 0.0, &motion, &chain, &x, 0)
     }
 
     #[test]
@@ -135,7 +122,7 @@ mod tests {
             };
             let chain = Chain::new(1e-3);
             let tau: Vec<f64> = (0..n).map(|k| level + 0.01 * (300.0 * 1e-3 * f64::from(k)).sin()).collect();
-            of(&chain.apply(&tau), 0.0, &motion, &chain, &[vec![0.0; 10], vec![0.1, 1.0, 1.0, 0.0]].concat(), 0)
+            detect(&chain.apply(&tau), 0.0, &motion, &chain, &[vec![0.0; 10], vec![0.1, 1.0, 1.0, 0.0]].concat(), 0)
         };
         assert_eq!(even(1.7), None);
         assert!(even(0.0).is_some() && even(-1.7).is_some());

@@ -4,10 +4,10 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::form::Form;
 use crate::possible;
-use crate::select::Adopted;
 
 /// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of measured arms with files of
 /// their own this is met on three of six joints at most; with another arm's on four of six.
@@ -31,10 +31,10 @@ pub(crate) fn joints(
     impossible: &[usize],
     heard: &[usize],
 ) -> Option<Vec<usize>> {
-    let own = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
-    let values = possible::standard(nominal, x, own);
+    let without_payload = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
+    let values = possible::standard(nominal, x, without_payload);
     let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
-    let of = |is: &dyn Fn(Parameter) -> bool| -> f64 {
+    let distance = |is: &dyn Fn(Parameter) -> bool| -> f64 {
         let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));
         all.map(|(at, _)| off(at)).sum::<f64>().sqrt()
     };
@@ -44,11 +44,11 @@ pub(crate) fn joints(
     // Torque behind the gears has no rotors, whosever the arm: then bodies alone say whose it is.
     let behind_gears = heard.len() > 1 && heard.iter().all(is_none);
     let far = |j: &usize| {
-        let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
+        let body = distance(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
         if behind_gears {
             return body > FAR_OFF;
         }
-        impossible.contains(j) || body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
+        impossible.contains(j) || body.max(distance(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
     (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)

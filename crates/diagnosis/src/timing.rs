@@ -118,7 +118,7 @@ pub(crate) struct Pooled {
 
 impl Pooled {
     /// Of runs that say something; none where there are none. Runs are of one arm, so the surer of them say more. `least` counts \[s\].
-    fn of<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
+    fn from_timings<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
         let others = runs.clone().count().checked_sub(1)?;
         let of_arm = runs.clone().any(|run| !run.is_of_few());
         let weight = |run: &Timing| run.sigma.powi(-2);
@@ -142,10 +142,10 @@ impl Pooled {
 }
 
 fn parts(timings: impl Iterator<Item = (usize, Timing)>) -> Vec<Part> {
-    let of = |(run, timing): (usize, Timing)| {
+    let joint_parts = |(run, timing): (usize, Timing)| {
         timing.joints.into_iter().map(move |t| Part { run, joint: t.joint, rows: t.rows, weight: t.weight })
     };
-    timings.flat_map(of).collect()
+    timings.flat_map(joint_parts).collect()
 }
 
 /// Rows of one joint in one run.
@@ -158,10 +158,11 @@ pub(crate) struct Part {
 }
 
 impl Early {
-    pub(crate) fn of(runs: &[&Prepared]) -> Early {
-        let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::of(run)).collect();
+    pub(crate) fn from_runs(runs: &[&Prepared]) -> Early {
+        let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::from_run(run)).collect();
         let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-        let pooled = Pooled::of(timings.iter().flatten(), runs.iter().map(|run| least(run)).fold(LEAST_S, f64::max));
+        let pooled =
+            Pooled::from_timings(timings.iter().flatten(), runs.iter().map(|run| least(run)).fold(LEAST_S, f64::max));
         let timings: Option<Vec<Timing>> = timings.into_iter().collect();
         let Some(timings) = timings else {
             return Early { pooled, sure: None, parts: Vec::new() };
@@ -179,17 +180,18 @@ impl Early {
 impl Timing {
     /// Of all rows in which joints turn, unless those far from any reversal are against it, or have less than half of it: what they say is less, and
     /// true.
-    fn of(run: &Prepared) -> Option<Timing> {
+    fn from_run(run: &Prepared) -> Option<Timing> {
         let all = Self::within(run, 0.0);
         let Some(clear) = Self::within(run, REVERSAL_S) else { return all };
         let half = |all: &Timing| all.late.abs() < LEAST_S || clear.late / all.late > 0.5;
-        let told = |all: &Timing| {
+        let agrees_apart = |all: &Timing| {
             // Joints that do not agree say nothing of the arm, whichever rows they have.
             let arm = all.late > LEAST_S && all.is_agreed(AGREES);
             !arm || clear.is_agreed(AGREES) || all.is_agreed(ONE_CLOCK)
         };
-        let near =
-            |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S && half(all) && told(all);
+        let near = |all: &Timing| {
+            (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S && half(all) && agrees_apart(all)
+        };
         // Behind a slow filter they are late as well, by another time.
         let filtered =
             |all: &Timing| clear.late > 0.5 * all.late && all.late > SURE * all.sigma && all.filter().is_some();
@@ -199,8 +201,8 @@ impl Timing {
 
     fn within(run: &Prepared, clear_s: f64) -> Option<Timing> {
         let moves = moves();
-        let heard = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
-        let joints: Vec<JointTiming> = heard.filter_map(|j| JointTiming::of(run, j, &moves, clear_s)).collect();
+        let trusted = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
+        let joints: Vec<JointTiming> = trusted.filter_map(|j| JointTiming::from_run(run, j, &moves, clear_s)).collect();
         let all: Vec<f64> = (0..moves.len()).map(|k| joints.iter().map(|t| t.weight * t.moved[k]).sum()).collect();
         let (late, bend) = lowest(&moves, &all)?;
         Some(Timing { late, sigma: (2.0 / bend).sqrt(), joints })
@@ -213,18 +215,18 @@ impl Timing {
 
     /// Whether the arm as a whole is later or earlier by more than `least` \[s\].
     fn is_off(&self, least: f64) -> bool {
-        let left = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
+        let weighed_square = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
         self.late.abs() - SURE * self.sigma > least
             && self.is_agreed(AGREES)
-            && left(self.late) < (1.0 - LEAST_SHARE) * left(0.0)
+            && weighed_square(self.late) < (1.0 - LEAST_SHARE) * weighed_square(0.0)
     }
 
     /// Whether the joints that tell agree but for this share of the time, and are not too few.
     fn is_agreed(&self, share: f64) -> bool {
-        let tells = || self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS);
+        let informative = || self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS);
         let agrees = |t: &&JointTiming| t.gain(self.late) > 0.0 && (t.late - self.late).abs() < share * self.late.abs();
-        let agree = tells().filter(agrees).count();
-        agree >= LEAST_JOINTS && 2 * agree > tells().count()
+        let agree = informative().filter(agrees).count();
+        agree >= LEAST_JOINTS && 2 * agree > informative().count()
     }
 
     /// Whether too few joints turn in it to say anything of the arm.
@@ -241,9 +243,9 @@ impl Timing {
     fn filter(&self) -> Option<f64> {
         let all = |of: &dyn Fn(&JointTiming) -> f64| self.joints.iter().map(|t| t.weight * of(t)).sum::<f64>();
         let times: Vec<f64> = moves().into_iter().filter(|s| *s > -0.5 * STEP_S).collect();
-        let left: Vec<f64> = (0..times.len()).map(|k| all(&|t| t.unfiltered[k])).collect();
-        let (seconds, _) = lowest(&times, &left)?;
-        let undone = left[(seconds / STEP_S).round() as usize];
+        let unfiltered: Vec<f64> = (0..times.len()).map(|k| all(&|t| t.unfiltered[k])).collect();
+        let (seconds, _) = lowest(&times, &unfiltered)?;
+        let undone = unfiltered[(seconds / STEP_S).round() as usize];
         let moved = all(&|t| t.moved[nearest(self.late)]);
         (seconds > LEAST_FILTER_S && undone < FILTER_SHARE * moved).then_some(seconds)
     }
@@ -255,8 +257,8 @@ impl Timing {
 }
 
 impl JointTiming {
-    fn of(run: &Prepared, j: usize, moves: &[f64], clear_s: f64) -> Option<JointTiming> {
-        let equations = Equations::of(run, j, clear_s)?;
+    fn from_run(run: &Prepared, j: usize, moves: &[f64], clear_s: f64) -> Option<JointTiming> {
+        let equations = Equations::new(run, j, clear_s)?;
         let tau = run.chain.apply_later(&run.run.tau[j], moves);
         let now = nearest(0.0);
         let torque = |c: usize, k: usize| tau[c][k] - run.known_rows.get(j).map_or(0.0, |known| known[k]);
@@ -267,7 +269,7 @@ impl JointTiming {
         let z = DMatrix::from_fn(rows.len(), moves.len() - now, |r, c| {
             torque(now, rows[r]) + moves[now + c] * rate(rows[r])
         });
-        let (moved, unfiltered) = (equations.left(&y)?, equations.left(&z)?);
+        let (moved, unfiltered) = (equations.residual_squares(&y)?, equations.residual_squares(&z)?);
         let (late, bend) = lowest(moves, &moved)?;
         let after = equations.residual(y.column(nearest(late)).into_owned());
         let variance = after.norm_squared() / rows.len() as f64;
@@ -306,7 +308,7 @@ struct Equations {
 
 impl Equations {
     /// In rows that are so far from any in which it does not \[s\].
-    fn of(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
+    fn new(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
         let speed = run.chain.sample(&run.motion.qd[j]);
         let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
         let least = MOVING.min(MOVING_SHARE * usual).max(run.blur[j]);
@@ -315,23 +317,26 @@ impl Equations {
         let clear = |k: &usize| moving[k.saturating_sub(reach)..(k + reach + 1).min(moving.len())].iter().all(|m| *m);
         let rows: Vec<usize> = (0..run.rows()).filter(clear).take(MOST_ROWS).collect();
         let size = |column: &Vec<f64>| rows.iter().map(|k| column[*k].powi(2)).sum::<f64>().sqrt();
-        let own = run.standard.iter().filter_map(|column| column[j].as_ref());
-        let own: Vec<(&Vec<f64>, f64)> = own.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
-        if own.is_empty() || rows.len() < ROWS_PER_COLUMN * own.len() {
+        let joint_columns = run.standard.iter().filter_map(|column| column[j].as_ref());
+        let joint_columns: Vec<(&Vec<f64>, f64)> =
+            joint_columns.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
+        if joint_columns.is_empty() || rows.len() < ROWS_PER_COLUMN * joint_columns.len() {
             return None;
         }
-        let d = DMatrix::from_fn(rows.len(), own.len(), |r, c| own[c].0[rows[r]] / own[c].1);
+        let d =
+            DMatrix::from_fn(rows.len(), joint_columns.len(), |r, c| joint_columns[c].0[rows[r]] / joint_columns[c].1);
         let mut gram = d.tr_mul(&d);
         (0..gram.nrows()).for_each(|k| gram[(k, k)] += RIDGE);
         Some(Equations { factor: Cholesky::new(gram)?, d, rows })
     }
 
     /// Sums of squares that are left of each of several right-hand sides.
-    fn left(&self, y: &DMatrix<f64>) -> Option<Vec<f64>> {
+    fn residual_squares(&self, y: &DMatrix<f64>) -> Option<Vec<f64>> {
         let forward = self.factor.l_dirty().solve_lower_triangular(&self.d.tr_mul(y))?;
-        let left = y.column_iter().zip(forward.column_iter()).map(|(y, f)| y.norm_squared() - f.norm_squared());
+        let residual_squares =
+            y.column_iter().zip(forward.column_iter()).map(|(y, f)| y.norm_squared() - f.norm_squared());
         // Of torque that the model tells exactly only rounding is left.
-        Some(left.map(|left| left.max(0.0)).collect())
+        Some(residual_squares.map(|residual_squares| residual_squares.max(0.0)).collect())
     }
 
     fn residual(&self, y: DVector<f64>) -> DVector<f64> {
@@ -396,7 +401,7 @@ mod tests {
         let run = |[late, sigma]: &[f64; 2]| Timing { sigma: 1e-3 * sigma, ..timing(6, 1e-3 * late) };
         let pooled = |runs: &[[f64; 2]]| {
             let runs: Vec<Timing> = runs.iter().map(run).collect();
-            Pooled::of(runs.iter(), LEAST_S).expect("runs")
+            Pooled::from_timings(runs.iter(), LEAST_S).expect("runs")
         };
         for (runs, ms) in [
             ([[-0.66, 0.38], [1.64, 0.64]], 4.7),
@@ -418,7 +423,7 @@ mod tests {
         assert!(!measured.is_against(18.8e-3, true) && measured.is_against(18.8e-3, false));
         assert!((size.seconds - 5.9e-3).abs() < 1e-12);
         // Who says nothing has no say.
-        assert!(Pooled::of([].iter(), LEAST_S).is_none());
+        assert!(Pooled::from_timings([].iter(), LEAST_S).is_none());
     }
 
     /// A practice log moved by 5 ms, and a simulated arm whose bristles bend 20 to 60 µrad.
@@ -438,13 +443,13 @@ mod tests {
     fn runs_that_differ_are_not_sure_together() {
         let pooled = |runs: [(f64, f64); 2]| {
             let runs = runs.map(|(late, sigma)| Timing { sigma, ..timing(6, late) });
-            Pooled::of(runs.iter(), LEAST_S).expect("runs")
+            Pooled::from_timings(runs.iter(), LEAST_S).expect("runs")
         };
         let agree = pooled([(-4e-3, 1e-4), (-4.1e-3, 1e-4)]);
         assert!((agree.apart - 1e-4 / 2f64.sqrt()).abs() < 1e-9 && agree.size().is_some());
         let of_one = [timing(1, -4e-3), timing(1, -4.1e-3)];
         assert!(
-            Pooled::of(of_one.iter(), LEAST_S).expect("runs").size().is_none(),
+            Pooled::from_timings(of_one.iter(), LEAST_S).expect("runs").size().is_none(),
             "one joint's time is not the arm's"
         );
         // 11.8 deviations apart, with one degree of freedom.

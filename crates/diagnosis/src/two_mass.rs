@@ -102,8 +102,8 @@ mod tests {
         let q: Vec<f64> = (0..6000).map(|k| 0.3 * (omega * f64::from(k) * 1e-3).sin()).collect();
         let tau = vec![vec![0.0; q.len()]];
         let run = Run { name: String::new(), period_s: 1e-3, tau, q: vec![q], ..Run::default() };
-        let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
-        let motion = Motion::of(&run);
+        let nominal = Nominal::new(&model, &x, &Typical::from_runs(std::slice::from_ref(&run), 1));
+        let motion = Motion::from_run(&run);
         let physics = Physics::new(&run, &motion, &nominal, &nominal.x);
         let column = column(&physics, 0, gear).remove(0).expect("the joint itself changes");
         (physics.rigid[0].clone(), column)

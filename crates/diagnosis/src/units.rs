@@ -3,7 +3,9 @@
 
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::log_check::{LogFault, STILL, is_moved, of_file};
+use crate::log_check::of_file;
+use crate::log_fault::LogFault;
+use crate::stillness::{STILL, is_moved};
 
 /// A joint's torque in one run is so many times that in another, ...
 const ANOTHER: f64 = 20.0;
@@ -22,7 +24,7 @@ struct Size {
 }
 
 impl Size {
-    fn of(run: &Prepared, nominal: &Nominal, j: usize) -> Option<Size> {
+    fn from_run(run: &Prepared, nominal: &Nominal, j: usize) -> Option<Size> {
         if run.silent[j].is_some() || !is_moved(&run.motion, &run.chain, j) {
             return None;
         }
@@ -47,7 +49,7 @@ impl Size {
 /// Torque in another unit than in another run counts nowhere, in the run in which it is further from the file's.
 pub(crate) fn distrust(runs: &mut [&mut Prepared], nominal: &Nominal) {
     for j in 0..nominal.model.arm.dof() {
-        let sizes: Vec<Option<Size>> = runs.iter().map(|run| Size::of(run, nominal, j)).collect();
+        let sizes: Vec<Option<Size>> = runs.iter().map(|run| Size::from_run(run, nominal, j)).collect();
         for (run, scale) in runs.iter_mut().zip(strange(&sizes)) {
             run.silent[j] = run.silent[j].or(scale.map(LogFault::Scale));
         }
@@ -56,14 +58,14 @@ pub(crate) fn distrust(runs: &mut [&mut Prepared], nominal: &Nominal) {
 
 /// Scale of each size that is of another unit than some other one, and further from the file.
 fn strange(sizes: &[Option<Size>]) -> Vec<Option<f64>> {
-    let of = |size: &Option<Size>| {
+    let foreign_scale = |size: &Option<Size>| {
         let size = (*size)?;
         let off = |s: Size| s.scale().ln().abs();
         let others = sizes.iter().flatten();
         let further = others.filter(|other| size.is_of_another_unit(**other)).any(|other| off(size) > off(*other));
         further.then(|| size.scale())
     };
-    sizes.iter().map(of).collect()
+    sizes.iter().map(foreign_scale).collect()
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ impl Procedure<'_> {
         }
         let runs = self.look.iter().chain([self.sealed]).collect();
         let mut together = Search::new(runs, self.nominal)?;
-        if !Residue::of(&together).at_floor() {
+        if !Residue::from_search(&together).at_floor() {
             return Some(false);
         }
         if self.loss(&together)? > SHARED * self.nominal.x.len() as f64 {

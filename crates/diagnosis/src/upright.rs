@@ -77,9 +77,9 @@ impl Otherwise {
 
     /// What it adds to a run's torque as given.
     fn more(&self, run: &Prepared, nominal: &Nominal) -> Column {
-        let bodies = Bodies::of(run, nominal);
+        let bodies = Bodies::from_run(run, nominal);
         let sum = |parts: &[(f64, Column)]| -> Column {
-            let own = |j: usize| {
+            let joint_column = |j: usize| {
                 let mut rows = vec![0.0; run.rows()];
                 for (factor, column) in parts {
                     let values = column[j].iter().flatten();
@@ -87,7 +87,7 @@ impl Otherwise {
                 }
                 Some(rows)
             };
-            (0..run.tau.len()).map(own).collect()
+            (0..run.tau.len()).map(joint_column).collect()
         };
         match self {
             Otherwise::Gravity(gravity) => {
@@ -107,11 +107,11 @@ impl Otherwise {
 
     /// The model as given, then with it.
     fn stages(&self, run: &Prepared, nominal: &Nominal) -> Stages {
-        let own = nominal.x.len();
+        let model_columns = nominal.x.len();
         let columns = RunColumns { run, extra: vec![self.more(run, nominal)] };
-        let mut x = DVector::zeros(own + 1);
-        x[own] = 1.0;
-        columns.stages(&nominal.x, &vec![vec![own]], &x, &vec![0.0; own + 1])
+        let mut x = DVector::zeros(model_columns + 1);
+        x[model_columns] = 1.0;
+        columns.stages(&nominal.x, &vec![vec![model_columns]], &x, &vec![0.0; model_columns + 1])
     }
 
     fn magnitude(&self, given: &Vector3<f64>) -> Vec<(String, f64)> {
@@ -141,18 +141,18 @@ struct Looked<'a> {
 impl<'a> Looked<'a> {
     fn at(look: &'a [Prepared], nominal: &'a Nominal) -> Looked<'a> {
         let free = FreeDrives::new(look, nominal);
-        let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
+        let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::from_run(run, nominal)).collect();
         let measured = free.measured();
         let given = Vector3::from(nominal.model.arm.gravity);
         let mut looked =
             Looked { left: joined(&measured), weight: DMatrix::zeros(0, 0), measured, given, free, bodies };
-        looked.left -= looked.of(&|run| run.as_given());
-        looked.weight = DMatrix::from_columns(&AXES.map(|axis| looked.of(&|run| run.weight(axis))));
+        looked.left -= looked.without_drives(&|run| run.as_given());
+        looked.weight = DMatrix::from_columns(&AXES.map(|axis| looked.without_drives(&|run| run.weight(axis))));
         looked
     }
 
-    fn of(&self, torque: &dyn Fn(&Bodies<'_>) -> Column) -> DVector<f64> {
-        joined(&self.free.of(&self.bodies.iter().map(torque).collect::<Vec<_>>()))
+    fn without_drives(&self, torque: &dyn Fn(&Bodies<'_>) -> Column) -> DVector<f64> {
+        joined(&self.free.without_drives(&self.bodies.iter().map(torque).collect::<Vec<_>>()))
     }
 
     /// Root mean square in units of what is known of the torque.
@@ -173,7 +173,8 @@ impl<'a> Looked<'a> {
         match told {
             Otherwise::Gravity(gravity) => &self.weight * DVector::from_column_slice((gravity - self.given).as_slice()),
             Otherwise::Zero(zero) => {
-                self.of(&|run| run.turned(zero.joint, zero.angle)) - self.of(&|run| run.as_given())
+                self.without_drives(&|run| run.turned(zero.joint, zero.angle))
+                    - self.without_drives(&|run| run.as_given())
             }
         }
     }
@@ -258,11 +259,11 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
     let grows = |gap: &JointGap| gap.in_motion.map_or(0.0, |[a, b]| (b - a) * gap.noise_floor);
     let measured = 1.0 - after.all / before.all;
     let unseen = Looked::at(std::slice::from_ref(sealed), nominal);
-    let left = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
-    if low <= 0.0 || measured <= 0.0 || left > told.better() || per_joint.iter().any(|gap| grows(gap) > WORSE) {
+    let gap_share = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
+    if low <= 0.0 || measured <= 0.0 || gap_share > told.better() || per_joint.iter().any(|gap| grows(gap) > WORSE) {
         return None;
     }
-    let sure = alike.is_empty() && share.max(left) < FAR_BETTER;
+    let sure = alike.is_empty() && share.max(gap_share) < FAR_BETTER;
     let joints = match told {
         Otherwise::Gravity(_) => Vec::new(),
         Otherwise::Zero(zero) => vec![names[zero.joint].clone()],

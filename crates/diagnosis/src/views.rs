@@ -7,8 +7,8 @@
 use std::f64::consts::TAU;
 
 use crate::design::Prepared;
-use crate::report::Cell;
-use crate::sealed::IN_MOTION;
+use crate::gap::IN_MOTION;
+use crate::regimes::Cell;
 use crate::stages::Stages;
 
 /// Ways to divide the rows of a joint.
@@ -158,11 +158,12 @@ pub struct Views {
 
 /// Of the sealed run. `load[joint][row]`: torque of the bodies; `noise`: what the model with its values refitted leaves of each
 /// joint's torque \[N·m\], to measure doubt about friction by.
-pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f64], names: &[String]) -> Views {
+pub(crate) fn tabulate(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f64], names: &[String]) -> Views {
     let (given, full) = (&stages.models[0], &stages.models[stages.models.len() - 1]);
-    let left = |j: usize, model: &[f64]| -> Vec<f64> { stages.tau[j].iter().zip(model).map(|(t, m)| t - m).collect() };
-    let heard: Vec<usize> = (0..names.len()).filter(|j| run.silent[*j].is_none()).collect();
-    let joints: Vec<Joint> = heard
+    let residual =
+        |j: usize, model: &[f64]| -> Vec<f64> { stages.tau[j].iter().zip(model).map(|(t, m)| t - m).collect() };
+    let trusted: Vec<usize> = (0..names.len()).filter(|j| run.silent[*j].is_none()).collect();
+    let joints: Vec<Joint> = trusted
         .iter()
         .map(|&j| {
             let speed = run.chain.sample(&run.motion.qd[j]);
@@ -170,8 +171,8 @@ pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f6
             let stands = (STANDS.0 * top).max(STANDS.1).max(run.blur[j]);
             let back = (BACK.0 * run.position_noise[j]).max(BACK.1);
             Joint {
-                before: left(j, &given[j]),
-                after: left(j, &full[j]),
+                before: residual(j, &given[j]),
+                after: residual(j, &full[j]),
                 floor: run.floor[j],
                 row_s: run.chain.row_period_s,
                 highest_hz: run.chain.cutoff_hz(),
@@ -188,7 +189,7 @@ pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f6
     let gaps: Vec<f64> = joints.iter().map(|j| square(&j.before) / square(&j.tau).max(f64::MIN_POSITIVE)).collect();
     let total = gaps.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let mut views = Views::default();
-    for ((joint, j), gap) in joints.iter().zip(heard).zip(gaps) {
+    for ((joint, j), gap) in joints.iter().zip(trusted).zip(gaps) {
         for axis in Axis::ALL {
             let parts = joint.parts(axis);
             let uneven = contrast(axis, &parts, joint.floor).filter(|_| gap >= WORTH_TELLING * total);

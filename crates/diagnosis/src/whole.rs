@@ -8,10 +8,11 @@ use nalgebra::DVector;
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::AXES;
-use crate::log_check::{LogFault, is_still};
+use crate::log_fault::LogFault;
 use crate::parallel;
 use crate::rigid::{Bodies, FreeDrives, joined};
 use crate::rows::Column;
+use crate::stillness::is_still;
 
 /// What misses no more than this in units of what is known of the torque is no reason to look.
 const FITS: f64 = 1.5;
@@ -40,28 +41,29 @@ pub(crate) fn spoilt(look: &mut [Prepared], sealed: &mut Prepared, nominal: &Nom
 
 fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>, &'static str)> {
     let free = FreeDrives::new(look, nominal);
-    let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
-    let of = |torque: &dyn Fn(&Bodies<'_>) -> Column| -> Vec<DVector<f64>> {
-        free.of(&bodies.iter().map(torque).collect::<Vec<_>>())
+    let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::from_run(run, nominal)).collect();
+    let without_drives = |torque: &dyn Fn(&Bodies<'_>) -> Column| -> Vec<DVector<f64>> {
+        free.without_drives(&bodies.iter().map(torque).collect::<Vec<_>>())
     };
     let measured = free.measured();
     let less =
         |torque: &[DVector<f64>]| -> Vec<DVector<f64>> { measured.iter().zip(torque).map(|(m, t)| m - t).collect() };
-    let given = of(&|run| run.as_given());
-    let left = less(&given);
-    let as_given = free.size(&left);
+    let given = without_drives(&|run| run.as_given());
+    let residual = less(&given);
+    let as_given = free.size(&residual);
     if as_given <= FITS {
         return None;
     }
     // Gravity of the file, and what is left without it.
-    let axes = AXES.map(|axis| of(&|run| run.weight(axis)));
+    let axes = AXES.map(|axis| without_drives(&|run| run.weight(axis)));
     let vector = nominal.model.arm.gravity;
     let gravity = |j: usize| -> DVector<f64> { axes.iter().zip(vector).map(|(axis, g)| g * &axis[j]).sum() };
-    let gravity: Vec<DVector<f64>> = (0..left.len()).map(gravity).collect();
-    let without: Vec<DVector<f64>> = left.iter().zip(&gravity).map(|(left, gravity)| left + gravity).collect();
+    let gravity: Vec<DVector<f64>> = (0..residual.len()).map(gravity).collect();
+    let without: Vec<DVector<f64>> =
+        residual.iter().zip(&gravity).map(|(residual, gravity)| residual + gravity).collect();
     let size = |j: usize| gravity[j].norm() / (gravity[j].len().max(1) as f64).sqrt();
     let share = |j: usize| gravity[j].dot(&without[j]) / gravity[j].norm_squared();
-    let shares: Vec<(usize, f64)> = (0..left.len()).filter(|j| size(*j) > WEIGHS).map(|j| (j, share(j))).collect();
+    let shares: Vec<(usize, f64)> = (0..residual.len()).filter(|j| size(*j) > WEIGHS).map(|j| (j, share(j))).collect();
     let none = shares.len() >= ON_JOINTS && shares.iter().all(|(j, share)| share.abs() < NONE.max(FITS / size(*j)));
     // What was taken out leaves each joint as much; a force from outside pulls at one this way, at another that way.
     let doubt = shares.iter().map(|(j, _)| 2.0 * FITS / size(*j)).fold(NONE, f64::max);
@@ -69,9 +71,9 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
     let alike = spread(f64::max) - spread(f64::min) < doubt;
     // Bodies that are all far lighter than the file's have as little gravity, and as little inertia.
     let beyond = |torque: &[DVector<f64>], share_of: &[DVector<f64>]| {
-        let (torque, of) = (joined(torque), joined(share_of));
-        let share = of.dot(&torque) / of.norm_squared().max(f64::MIN_POSITIVE);
-        free.size(&[torque - share * of])
+        let (torque, without_drives) = (joined(torque), joined(share_of));
+        let share = without_drives.dot(&torque) / without_drives.norm_squared().max(f64::MIN_POSITIVE);
+        free.size(&[torque - share * without_drives])
     };
     let lighter = beyond(&measured, &given) < beyond(&without, &gravity);
     if none && alike && !lighter && free.size(&without) < BETTER * as_given {
@@ -83,10 +85,10 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
         ));
     }
     let moves = |j: &usize| look.iter().any(|run| !is_still(&run.motion, *j));
-    let moving: Vec<usize> = (0..left.len()).filter(moves).collect();
-    let with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
-    let pairs: Vec<(usize, usize)> = moving.iter().flat_map(with).collect();
-    let sizes = parallel::map(&pairs, |(a, b)| free.size(&less(&of(&|run| run.exchanged(*a, *b)))));
+    let moving: Vec<usize> = (0..residual.len()).filter(moves).collect();
+    let pairs_with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
+    let pairs: Vec<(usize, usize)> = moving.iter().flat_map(pairs_with).collect();
+    let sizes = parallel::map(&pairs, |(a, b)| free.size(&less(&without_drives(&|run| run.exchanged(*a, *b)))));
     let mut sized: Vec<(f64, (usize, usize))> = sizes.into_iter().zip(pairs).collect();
     sized.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (least, (a, b)) = *sized.first()?;

@@ -1,9 +1,9 @@
 //! Which verdict it is.
 
 use crate::effect::Kind;
+use crate::gap::SOUND;
 use crate::procedure::Step;
 use crate::report::{Cause, JointGap, Verdict};
-use crate::sealed::SOUND;
 
 use super::{Judge, MOST_LEFT};
 
@@ -58,15 +58,17 @@ pub(super) fn verdict(
 /// that nothing is wrong.) Where most joints keep more, as on measured arms, the signal's noise is no measure; nor is it where torque differs by more
 /// when a motion is repeated: coloured noise, of which sound arms kept 2.1 to 2.3 times what the `signal` [N·m] shows.
 fn keeps_more(per_joint: &[JointGap], signal: &[f64]) -> bool {
-    let own = |gap: &JointGap, signal: f64| {
+    let repeatability = |gap: &JointGap, signal: f64| {
         gap.repeats.map_or(1.0, |scatter| (scatter.torque / signal.max(f64::MIN_POSITIVE)).max(1.0))
     };
-    let left =
-        per_joint.iter().zip(signal).filter_map(|(gap, s)| gap.in_motion.map(|[_, after]| (after, own(gap, *s))));
-    let left: Vec<(f64, f64)> = left.collect();
+    let residuals = per_joint
+        .iter()
+        .zip(signal)
+        .filter_map(|(gap, s)| gap.in_motion.map(|[_, after]| (after, repeatability(gap, *s))));
+    let residuals: Vec<(f64, f64)> = residuals.collect();
     // It excuses joints, and accuses none.
-    let more = left.iter().filter(|(times, _)| *times > SOUND).count();
-    2 * more <= left.len() && left.iter().any(|(times, own)| *times > SOUND * own)
+    let more = residuals.iter().filter(|(times, _)| *times > SOUND).count();
+    2 * more <= residuals.len() && residuals.iter().any(|(times, repeatability)| *times > SOUND * repeatability)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::form::Form;
 use crate::search::{Candidate, Search};
 
-use super::{AT_FLOOR, Adopted};
+use crate::adopted::{AT_FLOOR, Adopted};
 
 /// Least share of a joint's residual variance, held out, that makes a structural effect material.
 const MATERIAL: f64 = 0.1;
@@ -46,10 +46,10 @@ pub(super) fn is_material(
 ) -> bool {
     let at_floor = least_at_floor(form, gain);
     (0..shares.len()).any(|j| {
-        let left = search.noise[j].powi(2);
+        let residual_variance = search.noise[j].powi(2);
         let simulated = adopted.iter().any(|a| a.form.is_simulated() && a.acts_on[j]);
         let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
-        let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
+        let enough = adopted.is_empty() || shares[j] * residual_variance >= of_first * search.first_noise[j].powi(2);
         // A command that is cut explains the noise of the torque by itself.
         let little = !form.has_fixed_gain() && shares[j] >= at_floor;
         let above = search.noise[j] > AT_FLOOR * search.floor[j] || little;

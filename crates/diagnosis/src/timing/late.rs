@@ -9,12 +9,12 @@ use nalgebra::DVector;
 
 use super::behind::Behind;
 use super::{Early, Pooled};
+use crate::adopted::{Adopted, RIVAL_GAP, Rival, is_part};
 use crate::evidence::Belief;
 use crate::form::{Form, HELD};
 use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
-use crate::select::{Adopted, RIVAL_GAP, Rival, is_part};
 
 /// How surely it is as large as rows in motion have it, as a share of that.
 const SIZED: f64 = 0.02;
@@ -39,10 +39,10 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    fn told(&self, search: &Search<'_>) -> &(Option<Pooled>, Option<Behind>) {
+    fn estimates(&self, search: &Search<'_>) -> &(Option<Pooled>, Option<Behind>) {
         self.told.get_or_init(|| {
-            let early = Early::of(&search.runs);
-            let behind = Behind::of(&search.runs, search.nominal, &early);
+            let early = Early::from_runs(&search.runs);
+            let behind = Behind::fit(&search.runs, search.nominal, &early);
             (early.pooled, behind)
         })
     }
@@ -88,7 +88,7 @@ fn other(form: &Form) -> Form {
 }
 
 /// Time by which a command that stands for its sample is late beside a lag \[s\]; a delay has it in its own.
-fn held(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
+fn hold_delay_s(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
     Some(if let Form::Lag { stands: true } = form { HELD * physics.first()?.period_s() } else { 0.0 })
 }
 
@@ -122,7 +122,7 @@ impl<'a> Search<'a> {
     /// where rows in motion are against that size, or a delay is wanted in part only, of the size that they have, if they are sure of one.
     /// `Some(None)`: no size makes sense; `None`: the equations have no solution.
     pub(crate) fn late(&self, form: &Form, clock: &Clock, physics: &[Physics<'_>]) -> Option<Sized> {
-        match clock.told(self) {
+        match clock.estimates(self) {
             (_, Some(behind)) => {
                 let form = if behind.rules_out(form) { other(form) } else { form.clone() };
                 Some(self.of_size(&form, behind.size(&form), physics))
@@ -133,10 +133,12 @@ impl<'a> Search<'a> {
                 let c = standing.added.c[0];
                 let seconds = match candidate.form {
                     Form::Delay { seconds } => seconds * c,
-                    _ => c + held(form, physics)?,
+                    _ => c + hold_delay_s(form, physics)?,
                 };
                 // A part of a longer delay is a lag's curve, and no size.
-                if !pooled.is_against(seconds, Residue::of(self).any_noisy()) && !is_part(&candidate.form, &standing) {
+                if !pooled.is_against(seconds, Residue::from_search(self).any_noisy())
+                    && !is_part(&candidate.form, &standing)
+                {
                     return Some(Some((candidate, standing)));
                 }
                 Some(pooled.size().and_then(|size| self.of_size(form, size, physics)))
@@ -153,7 +155,7 @@ impl<'a> Search<'a> {
         let mut candidate = self.candidate(sized, physics)?;
         let (mean, unit) = match candidate.form {
             Form::Delay { seconds } => (1.0, seconds),
-            _ => (size.seconds - held(form, physics)?, 1.0),
+            _ => (size.seconds - hold_delay_s(form, physics)?, 1.0),
         };
         candidate.belief = Belief { mean: DVector::repeat(1, mean), std: DVector::repeat(1, size.std / unit) };
         let standing = self.standing(0, &candidate, &self.scales())?;
@@ -171,7 +173,7 @@ impl<'a> Search<'a> {
             Form::Delay { .. } => Form::Delay { seconds: its.added.c[0] },
             lag => lag,
         };
-        let (other, standing) = match &clock.told(self).1 {
+        let (other, standing) = match &clock.estimates(self).1 {
             Some(behind) if behind.rules_out(&other) => return None,
             // Rows in motion that have no size tell nothing of the kind: the two stay one class.
             _ => match self.late(&other, clock, physics)? {

@@ -18,7 +18,7 @@ const MOST: f64 = 0.25;
 impl Procedure<'_> {
     /// The sealed run under the model as given and with what is named; `noise`: as [`Sealed::noise`]. `means`: those that the design
     /// takes out of coefficients.
-    pub(crate) fn told(
+    pub(crate) fn apply_named_model(
         &self,
         report: &mut Diagnosis,
         hidden: &RunColumns<'_>,
@@ -32,8 +32,8 @@ impl Procedure<'_> {
         // How softly friction turns over is in no model that is handed on.
         let turns = turn_columns(self.nominal);
         let stands = |c: &usize| {
-            let of = |place: usize, len: usize| (place..place + len).contains(c);
-            *c < turns.start || *c >= turns.end && sized.effects.iter().any(|a| of(a.place, a.mean.len()))
+            let within = |place: usize, len: usize| (place..place + len).contains(c);
+            *c < turns.start || *c >= turns.end && sized.effects.iter().any(|a| within(a.place, a.mean.len()))
         };
         let columns: Vec<usize> = (0..means.len()).filter(stands).collect();
         let stages = hidden.stages_turned(&self.nominal.x, &vec![columns], &sized.x, means, turns);

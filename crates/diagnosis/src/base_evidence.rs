@@ -1,0 +1,51 @@
+//! Whether the runs support a mode of the base.
+
+use crate::form::Form;
+use crate::physics::Physics;
+use crate::physics::mounting::{LOWEST_MODE_HZ, MODE_DAMPING_RANGE, Mode};
+use crate::search::Search;
+
+/// Log evidence by which a frequency must be ahead of ones this many times higher and lower.
+const MIN_FREQUENCY_EVIDENCE: f64 = 10.0;
+const OTHER_FREQUENCY_RATIO: f64 = 1.3;
+/// A joint that gives this share of its variance to a base that gives way feels it.
+pub(crate) const MIN_BASE_SHARE: f64 = 0.3;
+/// Joints that must: what one alone feels is its own gear, and a little on each is what another one's gear leaves there.
+const MIN_JOINTS_OF_BASE: usize = 2;
+/// Most that a joint may lose, in units of the variance it keeps.
+const MAX_BASE_LOSS: f64 = 0.05;
+
+/// Whether several joints feel the base and none is worse, from the share of each joint's variance that it takes held out.
+pub(crate) fn is_felt(shares: &[f64]) -> bool {
+    shares.iter().filter(|s| **s >= MIN_BASE_SHARE).count() >= MIN_JOINTS_OF_BASE
+        && shares.iter().all(|s| *s > -MAX_BASE_LOSS)
+}
+
+/// Whether the runs tell the frequency of a mode with this gain: it is not the highest or lowest that is looked for, others
+/// explain less, and it is not damped as much as may be.
+pub(crate) fn is_frequency_identified(search: &Search<'_>, mode: &Mode, gain: f64, physics: &[Physics<'_>]) -> bool {
+    let solved = search.scales();
+    let behind = |hz: f64| {
+        let elsewhere = search.candidate(Form::Base { mode: Mode { hz, ..*mode } }, physics);
+        let standing = elsewhere.and_then(|candidate| search.standing(0, &candidate, &solved));
+        standing.is_none_or(|standing| standing.gain < gain - MIN_FREQUENCY_EVIDENCE)
+    };
+    let inside = mode.hz > 1.01 * LOWEST_MODE_HZ
+        && mode.hz < 0.99 * mode.highest_hz
+        && mode.damping < 0.99 * MODE_DAMPING_RANGE.1;
+    inside && [OTHER_FREQUENCY_RATIO, 1.0 / OTHER_FREQUENCY_RATIO].iter().all(|factor| behind(mode.hz * factor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A little on three joints is what the gear of one leaves on its neighbours.
+    #[test]
+    fn two_joints_feel_a_base_and_none_is_worse_with_it() {
+        assert!(is_felt(&[0.5, 0.4, 0.0, -0.01]));
+        for shares in [[0.11, 0.09, 0.11, 0.04], [0.9, 0.2, 0.0, 0.0], [0.9, 0.9, 0.9, -0.1]] {
+            assert!(!is_felt(&shares), "{shares:?}");
+        }
+    }
+}
