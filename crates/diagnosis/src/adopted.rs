@@ -5,24 +5,8 @@ use nalgebra::DVector;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search, Standing};
-
-/// Least gain of log evidence that names an effect, and that names a further one.
-pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
-/// A joint whose residual is below this multiple of its noise floor has little left to explain.
-pub(crate) const AT_FLOOR: f64 = 1.2;
-/// ... unless the best is ahead of it by this much log evidence.
-pub(crate) const RIVAL_GAP: f64 = 12.0;
-/// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
-pub(crate) const MAX_GAIN_ERROR: f64 = 0.4;
-/// A delay is wanted at this share of its size at least: true ones were at 0.70 to 0.98, those that another effect left (play, friction that
-/// bends with the speed) at 0.51 to 0.66.
-const MIN_DELAY_COEFFICIENT: f64 = 2.0 / 3.0;
-/// Most effects in one diagnosis; joints that warm up together count once.
-const MAX_EFFECTS: usize = 4;
-/// Cosine of the principal angle from which on the runs cannot tell an effect from values, or from another effect: what explains as
-/// much across it explains something else.
-pub(crate) const ALONG: f64 = 0.95;
 
 /// An effect that was adopted.
 #[derive(Clone, Debug)]
@@ -61,7 +45,7 @@ pub(crate) struct Rival {
 impl Rival {
     /// None where the two are so far apart that what explains as much is not the same thing.
     pub(crate) fn if_confounded(form: &Form, cosine: f64) -> Option<Rival> {
-        (cosine >= ALONG).then(|| Rival { form: form.clone(), cosine })
+        (cosine >= POLICY.adoption.min_confounded_cosine).then(|| Rival { form: form.clone(), cosine })
     }
 }
 
@@ -129,14 +113,14 @@ impl Adopted {
 /// Whether as many effects as may be were adopted.
 pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
     let warming = adopted.iter().filter(|a| matches!(a.form, Form::Warming { .. })).count();
-    adopted.len() - warming.saturating_sub(1) >= MAX_EFFECTS
+    adopted.len() - warming.saturating_sub(1) >= POLICY.adoption.max_effects
 }
 
 /// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
 pub(crate) fn is_part(form: &Form, standing: &Standing) -> bool {
     let least = match form {
-        Form::TwoMass { .. } => 1.0 - MAX_GAIN_ERROR,
-        Form::Delay { .. } => MIN_DELAY_COEFFICIENT,
+        Form::TwoMass { .. } => 1.0 - POLICY.adoption.max_gain_error,
+        Form::Delay { .. } => POLICY.adoption.min_delay_coefficient,
         _ => return false,
     };
     standing.added.c[0] < least

@@ -6,9 +6,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::adopted::{Adopted, LEAST_GAIN};
+use crate::adopted::Adopted;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 
@@ -36,7 +37,7 @@ pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut 
         let (effect, joints) = (law.form.effect(), law.form.joints());
         let others = over.iter().filter(|c| c.form.joints() == joints && c.form.effect() != effect);
         let gains = others.filter_map(|c| Some(search.standing(0, c, &solved)?.gain));
-        law.another_law |= gains.fold(f64::NEG_INFINITY, f64::max) >= LEAST_GAIN[1];
+        law.another_law |= gains.fold(f64::NEG_INFINITY, f64::max) >= POLICY.adoption.min_gain[1];
     }
     (!solved.is_empty()).then_some(())
 }

@@ -3,22 +3,15 @@
 use crate::form::Form;
 use crate::physics::Physics;
 use crate::physics::mounting::{LOWEST_MODE_HZ, MODE_DAMPING_RANGE, Mode};
+use crate::policy::POLICY;
 use crate::search::Search;
 
-/// Log evidence by which a frequency must be ahead of ones this many times higher and lower.
-const MIN_FREQUENCY_EVIDENCE: f64 = 10.0;
 const OTHER_FREQUENCY_RATIO: f64 = 1.3;
-/// A joint that gives this share of its variance to a base that gives way feels it.
-pub(crate) const MIN_BASE_SHARE: f64 = 0.3;
-/// Joints that must: what one alone feels is its own gear, and a little on each is what another one's gear leaves there.
-const MIN_JOINTS_OF_BASE: usize = 2;
-/// Most that a joint may lose, in units of the variance it keeps.
-const MAX_BASE_LOSS: f64 = 0.05;
 
 /// Whether several joints feel the base and none is worse, from the share of each joint's variance that it takes held out.
 pub(crate) fn is_felt(shares: &[f64]) -> bool {
-    shares.iter().filter(|s| **s >= MIN_BASE_SHARE).count() >= MIN_JOINTS_OF_BASE
-        && shares.iter().all(|s| *s > -MAX_BASE_LOSS)
+    shares.iter().filter(|s| **s >= POLICY.adoption.min_base_share).count() >= POLICY.adoption.min_joints_of_base
+        && shares.iter().all(|s| *s > -POLICY.adoption.max_base_loss)
 }
 
 /// Whether the runs tell the frequency of a mode with this gain: it is not the highest or lowest that is looked for, others
@@ -28,7 +21,7 @@ pub(crate) fn is_frequency_identified(search: &Search<'_>, mode: &Mode, gain: f6
     let behind = |hz: f64| {
         let elsewhere = search.candidate(Form::Base { mode: Mode { hz, ..*mode } }, physics);
         let standing = elsewhere.and_then(|candidate| search.standing(0, &candidate, &solved));
-        standing.is_none_or(|standing| standing.gain < gain - MIN_FREQUENCY_EVIDENCE)
+        standing.is_none_or(|standing| standing.gain < gain - POLICY.adoption.min_base_frequency_gain)
     };
     let inside = mode.hz > 1.01 * LOWEST_MODE_HZ
         && mode.hz < 0.99 * mode.highest_hz

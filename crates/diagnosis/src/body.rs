@@ -12,21 +12,18 @@ use rivet_dynamics::Parameter;
 use crate::adopted::Adopted;
 use crate::evidence::{Belief, FOLDS, Solved};
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::possible::{self, Impossible};
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Found, Selected};
 
-/// Share of a joint's gap that it must take ...
-const OF_JOINT: f64 = 0.5;
-/// ... on so many joints.
+/// Joints on which one body at the flange must take its share of the gap.
 const JOINTS: usize = 3;
-/// How much worse it may leave any joint, as a share of its gap.
-const WORSE: f64 = 0.1;
 /// How far the body's centre is from the last link's origin, as a share of the arm's reach.
 const OFF_FLANGE: f64 = 0.15;
 /// What is left to values of links that are held, as a share of their usual error.
-const HELD: f64 = 0.03;
+const HELD_LINK_ERROR_SHARE: f64 = 0.03;
 
 /// The body, where it is the simpler explanation; nothing where the equations of the question have no solution.
 /// `impossible`: what of a body that would be is none.
@@ -65,8 +62,8 @@ pub(crate) fn at_flange(
     ));
     // The share tells nothing apart: 0.78 to 0.96 without a load, 0.85 to 1.17 with one. The joints do.
     let stands = candidate.form.plausible(added.c.as_slice())
-        && falls.iter().all(|fall| *fall >= -WORSE)
-        && falls.iter().filter(|fall| **fall >= OF_JOINT).count() >= JOINTS;
+        && falls.iter().all(|fall| *fall >= -POLICY.adoption.max_body_loss_share)
+        && falls.iter().filter(|fall| **fall >= POLICY.adoption.min_body_gap_share).count() >= JOINTS;
     if !stands {
         return Some(None);
     }
@@ -105,7 +102,7 @@ fn links_held(search: &mut Search<'_>) -> Option<Solved> {
     let usual = search.design.background.std.clone();
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
         if matches!(parameter, Parameter::Link { .. }) {
-            search.design.background.std[at] *= HELD / search.scale;
+            search.design.background.std[at] *= HELD_LINK_ERROR_SHARE / search.scale;
         }
     }
     let solved = search.solved(search.scale);

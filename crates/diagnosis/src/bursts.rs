@@ -5,7 +5,7 @@ use crate::search::Search;
 /// A row belongs to a burst when its mean square, in units of each joint's usual residual, is above this.
 const HIGH: f64 = 25.0;
 /// A joint feels it when its own is above this; contact is felt by several.
-const FELT: f64 = 9.0;
+const MIN_JOINT_POWER: f64 = 9.0;
 /// Starting up and stopping are no contact: the ends of a run are left out \[s\].
 const EDGE_S: f64 = 1.0;
 /// Rows are averaged over this \[s\].
@@ -17,7 +17,7 @@ const MARGIN_S: f64 = 0.15;
 /// Rounds of trimming.
 const TRIMMINGS: usize = 6;
 /// Share of the blocks that values are told by.
-const KEPT: f64 = 0.4;
+const CALM_BLOCK_SHARE: f64 = 0.4;
 /// Scale of the nominal's errors while trimming.
 const TRIM_SCALE: f64 = 0.5;
 /// With more of the time in bursts they are not bursts.
@@ -45,7 +45,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
         weights = usual.iter().map(|u| 1.0 / (u * u)).collect();
         let mut errors: Vec<(f64, usize)> = (0..blocks).map(|b| (background.error(&weights, b, &solved), b)).collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
-        kept = errors.iter().take((blocks as f64 * KEPT).ceil() as usize).map(|e| e.1).collect();
+        kept = errors.iter().take((blocks as f64 * CALM_BLOCK_SHARE).ceil() as usize).map(|e| e.1).collect();
         found = Some((residuals, usual));
     }
     let (residuals, usual) = found?;
@@ -59,7 +59,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
             let around = k.saturating_sub(half)..(k + half + 1).min(rows);
             let mean = |j: usize| around.clone().map(|k| power(j, k)).sum::<f64>() / around.len() as f64;
             let joint_powers: Vec<f64> = (0..joints).map(mean).collect();
-            let felt = joint_powers.iter().filter(|p| **p > FELT).count();
+            let felt = joint_powers.iter().filter(|p| **p > MIN_JOINT_POWER).count();
             let t = run.chain.sample_of(k) as f64 * run.run.period_s;
             let inside = t > EDGE_S && t < run.run.seconds() - EDGE_S;
             if joint_powers.iter().sum::<f64>() / joints as f64 <= HIGH || felt < 2.min(joints) || !inside {

@@ -20,12 +20,12 @@ use crate::search::{Bursts, Candidate, Search};
 /// Distance between the tops of two hats \[s\].
 const HAT_S: f64 = 0.25;
 /// Longer bursts are cut into parts \[s\]: the columns of one are solved for together.
-const LONGEST_S: f64 = 10.0;
+const MAX_BURST_S: f64 = 10.0;
 /// Beside the last link itself, and what its centre is away at most \[m\].
 const HAND_M: f64 = 0.05;
 const LONGEST_M: f64 = 0.5;
 /// Prior standard deviation of a force: it may be this share of the torque of the joint that feels it most.
-const FREE: f64 = 0.3;
+const FORCE_PRIOR_TORQUE_SHARE: f64 = 0.3;
 
 /// Numbers of a force, and of one with a moment.
 pub(crate) fn numbers(moment: bool) -> usize {
@@ -120,7 +120,7 @@ fn free(column: &[Vec<f64>], torque: &[f64]) -> Option<f64> {
         if square > 0.0 { (torque / square).sqrt() } else { f64::INFINITY }
     };
     let least = column.iter().zip(torque).map(ratio).fold(f64::INFINITY, f64::min);
-    least.is_finite().then_some(FREE * least)
+    least.is_finite().then_some(FORCE_PRIOR_TORQUE_SHARE * least)
 }
 
 /// Stretches of one run without beliefs and products. They share no row: where filters reach from one into the next they
@@ -129,7 +129,7 @@ fn stretches(at: usize, run: &Prepared, physics: &Physics<'_>, windows: &[(f64, 
     let parts: Vec<(f64, f64)> = windows
         .iter()
         .flat_map(|(from, to)| {
-            let count = ((to - from) / LONGEST_S).ceil().max(1.0);
+            let count = ((to - from) / MAX_BURST_S).ceil().max(1.0);
             let end = move |k: usize| from + (to - from) * k as f64 / count;
             (0..count as usize).map(move |k| (end(k), end(k + 1)))
         })

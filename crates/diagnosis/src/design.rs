@@ -19,14 +19,14 @@ use crate::silence;
 /// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
 /// ... and shorter on short runs: held-out blocks need this many.
-const LEAST_BLOCKS: f64 = 8.0;
+const MIN_FOLD_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
 /// A joint that stands for longer than this holds one torque \[s\].
 const HOLDS_S: f64 = 1.0;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
-const EXACT: f64 = 1e-3;
+const MIN_TORQUE_ERROR_SHARE: f64 = 1e-3;
 /// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
 /// its sample.
 const TIMING: f64 = 0.5;
@@ -98,7 +98,9 @@ impl Prepared {
         let white: Vec<f64> = run.tau.iter().map(noise).collect();
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
-        let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
+        let least = tau
+            .iter()
+            .map(|t| MIN_TORQUE_ERROR_SHARE * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
         let floor = white.iter().zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
         // What rounding to steps takes from a torque that no noise carries over them is no faster than the torque.
         let rounding = |tau: &Vec<f64>| signals::resolution(tau) / 12.0_f64.sqrt();
@@ -354,7 +356,7 @@ impl Design {
             },
         };
         let seconds: f64 = runs.iter().map(|r| r.run.seconds()).sum();
-        let block_s = BLOCK_S.min(seconds / LEAST_BLOCKS);
+        let block_s = BLOCK_S.min(seconds / MIN_FOLD_BLOCKS);
         for (r, run) in runs.iter().enumerate() {
             let rows = run.rows();
             let root: Vec<Vec<f64>> = (0..n).map(|j| run.roots(j, noise[j])).collect();

@@ -12,14 +12,8 @@
 
 use crate::form::{Form, MOST_TRAVEL};
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search, Standing};
-
-/// From this share on the state is the joint's friction. Bristles of three other programs have 0.77 to 1.00, hoses with 0.3 to three times
-/// the joint's own friction 0.26 to 0.74.
-const WHOLE: f64 = 0.75;
-/// What is dragged along gives way over more than this \[rad\]; what turns over as soon as that is how softly the joint's own friction does,
-/// whatever level it has.
-const SHORT: f64 = 2e-3;
 
 /// What a form with such a state is by its share of the joint's friction.
 pub(crate) enum Kind {
@@ -50,7 +44,7 @@ pub(crate) fn kind(
             let share = share(search, physics, joint, &its)?;
             say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
             let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
-            if share < WHOLE {
+            if share < POLICY.adoption.min_own_friction_share {
                 return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
             }
             let presliding = search.candidate(Form::Presliding { joint, length }, physics);
@@ -68,7 +62,8 @@ pub(crate) fn kind(
 
 /// Whether that share of friction, which turns over within `length` \[rad\], is the joint's own.
 fn is_own(share: f64, length: f64) -> bool {
-    length < SHORT || share >= WHOLE && length < MOST_TRAVEL
+    length < POLICY.adoption.max_own_travel_rad
+        || share >= POLICY.adoption.min_own_friction_share && length < MOST_TRAVEL
 }
 
 /// H/(F + H), as [`Form::Hysteresis`] stands.

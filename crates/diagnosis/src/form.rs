@@ -449,7 +449,7 @@ impl Form {
                 vec![p.torque.iter().map(later).collect()]
             }
             Form::Lag { stands } => {
-                let late = if stands { HELD } else { 0.0 };
+                let late = if stands { HOLD_DELAY_SAMPLES } else { 0.0 };
                 let rate = |tau: &Vec<f64>| {
                     let rate = derivative(tau, p.period_s());
                     Some((0..samples).map(|k| at(&rate, k as f64 + late)).collect())
@@ -486,7 +486,7 @@ impl Physics<'_> {
 /// A spring is over two joints where the square of what crosses is more than this share of the product of their own.
 const BETWEEN: f64 = 0.1;
 /// Samples by which a command that stands for one is late on average.
-pub(crate) const HELD: f64 = 0.5;
+pub(crate) const HOLD_DELAY_SAMPLES: f64 = 0.5;
 /// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
 /// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
 const LEAST_TRAVEL: f64 = 1e-3;

@@ -11,16 +11,15 @@ use crate::body;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::motions::Class;
+use crate::policy::POLICY;
 use crate::possible;
 use crate::report::Diagnosis;
 use crate::search::Search;
 use crate::select::Selected;
 use crate::separate;
 
-/// What a body may leave of each joint's torque for it to explain as much: root mean square over that with the counterbalance.
-const ALIKE: f64 = 1.5;
 /// What is left to columns that are held, as a share of what is believed of them; less and the equations lose their digits.
-const HELD: f64 = 1e-4;
+const HELD_COLUMN_ERROR_SHARE: f64 = 1e-4;
 
 /// Adds the link to what a counterbalance is not told from; none where equations have no solution.
 pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<()> {
@@ -33,13 +32,6 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
     }
     Some(())
 }
-
-/// Log evidence that a counterbalance adds beside values that are free, from which on these may only imitate it. Where there is none it is
-/// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::adopted::LEAST_GAIN)).
-const DOUBT: f64 = 6.0;
-
-/// What one body at the flange may leave of each joint's torque for it to explain as much as all links: it is one of them.
-const AS_WELL: f64 = 1.1;
 
 /// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
 #[derive(Default)]
@@ -59,7 +51,8 @@ impl Doubts {
             let form = Form::Counterweight { joint };
             let candidate = search.candidate(form.clone(), &selected.physics);
             let added = candidate.and_then(|c| free.add(&c.cells, &c.belief, &search.weights, |_| true));
-            let added = added.filter(|added| added.log_evidence - free.log_evidence >= DOUBT);
+            let added = added
+                .filter(|added| added.log_evidence - free.log_evidence >= POLICY.adoption.min_counterbalance_doubt);
             if let Some(added) = &added {
                 let gain = added.log_evidence - free.log_evidence;
                 say(&format!(
@@ -70,7 +63,7 @@ impl Doubts {
             }
             counterbalance.push(added.map(|added| (form, added.c.as_slice().to_vec())));
         }
-        let payload = body::instead_of_links(search, selected, AS_WELL)?;
+        let payload = body::instead_of_links(search, selected, POLICY.adoption.max_flange_rms_ratio)?;
         Some(Doubts { counterbalance, payload })
     }
 
@@ -137,7 +130,7 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
                 if background.scaled[first_column + entry] { width / scale } else { width };
         }
         for place in (one.place..one.place + one.mean.len()).filter(|_| held) {
-            background.std[place] *= HELD;
+            background.std[place] *= HELD_COLUMN_ERROR_SHARE;
         }
         let solved = search.solved(scale);
         let background = &search.design.background;
@@ -155,7 +148,9 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
     let all = |left: &[f64]| -> f64 { left.iter().zip(&search.weights).map(|(left, weight)| left * weight).sum() };
     // Of the counterbalance's torque what the body cannot make, as a share.
     let across = (all(&instead) - all(&both)) / (all(&neither) - all(&both)).max(f64::MIN_POSITIVE);
-    let alike = instead.iter().zip(&with).all(|(instead, with)| *instead <= ALIKE * ALIKE * with);
+    let alike = instead.iter().zip(&with).all(|(instead, with)| {
+        *instead <= POLICY.adoption.max_body_rms_ratio * POLICY.adoption.max_body_rms_ratio * with
+    });
     let moment = |entry: usize| search.nominal.x[first_column + entry] + body.x[first_column + entry];
     let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
     let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();

@@ -1,11 +1,5 @@
 //! The gap between measured and modelled torque, in one number a joint and one for the arm.
 
-/// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
-/// arms with a named effect from 2.2 on.
-pub(crate) const SOUND: f64 = 2.0;
-/// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
-pub(crate) const IN_MOTION: f64 = 4.0;
-
 /// `||τ − τ_model|| / ||τ||`: 0 is a perfect model, 1 no model at all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gap {

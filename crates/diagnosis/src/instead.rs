@@ -7,31 +7,22 @@
 
 use nalgebra::DVector;
 
-use crate::adopted::{ALONG, Adopted, LEAST_GAIN, RIVAL_GAP, Rival, is_full};
+use crate::adopted::{Adopted, Rival, is_full};
 use crate::effect::Effect;
 use crate::evidence::{CandidateSums, Solved};
 use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Found, Selected};
 use crate::value_group::Group;
-use crate::values::{WORTH, Wrong};
+use crate::values::Wrong;
 
-/// Effects of which each is tried as a whole explanation.
-const SHORT_LIST: usize = 6;
-/// Cosine of the principal angle where an effect may be only one of several groups that the effect takes the place of.
-const PARTLY_ALONG: f64 = 0.5;
-/// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
-/// none is ahead by more than 4.
-const AHEAD: f64 = 10.0;
-/// The same for friction of one direction alone, which is but a wrong level and an offset that happen to go together: on sound
-/// arms it was ahead by up to 18. (True asymmetries of 86 cases with answers were found before this is asked.)
-const AHEAD_ONE_SIDED: f64 = 25.0;
 /// Values that are behind by more than this need not be listed: it is what an effect needs over all values free, and what
 /// sets rivals apart.
-const FAR_BEHIND: f64 = LEAST_GAIN[0] + RIVAL_GAP;
+const FAR_BEHIND: f64 = POLICY.adoption.min_gain[0] + POLICY.adoption.rival_gap;
 
 /// An effect that takes the place of wrong values.
 struct Instead {
@@ -61,8 +52,8 @@ pub(crate) fn replace(
     }
     let found = find(search, wrong, selected)?;
     let least = |i: &Instead| match i.candidate.form {
-        Form::OneSided { .. } => AHEAD_ONE_SIDED,
-        _ => AHEAD,
+        Form::OneSided { .. } => POLICY.adoption.min_one_sided_gain,
+        _ => POLICY.adoption.min_replacement_gain,
     };
     let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
     for i in &found {
@@ -84,7 +75,7 @@ pub(crate) fn replace(
     let mut adoption = Adopted::new(search, candidate, &selected.physics, first.gain)?;
     let c = DVector::from_column_slice(&first.c);
     for other in others {
-        let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - RIVAL_GAP);
+        let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - POLICY.adoption.rival_gap);
         if near && form.effect() != candidate.form.effect() && other.replaces.iter().any(|at| place(&at)) {
             let its = DVector::from_column_slice(&other.c);
             // Values that one of them takes the place of would carry what the two have in common.
@@ -119,7 +110,7 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
             }
             let added = solved[at].add_sums(&sums, &candidate.belief)?;
             let evidence = added.log_evidence - candidate.price();
-            let along = cosine(&all, &solved[at], &sums, &added.c)? >= PARTLY_ALONG;
+            let along = cosine(&all, &solved[at], &sums, &added.c)? >= POLICY.adoption.min_partly_confounded_cosine;
             (along && stands(&candidate.form, added.c.as_slice())).then_some((evidence, at))
         };
         (0..groups.len()).filter_map(one).max_by(|a, b| a.0.total_cmp(&b.0))
@@ -137,12 +128,15 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
         if seen.contains(&key) {
             continue;
         }
-        if seen.len() == SHORT_LIST {
+        if seen.len() == POLICY.adoption.max_explanations_tried {
             break;
         }
         seen.push(key);
         let instead = whole(search, wrong, candidate, &selected.physics, first)?;
-        found.extend(instead.filter(|i| i.gain >= LEAST_GAIN[0] && i.cosine >= ALONG));
+        found
+            .extend(instead.filter(|i| {
+                i.gain >= POLICY.adoption.min_gain[0] && i.cosine >= POLICY.adoption.min_confounded_cosine
+            }));
     }
     found.sort_by(|a: &Instead, b| b.ahead.total_cmp(&a.ahead));
     Some(found)
@@ -181,7 +175,9 @@ fn whole(
             let more: Vec<usize> = dropped.iter().copied().chain([at]).collect();
             let solved = wrong.without(search, &more)?;
             let evidence = solved.add_sums(&sums, &candidate.belief)?.log_evidence;
-            if evidence >= now - WORTH && next.as_ref().is_none_or(|(best, ..)| evidence > *best) {
+            if evidence >= now - POLICY.adoption.min_group_evidence
+                && next.as_ref().is_none_or(|(best, ..)| evidence > *best)
+            {
                 next = Some((evidence, at, solved));
             }
         }

@@ -26,7 +26,7 @@ use crate::run::Run;
 /// Velocities at which Stribeck friction is tried, as shares of a joint's rms speed.
 const STRIBECK: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
 /// Rounds of fitting: with the weights, and the rigid torque, of the round before.
-const ROUNDS: usize = 3;
+const LADDER_FIT_ROUNDS: usize = 3;
 /// What a form may explain of its joint's torque, as a standard deviation: a weak belief, it only keeps the equations regular.
 const SHARE: f64 = 0.5;
 
@@ -190,7 +190,7 @@ fn fitted(train: &[&Prepared], nominal: &Nominal, typical: &Typical, parts: &[Pa
     let joints = train[0].tau.len();
     let mut law = Law::new(train, nominal, typical);
     let tried: &[f64] = if parts.contains(&Part::Stribeck) { &STRIBECK } else { &STRIBECK[..1] };
-    for _ in 0..ROUNDS {
+    for _ in 0..LADDER_FIT_ROUNDS {
         let mut best = vec![(f64::INFINITY, tried[0]); joints];
         for share in tried {
             let fit = law.with_stribeck(vec![*share; joints]).fit(train, nominal, typical, parts)?;

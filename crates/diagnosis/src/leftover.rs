@@ -9,7 +9,7 @@ use crate::stages::Stages;
 const LAG_S: f64 = 1.0;
 const LAG_STEP_S: f64 = 0.02;
 /// Length of a segment of the spectrum \[s\].
-const SEGMENT_S: f64 = 2.56;
+const SPECTRUM_SEGMENT_S: f64 = 2.56;
 /// The model filter leaves nothing above this \[Hz\].
 const HIGHEST_HZ: f64 = 30.0;
 /// Orders of the joint's angle: highest, and how many are kept, each the largest of its stretch.
@@ -101,7 +101,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 
 /// Frequencies \[Hz\] and one-sided amplitude densities: Hann windows, half overlapped (Welch 1967).
 fn spectrum(x: &[f64], period_s: f64) -> (Vec<f64>, Vec<f64>) {
-    let n = ((SEGMENT_S / period_s).round() as usize).min(x.len());
+    let n = ((SPECTRUM_SEGMENT_S / period_s).round() as usize).min(x.len());
     if n < 16 {
         return (Vec::new(), Vec::new());
     }

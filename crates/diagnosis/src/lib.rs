@@ -67,6 +67,7 @@ mod past;
 mod patch;
 mod physics;
 mod pipeline;
+mod policy;
 mod possible;
 mod power;
 mod predict;

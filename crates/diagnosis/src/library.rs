@@ -30,7 +30,7 @@ const CONTACT_DAMPING: f64 = 0.25;
 /// Limits of torque, as a share of the largest that the model needs.
 const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
 /// A command is cut when it goes this far beyond the limit.
-const BEYOND: f64 = 1.15;
+const MIN_COMMAND_OVER_LIMIT: f64 = 1.15;
 /// Share of a joint's time in motion in which its command may be cut: 0.05 to 0.62 in cases from another simulator. (Three runs in which a
 /// UR10e's wrist stood made a limit below all of its friction one that cuts seldom.)
 const MOSTLY_CUT: f64 = 0.7;
@@ -83,21 +83,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         forms.extend(FRICTION_ORDERS.map(|order| Form::PositionFriction { joint, order }));
         forms.extend(limits(runs, joint).into_iter().map(|limit| Form::Saturation { joint, limit }));
         forms.extend(orders[joint].iter().flat_map(|order| periodic(joint, *order)));
-        let link = inertia(runs, joint);
-        let stiffness = |hz: f64| link * (std::f64::consts::TAU * hz).powi(2);
-        let (low, high, steps) = RESONANCES;
-        for step in 0..=steps {
-            let hz = low * (high / low).powf(step as f64 / steps as f64);
-            for damping in DAMPINGS {
-                forms.push(Form::TwoMass { joint, gear: Gear { stiffness: stiffness(hz), damping, gap: 0.0 } });
-            }
-        }
-        for hz in CONTACTS {
-            for gap in GAPS {
-                let gear = Gear { stiffness: stiffness(hz), damping: CONTACT_DAMPING, gap };
-                forms.push(Form::TwoMass { joint, gear });
-            }
-        }
+        forms.extend(gears(inertia(runs, joint)).into_iter().map(|gear| Form::TwoMass { joint, gear }));
         // What one joint holds while its neighbour stands no motor brings it.
         let moves = |p: &Physics<'_>, j: usize| !stillness::is_still(p.motion, j);
         let together = joint > 0 && runs.iter().any(|p| moves(p, joint - 1) && moves(p, joint));
@@ -133,6 +119,21 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
     forms
 }
 
+/// Elastic gears, then gears with play, before a link side of that inertia \[kg·m²\].
+fn gears(link: f64) -> Vec<Gear> {
+    let stiffness = |hz: f64| link * (std::f64::consts::TAU * hz).powi(2);
+    let (low, high, steps) = RESONANCES;
+    let mut gears = Vec::new();
+    for step in 0..=steps {
+        let hz = low * (high / low).powf(step as f64 / steps as f64);
+        gears.extend(DAMPINGS.map(|damping| Gear { stiffness: stiffness(hz), damping, gap: 0.0 }));
+    }
+    for hz in CONTACTS {
+        gears.extend(GAPS.map(|gap| Gear { stiffness: stiffness(hz), damping: CONTACT_DAMPING, gap }));
+    }
+    gears
+}
+
 /// Whether the runs go far enough beyond `from` to tell what pulls from there on.
 pub(crate) fn is_reached(runs: &[Physics<'_>], joint: usize, from: f64, above: bool) -> bool {
     let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
@@ -165,7 +166,7 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
     LIMITS
         .map(|share| share * needed)
         .into_iter()
-        .filter(|limit| asked > BEYOND * limit && is_cut(runs, joint, *limit))
+        .filter(|limit| asked > MIN_COMMAND_OVER_LIMIT * limit && is_cut(runs, joint, *limit))
         .collect()
 }
 
@@ -174,7 +175,7 @@ pub(crate) fn is_cut(runs: &[Physics<'_>], joint: usize, limit: f64) -> bool {
     let signals = runs.iter().flat_map(|p| p.run.tau[joint].iter().zip(&p.motion.qd[joint]));
     let moving: Vec<f64> = signals.filter(|(_, qd)| qd.abs() > STILL).map(|(tau, _)| tau.abs()).collect();
     let beyond = |limit: f64| moving.iter().filter(|tau| **tau > limit).count() as f64 / moving.len().max(1) as f64;
-    beyond(limit) < MOSTLY_CUT && beyond(BEYOND * limit) > SELDOM_CUT
+    beyond(limit) < MOSTLY_CUT && beyond(MIN_COMMAND_OVER_LIMIT * limit) > SELDOM_CUT
 }
 
 fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::stages::Stages;
 
 /// With more causes than this, 2^16 fits, no shares are told.
-const MOST: usize = 16;
+const MAX_PLAYERS: usize = 16;
 /// What a cause has beyond those before it is rounding below this share of its squared torque.
 const INDEPENDENT: f64 = 1e-9;
 
@@ -30,7 +30,7 @@ struct Products {
 /// none where there are too many.
 pub(crate) fn shares(runs: &[Stages], players: &[usize]) -> Option<Vec<f64>> {
     let m = players.len();
-    if m > MOST {
+    if m > MAX_PLAYERS {
         return None;
     }
     let products = Products::from_stages(runs, players);

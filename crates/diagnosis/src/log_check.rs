@@ -7,31 +7,13 @@ use rivet_dynamics::Model;
 use crate::background::Nominal;
 use crate::computed;
 use crate::design::Prepared;
-use crate::log_fault::{LogFault, LogFinding, OTHER_UNIT};
+use crate::log_fault::{LogFault, LogFinding};
+use crate::policy::POLICY;
 use crate::run::Run;
 use crate::signals;
 use crate::stillness::{is_still, top_speed};
 use crate::swapped;
 
-/// ... (this many times where the file knows of no friction: 150 kg on a KR300 are 3.2 times the torque of axis 3 without it; ...
-const LOADED: f64 = 5.0;
-/// ... this many where all but this share of the squares is friction, which may be anything) ...
-const ALL_FRICTION: f64 = 10.0;
-const FELT: f64 = 0.05;
-/// What heavier bodies leave, squared, as a share of what another unit does, at most, where a load is the better explanation.
-const CLEARLY_LESS: f64 = 0.7;
-/// From this factor on it is as well where bodies and drive are both off by it, ...
-const TWICE: f64 = 1.8;
-/// ... by the same but for this share, ...
-const SAME_FACTOR: f64 = 0.1;
-/// ... each makes this share of the torque, so that neither is what the file has wrong, ...
-const BOTH_FELT: f64 = 0.2;
-/// ... and the model's torque times that is the measured one, by their correlation.
-const WHOLE_SHAPE: f64 = 0.985;
-/// Steps of torque worth a word, as a share of its rms.
-const COARSE: f64 = 0.05;
-/// Speeds that are not known to this are worth a word \[rad/s\].
-const MUCH_BLUR: f64 = 3e-3;
 /// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
 const FLAT: usize = 5;
 const FLAT_SHARE: f64 = 0.005;
@@ -114,15 +96,15 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let friction_shapes = [speed.clone(), speed.iter().map(|v| v.signum()).collect()];
         let (own, due) = (apart(tau, &friction_shapes), apart(&modelled, &friction_shapes));
         let rest = dot(&own, &due) / dot(&due, &due).max(f64::MIN_POSITIVE);
-        let felt = dot(&due, &due) > FELT * dot(&modelled, &modelled);
+        let felt = dot(&due, &due) > POLICY.screening.min_body_torque_share * dot(&modelled, &modelled);
         let n = run.silent.len();
         let unknown = [11, 12].iter().all(|at| nominal.x[at * n + j] == 0.0);
         let least = if !felt {
-            ALL_FRICTION
+            POLICY.screening.min_unit_ratio_of_friction
         } else if unknown {
-            LOADED
+            POLICY.screening.min_unit_ratio_without_friction
         } else {
-            OTHER_UNIT
+            POLICY.screening.min_unit_ratio
         };
         let off = |scale: f64| !(1.0 / least..least).contains(&scale);
         let scale = if felt && unknown { rest } else { whole };
@@ -135,16 +117,18 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         if let Some(fault) = joint_fault.or(run.silent[j]) {
             say(fault);
         }
-        if run.blur[j] > MUCH_BLUR {
+        if run.blur[j] > POLICY.screening.min_speed_blur_rad_s {
             say(LogFault::Steps { position: run.position_noise[j], speed: run.blur[j] });
         }
         let step = signals::resolution(&run.run.tau[j]);
         let rms = (dot(tau, tau) / tau.len().max(1) as f64).sqrt();
-        if step > COARSE * rms {
+        if step > POLICY.screening.min_torque_step_share * rms {
             say(LogFault::Coarse(step));
         }
         // In coarse steps every turn stands for a while.
-        if let Some(limit) = limit(&run.run.tau[j], step).filter(|limit| step < COARSE * limit) {
+        if let Some(limit) =
+            limit(&run.run.tau[j], step).filter(|limit| step < POLICY.screening.min_torque_step_share * limit)
+        {
             say(LogFault::Limit(limit));
         }
     }
@@ -208,11 +192,16 @@ fn factor(tau: &[f64], bodies: &[f64], drive: &[f64]) -> Option<f64> {
     let determinant = bb * dd - bd * bd;
     let [body, own] = [(dd * bt - bd * dt) / determinant, (bb * dt - bd * bt) / determinant];
     let factor = (bt + dt) / (bb + 2.0 * bd + dd);
-    let felt = |part: f64, square: f64| part.powi(2) * square > BOTH_FELT.powi(2) * tt;
+    let felt = |part: f64, square: f64| part.powi(2) * square > POLICY.screening.min_part_share.powi(2) * tt;
     let shape = (bt + dt) / ((bb + 2.0 * bd + dd) * tt).sqrt();
-    let same = |part: f64| (part / factor - 1.0).abs() < SAME_FACTOR;
-    let off = !(1.0 / TWICE..TWICE).contains(&factor);
-    (off && shape > WHOLE_SHAPE && same(body) && same(own) && felt(body, bb) && felt(own, dd)).then_some(factor)
+    let same = |part: f64| (part / factor - 1.0).abs() < POLICY.screening.max_factor_difference;
+    let off = !(1.0 / POLICY.screening.min_common_factor..POLICY.screening.min_common_factor).contains(&factor);
+    (off && shape > POLICY.screening.min_whole_correlation
+        && same(body)
+        && same(own)
+        && felt(body, bb)
+        && felt(own, dd))
+    .then_some(factor)
 }
 
 /// Whether heavier bodies, those of the file and one at the flange, explain a torque better beside the drive as it is than another unit of
@@ -223,7 +212,7 @@ fn is_load(tau: &[f64], bodies: &[f64], at_flange: Option<&[f64]>, drive: &[f64]
     let heavier: Vec<Vec<f64>> = [Some(bodies), at_flange].into_iter().flatten().map(<[f64]>::to_vec).collect();
     let load = apart(&less, &heavier);
     let unit = apart(tau, &[whole]);
-    dot(&load, &load) < CLEARLY_LESS * dot(&unit, &unit)
+    dot(&load, &load) < POLICY.screening.max_load_residual_share * dot(&unit, &unit)
 }
 
 /// The largest torque of a signal in steps of `step` (0 without), if it is held for stretches.

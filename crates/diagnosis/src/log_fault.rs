@@ -2,18 +2,7 @@
 
 use std::f64::consts::TAU;
 
-/// Correlation of torque with speed below which a joint would make energy: over a motion that comes back, what bodies
-/// and gravity take they give again, and friction only takes.
-const MAKES_ENERGY: f64 = -0.3;
-/// Unless torque and model correlate by more.
-const LIKE_THE_MODEL: f64 = 0.5;
-/// Correlation with the model's torque below which it is the model's with the other sign, where friction takes nothing either: a
-/// model that hangs the wrong way round has the sign of gravity wrong, not that of friction.
-const UNLIKE_THE_MODEL: f64 = -0.7;
-/// A torque this many times the model's (or one over it) is in another unit if it is the model's torque but for the factor.
-pub(crate) const OTHER_UNIT: f64 = 3.0;
-/// Correlation with the model's torque from which it is the model's but for a factor.
-const SAME_SHAPE: f64 = 0.9;
+use crate::policy::POLICY;
 
 /// A fault of one joint's signals.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,11 +101,13 @@ impl LogFault {
     /// * `scale`: torque over the model's, least squares
     pub fn of_torque(dissipates: f64, alike: f64, scale: f64) -> Option<LogFault> {
         // A motion that does not come back may give more energy to gravity than friction takes; the model knows of that.
-        if dissipates < MAKES_ENERGY && alike < LIKE_THE_MODEL {
+        if dissipates < POLICY.screening.max_energy_correlation && alike < POLICY.screening.min_model_correlation {
             Some(LogFault::Sign(dissipates))
-        } else if alike < UNLIKE_THE_MODEL && dissipates < 0.0 {
+        } else if alike < POLICY.screening.max_opposite_correlation && dissipates < 0.0 {
             Some(LogFault::Opposite(alike))
-        } else if alike > SAME_SHAPE && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&scale) {
+        } else if alike > POLICY.screening.min_shape_correlation
+            && !(1.0 / POLICY.screening.min_unit_ratio..POLICY.screening.min_unit_ratio).contains(&scale)
+        {
             Some(LogFault::Scale(scale))
         } else {
             None
@@ -202,7 +193,57 @@ impl LogFault {
 
     /// What a person would say.
     pub fn text(self) -> String {
-        match self {
+        self.text_of_motion().or_else(|| self.text_of_torque()).unwrap_or_default()
+    }
+
+    /// Of the positions, and of all channels; none of a fault of the torque.
+    fn text_of_motion(self) -> Option<String> {
+        Some(match self {
+            LogFault::PositionSign { as_logged, turned } => format!(
+                "the sign of this position is wrong: the residual of a rigid arm with friction is {} times the noise \
+                 over all joints as logged, and {} times with the other sign; not evaluated",
+                digits(as_logged),
+                digits(turned)
+            ),
+            LogFault::Exchanged(other) => format!(
+                "by the model these are position and torque of joint {}, and that joint has those of this one: are \
+                 two joints exchanged?",
+                other + 1
+            ),
+            LogFault::Glitches(count) => {
+                format!(
+                    "position leaves its path {count} time{} for a few samples: interpolated",
+                    if count == 1 { "" } else { "s" }
+                )
+            }
+            LogFault::Wrapped(count) => {
+                format!("angle wraps {count} time{}: unwrapped", if count == 1 { "" } else { "s" })
+            }
+            LogFault::Jump { at, by } => {
+                format!(
+                    "position jumps by {by:.3} rad at {at:.2} s and stays: the log is cut \
+                     there, its longest part is used"
+                )
+            }
+            LogFault::Frozen { from, seconds } => format!(
+                "all channels are constant for {seconds:.2} s from {from:.2} s on although the joint moved: the log \
+                 is cut there, its longest part is used"
+            ),
+            LogFault::Held { samples, seconds } => {
+                format!("positions are held for {samples} rows, {:.1} ms: the log is used at that rate", 1e3 * seconds)
+            }
+            LogFault::Steps { position, speed } => format!(
+                "position is known to {position:.1e} rad only (steps or noise): below {speed:.3} rad/s the direction \
+                 of motion, and of friction, is unknown"
+            ),
+            LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: its friction is not identifiable"),
+            _ => return None,
+        })
+    }
+
+    /// Of the torque; none of a fault of the positions.
+    fn text_of_torque(self) -> Option<String> {
+        Some(match self {
             LogFault::Sign(v) => format!(
                 "torque runs against motion (correlation {v:.2}): its friction would generate energy, so the sign of \
                  this torque or position, or the scale, is wrong"
@@ -210,12 +251,6 @@ impl LogFault {
             LogFault::Opposite(v) => format!(
                 "torque opposes the model's (correlation {v:.2}) and friction explains none of it: the sign of this \
                  torque, or of this position, is wrong"
-            ),
-            LogFault::PositionSign { as_logged, turned } => format!(
-                "the sign of this position is wrong: the residual of a rigid arm with friction is {} times the noise \
-                 over all joints as logged, and {} times with the other sign; not evaluated",
-                digits(as_logged),
-                digits(turned)
             ),
             LogFault::Scale(v) => format!("torque is {} times the model's: another unit or gear ratio?", digits(v)),
             LogFault::Silent { carries: 0.0, .. } => {
@@ -230,11 +265,6 @@ impl LogFault {
             LogFault::Swapped(other) => format!(
                 "by the model this is the torque of joint {}, and that column has the torque of this joint: are two \
                  columns exchanged?",
-                other + 1
-            ),
-            LogFault::Exchanged(other) => format!(
-                "by the model these are position and torque of joint {}, and that joint has those of this one: are \
-                 two joints exchanged?",
                 other + 1
             ),
             LogFault::Weightless(v) => format!(
@@ -265,34 +295,8 @@ impl LogFault {
                  neighbouring values",
                 if samples == 1 { "" } else { "s" }
             ),
-            LogFault::Glitches(count) => {
-                format!(
-                    "position leaves its path {count} time{} for a few samples: interpolated",
-                    if count == 1 { "" } else { "s" }
-                )
-            }
-            LogFault::Wrapped(count) => {
-                format!("angle wraps {count} time{}: unwrapped", if count == 1 { "" } else { "s" })
-            }
-            LogFault::Jump { at, by } => {
-                format!(
-                    "position jumps by {by:.3} rad at {at:.2} s and stays: the log is cut \
-                     there, its longest part is used"
-                )
-            }
-            LogFault::Frozen { from, seconds } => format!(
-                "all channels are constant for {seconds:.2} s from {from:.2} s on although the joint moved: the log \
-                 is cut there, its longest part is used"
-            ),
-            LogFault::Held { samples, seconds } => {
-                format!("positions are held for {samples} rows, {:.1} ms: the log is used at that rate", 1e3 * seconds)
-            }
-            LogFault::Steps { position, speed } => format!(
-                "position is known to {position:.1e} rad only (steps or noise): below {speed:.3} rad/s the direction \
-                 of motion, and of friction, is unknown"
-            ),
-            LogFault::Still(v) => format!("moves no faster than {v:.4} rad/s: its friction is not identifiable"),
-        }
+            _ => return None,
+        })
     }
 }
 

@@ -5,12 +5,8 @@ use rivet_dynamics::Parameter;
 use crate::background::Nominal;
 use crate::details::{ParameterLine, ParameterState};
 use crate::effect::Effect;
-use crate::gap::SOUND;
+use crate::policy::POLICY;
 use crate::report::{Cause, JointGap};
-
-/// In units of a usual offset. Of 17 joints of another simulator with 2 and more of it the six with friction that differs had 2.1 to 6.4, and
-/// one with an offset of the torque 3.0; others kept a gap.
-const BEYOND: f64 = 3.5;
 
 /// What is told of joints that an offset brought down to their noise. It is a value that is free in every fit, so that no effect that has the
 /// same torque is missed there.
@@ -19,8 +15,10 @@ pub(crate) fn causes(nominal: &Nominal, parameters: &[ParameterLine], joints: &[
         let Parameter::Offset(j) = *parameter else { return None };
         let more = line.found - line.given;
         let [given, found] = joints[j].in_motion?;
-        let fitted = given > SOUND && found <= SOUND;
-        let is_large = more.abs() > BEYOND * usual && line.state == ParameterState::Pinned && fitted;
+        let fitted = given > POLICY.held_out.max_sound_gap && found <= POLICY.held_out.max_sound_gap;
+        let is_large = more.abs() > POLICY.held_out.min_offset_over_usual * usual
+            && line.state == ParameterState::Pinned
+            && fitted;
         is_large.then(|| {
             let friction = nominal.x[12 * nominal.model.arm.dof() + j];
             let share = if friction > 0.0 {

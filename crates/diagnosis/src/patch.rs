@@ -12,7 +12,7 @@ use crate::evidence::Solved;
 use crate::form::Form;
 use crate::formats::{Carrying, FormatReport, Part, PartKind, reports, rms};
 use crate::known::Carried;
-use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
+use crate::motions::{self, Class, IdentifiedArm, MotionBounds, SeparatingMotion};
 use crate::parts::Told;
 use crate::possible;
 use crate::rows::Column;
@@ -241,10 +241,8 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     // Residuals that hang together say less.
     let noise: Vec<f64> =
         search.noise.iter().zip(&search.correlations).map(|(noise, rows)| noise * rows.sqrt()).collect();
-    let motions = classes
-        .iter()
-        .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &noise, found.bounds))
-        .collect();
+    let arm = IdentifiedArm { model: &model, x: &standard, deviations: &usual, noise: &noise };
+    let motions = classes.iter().filter_map(|class| motions::best(class, arm, &looked_at, found.bounds)).collect();
     // That other values are believed as given makes none of them better known.
     let freely = base_covariance(&base_set, found.freely);
     let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(freely[i * base.len() + i]).max(0.0).sqrt());

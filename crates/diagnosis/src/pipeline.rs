@@ -13,7 +13,6 @@ use crate::exhibit;
 use crate::form::Form;
 use crate::freed;
 use crate::gap::Gap;
-use crate::gap::IN_MOTION;
 use crate::instead;
 use crate::leftover;
 use crate::log_check;
@@ -23,7 +22,8 @@ use crate::offsets;
 use crate::opened::Opened;
 use crate::patch::{self, Patch};
 use crate::physics::Physics;
-use crate::predict::{Prediction, predict};
+use crate::policy::POLICY;
+use crate::predict::{Fitted, Prediction, predict};
 use crate::procedure::{Procedure, Step};
 use crate::regimes::{self, Cell, Regime};
 use crate::report::{Cause, Diagnosis};
@@ -40,7 +40,7 @@ use crate::views;
 use crate::written::Kept;
 
 /// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
-const MOST: f64 = 0.75;
+const MIN_TAKEN_SQUARE_SHARE: f64 = 0.75;
 
 impl Procedure<'_> {
     /// None where the equations have no solution.
@@ -113,7 +113,8 @@ impl Procedure<'_> {
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
         let silent: Vec<usize> =
             steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
-        let prediction = predict(&search, &seen, &hidden, &self.nominal.x, &order, &x, &means, &silent)?;
+        let fitted = Fitted { nominal: &self.nominal.x, steps: &order, x: &x, means: &means };
+        let prediction = predict(&search, &seen, &hidden, &fitted, &silent)?;
         say("the sealed torque");
         log.extend(log_check::check(self.sealed, self.nominal));
         let with_turns =
@@ -137,8 +138,11 @@ impl Procedure<'_> {
         let trusted: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
         // Values that the sealed run refutes say nothing of the file.
         let as_given: Vec<f64> = report.per_joint.iter().map(|gap| gap.before).collect();
-        let fitted: Vec<bool> =
-            report.per_joint.iter().map(|gap| gap.in_motion.is_none_or(|[_, after]| after <= IN_MOTION)).collect();
+        let fitted: Vec<bool> = report
+            .per_joint
+            .iter()
+            .map(|gap| gap.in_motion.is_none_or(|[_, after]| after <= POLICY.held_out.min_gap_in_motion))
+            .collect();
         let of_the_arm = |g: &&Group| matches!(g.effect, Effect::LinkInertia | Effect::RotorInertia);
         let impossible: Vec<usize> =
             wrong.impossible.iter().map(|(group, _)| group).filter(of_the_arm).map(|group| group.joint).collect();
@@ -222,7 +226,7 @@ impl Procedure<'_> {
         };
         let (square, rows) =
             self.look.iter().map(gap).fold((0.0, 0.0), |(s, n), (square, rows)| (s + square, n + rows));
-        search.first_noise[j].powi(2) * f64::max(rows, 1.0) < (1.0 - MOST) * square
+        search.first_noise[j].powi(2) * f64::max(rows, 1.0) < (1.0 - MIN_TAKEN_SQUARE_SHARE) * square
     }
 
     /// What stands behind the figures; `measured`: the sealed run step by step, and with what is told.

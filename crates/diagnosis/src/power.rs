@@ -18,7 +18,7 @@ use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::run::Run;
 use crate::search::{Candidate, Search};
-use crate::select::{Selected, best};
+use crate::select::{Round, Selected};
 use crate::timing;
 
 /// An effect that was named, with what cannot be told from it and its joints (none: the whole arm).
@@ -153,7 +153,15 @@ impl<'a> Probe<'a> {
         for candidate in &mut self.candidates {
             self.search.design.retarget(candidate);
         }
-        let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, None, false, &mut |_| ());
+        let round = Round {
+            search: &self.search,
+            candidates: &self.candidates,
+            physics: &self.physics,
+            adopted: &self.adopted,
+            flips: None,
+            refined: false,
+        };
+        let found = round.best(&mut |_| ());
         self.candidates.truncate(kept);
         let (_, adopted) = found??;
         // As the report decides: what is left where the effect is said to act must be explained.

@@ -35,7 +35,7 @@ impl Regime {
 }
 
 /// Time around a change of direction that counts as reversal \[s\].
-const REVERSAL_S: f64 = 0.15;
+const REVERSAL_WINDOW_S: f64 = 0.15;
 /// Share of a joint's top speed below which it is slow, and below which it rests.
 const SLOW: [f64; 2] = [0.1, 0.005];
 
@@ -49,7 +49,7 @@ pub(crate) fn classify(run: &Prepared, joint: usize) -> Vec<Regime> {
     let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let top = speed.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-9);
     let usual = rms(&accel);
-    let near = (REVERSAL_S / run.chain.row_period_s).round().max(1.0) as usize;
+    let near = (REVERSAL_WINDOW_S / run.chain.row_period_s).round().max(1.0) as usize;
     let mut regimes: Vec<Regime> = speed
         .iter()
         .zip(&accel)
@@ -93,10 +93,10 @@ pub struct Cell {
 
 impl Cell {
     /// Less time in a regime than this \[s\] says nothing about it.
-    pub const LEAST_SECONDS: f64 = 0.3;
+    pub const MIN_REGIME_TIME_S: f64 = 0.3;
 
     /// Whether there are data enough to say anything.
     pub fn is_known(&self) -> bool {
-        self.seconds >= Cell::LEAST_SECONDS
+        self.seconds >= Cell::MIN_REGIME_TIME_S
     }
 }

@@ -8,21 +8,21 @@ use crate::design::Prepared;
 use crate::report::Scatter;
 
 /// Length of the stretches that are looked for again \[s\].
-const STRETCH_S: f64 = 3.0;
+const REPEATED_STRETCH_S: f64 = 3.0;
 /// Some joint goes at least this far in one \[rad\].
 const SPAN: f64 = 0.05;
 /// Steps in which the other run is searched, and places of a stretch that are compared first \[rows\].
-const COARSE: usize = 5;
+const COARSE_SEARCH_ROWS: usize = 5;
 const PLACES: usize = 8;
 /// Positions are alike there within this and what a joint goes in one such step \[rad\] ...
-const NEAR: f64 = 0.01;
+const MAX_POSITION_DISTANCE_RAD: f64 = 0.01;
 /// ... and in the end by this root mean square \[rad\], and this share of a joint's span.
-const ALIKE: f64 = 1e-3;
+const MAX_PATH_DIFFERENCE: f64 = 1e-3;
 const ALIKE_SHARE: f64 = 0.005;
 /// Speed below which friction of a joint is what it pleases \[rad/s\].
-const MOVING: f64 = 0.02;
+const MIN_REPEATED_SPEED_RAD_S: f64 = 0.02;
 /// Time in motion that has to be seen twice before it says anything \[s\].
-const LEAST_S: f64 = 3.0;
+const MIN_REPEATED_S: f64 = 3.0;
 
 /// Rows of one run that come again, and where: rows of the other, as far as they are between two.
 struct Again {
@@ -72,14 +72,14 @@ pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
     let scatter = |(square, rows): (f64, f64)| {
         let seconds = rows * period;
         // Both runs have it.
-        (seconds >= LEAST_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
+        (seconds >= MIN_REPEATED_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
     };
     sums.into_iter().map(scatter).collect()
 }
 
 /// Stretches of `one` that are in `other`; of one run what comes later.
 fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
-    let length = (STRETCH_S / one.run.chain.row_period_s) as usize;
+    let length = (REPEATED_STRETCH_S / one.run.chain.row_period_s) as usize;
     let mut found = Vec::new();
     let mut from = 0;
     while from + length < one.len() {
@@ -100,7 +100,9 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
         while at < last {
             if near(one, other, rows.start, at, length) {
                 // Rows around it.
-                let around: Vec<usize> = (at.saturating_sub(COARSE).max(first)..(at + COARSE + 1).min(last)).collect();
+                let around: Vec<usize> = (at.saturating_sub(COARSE_SEARCH_ROWS).max(first)
+                    ..(at + COARSE_SEARCH_ROWS + 1).min(last))
+                    .collect();
                 let costs: Vec<f64> = around.iter().map(|at| cost(one, other, &rows, *at)).collect();
                 let least = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
                 let part = match (least.checked_sub(1).map(|k| costs[k]), costs.get(least + 1)) {
@@ -114,7 +116,7 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
                     best = Some((costs[least], place));
                 }
             }
-            at += COARSE;
+            at += COARSE_SEARCH_ROWS;
         }
         let Some((_, place)) = best else { continue };
         let alike = (0..spans.len()).all(|j| {
@@ -122,7 +124,7 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
                 .clone()
                 .map(|k| (one.q[j][k] - between(&other.q[j], place + (k - rows.start) as f64)).powi(2))
                 .sum();
-            (square / length as f64).sqrt() < ALIKE + ALIKE_SHARE * spans[j]
+            (square / length as f64).sqrt() < MAX_PATH_DIFFERENCE + ALIKE_SHARE * spans[j]
         });
         if alike {
             found.push(Again { later: place - rows.start as f64, rows });
@@ -132,16 +134,18 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
 }
 
 fn near(one: &Rows<'_>, other: &Rows<'_>, from: usize, at: usize, length: usize) -> bool {
-    let step = COARSE as f64 * one.run.chain.row_period_s;
+    let step = COARSE_SEARCH_ROWS as f64 * one.run.chain.row_period_s;
     (0..=PLACES).all(|p| {
         let k = p * length / PLACES;
-        (0..one.q.len())
-            .all(|j| (one.q[j][from + k] - other.q[j][at + k]).abs() < NEAR + step * one.qd[j][from + k].abs())
+        (0..one.q.len()).all(|j| {
+            (one.q[j][from + k] - other.q[j][at + k]).abs()
+                < MAX_POSITION_DISTANCE_RAD + step * one.qd[j][from + k].abs()
+        })
     })
 }
 
 fn cost(one: &Rows<'_>, other: &Rows<'_>, rows: &Range<usize>, at: usize) -> f64 {
-    let each = rows.clone().step_by(COARSE);
+    let each = rows.clone().step_by(COARSE_SEARCH_ROWS);
     each.map(|k| (0..one.q.len()).map(|j| (one.q[j][k] - other.q[j][at + k - rows.start]).powi(2)).sum::<f64>()).sum()
 }
 
@@ -154,7 +158,7 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     let places: Vec<(usize, f64)> = again
         .iter()
         .flat_map(|a| a.rows.clone().map(|k| (k, k as f64 + a.later)))
-        .filter(|(k, _)| one.qd[j][*k].abs() > MOVING)
+        .filter(|(k, _)| one.qd[j][*k].abs() > MIN_REPEATED_SPEED_RAD_S)
         .collect();
     let tau = &other.run.tau[j];
     let sampled = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();

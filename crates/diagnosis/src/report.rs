@@ -3,8 +3,8 @@
 use crate::details::Details;
 use crate::effect::Effect;
 use crate::exhibit::Curve;
-use crate::gap::IN_MOTION;
 use crate::log_fault::LogFinding;
+use crate::policy::POLICY;
 use crate::regimes::Cell;
 
 /// The answer in one word.
@@ -134,12 +134,12 @@ impl JointGap {
 
     /// Whether there is more than noise in motion, as given or with all causes.
     pub(crate) fn is_open(&self) -> bool {
-        self.in_motion.iter().flatten().any(|times| *times > IN_MOTION)
+        self.in_motion.iter().flatten().any(|times| *times > POLICY.held_out.min_gap_in_motion)
     }
 
     /// Whether more than noise is left in motion with all causes.
     pub(crate) fn is_left(&self) -> bool {
-        self.in_motion.is_some_and(|[_, after]| after > IN_MOTION)
+        self.in_motion.is_some_and(|[_, after]| after > POLICY.held_out.min_gap_in_motion)
     }
 }
 
@@ -193,7 +193,9 @@ impl BetweenRuns {
 
     /// `looked_at_fit`: whether nothing is left on the runs looked at.
     pub(crate) fn from_gaps(refuted: bool, looked_at_fit: bool, sealed: &[JointGap]) -> Option<BetweenRuns> {
-        let open = |at: usize| sealed.iter().any(|gap| gap.in_motion.is_some_and(|times| times[at] > IN_MOTION));
+        let open = |at: usize| {
+            sealed.iter().any(|gap| gap.in_motion.is_some_and(|times| times[at] > POLICY.held_out.min_gap_in_motion))
+        };
         match (refuted, open(0), open(1)) {
             (true, false, _) => Some(BetweenRuns::SealedAsGiven),
             (_, true, true) if looked_at_fit => Some(BetweenRuns::SealedDiffers),

@@ -16,9 +16,9 @@ const ROWS: usize = 400;
 /// No arm is known better than to this share of its torque; with the signal's noise it is the unit of what is missed.
 const KNOWN: f64 = 0.02;
 /// Directions that the motion hardly tells are rounding.
-const ROUNDING: f64 = 1e-6;
+const MOTION_DIRECTION_ROUNDING: f64 = 1e-6;
 /// Columns that are this much smaller than the largest are rounding.
-const NOTHING: f64 = 1e-13;
+const COLUMN_ROUNDING: f64 = 1e-13;
 
 /// Positions, speeds or accelerations, `[joint][sample]`.
 type Signals = Vec<Vec<f64>>;
@@ -109,7 +109,7 @@ impl<'a> FreeDrives<'a> {
             let rows = weights.iter().map(Vec::len).sum();
             let mut drive = DMatrix::zeros(rows, 0);
             if !columns.is_empty() {
-                drive = range(&DMatrix::from_columns(&columns), ROUNDING).unwrap_or(drive);
+                drive = range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING).unwrap_or(drive);
             }
             Joint { at: joint, weights, drive }
         };
@@ -150,7 +150,8 @@ impl<'a> FreeDrives<'a> {
         let columns: Vec<DVector<f64>> =
             (10 * link..10 * (link + 1)).map(body_column).filter(|c| c.norm() > 0.0).collect();
         let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
-        let taken = if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), ROUNDING) };
+        let taken =
+            if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING) };
         let rest = taken.map_or_else(|| left.clone(), |range| left - &range * range.tr_mul(left));
         self.size(std::slice::from_ref(&rest))
     }
@@ -166,7 +167,7 @@ impl<'a> FreeDrives<'a> {
 pub(crate) fn range(columns: &DMatrix<f64>, rounding: f64) -> Option<DMatrix<f64>> {
     let size: Vec<f64> = columns.column_iter().map(|c| c.norm()).collect();
     let largest = size.iter().copied().fold(0.0, f64::max);
-    let nonzero: Vec<usize> = (0..size.len()).filter(|k| size[*k] > NOTHING * largest).collect();
+    let nonzero: Vec<usize> = (0..size.len()).filter(|k| size[*k] > COLUMN_ROUNDING * largest).collect();
     if nonzero.is_empty() || !largest.is_finite() {
         return None;
     }
@@ -228,10 +229,10 @@ mod tests {
         let column = |k: usize| DVector::from_fn(40, |row, _| ((row * (k + 3)) as f64).sin());
         let columns =
             [column(0), column(0) + 1e-9 * column(1), 1e-17 * column(2), DVector::zeros(40), 1e-3 * column(3)];
-        let basis = range(&DMatrix::from_columns(&columns), ROUNDING).expect("two directions");
+        let basis = range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING).expect("two directions");
         assert_eq!(basis.ncols(), 2);
         assert!((basis.tr_mul(&basis) - DMatrix::identity(2, 2)).norm() < 1e-12);
-        assert_eq!(range(&DMatrix::zeros(40, 3), ROUNDING), None);
-        assert_eq!(range(&DMatrix::repeat(40, 2, f64::NAN), ROUNDING), None);
+        assert_eq!(range(&DMatrix::zeros(40, 3), MOTION_DIRECTION_ROUNDING), None);
+        assert_eq!(range(&DMatrix::repeat(40, 2, f64::NAN), MOTION_DIRECTION_ROUNDING), None);
     }
 }

@@ -2,33 +2,12 @@
 //! it, and that may be most of a gap of which no model knows better: rows are weighed by how sure the direction is.
 
 use crate::design::Prepared;
-use crate::gap::{IN_MOTION, SOUND};
+use crate::policy::POLICY;
 use crate::stages::Stages;
 use crate::stillness::is_moved;
 
-/// A cause that is missed by less than this share of its own torque does not transfer.
-const TRANSFERS: f64 = 0.3;
-/// One that takes less than this share of what the others leave on its joints is nothing that the run shows. In 75 cases of
-/// another simulator true causes took 0.6 and more; on a measured arm that nothing fits, names took 0.001 to 0.01.
-const NOTICED: f64 = 0.25;
-/// It is plain where it takes this share, and where what is left without it is this many times the noise. All but four of 51 true
-/// ones are; of false ones (signals that were tampered with: drift, slow sensors, coarse steps) the like of these.
-const PLAIN: f64 = 0.8;
-const PLAIN_OVER_NOISE: f64 = 2.0;
-/// What acts on the whole arm and leaves a joint so much more of its torque, as a share, is something else.
-const SPOILT: f64 = 0.1;
-/// With an effect at most this much of the squares in motion that the others leave is left on a joint of it. A delay found on sound
-/// arms whose friction sticks left all of it.
-const HELPED: f64 = 0.9;
-/// Nor does it help a joint of which it takes less than this share of the gap as given: of a gap of 400 times the noise, values that take it
-/// leave some times the noise as they are told of any motion, which an elastic gear fits.
-const SLIGHT: f64 = 0.01;
-
-/// A torque that is off by this share and more is in another scale.
-const SCALE: f64 = 0.1;
-
 /// Faster than this friction has turned over, however softly it does \[rad/s\]: drag is felt there.
-const FAST: f64 = 0.1;
+const MIN_SLIDING_SPEED_RAD_S: f64 = 0.1;
 
 /// The sealed run under the models from the one given to the one with all causes.
 pub(crate) struct Sealed<'a> {
@@ -96,9 +75,11 @@ impl Sealed<'_> {
             let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| self.weight(j, row) * of(row)).sum::<f64>();
             let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
             let rescaled_rms = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
-            let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
-            let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
-            (open && other && rescaled_rms <= SOUND * self.run.floor[j]).then_some((j, scale))
+            let open = self.in_motion(j).is_some_and(|[_, after]| after > POLICY.held_out.min_gap_in_motion);
+            let other = scale > 0.0
+                && !(1.0 - POLICY.held_out.min_scale_error..1.0 / (1.0 - POLICY.held_out.min_scale_error))
+                    .contains(&scale);
+            (open && other && rescaled_rms <= POLICY.held_out.max_sound_gap * self.run.floor[j]).then_some((j, scale))
         };
         self.trusted().filter_map(scale).collect()
     }
@@ -121,13 +102,13 @@ impl Sealed<'_> {
     /// Whether the model as given misses no joint in motion by more than a sound one is missed by.
     pub(crate) fn fits_as_given(&self) -> bool {
         let mut trusted = self.trusted().filter_map(|j| self.in_motion(j)).peekable();
-        trusted.peek().is_some() && trusted.all(|[before, _]| before <= SOUND)
+        trusted.peek().is_some() && trusted.all(|[before, _]| before <= POLICY.held_out.max_sound_gap)
     }
 
     /// Whether most joints keep more than noise in motion with all causes.
     pub(crate) fn is_mostly_open(&self) -> bool {
         let times: Vec<[f64; 2]> = self.trusted().filter_map(|j| self.in_motion(j)).collect();
-        2 * times.iter().filter(|times| times[1] > IN_MOTION).count() > times.len()
+        2 * times.iter().filter(|times| times[1] > POLICY.held_out.min_gap_in_motion).count() > times.len()
     }
 
     /// Whether most joints keep more than noise in motion with all causes outside of these stretches \[s\].
@@ -139,10 +120,12 @@ impl Sealed<'_> {
         let floor = |j: usize| self.run.floor[j].max(f64::MIN_POSITIVE);
         let times = |j: usize| {
             let speed = self.run.chain.sample(&self.run.motion.qd[j]);
-            let outside = |row: usize| speed[row].abs() > FAST && !windows.iter().any(|rows| rows.contains(&row));
+            let outside = |row: usize| {
+                speed[row].abs() > MIN_SLIDING_SPEED_RAD_S && !windows.iter().any(|rows| rows.contains(&row))
+            };
             self.mean_square_in(j, outside, self.residual(self.whole(), j)).sqrt() / floor(j)
         };
-        2 * self.trusted().filter(|j| times(*j) > IN_MOTION).count() > self.trusted().count()
+        2 * self.trusted().filter(|j| times(*j) > POLICY.held_out.min_gap_in_motion).count() > self.trusted().count()
     }
 
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.
@@ -176,7 +159,7 @@ impl Sealed<'_> {
     /// be worse than none.
     pub(crate) fn misses(&self, k: usize, joints: impl Iterator<Item = usize>) -> bool {
         let missed = self.missed(k, joints);
-        missed.by >= TRANSFERS * missed.due
+        missed.by >= POLICY.held_out.min_transfer_share * missed.due
     }
 
     /// The same of an effect, and whether it takes a part of what the others leave there, or would at the size that this run asks
@@ -186,7 +169,8 @@ impl Sealed<'_> {
         // Of own torque a and what is left without it r: by = 2ar - a², so that the best multiple of a takes (ar)²/a².
         let along = 0.5 * (missed.by + missed.due);
         let takes = if missed.due > 0.0 { along * along / missed.due } else { missed.by };
-        missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
+        missed.by >= POLICY.held_out.min_transfer_share * missed.due
+            && takes >= POLICY.held_out.min_noticed_share * missed.of
     }
 
     /// Whether step `k` takes some of what the others leave in motion on one of these joints, or as much as would be a gap.
@@ -196,8 +180,12 @@ impl Sealed<'_> {
                 self.mean_square(j, self.residual(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
             let without = self.without(k, j).powi(2);
             let takes = without - square_with;
-            let slight = self.in_motion(j).is_some_and(|[given, _]| takes < (SLIGHT * given).powi(2));
-            !slight && (square_with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
+            let slight = self
+                .in_motion(j)
+                .is_some_and(|[given, _]| takes < (POLICY.held_out.min_taken_gap_share * given).powi(2));
+            !slight
+                && (square_with <= POLICY.held_out.max_helped_share * without
+                    || takes > POLICY.held_out.min_gap_in_motion * POLICY.held_out.min_gap_in_motion)
         };
         joints.any(|j| self.moves(j) && helped(j))
     }
@@ -211,14 +199,19 @@ impl Sealed<'_> {
 
     /// Whether its joints, which keep a gap in motion without step `k` and had one as given, come down to what sound ones have.
     pub(crate) fn is_needed(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
-        let settles = |j| self.in_motion(j).is_some_and(|[given, after]| given > SOUND && after <= SOUND);
-        joints.all(|j| self.without(k, j) > IN_MOTION && settles(j))
+        let settles = |j| {
+            self.in_motion(j).is_some_and(|[given, after]| {
+                given > POLICY.held_out.max_sound_gap && after <= POLICY.held_out.max_sound_gap
+            })
+        };
+        joints.all(|j| self.without(k, j) > POLICY.held_out.min_gap_in_motion && settles(j))
     }
 
     /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.
     pub(crate) fn is_plain(&self, k: usize, mut joints: impl Iterator<Item = usize> + Clone) -> bool {
         let missed = self.missed(k, joints.clone());
-        missed.by >= PLAIN * missed.of && joints.any(|j| self.without(k, j) > PLAIN_OVER_NOISE)
+        missed.by >= POLICY.held_out.min_plain_share * missed.of
+            && joints.any(|j| self.without(k, j) > POLICY.held_out.min_plain_gap)
     }
 
     /// Whether step `k` leaves some joint clearly more than there is without it.
@@ -228,7 +221,9 @@ impl Sealed<'_> {
             let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
             let [with, without] =
                 [self.mean_square(j, &residual), self.mean_square(j, |row| residual(row) + step_torque(row))];
-            with.sqrt() > (1.0 + SPOILT) * without.sqrt().max(IN_MOTION * self.run.floor[j])
+            with.sqrt()
+                > (1.0 + POLICY.held_out.min_spoilt_share)
+                    * without.sqrt().max(POLICY.held_out.min_gap_in_motion * self.run.floor[j])
         })
     }
 

@@ -16,9 +16,9 @@ use crate::stillness;
 use crate::warming_candidates;
 
 /// Prior standard deviation of a free coefficient: it may contribute this share of its joint's torque.
-const FREE: f64 = 0.3;
+const COEFFICIENT_PRIOR_TORQUE_SHARE: f64 = 0.3;
 /// Of a coefficient that is 1 by the physics.
-const FIXED: f64 = 0.15;
+const UNIT_COEFFICIENT_STD: f64 = 0.15;
 /// Of a link's scale: a link several times as heavy as drawn is a payload.
 const LINK: f64 = 0.3;
 
@@ -31,7 +31,7 @@ const INNER_VALUE: f64 = 3.0;
 /// Times that rows in doubt are weighed anew.
 const REWEIGHINGS: usize = 4;
 /// Noise that changes by less than this share stays.
-const SETTLED: f64 = 0.05;
+const MAX_SETTLED_NOISE_CHANGE: f64 = 0.05;
 
 /// Scores of a candidate, whitened: coefficients x blocks.
 pub(crate) type Scores = DMatrix<f64>;
@@ -192,7 +192,7 @@ impl<'a> Search<'a> {
             let before = self.noise.clone();
             self.design.weigh_doubt(&self.runs, &before);
             self.weigh()?;
-            if before.iter().zip(&self.noise).all(|(b, n)| (b - n).abs() <= SETTLED * b) {
+            if before.iter().zip(&self.noise).all(|(b, n)| (b - n).abs() <= MAX_SETTLED_NOISE_CHANGE * b) {
                 break;
             }
         }
@@ -255,7 +255,10 @@ impl<'a> Search<'a> {
 
     fn belief(&self, form: &Form, columns: &[Vec<Column>], count: usize) -> Option<Belief> {
         if form.has_fixed_gain() {
-            return Some(Belief { mean: DVector::repeat(count, 1.0), std: DVector::repeat(count, FIXED) });
+            return Some(Belief {
+                mean: DVector::repeat(count, 1.0),
+                std: DVector::repeat(count, UNIT_COEFFICIENT_STD),
+            });
         }
         let mut std = DVector::zeros(count);
         if matches!(form, Form::LinkScale { .. }) {
@@ -283,7 +286,7 @@ impl<'a> Search<'a> {
             let ratio = (torque / square).sqrt();
             least = least.min(ratio);
         }
-        least.is_finite().then_some(FREE * least)
+        least.is_finite().then_some(COEFFICIENT_PRIOR_TORQUE_SHARE * least)
     }
 
     /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of

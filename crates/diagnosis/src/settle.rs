@@ -5,14 +5,15 @@
 //! come down to what holds, such rows count for little, and the other one is asked again. It is put in the first one's place for that:
 //! what a wrong law leaves is noise as well.
 
-use crate::adopted::{AT_FLOOR, Adopted, RIVAL_GAP};
+use crate::adopted::Adopted;
 use crate::effect::Kind;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search};
 use crate::select::Selected;
 
 /// Share of what is believed of a coefficient that holds it at nothing.
-const NOTHING: f64 = 1e-6;
+const HELD_COEFFICIENT_SHARE: f64 = 1e-6;
 
 impl<'a> Selected<'a> {
     /// Holds the last effect against its rivals: those that are clearly behind are none, one that is clearly ahead takes its place.
@@ -54,8 +55,13 @@ impl<'a> Selected<'a> {
     ) -> Option<bool> {
         let adopted = self.adopted.last()?.clone();
         let noise = |search: &Search<'_>| adopted.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
-        let is_down =
-            |search: &Search<'_>| adopted.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
+        let is_down = |search: &Search<'_>| {
+            adopted
+                .form
+                .joints()
+                .iter()
+                .all(|j| search.noise[*j] <= POLICY.adoption.max_floor_ratio_of_little_left * search.floor[*j])
+        };
         let with_own = noise(search);
         let [mine, its] = self.both(search, [&adopted.form, rival])?;
         let (mut ahead, mut down) = (mine.1 - its.1, is_down(search));
@@ -72,7 +78,7 @@ impl<'a> Selected<'a> {
                     (ahead, down) = (mine.1 - its.1, is_down(search));
                 }
                 self.adopted.pop();
-                if down && -ahead > RIVAL_GAP {
+                if down && -ahead > POLICY.adoption.rival_gap {
                     say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, adopted.form, -ahead));
                     let rivals = adopted.rivals.into_iter().filter(|r| r.form != *rival).collect();
                     let (shares, share, p_value) = (adopted.shares, adopted.share, adopted.p_value);
@@ -88,7 +94,7 @@ impl<'a> Selected<'a> {
             self.adopted.pop();
             return None;
         }
-        if down && ahead > RIVAL_GAP {
+        if down && ahead > POLICY.adoption.rival_gap {
             say(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
             self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);
         }
@@ -100,7 +106,7 @@ impl<'a> Selected<'a> {
         let last = self.adopted.last()?;
         let free = search.design.background.std.clone();
         let columns = last.place..free.len();
-        search.design.background.std.rows_mut(columns.start, columns.len()).scale_mut(NOTHING);
+        search.design.background.std.rows_mut(columns.start, columns.len()).scale_mut(HELD_COEFFICIENT_SHARE);
         let scales = search.scales();
         let gain = |form: &Form| {
             let (candidate, standing) = search.refine_over(form, &self.physics, &scales)?;

@@ -17,7 +17,7 @@ const FAR_OUTSTANDING: f64 = 2.0;
 /// ... and by this many times what is usual.
 const UNUSUAL: f64 = 20.0;
 /// More spikes than this share of the samples are no spikes.
-const FEW: f64 = 0.01;
+const MAX_SPIKE_SHARE: f64 = 0.01;
 /// A position jumps where it goes this many times as far in a sample as it does in all but a thousandth of them ...
 const JUMP: f64 = 10.0;
 /// ... and at least this far \[rad\].
@@ -113,16 +113,16 @@ fn at_own_rate(run: &Run, signals: &[Vec<f64>]) -> Option<(Vec<usize>, usize, Ru
 fn hold_period(q: &[f64]) -> Option<(usize, usize)> {
     /// Changes that tell, and the share of them that has to agree.
     const ENOUGH: usize = 200;
-    const NEARLY_ALL: f64 = 0.9;
+    const MIN_HELD_SHARE: f64 = 0.9;
     /// In steps of the encoder: what is slower holds a step by itself.
-    const FAST: f64 = 3.0;
-    let least = FAST * resolution(q);
+    const MIN_SPEED_IN_STEPS: f64 = 3.0;
+    let least = MIN_SPEED_IN_STEPS * resolution(q);
     let changes: Vec<usize> = (1..q.len()).filter(|k| (q[*k] - q[*k - 1]).abs() > least).collect();
     let mut spans: Vec<usize> = changes.windows(2).map(|w| w[1] - w[0]).collect();
     spans.sort_unstable();
     let every = *spans.get(spans.len() / 2)?;
     let (agree, first) = (spans.iter().filter(|s| **s == every).count(), *changes.first()?);
-    let plain = agree as f64 >= NEARLY_ALL * spans.len() as f64;
+    let plain = agree as f64 >= MIN_HELD_SHARE * spans.len() as f64;
     (every > 1 && spans.len() >= ENOUGH && plain).then_some((first, every))
 }
 
@@ -152,7 +152,7 @@ fn mend_spikes(x: &mut [f64], period_s: f64) -> Option<(usize, f64)> {
     let outstanding = if half < SPIKE_SAMPLES { FAR_OUTSTANDING } else { OUTSTANDING };
     let limit = f64::max(outstanding * range, UNUSUAL * quantile(&off, 0.5) / 0.6745);
     let outside: Vec<usize> = (0..x.len()).filter(|k| off[*k] > limit).collect();
-    if limit <= 0.0 || outside.is_empty() || outside.len() as f64 > FEW * x.len() as f64 {
+    if limit <= 0.0 || outside.is_empty() || outside.len() as f64 > MAX_SPIKE_SHARE * x.len() as f64 {
         return None;
     }
     let farthest = outside.iter().map(|k| x[*k]).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
@@ -221,24 +221,24 @@ pub(crate) fn white_noise_without(x: &[f64], interpolated: &[usize]) -> f64 {
 /// Standard deviation of what a position's steps or noise add to it \[rad\].
 pub(crate) fn position_noise(q: &[f64], period_s: f64) -> f64 {
     /// Below this rate motion itself has what white noise has \[s\].
-    const SLOW: f64 = 0.0021;
+    const MAX_WHITE_NOISE_PERIOD_S: f64 = 0.0021;
     let steps = resolution(q) / 12.0_f64.sqrt();
-    if period_s > SLOW { steps } else { steps.max(white_noise(q)) }
+    if period_s > MAX_WHITE_NOISE_PERIOD_S { steps } else { steps.max(white_noise(q)) }
 }
 
 /// The step of which all changes of a position are multiples \[rad\]; 0 without one.
 pub(crate) fn resolution(q: &[f64]) -> f64 {
     /// Smaller steps are those of the numbers themselves.
-    const LEAST: f64 = 1e-7;
+    const MIN_RESOLUTION: f64 = 1e-7;
     /// How near to a multiple, in steps; and of how many changes.
-    const NEAR: f64 = 0.02;
-    const NEARLY_ALL: f64 = 0.99;
-    let changes: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > LEAST).collect();
+    const MAX_MULTIPLE_ERROR: f64 = 0.02;
+    const MIN_MULTIPLE_SHARE: f64 = 0.99;
+    let changes: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > MIN_RESOLUTION).collect();
     let step = changes.iter().copied().fold(f64::INFINITY, f64::min);
     // Far multiples tell nothing: the step is not known so well.
     let near: Vec<f64> = changes.iter().map(|d| d / step).filter(|m| *m < 30.0).collect();
-    let whole = near.iter().filter(|m| (*m - m.round()).abs() < NEAR).count();
-    let enough = near.len() >= 20 && whole as f64 >= NEARLY_ALL * near.len() as f64;
+    let whole = near.iter().filter(|m| (*m - m.round()).abs() < MAX_MULTIPLE_ERROR).count();
+    let enough = near.len() >= 20 && whole as f64 >= MIN_MULTIPLE_SHARE * near.len() as f64;
     if step.is_finite() && enough { step } else { 0.0 }
 }
 

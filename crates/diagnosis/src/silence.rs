@@ -1,34 +1,27 @@
 //! Torque channels that say nothing although their joints move: dead ones, and those that hold only noise.
 
 use crate::log_fault::LogFault;
+use crate::policy::POLICY;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
 use crate::signals;
 use crate::stillness::{STILL, is_moved, is_still};
 
-/// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
-const CARRIES: f64 = 1e-3;
-/// ... and that does not follow the direction of motion by more than this correlation says nothing: a file may give far too
-/// much friction, but a joint that has less of it still shows that.
-const FOLLOWS: f64 = 0.3;
-/// A channel that varies by no more than so many times its noise has nothing else, and says nothing ...
-const ONLY_NOISE: f64 = 1.2;
-/// ... where that is no more than this share of what is due.
-const FAR_LESS: f64 = 0.2;
-/// A joint turns one way where its direction is so much on average; its level is what the drive takes by the file within these factors.
-const ONE_WAY: f64 = 0.9;
 const AS_DUE: std::ops::Range<f64> = 0.2..5.0;
 
 impl LogFault {
     /// Of a joint in motion whose torque varies by `carries` \[N·m\] and follows the direction of motion with the correlation
     /// `follows`, where friction and rotor take `due` by the file.
     pub fn of_silence(carries: f64, due: f64, follows: f64) -> Option<LogFault> {
-        (carries < CARRIES * due && follows.abs() <= FOLLOWS).then_some(LogFault::Silent { carries, due })
+        (carries < POLICY.screening.max_silent_share * due && follows.abs() <= POLICY.screening.max_silent_correlation)
+            .then_some(LogFault::Silent { carries, due })
     }
 
     /// The same of one that varies by `noise` \[N·m\], all but nothing else, where that is far less than is due.
     fn of_noise(carries: f64, noise: f64, due: f64, follows: f64) -> Option<LogFault> {
-        let alone = carries < ONLY_NOISE * noise && carries < FAR_LESS * due && follows.abs() <= FOLLOWS;
+        let alone = carries < POLICY.screening.max_silent_noise_ratio * noise
+            && carries < POLICY.screening.max_noise_share * due
+            && follows.abs() <= POLICY.screening.max_silent_correlation;
         alone.then_some(LogFault::Silent { carries, due })
     }
 }
@@ -54,7 +47,7 @@ pub(crate) fn detect(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x:
     let stuck = varies <= 1e-9 * carries;
     // A joint that turns one way at an even speed has a drive that takes an even torque: a level of about that size is heard.
     let expected = mean(&drive);
-    let one_way = turn.abs() > ONE_WAY && expected != 0.0;
+    let one_way = turn.abs() > POLICY.screening.min_one_way_share && expected != 0.0;
     if !stuck && one_way && AS_DUE.contains(&(level / expected)) {
         return None;
     }

@@ -21,7 +21,7 @@ pub(crate) struct Gear {
 }
 
 /// Angle of the free oscillation that one step of the integration may cover \[rad\].
-const STEP_ANGLE: f64 = 0.25;
+const MAX_GEAR_STEP_PHASE_RAD: f64 = 0.25;
 /// Most steps in a sample: stiffer gears are rigid at the rate of the log.
 const MOST_STEPS: f64 = 16.0;
 
@@ -37,7 +37,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
     let damping = 2.0 * gear.damping * (gear.stiffness * mean.max(1e-9)).sqrt();
     let half = 0.5 * gear.gap;
     let angle = period * (gear.stiffness / mean.max(1e-9)).sqrt();
-    let steps = (angle / STEP_ANGLE).ceil().clamp(1.0, MOST_STEPS) as usize;
+    let steps = (angle / MAX_GEAR_STEP_PHASE_RAD).ceil().clamp(1.0, MOST_STEPS) as usize;
     let h = period / steps as f64;
     let spring = |delta: f64, speed: f64| {
         let stretch = delta - delta.clamp(-half, half);

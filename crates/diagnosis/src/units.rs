@@ -5,12 +5,8 @@ use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::log_check::of_file;
 use crate::log_fault::LogFault;
+use crate::policy::POLICY;
 use crate::stillness::{STILL, is_moved};
-
-/// A joint's torque in one run is so many times that in another, ...
-const ANOTHER: f64 = 20.0;
-/// ... where its speed and the torque by the file are not as much as so many times what they are there.
-const ALIKE: f64 = 4.0;
 
 /// Root mean squares of a joint's rows in motion.
 #[derive(Clone, Copy, Debug)]
@@ -36,8 +32,10 @@ impl Size {
 
     fn is_of_another_unit(self, other: Size) -> bool {
         let times = |a: f64, b: f64| (a / b).max(b / a);
-        let alike = |a: f64, b: f64| times(a, b) < ALIKE;
-        times(self.torque, other.torque) > ANOTHER && alike(self.speed, other.speed) && alike(self.file, other.file)
+        let alike = |a: f64, b: f64| times(a, b) < POLICY.screening.max_use_ratio;
+        times(self.torque, other.torque) > POLICY.screening.min_ratio_between_runs
+            && alike(self.speed, other.speed)
+            && alike(self.file, other.file)
     }
 
     /// Torque over that by the file.

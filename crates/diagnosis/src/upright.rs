@@ -13,6 +13,7 @@ use crate::effect::Effect;
 use crate::form::AXES;
 use crate::gap::Gap;
 use crate::opened::share_left;
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::rigid::{Bodies, FreeDrives, joined};
@@ -21,35 +22,12 @@ use crate::sealed::Sealed;
 use crate::stages::{RunColumns, Stages};
 use crate::zero::{self, Zero};
 
-/// A smaller tilt than this is told with all else that may be wrong \[rad\].
-const LEAST: f64 = 0.6;
-/// So is a smaller angle of a zero \[rad\].
-const LEAST_ZERO: f64 = 0.2;
 /// Bodies may be heavier or lighter than the file's: size of the vector found over that of the file's.
 const SIZE: [f64; 2] = [0.5, 2.0];
-/// Arms are mounted along an axis of their base, or are not: nearer than this it is the axis \[rad\].
-const AXIS: f64 = 0.26;
-/// What is missed with gravity along it, drives free, as a share of what is missed as given, at most, on the runs looked at and on the sealed
-/// one: wrong values of bodies leave up to half.
-const BETTER: f64 = 0.6;
-/// The same of a zero, of which there are many more; with no more than this gravity is sure.
-const FAR_BETTER: f64 = 0.4;
 /// The same of a zero against the zero of every other joint.
 const NO_OTHER: f64 = 0.7;
-/// What misses no more than this in units of what is known of the torque is no reason to look.
-const FITS: f64 = 1.5;
-/// What misses no more than so many times what the other does is not told from it; ...
-const ALIKE: f64 = 1.5;
-/// ... and as good as the same is what misses so much: then it is gravity, of which no joint of its own has to be believed.
-const SAME: f64 = 1.05;
-/// A joint is worse where its gap in motion grows by this share of its torque. With two zeros off, gravity upside down left half of the whole and
-/// added 0.8 and more to one joint; where it hangs, wrong values and elastic gears add 0.02.
-const WORSE: f64 = 0.1;
 /// Parts of the runs looked at from which the interval of the shrink comes.
 const PARTS: usize = 8;
-/// How sure the name is, and where another is not told from it or much is left.
-const CONFIDENCE: f64 = 0.97;
-const UNSURE: f64 = 0.58;
 
 /// What is otherwise.
 #[derive(Clone, Copy)]
@@ -70,8 +48,8 @@ impl Otherwise {
     /// What may be missed with it of what is missed as given.
     fn better(&self) -> f64 {
         match self {
-            Otherwise::Gravity(_) => BETTER,
-            Otherwise::Zero(_) => FAR_BETTER,
+            Otherwise::Gravity(_) => POLICY.screening.max_gravity_residual_share,
+            Otherwise::Zero(_) => POLICY.screening.max_zero_residual_share,
         }
     }
 
@@ -184,11 +162,11 @@ impl<'a> Looked<'a> {
         let more = self.weight.clone().svd_unordered(true, true).solve(&self.left, 1e-9 * self.weight.norm()).ok()?;
         let free = self.given + Vector3::from_column_slice(more.as_slice());
         let size = free.norm() / self.given.norm();
-        if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < LEAST {
+        if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < POLICY.screening.min_tilt_rad {
             return None;
         }
         let axes = AXES.map(Vector3::from).into_iter().flat_map(|axis| [axis, -axis]);
-        let axis = axes.into_iter().find(|axis| axis.angle(&free) < AXIS);
+        let axis = axes.into_iter().find(|axis| axis.angle(&free) < POLICY.screening.max_axis_error_rad);
         let turned = axis.unwrap_or_else(|| free.normalize()) * self.given.norm();
         Some((Otherwise::Gravity(turned), self.with_gravity(&turned)))
     }
@@ -199,8 +177,10 @@ impl<'a> Looked<'a> {
         let [first, others @ ..] = &zeros[..] else { return None };
         let no_other = others.first().is_none_or(|second| first.missed < NO_OTHER * second.missed);
         // A tool that is mounted turned, or a body that stands elsewhere, is no zero; of the last joint nothing tells the two apart.
-        let no_body = || self.free.with_body(&self.left, first.joint) > ALIKE * first.missed;
-        (first.angle.abs() >= LEAST_ZERO && no_other && no_body()).then_some((Otherwise::Zero(*first), first.missed))
+        let no_body =
+            || self.free.with_body(&self.left, first.joint) > POLICY.screening.max_rival_residual_ratio * first.missed;
+        (first.angle.abs() >= POLICY.screening.min_zero_rad && no_other && no_body())
+            .then_some((Otherwise::Zero(*first), first.missed))
     }
 }
 
@@ -210,23 +190,26 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
     let Procedure { nominal, look, .. } = *procedure;
     let looked = Looked::at(look, nominal);
     let as_given = looked.as_given();
-    if as_given <= FITS {
+    if as_given <= POLICY.screening.max_fitting_residual {
         return None;
     }
     let found = [looked.gravity(), looked.zero()];
     let better = found.into_iter().flatten().filter(|(told, missed)| *missed < told.better() * as_given);
     let mut better: Vec<(Otherwise, f64)> = better.collect();
     if let [(_, gravity), (_, zero)] = better[..]
-        && zero * SAME < gravity
+        && zero * POLICY.screening.max_equal_residual_ratio < gravity
     {
         better.reverse();
     }
     let (told, missed) = *better.first()?;
     let change = looked.change(&told);
-    let alike = better[1..].iter().filter(|(_, other)| *other < ALIKE * missed).map(|(other, _)| {
-        let cosine = change.normalize().dot(&looked.change(other).normalize());
-        (other.effect(), cosine.clamp(-1.0, 1.0).acos())
-    });
+    let alike = better[1..]
+        .iter()
+        .filter(|(_, other)| *other < POLICY.screening.max_rival_residual_ratio * missed)
+        .map(|(other, _)| {
+            let cosine = change.normalize().dot(&looked.change(other).normalize());
+            (other.effect(), cosine.clamp(-1.0, 1.0).acos())
+        });
     let alike: Vec<(Effect, f64)> = alike.collect();
     tell(procedure, told, missed / as_given, alike).inspect(|found| {
         say(match found.causes[0].effect {
@@ -260,10 +243,14 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
     let measured = 1.0 - after.all / before.all;
     let unseen = Looked::at(std::slice::from_ref(sealed), nominal);
     let gap_share = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
-    if low <= 0.0 || measured <= 0.0 || gap_share > told.better() || per_joint.iter().any(|gap| grows(gap) > WORSE) {
+    if low <= 0.0
+        || measured <= 0.0
+        || gap_share > told.better()
+        || per_joint.iter().any(|gap| grows(gap) > POLICY.screening.max_gap_growth)
+    {
         return None;
     }
-    let sure = alike.is_empty() && share.max(gap_share) < FAR_BETTER;
+    let sure = alike.is_empty() && share.max(gap_share) < POLICY.screening.max_zero_residual_share;
     let joints = match told {
         Otherwise::Gravity(_) => Vec::new(),
         Otherwise::Zero(zero) => vec![names[zero.joint].clone()],
@@ -275,7 +262,7 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
         shrink: Shrink { predicted, low, high, measured },
         share: Some(1.0),
         p_value: None,
-        confidence: if sure { CONFIDENCE } else { UNSURE },
+        confidence: if sure { POLICY.confidence.mounting } else { POLICY.confidence.mounting_unsure },
         angles: alike.iter().map(|(_, angle)| *angle).collect(),
         indistinguishable_from: alike.into_iter().map(|(effect, _)| effect).collect(),
         separating_motion: None,

@@ -6,19 +6,18 @@ use rivet_dynamics::Parameter;
 use crate::adopted::Adopted;
 use crate::effect::Effect;
 use crate::evidence::Solved;
+use crate::policy::POLICY;
 use crate::possible::{self, Impossible};
 use crate::search::Search;
 use crate::value_group::Group;
 
-/// A group may be fixed at its nominal value when that costs less log evidence than this.
-pub(crate) const WORTH: f64 = 4.0;
 /// What is left to a group that is fixed, as a share of its usual error.
-const FIXED: f64 = 0.03;
+const FIXED_GROUP_ERROR_SHARE: f64 = 0.03;
 /// The same of one that is to stay as it is. Less than this and the equations lose their digits.
 const FROZEN: f64 = 1e-4;
 /// What a free group may be wrong by, at least, as a share of its usual error: where most values are right their common
 /// scale is small, and the one that is not would look impossible by it.
-const FREE: f64 = 1.0;
+const MIN_FREE_GROUP_ERROR_SHARE: f64 = 1.0;
 
 fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
@@ -69,7 +68,7 @@ struct Widths {
 impl Widths {
     fn std_with(&self, free: &[Group], held: &[Group]) -> DVector<f64> {
         let mut std = self.usual.clone();
-        for (groups, width) in [(free, FREE.max(self.scale)), (held, FIXED)] {
+        for (groups, width) in [(free, MIN_FREE_GROUP_ERROR_SHARE.max(self.scale)), (held, FIXED_GROUP_ERROR_SHARE)] {
             // The solver multiplies by the scale where it applies; the width here is whole.
             let each = groups.iter().flat_map(|g| &g.columns);
             each.for_each(|c| std[*c] *= if self.scaled[*c] { width / self.scale } else { width.min(1.0) });
@@ -169,7 +168,7 @@ fn chosen(
             }
         }
         let (without, at) = best?;
-        if without < now - WORTH {
+        if without < now - POLICY.adoption.min_group_evidence {
             break;
         }
         now = now.max(without);

@@ -17,7 +17,7 @@ use crate::run::{Motion, Run};
 /// What refinement may make of them \[s\], ...
 const MIN_WARMING_TIME_S: f64 = 20.0;
 const MAX_WARMING_TIME_S: f64 = 7200.0;
-/// ... and how much longer than what was looked at: of more the log only shows a straight line.
+/// Longest time constant over the time that was logged: of more the log only shows a straight line.
 pub(crate) const MAX_TIME_OVER_SPAN: f64 = 2.0;
 /// The most that refinement may make of them.
 const MAX_START_WARMTH: f64 = 4.0;

@@ -11,16 +11,15 @@ use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::Form;
+use crate::formats::MAX_EQUAL_GAP_RATIO;
 use crate::parts::Told;
 use crate::rows::Column;
 use crate::warming_candidates;
 
-/// A gap that is larger by less is the same.
-const WORSE: f64 = 1.05;
 /// What leaves no more than this of the squared gap, on average over joints, is written even where a joint is further ...
-const WORTH: f64 = 0.5;
+const MAX_WORTHWHILE_GAP_SHARE: f64 = 0.5;
 /// ... from the runs by no more than this factor: without them all other joints would be.
-const SPOILT: f64 = 1.25;
+const MAX_JOINT_GAP_RATIO: f64 = 1.25;
 /// Groups of drive values of a joint in the standard vector: rotor inertia, viscous, Coulomb, offset.
 const DRIVE: std::ops::Range<usize> = 10..14;
 
@@ -209,15 +208,17 @@ impl Draft<'_> {
 
 /// Joints on which `gaps` are larger than `before`.
 pub(crate) fn worse(gaps: &[Option<f64>], before: &[Option<f64>]) -> Vec<usize> {
-    let is = |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > WORSE * before);
+    let is =
+        |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > MAX_EQUAL_GAP_RATIO * before);
     (0..gaps.len()).filter(is).collect()
 }
 
 /// Whether gaps are so much smaller than `before` that a joint may have a larger one.
 fn is_worth(gaps: &[Option<f64>], before: &[Option<f64>]) -> bool {
     let judged = gaps.iter().zip(before).filter(|(gap, before)| gap.is_some() && before.is_some()).count();
-    let spoilt = |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > SPOILT * before);
-    relative(gaps, before) <= WORTH * judged as f64 && !(0..gaps.len()).any(spoilt)
+    let spoilt =
+        |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > MAX_JOINT_GAP_RATIO * before);
+    relative(gaps, before) <= MAX_WORTHWHILE_GAP_SHARE * judged as f64 && !(0..gaps.len()).any(spoilt)
 }
 
 /// Sum of the squares of gaps in parts of those before.

@@ -12,7 +12,7 @@ use crate::rows::{Chain, Column};
 use super::Class;
 
 /// Steps of inner values of an imitation, halved so many times.
-const HALVINGS: usize = 3;
+const IMITATION_HALVINGS: usize = 3;
 
 /// The model's columns along one motion, in units of each joint's noise.
 pub(super) struct Record<'a> {
@@ -193,7 +193,7 @@ impl<'a> Duel<'a> {
             let residual_square = sums.solve(form.coefficients())?.0;
             Some((form, residual_square))
         };
-        let best = climb(judge(form)?, HALVINGS, |(form, _)| form, |(_, left)| -left, judge);
+        let best = climb(judge(form)?, IMITATION_HALVINGS, |(form, _)| form, |(_, left)| -left, judge);
         Some(best.1 - self.left)
     }
 }

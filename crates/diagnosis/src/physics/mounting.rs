@@ -27,7 +27,7 @@ pub(crate) const LOWEST_MODE_HZ: f64 = 4.0;
 pub(crate) const MODE_DAMPING_RANGE: (f64, f64) = (0.003, 0.2);
 /// Axes this far apart are those of two modes \[rad\].
 const MIN_AXIS_ANGLE_RAD: f64 = 1.0;
-/// ... and in what bounds: 1 is a base without inertia, beside an arm whose own is known within some tenths.
+/// Bounds of the arm's share of the inertia: 1 is a base without inertia, beside an arm whose own is known within some tenths.
 const ARM_SHARE_RANGE: (f64, f64) = (0.02, 1.4);
 /// A share that is further from the coefficient is made anew.
 const MAX_SHARE_CHANGE: f64 = 0.03;

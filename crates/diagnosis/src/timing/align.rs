@@ -1,16 +1,10 @@
 //! Torque that comes after the motion is moved, or not believed.
 
-use super::{FREE_SAMPLES, JointTiming, LEAST_S, SURE, TELLS, Timing};
+use super::{JointTiming, Timing};
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::log_fault::{LogFault, LogFinding};
-
-/// One channel by itself is late where the move takes this share of what is left and leaves so many times the noise at most: an
-/// elastic gear or bristles look late as well, but not as exactly.
-const ALONE_SHARE: f64 = 0.8;
-const ALONE_LEAVES: f64 = 2.0;
-/// Runs agree on it within this \[s\].
-const ALIKE_S: f64 = 1e-3;
+use crate::policy::POLICY;
 
 /// What is to be done with the torque of one run.
 #[derive(Clone, PartialEq)]
@@ -55,7 +49,7 @@ pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn
 }
 
 fn remedies(runs: &[&mut Prepared], timings: &[Option<Timing>], joints: usize) -> Vec<Remedy> {
-    let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
+    let least = |run: &Prepared| POLICY.timing.min_delay_s.max(POLICY.timing.free_samples * run.run.period_s);
     let run_remedy = |(run, timing): (&&mut Prepared, &Option<Timing>)| match timing {
         Some(timing) if timing.is_sure(least(run)) => {
             timing.filter().map_or_else(|| Remedy::Move(vec![timing.late; joints]), Remedy::Filter)
@@ -88,14 +82,14 @@ fn alone<'a>(
     let timed: Vec<(&Prepared, &JointTiming)> =
         runs.iter().zip(timings).filter_map(|(run, timing)| Some((&**run, joint_timing(timing)?))).collect();
     let is_sure = |(run, t): &&(&Prepared, &JointTiming)| {
-        t.late - SURE * t.sigma > least(run)
-            && t.gain(t.late) > TELLS
-            && t.share(t.late) > ALONE_SHARE
-            && t.rms < ALONE_LEAVES * run.floor[j]
+        t.late - POLICY.timing.min_sigmas * t.sigma > least(run)
+            && t.gain(t.late) > POLICY.timing.min_joint_evidence
+            && t.share(t.late) > POLICY.timing.min_single_share
+            && t.rms < POLICY.timing.max_single_floor_ratio * run.floor[j]
     };
     let sure: Vec<f64> = timed.iter().filter(is_sure).map(|(_, t)| t.late).collect();
     let late = sure.iter().sum::<f64>() / sure.len() as f64;
-    let against = |t: &JointTiming| t.gain(late) < -TELLS;
-    let alike = !sure.is_empty() && sure.iter().all(|s| (s - late).abs() < ALIKE_S);
+    let against = |t: &JointTiming| t.gain(late) < -POLICY.timing.min_joint_evidence;
+    let alike = !sure.is_empty() && sure.iter().all(|s| (s - late).abs() < POLICY.timing.max_run_difference_s);
     (alike && !timed.iter().any(|(_, t)| against(t))).then_some(late)
 }

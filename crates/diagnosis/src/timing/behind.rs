@@ -21,7 +21,7 @@ use crate::physics::Physics;
 use crate::rows::Column;
 
 /// Fits, each with the model's torque of the one before.
-const FITS: usize = 5;
+const TORQUE_REFITS: usize = 5;
 /// Delay and lag are told apart below this \[Hz\]: further up is the noise of accelerations, of which a lag wants the rate.
 pub(crate) const SLOW_HZ: f64 = 8.0;
 /// Columns of size 1 that are as alike as this are one.
@@ -121,7 +121,7 @@ impl<'a> Rows<'a> {
         let (products, square) = (self.products(&tau), self.dot(&tau, &tau));
         let count = self.gram.nrows();
         let mut found = None;
-        for _ in 0..FITS {
+        for _ in 0..TORQUE_REFITS {
             let made = |run: &&Prepared| -> Option<Column> {
                 run.columns(&form, &Physics::new(&run.run, &run.motion, self.nominal, &values)).pop()
             };

@@ -9,21 +9,14 @@ use nalgebra::DVector;
 
 use super::behind::Behind;
 use super::{Early, Pooled};
-use crate::adopted::{Adopted, RIVAL_GAP, Rival, is_part};
+use crate::adopted::{Adopted, Rival, is_part};
 use crate::evidence::Belief;
-use crate::form::{Form, HELD};
+use crate::form::{Form, HOLD_DELAY_SAMPLES};
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
 
-/// How surely it is as large as rows in motion have it, as a share of that.
-const SIZED: f64 = 0.02;
-/// A size is none where rows in motion surely allow less than this share of it. A joint that truly sticks has torque ahead of motion wherever it
-/// breaks away, which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
-const ALLOWED: f64 = 0.75;
-/// The same where a joint keeps several times its noise, as on measured arms: what else is missing there moves the time of these rows as well, and what a
-/// size of theirs left was the elastic gears of two joints.
-const ALLOWED_BESIDE_MORE: f64 = 0.2;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
@@ -51,7 +44,8 @@ impl Clock {
 impl Pooled {
     /// Whether these rows are against `seconds`; `noisy`: a joint keeps several times its noise.
     pub(super) fn is_against(&self, seconds: f64, noisy: bool) -> bool {
-        self.most() < seconds * if noisy { ALLOWED_BESIDE_MORE } else { ALLOWED }
+        self.most()
+            < seconds * if noisy { POLICY.timing.min_allowed_share_open } else { POLICY.timing.min_allowed_share }
     }
 
     /// What rows in motion have, where they are sure that there is something.
@@ -71,14 +65,14 @@ impl Behind {
     /// Whether what is there is the other of the two for sure.
     fn rules_out(&self, form: &Form) -> bool {
         match form {
-            Form::Delay { .. } => self.ahead < -RIVAL_GAP,
-            _ => self.ahead > RIVAL_GAP,
+            Form::Delay { .. } => self.ahead < -POLICY.adoption.rival_gap,
+            _ => self.ahead > POLICY.adoption.rival_gap,
         }
     }
 
     fn size(&self, form: &Form) -> Size {
         let seconds = if let Form::Delay { .. } = form { self.delay } else { self.lag };
-        Size { seconds, std: SIZED * seconds }
+        Size { seconds, std: POLICY.timing.max_size_error * seconds }
     }
 }
 
@@ -89,7 +83,7 @@ fn other(form: &Form) -> Form {
 
 /// Time by which a command that stands for its sample is late beside a lag \[s\]; a delay has it in its own.
 fn hold_delay_s(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
-    Some(if let Form::Lag { stands: true } = form { HELD * physics.first()?.period_s() } else { 0.0 })
+    Some(if let Form::Lag { stands: true } = form { HOLD_DELAY_SAMPLES * physics.first()?.period_s() } else { 0.0 })
 }
 
 impl<'a> Search<'a> {
