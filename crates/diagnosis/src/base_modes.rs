@@ -6,21 +6,17 @@ use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
 use crate::physics::mounting::{LOWEST_MODE_HZ, Mode, Mounting};
+use crate::policy::POLICY;
 use crate::rows::Chain;
 use crate::run::derivative;
 
 /// Ratio of neighbouring frequencies.
 const MODE_FREQUENCY_RATIO: f64 = 1.15;
-/// Share of the model filter's cut-off up to which it passes a mode.
-const MAX_CUTOFF_SHARE: f64 = 0.9;
 /// Damping ratio of a candidate, and that at which motion must show a mode.
 const MODE_DAMPING: f64 = 0.05;
 const SHOWN_DAMPING: f64 = 0.1;
 /// Directions of the axis over half a turn.
 const AXIS_HEADINGS: usize = 4;
-/// Share of the base's acceleration that the mode itself must make where motion is to show its frequency: far below it the base
-/// only follows the moment.
-const MIN_MODE_SHARE: f64 = 0.1;
 /// Time constants after which an oscillation has decayed.
 const DECAY_TIME_CONSTANTS: f64 = 5.0;
 /// Periods of the model filter's cut-off, beyond those that rows leave out, in which the end of a record is seen in the second
@@ -72,7 +68,7 @@ impl<'a> Shown<'a> {
                 let whole = turned(&accel, k);
                 (own + (whole + turned(&self.follows, k)).powi(2), all + whole.powi(2))
             });
-            own > MIN_MODE_SHARE * MIN_MODE_SHARE * all
+            own > POLICY.plausibility.min_mode_share * POLICY.plausibility.min_mode_share * all
         };
         headings().map(is_shown).collect()
     }
@@ -81,7 +77,8 @@ impl<'a> Shown<'a> {
 /// Modes that one of the runs shows: the equations pass them, and the motion makes more of them than a base that only follows.
 pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
     let Some(runs) = physics.iter().map(Shown::new).collect::<Option<Vec<Shown<'_>>>>() else { return Vec::new() };
-    let highest_hz = MAX_CUTOFF_SHARE * runs.iter().map(|r| r.chain.cutoff_hz()).fold(f64::INFINITY, f64::min);
+    let highest_hz = POLICY.plausibility.max_mode_cutoff_share
+        * runs.iter().map(|r| r.chain.cutoff_hz()).fold(f64::INFINITY, f64::min);
     let Some(first) = runs.first().filter(|_| highest_hz > LOWEST_MODE_HZ) else { return Vec::new() };
     let inertia = first.mounting.means();
     let next = |hz: &f64| Some(hz * MODE_FREQUENCY_RATIO).filter(|hz| *hz < highest_hz);

@@ -18,13 +18,6 @@ use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 use crate::select::{Found, Selected};
 
-/// Joints on which one body at the flange must take its share of the gap.
-const JOINTS: usize = 3;
-/// How far the body's centre is from the last link's origin, as a share of the arm's reach.
-const OFF_FLANGE: f64 = 0.15;
-/// What is left to values of links that are held, as a share of their usual error.
-const HELD_LINK_ERROR_SHARE: f64 = 0.03;
-
 /// The body, where it is the simpler explanation; nothing where the equations of the question have no solution.
 /// `impossible`: what of a body that would be is none.
 pub(crate) fn at_flange(
@@ -63,7 +56,8 @@ pub(crate) fn at_flange(
     // The share tells nothing apart: 0.78 to 0.96 without a load, 0.85 to 1.17 with one. The joints do.
     let stands = candidate.form.plausible(added.c.as_slice())
         && falls.iter().all(|fall| *fall >= -POLICY.adoption.max_body_loss_share)
-        && falls.iter().filter(|fall| **fall >= POLICY.adoption.min_body_gap_share).count() >= JOINTS;
+        && falls.iter().filter(|fall| **fall >= POLICY.adoption.min_body_gap_share).count()
+            >= POLICY.plausibility.min_body_joints;
     if !stands {
         return Some(None);
     }
@@ -102,7 +96,7 @@ fn links_held(search: &mut Search<'_>) -> Option<Solved> {
     let usual = search.design.background.std.clone();
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
         if matches!(parameter, Parameter::Link { .. }) {
-            search.design.background.std[at] *= HELD_LINK_ERROR_SHARE / search.scale;
+            search.design.background.std[at] *= POLICY.priors.held_link_share / search.scale;
         }
     }
     let solved = search.solved(search.scale);
@@ -113,7 +107,7 @@ fn links_held(search: &mut Search<'_>) -> Option<Solved> {
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
 /// others may be. Each of them free, they would take up what no body has: a negative mass far away.
 fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
-    let far = OFF_FLANGE * possible::reach(&search.nominal.model.arm);
+    let far = POLICY.plausibility.body_distance_share * possible::reach(&search.nominal.model.arm);
     let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
     let entry = |c: usize| match c {
         0 => mass,

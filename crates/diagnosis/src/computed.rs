@@ -20,8 +20,6 @@ const AVERAGING_STRETCH_S: f64 = 0.05;
 const STRETCHES: usize = 200;
 /// Stretches below which nothing is said.
 const MIN_STRETCHES: usize = 30;
-/// Speed below which a joint stands still \[rad/s\].
-const STILL: f64 = 0.02;
 /// Directions weaker than this share of the strongest are rounding.
 const BODY_DIRECTION_ROUNDING: f64 = 1e-7;
 
@@ -46,7 +44,9 @@ pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
     }
     let Trajectory { q, qd, qdd } = desired.clone();
     let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::from_run(run)];
-    let moves = |j: &usize| motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > STILL));
+    let moves = |j: &usize| {
+        motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > POLICY.signal_faults.max_still_speed_rad_s))
+    };
     let moving: Vec<usize> = (0..run.joints()).filter(moves).collect();
     let tau =
         |j: usize| DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));

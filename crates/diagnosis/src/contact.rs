@@ -14,6 +14,7 @@ use crate::evidence::{Belief, CandidateSums};
 use crate::form::Form;
 use crate::local::Stretch;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::Column;
 use crate::search::{Bursts, Candidate, Search};
 
@@ -21,11 +22,7 @@ use crate::search::{Bursts, Candidate, Search};
 const HAT_S: f64 = 0.25;
 /// Longer bursts are cut into parts \[s\]: the columns of one are solved for together.
 const MAX_BURST_S: f64 = 10.0;
-/// Beside the last link itself, and what its centre is away at most \[m\].
-const HAND_M: f64 = 0.05;
 const LONGEST_M: f64 = 0.5;
-/// Prior standard deviation of a force: it may be this share of the torque of the joint that feels it most.
-const FORCE_PRIOR_TORQUE_SHARE: f64 = 0.3;
 
 /// Numbers of a force, and of one with a moment.
 pub(crate) fn numbers(moment: bool) -> usize {
@@ -110,7 +107,7 @@ impl Search<'_> {
 fn reach(nominal: &Nominal) -> f64 {
     let last = &nominal.x[10 * (nominal.model.arm.dof() - 1)..];
     let arm = last[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / last[0].max(f64::MIN_POSITIVE);
-    HAND_M + 2.0 * arm.min(LONGEST_M)
+    POLICY.priors.min_contact_distance_m + 2.0 * arm.min(LONGEST_M)
 }
 
 /// The same as of any free column, over the rows that there are.
@@ -120,7 +117,7 @@ fn free(column: &[Vec<f64>], torque: &[f64]) -> Option<f64> {
         if square > 0.0 { (torque / square).sqrt() } else { f64::INFINITY }
     };
     let least = column.iter().zip(torque).map(ratio).fold(f64::INFINITY, f64::min);
-    least.is_finite().then_some(FORCE_PRIOR_TORQUE_SHARE * least)
+    least.is_finite().then_some(POLICY.priors.force_torque_share * least)
 }
 
 /// Stretches of one run without beliefs and products. They share no row: where filters reach from one into the next they

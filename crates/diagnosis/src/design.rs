@@ -11,6 +11,7 @@ use crate::form::Form;
 use crate::known;
 use crate::log_fault::LogFault;
 use crate::physics::{Physics, SMEARED_S, bodies};
+use crate::policy::POLICY;
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
 use crate::signals;
@@ -27,15 +28,10 @@ const HOLDS_S: f64 = 1.0;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
 const MIN_TORQUE_ERROR_SHARE: f64 = 1e-3;
-/// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
-/// its sample.
-const TIMING: f64 = 0.5;
 /// Friction may turn over this many times more softly than the model says, or at once; ...
 const SOFTER: f64 = 3.0;
 /// ... as softly as this \[rad/s\] where the model says at once; ...
 const SOFT: f64 = 0.02;
-/// ... what it is between two of these, 0 the model's own, has this standard deviation.
-const TURN: f64 = 0.5;
 
 /// One run, prepared.
 pub(crate) struct Prepared {
@@ -255,7 +251,9 @@ fn turns(v0: f64) -> Vec<[f64; 2]> {
 pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
     let surfaces = nominal.model.arm.dof() + usize::from(coupled_motor(nominal).is_some());
     let turns = turns(nominal.model.structure.sign_velocity).len() * surfaces;
-    std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
+    std::iter::once(POLICY.priors.timing_samples * period_s)
+        .chain(std::iter::repeat_n(POLICY.priors.friction_turn, turns))
+        .collect()
 }
 
 /// Where the columns of how softly friction turns over stand: behind the model's own and that of time.

@@ -10,7 +10,7 @@
 //! so what tells them apart is the share of the spring in both. (Not from the bristles' own form: there the level is that of the file, or
 //! what a fit without the effect made of it, and the factor is believed to be near 1.)
 
-use crate::form::{Form, MOST_TRAVEL};
+use crate::form::Form;
 use crate::physics::Physics;
 use crate::policy::POLICY;
 use crate::search::{Candidate, Search, Standing};
@@ -63,7 +63,7 @@ pub(crate) fn kind(
 /// Whether that share of friction, which turns over within `length` \[rad\], is the joint's own.
 fn is_own(share: f64, length: f64) -> bool {
     length < POLICY.adoption.max_own_travel_rad
-        || share >= POLICY.adoption.min_own_friction_share && length < MOST_TRAVEL
+        || share >= POLICY.adoption.min_own_friction_share && length < POLICY.plausibility.max_bristle_travel_rad
 }
 
 /// H/(F + H), as [`Form::Hysteresis`] stands.
@@ -83,6 +83,9 @@ mod tests {
     fn what_turns_over_at_once_is_the_joints_own_friction() {
         assert!(is_own(0.45, 1e-3) && is_own(0.74, 1.06e-3));
         assert!(!is_own(0.45, 0.004) && !is_own(0.7, 0.2), "a hose");
-        assert!(is_own(0.8, 0.02) && !is_own(0.8, MOST_TRAVEL), "bristles, over their way");
+        assert!(
+            is_own(0.8, 0.02) && !is_own(0.8, POLICY.plausibility.max_bristle_travel_rad),
+            "bristles, over their way"
+        );
     }
 }

@@ -10,6 +10,7 @@ use crate::log_check;
 use crate::log_fault::LogFinding;
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
@@ -22,9 +23,6 @@ use crate::units;
 use crate::upright;
 use crate::whole;
 
-/// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
-const MIN_MOVING_SPEED_RAD_S: f64 = 0.02;
-const MIN_MOVING_TIME_S: f64 = 3.0;
 /// Why nothing could be diagnosed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DiagnosisError {
@@ -223,11 +221,12 @@ fn computed_reason<'a>(model: &Model, runs: impl Iterator<Item = &'a Run>) -> St
 
 /// Why the training runs of that length \[s\] decide nothing, if they do not.
 fn too_little_motion(look: &[Run], fit_seconds: f64) -> Option<String> {
-    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() >= MIN_MOVING_TIME_S {
+    let least_s = POLICY.signal_faults.min_training_s;
+    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() >= least_s {
         return None;
     }
-    Some(if fit_seconds < MIN_MOVING_TIME_S {
-        format!("{fit_seconds:.1} s of training data are too little: at least {MIN_MOVING_TIME_S:.0} s are required")
+    Some(if fit_seconds < least_s {
+        format!("{fit_seconds:.1} s of training data are too little: at least {least_s:.0} s are required")
     } else {
         "no joint of the logs moves enough for a decision".to_owned()
     })
@@ -252,6 +251,8 @@ pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
 }
 
 fn moves(run: &Run) -> bool {
-    let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > MIN_MOVING_SPEED_RAD_S * run.period_s);
+    let fast = |q: &Vec<f64>| {
+        q.windows(2).any(|w| (w[1] - w[0]).abs() > POLICY.signal_faults.min_training_speed_rad_s * run.period_s)
+    };
     run.q.iter().any(fast)
 }

@@ -10,9 +10,6 @@ use crate::search::Search;
 
 /// Rows in doubt count little, so that a fit without doubt is the first of so many.
 const FRICTION_FIT_ROUNDS: usize = 2;
-/// Friction that is at most this many times what the file says is as given: the usual error of a file. So is one that is more by less
-/// than would be a gap, `POLICY.held_out.min_gap_in_motion` times the joint's noise.
-const AS_GIVEN: f64 = 1.25;
 
 /// Puts friction that the runs have more of than the file, and rotors that it gives as 0, into [`Nominal::near`], and prepares the runs anew;
 /// `looked_at` of them are asked. None where the equations have no solution.
@@ -32,7 +29,7 @@ pub(crate) fn know(nominal: &mut Nominal, looked_at: usize, runs: &mut [&mut Pre
             Parameter::Coulomb(_) | Parameter::CouplingCoulomb => {
                 let (given, fitted) = (nominal.x[c].abs(), nominal.x[c] + solved.x[c]);
                 let more = fitted - given > POLICY.held_out.min_gap_in_motion * noise(nominal.model.parameters[c]);
-                if more && fitted > AS_GIVEN * given { fitted } else { given }
+                if more && fitted > POLICY.plausibility.max_friction_ratio_as_given * given { fitted } else { given }
             }
             Parameter::RotorInertia(_) if nominal.x[c] == 0.0 => solved.x[c].max(0.0),
             _ => nominal.x[c],

@@ -2,8 +2,7 @@
 
 use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup};
 
-/// A gap that is larger by less is the same.
-pub(crate) const MAX_EQUAL_GAP_RATIO: f64 = 1.05;
+use crate::policy::POLICY;
 
 /// A file that a model is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,7 +232,7 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                 });
             }
             let (gap, gap_before) = (rms(&found.residual(*format, measured)), rms(&given.residual(*format, measured)));
-            let worse = |j: &usize| gap[*j] > MAX_EQUAL_GAP_RATIO * gap_before[*j].max(whole[*j]);
+            let worse = |j: &usize| gap[*j] > POLICY.plausibility.max_equal_gap_ratio * gap_before[*j].max(whole[*j]);
             FormatReport {
                 worse: (0..joints).filter(worse).collect(),
                 format: *format,

@@ -20,6 +20,7 @@ use crate::entry::{DiagnosisError, check};
 use crate::evidence::PRIOR_SCALES;
 use crate::form::Form;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::{Chain, Column};
 use crate::run::Run;
 
@@ -27,8 +28,6 @@ use crate::run::Run;
 const STRIBECK: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
 /// Rounds of fitting: with the weights, and the rigid torque, of the round before.
 const LADDER_FIT_ROUNDS: usize = 3;
-/// What a form may explain of its joint's torque, as a standard deviation: a weak belief, it only keeps the equations regular.
-const SHARE: f64 = 0.5;
 
 /// Largest shift between torque and position that is tried \[s\], and in samples.
 const LATEST_S: f64 = 0.03;
@@ -306,5 +305,5 @@ fn size<'a>(runs: impl Iterator<Item = &'a Column>, typical: &Typical) -> f64 {
         let rms = (rows.iter().map(|v| v * v).sum::<f64>() / rows.len().max(1) as f64).sqrt();
         share = share.max(rms / typical.torque(j));
     }
-    if share > 0.0 { SHARE / share } else { 1.0 }
+    if share > 0.0 { POLICY.priors.ladder_torque_share / share } else { 1.0 }
 }

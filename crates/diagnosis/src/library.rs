@@ -4,7 +4,8 @@
 use crate::base_modes;
 use crate::form::Form;
 use crate::physics::Physics;
-use crate::stillness::{self, STILL};
+use crate::policy::POLICY;
+use crate::stillness;
 use crate::two_mass::Gear;
 
 /// Speeds of the Stribeck curve \[rad/s\].
@@ -29,24 +30,12 @@ const CONTACTS: [f64; 3] = [12.0, 30.0, 75.0];
 const CONTACT_DAMPING: f64 = 0.25;
 /// Limits of torque, as a share of the largest that the model needs.
 const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
-/// A command is cut when it goes this far beyond the limit.
-const MIN_COMMAND_OVER_LIMIT: f64 = 1.15;
-/// Share of a joint's time in motion in which its command may be cut: 0.05 to 0.62 in cases from another simulator. (Three runs in which a
-/// UR10e's wrist stood made a limit below all of its friction one that cuts seldom.)
-const MOSTLY_CUT: f64 = 0.7;
-/// Single samples beyond it are no command.
-const SELDOM_CUT: f64 = 2e-4;
-/// A torque over the angle alone is looked for on joints that turn so far \[rad\].
-const LEAST_TURN: f64 = 0.03;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
 const PHASES: usize = 6;
 /// Parts of a joint's range at whose ends something may begin to pull.
 const PULLS: usize = 5;
-/// Beyond the angle from which something pulls a joint goes at least this share of its range, or what it does near the end, where it stands,
-/// is taken for a pull of any size.
-const LEAST_REACH: f64 = 0.1;
 /// Angles over which a spring that softens gives way \[rad\].
 const WIDTHS: [f64; 2] = [0.15, 0.4];
 
@@ -92,7 +81,7 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         }
         let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
         // Within a small angle any torque is a straight line, and as large as one likes.
-        if high - low < LEAST_TURN {
+        if high - low < POLICY.plausibility.min_angle_law_range_rad {
             continue;
         }
         let about = 0.5 * (low + high);
@@ -138,7 +127,7 @@ fn gears(link: f64) -> Vec<Gear> {
 pub(crate) fn is_reached(runs: &[Physics<'_>], joint: usize, from: f64, above: bool) -> bool {
     let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
     let beyond = if above { high - from } else { from - low };
-    beyond >= LEAST_REACH * (high - low)
+    beyond >= POLICY.plausibility.min_pull_reach_share * (high - low)
 }
 
 /// The form itself, then all forms of the same effect on the same joints.
@@ -166,16 +155,20 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
     LIMITS
         .map(|share| share * needed)
         .into_iter()
-        .filter(|limit| asked > MIN_COMMAND_OVER_LIMIT * limit && is_cut(runs, joint, *limit))
+        .filter(|limit| asked > POLICY.plausibility.min_command_over_limit * limit && is_cut(runs, joint, *limit))
         .collect()
 }
 
 /// Whether a limit cuts the command of a joint now and then while it moves, not for most of the time nor in single samples.
 pub(crate) fn is_cut(runs: &[Physics<'_>], joint: usize, limit: f64) -> bool {
     let signals = runs.iter().flat_map(|p| p.run.tau[joint].iter().zip(&p.motion.qd[joint]));
-    let moving: Vec<f64> = signals.filter(|(_, qd)| qd.abs() > STILL).map(|(tau, _)| tau.abs()).collect();
+    let moving: Vec<f64> = signals
+        .filter(|(_, qd)| qd.abs() > POLICY.signal_faults.max_still_speed_rad_s)
+        .map(|(tau, _)| tau.abs())
+        .collect();
     let beyond = |limit: f64| moving.iter().filter(|tau| **tau > limit).count() as f64 / moving.len().max(1) as f64;
-    beyond(limit) < MOSTLY_CUT && beyond(MIN_COMMAND_OVER_LIMIT * limit) > SELDOM_CUT
+    beyond(limit) < POLICY.plausibility.max_cut_time_share
+        && beyond(POLICY.plausibility.min_command_over_limit * limit) > POLICY.plausibility.min_cut_time_share
 }
 
 fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
@@ -185,7 +178,7 @@ fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
 /// Middle of a joint's angles; none where it hardly turns.
 fn middle(runs: &[Physics<'_>], joint: usize) -> Option<f64> {
     let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
-    (high - low >= LEAST_TURN).then_some(0.5 * (low + high))
+    (high - low >= POLICY.plausibility.min_angle_law_range_rad).then_some(0.5 * (low + high))
 }
 
 /// Mean inertia of the link side at a joint.

@@ -14,12 +14,6 @@ use crate::signals;
 use crate::stillness::{is_still, top_speed};
 use crate::swapped;
 
-/// Samples in a row at the largest torque that are a limit, and the share of all samples that such stretches make up.
-const FLAT: usize = 5;
-const FLAT_SHARE: f64 = 0.005;
-/// So many times as many as stand a step below: a rounded torque that turns has 2.4 times as many on its last step.
-const MORE: f64 = 5.0;
-
 /// Joints of a run whose torque was computed, not measured; none of a sound run.
 pub(crate) fn computed(model: &Model, run: &Run) -> Vec<LogFinding> {
     let finding = |misses: &computed::Misses| LogFinding {
@@ -218,12 +212,15 @@ fn is_load(tau: &[f64], bodies: &[f64], at_flange: Option<&[f64]>, drive: &[f64]
 /// The largest torque of a signal in steps of `step` (0 without), if it is held for stretches.
 fn limit(signal: &[f64], step: f64) -> Option<f64> {
     let top = signal.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
-    let plateaus = signal.chunk_by(|a, b| a == b).filter(|c| c.len() >= FLAT && c[0].abs() >= top * (1.0 - 1e-9));
+    let plateaus = signal
+        .chunk_by(|a, b| a == b)
+        .filter(|c| c.len() >= POLICY.signal_faults.min_flat_samples && c[0].abs() >= top * (1.0 - 1e-9));
     let flat: usize = plateaus.map(<[f64]>::len).sum();
     // A quiet torque stands on the step below where it turns as well.
     let below = (top - 1.5 * step)..(top - 0.5 * step);
     let passing = signal.iter().filter(|t| below.contains(&t.abs())).count();
-    let enough = (FLAT_SHARE * signal.len() as f64).max(MORE * passing as f64);
+    let enough = (POLICY.signal_faults.min_flat_share * signal.len() as f64)
+        .max(POLICY.signal_faults.min_flat_ratio * passing as f64);
     (top > 0.0 && flat as f64 > enough).then_some(top)
 }
 

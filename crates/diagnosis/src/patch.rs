@@ -14,16 +14,13 @@ use crate::formats::{Carrying, FormatReport, Part, PartKind, reports, rms};
 use crate::known::Carried;
 use crate::motions::{self, Class, IdentifiedArm, MotionBounds, SeparatingMotion};
 use crate::parts::Told;
+use crate::policy::POLICY;
 use crate::possible;
 use crate::rows::Column;
 use crate::search::Search;
 use crate::sizes::Sized;
 use crate::values::Wrong;
 use crate::written::{Draft, Kept, Written, relative, worse};
-
-/// Free values that leave more of the squared gap of all runs than this, over what an arm that can be built leaves, fit nothing that
-/// holds.
-const LOOSE: f64 = 1.05;
 
 /// The corrected model.
 #[derive(Clone, Debug)]
@@ -191,7 +188,8 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let before = draft.gaps_as_given();
     // Free values fit the runs that were looked at; they are kept where they do not spoil the sealed one.
     let [loose, bound] = [&standard, &written].map(|values| draft.gaps(values, &effects));
-    let spoils = !worse(&loose, &before).is_empty() || relative(&loose, &before) > LOOSE * relative(&bound, &before);
+    let spoils = !worse(&loose, &before).is_empty()
+        || relative(&loose, &before) > POLICY.plausibility.max_free_gap_ratio * relative(&bound, &before);
     let free = as_given || bodies_stay || spoils;
     let further = if as_given { Vec::new() } else { worse(&bound, &before) };
     if free {

@@ -7,7 +7,7 @@ use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::body;
 use crate::design::{Prepared, turn_columns, unknown};
-use crate::details::{self, Details, PINNED, ParameterLine, Stage, Unsure};
+use crate::details::{self, Details, ParameterLine, Stage, Unsure};
 use crate::effect::{Effect, Kind};
 use crate::exhibit;
 use crate::form::Form;
@@ -38,9 +38,6 @@ use crate::value_group::Group;
 use crate::values;
 use crate::views;
 use crate::written::Kept;
-
-/// What a value that the file does not know takes of its joint's squared gap where it is more than an imitation.
-const MIN_TAKEN_SQUARE_SHARE: f64 = 0.75;
 
 impl Procedure<'_> {
     /// None where the equations have no solution.
@@ -226,7 +223,8 @@ impl Procedure<'_> {
         };
         let (square, rows) =
             self.look.iter().map(gap).fold((0.0, 0.0), |(s, n), (square, rows)| (s + square, n + rows));
-        search.first_noise[j].powi(2) * f64::max(rows, 1.0) < (1.0 - MIN_TAKEN_SQUARE_SHARE) * square
+        search.first_noise[j].powi(2) * f64::max(rows, 1.0)
+            < (1.0 - POLICY.plausibility.min_unknown_value_share) * square
     }
 
     /// What stands behind the figures; `measured`: the sealed run step by step, and with what is told.
@@ -281,7 +279,9 @@ impl Procedure<'_> {
         let (unbelieved, rest): (Vec<_>, Vec<_>) =
             drive.partition(|(_, p)| p.joint().is_some_and(|j| unheard.contains(&j)));
         let open = |(c, p): &(usize, &Parameter)| {
-            !matches!(p, Parameter::Offset(_)) && unsure.share[*c] >= PINNED && !named.contains(c)
+            !matches!(p, Parameter::Offset(_))
+                && unsure.share[*c] >= POLICY.plausibility.max_pinned_share
+                && !named.contains(c)
         };
         let places = |of: Vec<(usize, &Parameter)>| of.into_iter().map(|(c, _)| c).collect();
         Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }

@@ -349,6 +349,182 @@ pub(crate) struct Timing {
     pub(crate) min_allowed_share_open: f64,
 }
 
+/// What a log's samples must show to be spikes, jumps, held or frozen.
+pub(crate) struct SignalFaults {
+    /// Duration of a spike. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) max_spike_s: f64,
+    /// The same in samples. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) max_spike_samples: usize,
+    /// Height of a spike over the median around it, over the signal's range. Unit and range: share, above 0. Origin: hand-set.
+    pub(crate) min_spike_share: f64,
+    /// The same where the log is too slow to show how torque changes. Unit and range: share, above 0. Origin: hand-set.
+    pub(crate) min_spike_share_slow: f64,
+    /// The same over the usual deviation. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) min_spike_ratio: f64,
+    /// Share of the samples that may be spikes. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) max_spike_samples_share: f64,
+    /// Step of a jump over the step of all but a thousandth of the samples. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) min_jump_ratio: f64,
+    /// Step of a jump. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) min_jump_rad: f64,
+    /// Samples after which a glitch has ended. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) max_glitch_samples: usize,
+    /// Time for which all channels repeat. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_frozen_s: f64,
+    /// Steps in that time. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) min_frozen_samples: usize,
+    /// Speed from which no joint stops at once. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_speed_before_frozen_rad_s: f64,
+    /// Changes of a signal that is held between them. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) min_held_changes: usize,
+    /// Share of these that are equally far apart. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_held_share: f64,
+    /// Size of such a change: slower motion holds a step by itself. Unit and range: encoder steps, above 1. Origin: hand-set.
+    pub(crate) min_change_in_steps: f64,
+    /// Samples in a row at a torque limit. Unit and range: count, above 1. Origin: hand-set.
+    pub(crate) min_flat_samples: usize,
+    /// Share of all samples that such stretches make up. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_flat_share: f64,
+    /// Samples at the limit over those a step below. Unit and range: ratio, above 1. Origin: a rounded torque that turns: 2.4.
+    pub(crate) min_flat_ratio: f64,
+    /// Speed of a joint at rest. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) max_still_speed_rad_s: f64,
+    /// Time in motion of a joint that moves. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_motion_s: f64,
+    /// Speed of a joint in training data. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_training_speed_rad_s: f64,
+    /// Length of training data in which some joint moves. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_training_s: f64,
+    /// Mean square of a row of a burst. Unit and range: squared usual residuals, above 1. Origin: hand-set.
+    pub(crate) min_burst_power: f64,
+    /// The same of a joint that feels it. Unit and range: squared usual residuals, above 1. Origin: hand-set.
+    pub(crate) min_joint_burst_power: f64,
+    /// Time at the ends of a run without bursts: the arm starts and stops. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) burst_edge_s: f64,
+    /// Time between parts of one burst. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) max_burst_pause_s: f64,
+    /// Share of the time in bursts. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) max_burst_time_share: f64,
+    /// Travel of some joint in a stretch that repeats. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) min_repeated_span_rad: f64,
+    /// Distance of positions that may repeat. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) max_repeat_distance_rad: f64,
+    /// RMS distance of a stretch that repeats. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) max_repeat_rms_rad: f64,
+    /// The same over the joint's span. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) max_repeat_rms_share: f64,
+    /// Speed of rows that count: slower friction does not repeat. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_repeated_speed_rad_s: f64,
+    /// Time in motion that repeats. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_repeated_s: f64,
+}
+
+/// What is believed of values and coefficients before the logs: standard deviations.
+pub(crate) struct Priors {
+    /// Of a body's mass and first moments. Unit and range: relative, above 0. Origin: CAD models.
+    pub(crate) body: f64,
+    /// Of a rotor inertia. Unit and range: relative, above 0. Origin: data sheets.
+    pub(crate) rotor: f64,
+    /// Of friction levels. Unit and range: relative, above 0. Origin: data sheets.
+    pub(crate) friction: f64,
+    /// Of a torque offset, over Coulomb friction. Unit and range: ratio, above 0. Origin: hand-set.
+    pub(crate) offset: f64,
+    /// The same where the file has no friction. Unit and range: ratio, above 0. Origin: a KUKA's second axis.
+    pub(crate) offset_unmeasured: f64,
+    /// Torque share of a value that the file gives as 0. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) missing_torque_share: f64,
+    /// Torque share of a free coefficient. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) coefficient_torque_share: f64,
+    /// Of a coefficient that is 1 by the physics. Unit and range: above 0. Origin: hand-set.
+    pub(crate) unit_coefficient: f64,
+    /// Of a link's scale: a link several times as heavy as drawn carries a payload. Unit and range: relative, above 0. Origin: hand-set.
+    pub(crate) link_scale: f64,
+    /// Log evidence that an inner value costs. Unit and range: nats, above 0. Origin: chosen among some twenty.
+    pub(crate) inner_value_evidence: f64,
+    /// Torque share of a contact force on the joint that feels it most. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) force_torque_share: f64,
+    /// Distance of a contact from the last link. Unit and range: m, above 0. Origin: hand-set.
+    pub(crate) min_contact_distance_m: f64,
+    /// Of a group of values that is fixed, over its usual error. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) fixed_group_share: f64,
+    /// Of a group that is free, at least, over its usual error. Unit and range: share, above 0. Origin: hand-set.
+    pub(crate) min_free_group_share: f64,
+    /// Of links that are held beside one body at the flange, over their usual error. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) held_link_share: f64,
+    /// Of the time between torque and position. Unit and range: samples, above 0. Origin: a command is held over its period.
+    pub(crate) timing_samples: f64,
+    /// Of how softly friction changes sign, 0 being the model's. Unit and range: above 0. Origin: hand-set.
+    pub(crate) friction_turn: f64,
+    /// Torque share of a friction law of the ladder. Unit and range: share, above 0. Origin: regularisation.
+    pub(crate) ladder_torque_share: f64,
+}
+
+/// What effects of arms can be, and where they are looked for.
+pub(crate) struct Plausibility {
+    /// Travel over which bristles yield: less is a smeared stop. Unit and range: rad, above 0. Origin: false ones: 0.04 to 0.6 mrad; true ones in 257 cases: 2.4 mrad and more.
+    pub(crate) min_bristle_travel_rad: f64,
+    /// The same at most. Unit and range: rad, above 0. Origin: six degrees.
+    pub(crate) max_bristle_travel_rad: f64,
+    /// Error of a torque constant that is named. Unit and range: relative, above 0. Origin: hand-set.
+    pub(crate) min_gain_error: f64,
+    /// Squared cross stiffness of a spring over two joints, over the product of their own. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_cross_stiffness_share: f64,
+    /// Command over the torque limit that cuts it. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) min_command_over_limit: f64,
+    /// Time in motion in which a command is cut. Unit and range: share, 0 to 1. Origin: another simulator: 0.05 to 0.62.
+    pub(crate) max_cut_time_share: f64,
+    /// The same at least: fewer are single samples. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_cut_time_share: f64,
+    /// Range of a joint with a torque over the angle. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) min_angle_law_range_rad: f64,
+    /// Share of its range that a joint goes beyond where something pulls. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_pull_reach_share: f64,
+    /// Twist of a gear. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) max_gear_twist_rad: f64,
+    /// Time constant of a joint that warms up. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_warming_time_s: f64,
+    /// The same at most. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) max_warming_time_s: f64,
+    /// The same over the logged time: of more the log shows a straight line. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) max_warming_time_over_span: f64,
+    /// Warmth at the start over that of lasting work. Unit and range: ratio, above 0. Origin: hand-set.
+    pub(crate) max_start_warmth: f64,
+    /// Logged time in which something may warm up. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) min_warming_record_s: f64,
+    /// Mean speed of a joint that warms up by its own work. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_warming_speed_rad_s: f64,
+    /// Angle between the axes of two modes of the base. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) min_mode_angle_rad: f64,
+    /// Frequency of a mode over the model filter's cut-off. Unit and range: share, 0 to 1. Origin: the filter passes it.
+    pub(crate) max_mode_cutoff_share: f64,
+    /// Share of the base's acceleration that the mode makes: far below it the base follows the moment. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_mode_share: f64,
+    /// Joints that one body at the flange must explain. Unit and range: count, above 1. Origin: hand-set.
+    pub(crate) min_body_joints: usize,
+    /// Distance of that body from the last link's origin, over the reach. Unit and range: share, above 0. Origin: hand-set.
+    pub(crate) body_distance_share: f64,
+    /// Friction over the file's that is as given. Unit and range: ratio, above 1. Origin: usual error of a file.
+    pub(crate) max_friction_ratio_as_given: f64,
+    /// Joints that are not those of the file. Unit and range: count, above 1. Origin: hand-set.
+    pub(crate) min_strange_joints: usize,
+    /// Share of its joint's squared gap of a value that the file gives as 0. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_unknown_value_share: f64,
+    /// Posterior over prior deviation of a value that the runs determine. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) max_pinned_share: f64,
+    /// Squared gap over the nominal one of values that are exported although a joint is further. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) max_written_gap_share: f64,
+    /// Gap of that joint over its nominal one. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) max_written_joint_ratio: f64,
+    /// Ratio of two gaps that are equal. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) max_equal_gap_ratio: f64,
+    /// Squared gap of free values over that of consistent ones. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) max_free_gap_ratio: f64,
+    /// Residual of the best pair of joints over that of the next. Unit and range: ratio, 0 to 1. Origin: hand-set.
+    pub(crate) max_other_pair_ratio: f64,
+    /// Residual of the best zero over that of every other joint's. Unit and range: ratio, 0 to 1. Origin: hand-set.
+    pub(crate) max_other_zero_ratio: f64,
+}
+
 /// All of them.
 pub(crate) struct Policy {
     pub(crate) adoption: Adoption,
@@ -356,6 +532,9 @@ pub(crate) struct Policy {
     pub(crate) confidence: ConfidenceLevels,
     pub(crate) screening: Screening,
     pub(crate) timing: Timing,
+    pub(crate) signal_faults: SignalFaults,
+    pub(crate) priors: Priors,
+    pub(crate) plausibility: Plausibility,
 }
 
 /// The policy in force.
@@ -532,5 +711,93 @@ pub(crate) const POLICY: Policy = Policy {
         max_size_error: 0.02,
         min_allowed_share: 0.75,
         min_allowed_share_open: 0.2,
+    },
+    signal_faults: SignalFaults {
+        max_spike_s: 0.003,
+        max_spike_samples: 3,
+        min_spike_share: 0.5,
+        min_spike_share_slow: 2.0,
+        min_spike_ratio: 20.0,
+        max_spike_samples_share: 0.01,
+        min_jump_ratio: 10.0,
+        min_jump_rad: 5e-3,
+        max_glitch_samples: 5,
+        min_frozen_s: 0.015,
+        min_frozen_samples: 5,
+        min_speed_before_frozen_rad_s: 0.02,
+        min_held_changes: 200,
+        min_held_share: 0.9,
+        min_change_in_steps: 3.0,
+        min_flat_samples: 5,
+        min_flat_share: 0.005,
+        min_flat_ratio: 5.0,
+        max_still_speed_rad_s: 0.02,
+        min_motion_s: 0.5,
+        min_training_speed_rad_s: 0.02,
+        min_training_s: 3.0,
+        min_burst_power: 25.0,
+        min_joint_burst_power: 9.0,
+        burst_edge_s: 1.0,
+        max_burst_pause_s: 0.3,
+        max_burst_time_share: 0.6,
+        min_repeated_span_rad: 0.05,
+        max_repeat_distance_rad: 0.01,
+        max_repeat_rms_rad: 1e-3,
+        max_repeat_rms_share: 0.005,
+        min_repeated_speed_rad_s: 0.02,
+        min_repeated_s: 3.0,
+    },
+    priors: Priors {
+        body: 0.08,
+        rotor: 0.12,
+        friction: 0.25,
+        offset: 0.03,
+        offset_unmeasured: 0.1,
+        missing_torque_share: 0.3,
+        coefficient_torque_share: 0.3,
+        unit_coefficient: 0.15,
+        link_scale: 0.3,
+        inner_value_evidence: 3.0,
+        force_torque_share: 0.3,
+        min_contact_distance_m: 0.05,
+        fixed_group_share: 0.03,
+        min_free_group_share: 1.0,
+        held_link_share: 0.03,
+        timing_samples: 0.5,
+        friction_turn: 0.5,
+        ladder_torque_share: 0.5,
+    },
+    plausibility: Plausibility {
+        min_bristle_travel_rad: 1e-3,
+        max_bristle_travel_rad: 0.1,
+        min_gain_error: 0.02,
+        min_cross_stiffness_share: 0.1,
+        min_command_over_limit: 1.15,
+        max_cut_time_share: 0.7,
+        min_cut_time_share: 2e-4,
+        min_angle_law_range_rad: 0.03,
+        min_pull_reach_share: 0.1,
+        max_gear_twist_rad: 0.5,
+        min_warming_time_s: 20.0,
+        max_warming_time_s: 7200.0,
+        max_warming_time_over_span: 2.0,
+        max_start_warmth: 4.0,
+        min_warming_record_s: 90.0,
+        min_warming_speed_rad_s: 0.01,
+        min_mode_angle_rad: 1.0,
+        max_mode_cutoff_share: 0.9,
+        min_mode_share: 0.1,
+        min_body_joints: 3,
+        body_distance_share: 0.15,
+        max_friction_ratio_as_given: 1.25,
+        min_strange_joints: 3,
+        min_unknown_value_share: 0.75,
+        max_pinned_share: 0.5,
+        max_written_gap_share: 0.5,
+        max_written_joint_ratio: 1.25,
+        max_equal_gap_ratio: 1.05,
+        max_free_gap_ratio: 1.05,
+        max_other_pair_ratio: 0.7,
+        max_other_zero_ratio: 0.7,
     },
 };

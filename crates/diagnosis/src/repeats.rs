@@ -5,24 +5,14 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::design::Prepared;
+use crate::policy::POLICY;
 use crate::report::Scatter;
 
 /// Length of the stretches that are looked for again \[s\].
 const REPEATED_STRETCH_S: f64 = 3.0;
-/// Some joint goes at least this far in one \[rad\].
-const SPAN: f64 = 0.05;
 /// Steps in which the other run is searched, and places of a stretch that are compared first \[rows\].
 const COARSE_SEARCH_ROWS: usize = 5;
 const PLACES: usize = 8;
-/// Positions are alike there within this and what a joint goes in one such step \[rad\] ...
-const MAX_POSITION_DISTANCE_RAD: f64 = 0.01;
-/// ... and in the end by this root mean square \[rad\], and this share of a joint's span.
-const MAX_PATH_DIFFERENCE: f64 = 1e-3;
-const ALIKE_SHARE: f64 = 0.005;
-/// Speed below which friction of a joint is what it pleases \[rad/s\].
-const MIN_REPEATED_SPEED_RAD_S: f64 = 0.02;
-/// Time in motion that has to be seen twice before it says anything \[s\].
-const MIN_REPEATED_S: f64 = 3.0;
 
 /// Rows of one run that come again, and where: rows of the other, as far as they are between two.
 struct Again {
@@ -72,7 +62,11 @@ pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
     let scatter = |(square, rows): (f64, f64)| {
         let seconds = rows * period;
         // Both runs have it.
-        (seconds >= MIN_REPEATED_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
+        (seconds >= POLICY.signal_faults.min_repeated_s).then(|| Scatter {
+            torque: (0.5 * square / rows).sqrt(),
+            seconds,
+            decides: false,
+        })
     };
     sums.into_iter().map(scatter).collect()
 }
@@ -90,7 +84,7 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
             high - low
         };
         let spans: Vec<f64> = one.q.iter().map(span).collect();
-        if spans.iter().all(|span| *span < SPAN) {
+        if spans.iter().all(|span| *span < POLICY.signal_faults.min_repeated_span_rad) {
             continue;
         }
         let first = if same { rows.end } else { 0 };
@@ -124,7 +118,8 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
                 .clone()
                 .map(|k| (one.q[j][k] - between(&other.q[j], place + (k - rows.start) as f64)).powi(2))
                 .sum();
-            (square / length as f64).sqrt() < MAX_PATH_DIFFERENCE + ALIKE_SHARE * spans[j]
+            (square / length as f64).sqrt()
+                < POLICY.signal_faults.max_repeat_rms_rad + POLICY.signal_faults.max_repeat_rms_share * spans[j]
         });
         if alike {
             found.push(Again { later: place - rows.start as f64, rows });
@@ -139,7 +134,7 @@ fn near(one: &Rows<'_>, other: &Rows<'_>, from: usize, at: usize, length: usize)
         let k = p * length / PLACES;
         (0..one.q.len()).all(|j| {
             (one.q[j][from + k] - other.q[j][at + k]).abs()
-                < MAX_POSITION_DISTANCE_RAD + step * one.qd[j][from + k].abs()
+                < POLICY.signal_faults.max_repeat_distance_rad + step * one.qd[j][from + k].abs()
         })
     })
 }
@@ -158,7 +153,7 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     let places: Vec<(usize, f64)> = again
         .iter()
         .flat_map(|a| a.rows.clone().map(|k| (k, k as f64 + a.later)))
-        .filter(|(k, _)| one.qd[j][*k].abs() > MIN_REPEATED_SPEED_RAD_S)
+        .filter(|(k, _)| one.qd[j][*k].abs() > POLICY.signal_faults.min_repeated_speed_rad_s)
         .collect();
     let tau = &other.run.tau[j];
     let sampled = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();

@@ -9,12 +9,11 @@ use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::physics::bodies;
+use crate::policy::POLICY;
 use crate::rows::Column;
 
 /// Rows that are looked at, spread over each run.
-const ROWS: usize = 400;
-/// No arm is known better than to this share of its torque; with the signal's noise it is the unit of what is missed.
-const KNOWN: f64 = 0.02;
+pub(crate) const ROWS: usize = 400;
 /// Directions that the motion hardly tells are rounding.
 const MOTION_DIRECTION_ROUNDING: f64 = 1e-6;
 /// Columns that are this much smaller than the largest are rounding.
@@ -193,7 +192,7 @@ pub(crate) fn joined(joints: &[DVector<f64>]) -> DVector<f64> {
 fn weights(run: &Prepared, j: usize) -> Vec<f64> {
     let (tau, rows) = (&run.tau[j], run.rows());
     let rms = (tau.iter().map(|t| t * t).sum::<f64>() / rows.max(1) as f64).sqrt();
-    let known = run.floor[j].hypot(KNOWN * rms);
+    let known = run.floor[j].hypot(POLICY.screening.rigid_model_error * rms);
     // What a joint that stands holds by friction nobody knows.
     let weight = |k: usize| 1.0 / known.hypot(run.doubt[j][k]).max(f64::MIN_POSITIVE);
     looked_at(rows).map(|k| if run.silent[j].is_none() { weight(k) } else { 0.0 }).collect()

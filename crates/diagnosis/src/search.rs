@@ -11,23 +11,15 @@ use crate::library;
 use crate::local::Stretch;
 use crate::parallel;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::Column;
 use crate::stillness;
 use crate::warming_candidates;
-
-/// Prior standard deviation of a free coefficient: it may contribute this share of its joint's torque.
-const COEFFICIENT_PRIOR_TORQUE_SHARE: f64 = 0.3;
-/// Of a coefficient that is 1 by the physics.
-const UNIT_COEFFICIENT_STD: f64 = 0.15;
-/// Of a link's scale: a link several times as heavy as drawn is a payload.
-const LINK: f64 = 0.3;
 
 /// No torque is told better than this \[N·m\].
 const LEAST_NOISE: f64 = 1e-9;
 /// Nor than this share of its root mean square: weights that are further apart leave no digits to solve the equations with.
 const LEAST_NOISE_SHARE: f64 = 1e-5;
-/// Log evidence that an inner value costs: it was chosen among some twenty.
-const INNER_VALUE: f64 = 3.0;
 /// Times that rows in doubt are weighed anew.
 const REWEIGHINGS: usize = 4;
 /// Noise that changes by less than this share stays.
@@ -55,7 +47,7 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// Log evidence that its inner values cost.
     pub(crate) fn price(&self) -> f64 {
-        INNER_VALUE * self.form.inner_values() as f64
+        POLICY.priors.inner_value_evidence * self.form.inner_values() as f64
     }
 
     /// How many numbers it has, inner values among them.
@@ -257,12 +249,12 @@ impl<'a> Search<'a> {
         if form.has_fixed_gain() {
             return Some(Belief {
                 mean: DVector::repeat(count, 1.0),
-                std: DVector::repeat(count, UNIT_COEFFICIENT_STD),
+                std: DVector::repeat(count, POLICY.priors.unit_coefficient),
             });
         }
         let mut std = DVector::zeros(count);
         if matches!(form, Form::LinkScale { .. }) {
-            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
+            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, POLICY.priors.link_scale) });
         }
         for c in 0..count {
             // A planar arm feels some of a body only; whatever is believed of the rest.
@@ -286,7 +278,7 @@ impl<'a> Search<'a> {
             let ratio = (torque / square).sqrt();
             least = least.min(ratio);
         }
-        least.is_finite().then_some(COEFFICIENT_PRIOR_TORQUE_SHARE * least)
+        least.is_finite().then_some(POLICY.priors.coefficient_torque_share * least)
     }
 
     /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of

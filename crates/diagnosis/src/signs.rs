@@ -6,12 +6,11 @@ use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::log_fault::LogFault;
 use crate::policy::POLICY;
+use crate::rigid;
 use crate::rows::Column;
 use crate::run::Motion;
 use crate::stillness::is_still;
 
-/// Rows that are looked at, spread over the run.
-const ROWS: usize = 400;
 /// Columns weaker than this share of their size beside the others are rounding.
 const PROJECTED_COLUMN_ROUNDING: f64 = 1e-8;
 
@@ -83,7 +82,7 @@ impl Turned<'_> {
         let own_angle = self.of_angle();
         let columns: Vec<&Column> = columns.iter().chain(&own_angle).collect();
         let rows = self.run.rows();
-        let used: Vec<usize> = (0..rows).step_by((rows / ROWS).max(1)).collect();
+        let used: Vec<usize> = (0..rows).step_by((rows / rigid::ROWS).max(1)).collect();
         let mut y = DMatrix::zeros(used.len() * trusted.len(), columns.len());
         let mut b = DVector::zeros(used.len() * trusted.len());
         for (block, j) in trusted.iter().enumerate() {

@@ -5,7 +5,7 @@ use crate::policy::POLICY;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
 use crate::signals;
-use crate::stillness::{STILL, is_moved, is_still};
+use crate::stillness::{is_moved, is_still};
 
 const AS_DUE: std::ops::Range<f64> = 0.2..5.0;
 
@@ -33,7 +33,8 @@ pub(crate) fn detect(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x:
     if !is_moved(motion, chain, j) {
         return None;
     }
-    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
+    let moving: Vec<usize> =
+        (0..tau.len()).filter(|k| speed[*k].abs() > POLICY.signal_faults.max_still_speed_rad_s).collect();
     let rows = moving.len() as f64;
     let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
     let drive = |k: usize| {

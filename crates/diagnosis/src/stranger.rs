@@ -10,9 +10,6 @@ use crate::form::Form;
 use crate::policy::POLICY;
 use crate::possible;
 
-/// So many joints at least, and two thirds of those that can be heard.
-const JOINTS: usize = 3;
-
 /// Joints whose body or rotor is far off or came out as none that can be (`impossible`; on two joints at most of a measured or sound arm, on
 /// all six with another arm's file), where that is most of them. `heard`: joints whose torque is believed. Friction and torque
 /// constants are in no CAD model, and a body at the flange is none of the arm's.
@@ -46,7 +43,7 @@ pub(crate) fn joints(
             || body.max(distance(&|p| p == Parameter::RotorInertia(*j))) > POLICY.held_out.max_usual_errors
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
-    (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
+    (joints.len() >= POLICY.plausibility.min_strange_joints && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
 }
 
 /// Joints of which the model as given misses several times the torque that they have, where that is most of them: friction and loads that no

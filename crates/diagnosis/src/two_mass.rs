@@ -8,6 +8,7 @@
 //! ```
 
 use crate::physics::Physics;
+use crate::policy::POLICY;
 
 /// A gear between motor and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,9 +25,6 @@ pub(crate) struct Gear {
 const MAX_GEAR_STEP_PHASE_RAD: f64 = 0.25;
 /// Most steps in a sample: stiffer gears are rigid at the rate of the log.
 const MOST_STEPS: f64 = 16.0;
-
-/// No gear twists further and is still one \[rad\].
-const LARGEST_TWIST: f64 = 0.5;
 
 /// Full-rate column of the torque change that a gear causes; nothing on all joints for one that no arm can have.
 pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Option<Vec<f64>>> {
@@ -54,7 +52,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
         let accel_of =
             |delta: f64, speed: f64, load: f64| (spring(delta, speed) - load - gradient[k] * delta) / inertia;
         // Softer than gravity the link falls over: there is no such arm.
-        if delta.abs() > LARGEST_TWIST + half || delta.is_nan() {
+        if delta.abs() > POLICY.plausibility.max_gear_twist_rad + half || delta.is_nan() {
             return vec![None; physics.joints()];
         }
         deltas[k] = delta;

@@ -6,7 +6,7 @@ use crate::design::Prepared;
 use crate::log_check::of_file;
 use crate::log_fault::LogFault;
 use crate::policy::POLICY;
-use crate::stillness::{STILL, is_moved};
+use crate::stillness::is_moved;
 
 /// Root mean squares of a joint's rows in motion.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,8 @@ impl Size {
             return None;
         }
         let speed = run.chain.sample(&run.motion.qd[j]);
-        let moving: Vec<usize> = (0..run.rows()).filter(|k| speed[*k].abs() > STILL).collect();
+        let moving: Vec<usize> =
+            (0..run.rows()).filter(|k| speed[*k].abs() > POLICY.signal_faults.max_still_speed_rad_s).collect();
         let rms = |rows: &[f64]| (moving.iter().map(|k| rows[*k].powi(2)).sum::<f64>() / moving.len() as f64).sqrt();
         Some(Size { torque: rms(&run.tau[j]), file: rms(&of_file(run, nominal, j)), speed: rms(&speed) })
     }

@@ -24,8 +24,6 @@ use crate::zero::{self, Zero};
 
 /// Bodies may be heavier or lighter than the file's: size of the vector found over that of the file's.
 const SIZE: [f64; 2] = [0.5, 2.0];
-/// The same of a zero against the zero of every other joint.
-const NO_OTHER: f64 = 0.7;
 /// Parts of the runs looked at from which the interval of the shrink comes.
 const PARTS: usize = 8;
 
@@ -175,7 +173,8 @@ impl<'a> Looked<'a> {
     fn zero(&self) -> Option<(Otherwise, f64)> {
         let zeros = zero::all(&self.free, &self.bodies, &self.measured);
         let [first, others @ ..] = &zeros[..] else { return None };
-        let no_other = others.first().is_none_or(|second| first.missed < NO_OTHER * second.missed);
+        let no_other =
+            others.first().is_none_or(|second| first.missed < POLICY.plausibility.max_other_zero_ratio * second.missed);
         // A tool that is mounted turned, or a body that stands elsewhere, is no zero; of the last joint nothing tells the two apart.
         let no_body =
             || self.free.with_body(&self.left, first.joint) > POLICY.screening.max_rival_residual_ratio * first.missed;

@@ -11,13 +11,8 @@ use crate::possible::{self, Impossible};
 use crate::search::Search;
 use crate::value_group::Group;
 
-/// What is left to a group that is fixed, as a share of its usual error.
-const FIXED_GROUP_ERROR_SHARE: f64 = 0.03;
 /// The same of one that is to stay as it is. Less than this and the equations lose their digits.
 const FROZEN: f64 = 1e-4;
-/// What a free group may be wrong by, at least, as a share of its usual error: where most values are right their common
-/// scale is small, and the one that is not would look impossible by it.
-const MIN_FREE_GROUP_ERROR_SHARE: f64 = 1.0;
 
 fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
@@ -68,7 +63,9 @@ struct Widths {
 impl Widths {
     fn std_with(&self, free: &[Group], held: &[Group]) -> DVector<f64> {
         let mut std = self.usual.clone();
-        for (groups, width) in [(free, MIN_FREE_GROUP_ERROR_SHARE.max(self.scale)), (held, FIXED_GROUP_ERROR_SHARE)] {
+        for (groups, width) in
+            [(free, POLICY.priors.min_free_group_share.max(self.scale)), (held, POLICY.priors.fixed_group_share)]
+        {
             // The solver multiplies by the scale where it applies; the width here is whole.
             let each = groups.iter().flat_map(|g| &g.columns);
             each.for_each(|c| std[*c] *= if self.scaled[*c] { width / self.scale } else { width.min(1.0) });

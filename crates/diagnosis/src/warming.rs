@@ -12,15 +12,9 @@
 //! shorter than the gear's own.
 
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::run::{Motion, Run};
 
-/// What refinement may make of them \[s\], ...
-const MIN_WARMING_TIME_S: f64 = 20.0;
-const MAX_WARMING_TIME_S: f64 = 7200.0;
-/// Longest time constant over the time that was logged: of more the log only shows a straight line.
-pub(crate) const MAX_TIME_OVER_SPAN: f64 = 2.0;
-/// The most that refinement may make of them.
-const MAX_START_WARMTH: f64 = 4.0;
 /// Change of the friction's power over what was looked at, least and most of the larger end: less is not worth a name, and
 /// no lubricant does more.
 const FRICTION_CHANGE_RANGE: (f64, f64) = (0.05, 0.9);
@@ -86,9 +80,11 @@ impl Warmth {
 
     /// The same with time constant and start changed, within bounds.
     pub(crate) fn moved(self, factor: f64, step: f64) -> Warmth {
-        let time_s =
-            (self.time_s * factor).clamp(MIN_WARMING_TIME_S, MAX_WARMING_TIME_S.min(MAX_TIME_OVER_SPAN * self.span_s));
-        Warmth { time_s, start: (self.start + step).clamp(0.0, MAX_START_WARMTH), ..self }
+        let time_s = (self.time_s * factor).clamp(
+            POLICY.plausibility.min_warming_time_s,
+            POLICY.plausibility.max_warming_time_s.min(POLICY.plausibility.max_warming_time_over_span * self.span_s),
+        );
+        Warmth { time_s, start: (self.start + step).clamp(0.0, POLICY.plausibility.max_start_warmth), ..self }
     }
 }
 

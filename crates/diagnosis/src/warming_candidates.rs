@@ -4,16 +4,13 @@ use rivet_dynamics::{EffectKind, KnownEffect};
 
 use crate::form::Form;
 use crate::physics::Physics;
-use crate::warming::{MAX_TIME_OVER_SPAN, Warmth, power};
+use crate::policy::POLICY;
+use crate::warming::{Warmth, power};
 
 /// Time constants \[s\].
 const WARMING_TIMES_S: [f64; 5] = [60.0, 150.0, 375.0, 940.0, 2350.0];
 /// States at the beginning: a cold joint, and one that comes from harder work.
 const START_WARMTHS: [f64; 2] = [0.0, 2.0];
-/// With less than this to look at on one clock nothing has warmed up \[s\].
-const MIN_WARMING_RECORD_S: f64 = 90.0;
-/// A joint that moves less than this on average warms up by nothing of its own \[rad/s\].
-const MIN_WARMING_SPEED_RAD_S: f64 = 0.01;
 
 /// Puts effects that were made with the friction power of the values `fitted` into watts of those `written` beside them.
 pub(crate) fn in_watts_of(form: &Form, effects: &mut [KnownEffect], joints: usize, fitted: &[f64], written: &[f64]) {
@@ -36,7 +33,7 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
     let unmeasured = physics.iter().filter(|p| p.run.temperature.is_none());
     let longest_s = unmeasured.map(|p| p.run.seconds()).fold(0.0, f64::max);
     let span_s = physics.iter().map(|p| p.run.past.seconds() + p.run.seconds()).fold(0.0, f64::max);
-    if longest_s < MIN_WARMING_RECORD_S {
+    if longest_s < POLICY.plausibility.min_warming_record_s {
         return Vec::new();
     }
     let n = first.joints();
@@ -45,10 +42,12 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
         let rows = speeds().count().max(1) as f64;
         let work = [speeds().map(|v| v.abs()).sum::<f64>() / rows, speeds().map(|v| v * v).sum::<f64>() / rows];
         let power = power(&first.x, n, joint, work);
-        if work[0] < MIN_WARMING_SPEED_RAD_S || power <= 0.0 {
+        if work[0] < POLICY.plausibility.min_warming_speed_rad_s || power <= 0.0 {
             return Vec::new();
         }
-        let times = WARMING_TIMES_S.into_iter().filter(|time_s| *time_s <= MAX_TIME_OVER_SPAN * span_s);
+        let times = WARMING_TIMES_S
+            .into_iter()
+            .filter(|time_s| *time_s <= POLICY.plausibility.max_warming_time_over_span * span_s);
         let warmth = move |time_s: f64| {
             let cold = move |start: f64| Warmth { time_s, start, at_work: false, work, power, span_s };
             START_WARMTHS.into_iter().map(cold).flat_map(|cold| [cold, Warmth { at_work: true, ..cold }])

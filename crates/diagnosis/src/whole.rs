@@ -15,8 +15,6 @@ use crate::rigid::{Bodies, FreeDrives, joined};
 use crate::rows::Column;
 use crate::stillness::is_still;
 
-const NO_OTHER: f64 = 0.7;
-
 /// Marks joints of runs whose signals are wrong together, and says why nothing is evaluated; none where nothing is.
 pub(crate) fn spoilt(look: &mut [Prepared], sealed: &mut Prepared, nominal: &Nominal) -> Option<String> {
     let (faults, why) = found(look, nominal)?;
@@ -88,7 +86,7 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
     let mut sized: Vec<(f64, (usize, usize))> = sizes.into_iter().zip(pairs).collect();
     sized.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (least, (a, b)) = *sized.first()?;
-    let no_other = sized.get(1).is_none_or(|second| least < NO_OTHER * second.0);
+    let no_other = sized.get(1).is_none_or(|second| least < POLICY.plausibility.max_other_pair_ratio * second.0);
     (least < POLICY.screening.max_exchanged_residual_share * as_given && no_other).then(|| {
         (
             vec![(a, LogFault::Exchanged(b)), (b, LogFault::Exchanged(a))],

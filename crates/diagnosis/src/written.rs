@@ -11,15 +11,11 @@ use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::Form;
-use crate::formats::MAX_EQUAL_GAP_RATIO;
 use crate::parts::Told;
+use crate::policy::POLICY;
 use crate::rows::Column;
 use crate::warming_candidates;
 
-/// What leaves no more than this of the squared gap, on average over joints, is written even where a joint is further ...
-const MAX_WORTHWHILE_GAP_SHARE: f64 = 0.5;
-/// ... from the runs by no more than this factor: without them all other joints would be.
-const MAX_JOINT_GAP_RATIO: f64 = 1.25;
 /// Groups of drive values of a joint in the standard vector: rotor inertia, viscous, Coulomb, offset.
 const DRIVE: std::ops::Range<usize> = 10..14;
 
@@ -208,17 +204,15 @@ impl Draft<'_> {
 
 /// Joints on which `gaps` are larger than `before`.
 pub(crate) fn worse(gaps: &[Option<f64>], before: &[Option<f64>]) -> Vec<usize> {
-    let is =
-        |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > MAX_EQUAL_GAP_RATIO * before);
+    let is = |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > POLICY.plausibility.max_equal_gap_ratio * before);
     (0..gaps.len()).filter(is).collect()
 }
 
 /// Whether gaps are so much smaller than `before` that a joint may have a larger one.
 fn is_worth(gaps: &[Option<f64>], before: &[Option<f64>]) -> bool {
     let judged = gaps.iter().zip(before).filter(|(gap, before)| gap.is_some() && before.is_some()).count();
-    let spoilt =
-        |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > MAX_JOINT_GAP_RATIO * before);
-    relative(gaps, before) <= MAX_WORTHWHILE_GAP_SHARE * judged as f64 && !(0..gaps.len()).any(spoilt)
+    let spoilt = |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > POLICY.plausibility.max_written_joint_ratio * before);
+    relative(gaps, before) <= POLICY.plausibility.max_written_gap_share * judged as f64 && !(0..gaps.len()).any(spoilt)
 }
 
 /// Sum of the squares of gaps in parts of those before.

@@ -20,13 +20,12 @@ use rivet_dynamics::{Arm, Joint, JointKind, MAX_JOINTS, Workspace, inverse_dynam
 
 use crate::parallel::{self, chunks, joined};
 use crate::physics::{Physics, bodies};
+use crate::policy::POLICY;
 
 /// Lowest frequency of a mode \[Hz\]: soft tables have 5 Hz.
 pub(crate) const LOWEST_MODE_HZ: f64 = 4.0;
 /// Bounds of the damping ratio for refinement.
 pub(crate) const MODE_DAMPING_RANGE: (f64, f64) = (0.003, 0.2);
-/// Axes this far apart are those of two modes \[rad\].
-const MIN_AXIS_ANGLE_RAD: f64 = 1.0;
 /// Bounds of the arm's share of the inertia: 1 is a base without inertia, beside an arm whose own is known within some tenths.
 const ARM_SHARE_RANGE: (f64, f64) = (0.02, 1.4);
 /// A share that is further from the coefficient is made anew.
@@ -245,7 +244,7 @@ impl Mode {
     /// Whether two modes turn about axes far enough apart to be two.
     pub(crate) fn is_other(&self, other: &Mode) -> bool {
         let apart = (self.heading - other.heading).rem_euclid(PI);
-        apart.min(PI - apart) >= MIN_AXIS_ANGLE_RAD
+        apart.min(PI - apart) >= POLICY.plausibility.min_mode_angle_rad
     }
 
     /// Full-rate column of the torque per share of the inertia.

@@ -24,8 +24,6 @@ use crate::rows::Column;
 const TORQUE_REFITS: usize = 5;
 /// Delay and lag are told apart below this \[Hz\]: further up is the noise of accelerations, of which a lag wants the rate.
 pub(crate) const SLOW_HZ: f64 = 8.0;
-/// Columns of size 1 that are as alike as this are one.
-const RIDGE: f64 = 1e-9;
 
 /// By how much the arm follows its torque late.
 pub(crate) struct Behind {
@@ -168,7 +166,7 @@ fn columns_of<'a>(run: &'a Prepared, part: &Part) -> Vec<(usize, &'a Vec<f64>)> 
 fn solved(gram: &DMatrix<f64>, right: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
     let scale = gram.diagonal().map(|square| if square > 0.0 { square.sqrt().recip() } else { 0.0 });
     let mut scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |a, b| gram[(a, b)] * scale[a] * scale[b]);
-    (0..scaled.nrows()).for_each(|k| scaled[(k, k)] += if scale[k] > 0.0 { RIDGE } else { 1.0 });
+    (0..scaled.nrows()).for_each(|k| scaled[(k, k)] += if scale[k] > 0.0 { super::RIDGE } else { 1.0 });
     let right = right.component_mul(&scale);
     let x = Cholesky::new(scaled)?.solve(&right);
     let explained = x.dot(&right);
