@@ -17,7 +17,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 
 use cases::{Case, Source};
-use digest::{Digest, differing_leaves, of_files, short_hash, without_prose};
+use digest::{Digest, differing_leaves, of_files, without_prose};
 
 /// Leaves of the JSON that are shown per case that differs.
 const MAX_LEAVES_SHOWN: usize = 12;
@@ -117,6 +117,9 @@ impl Outcome {
     }
 }
 
+/// By case: what became of it, and its hashes where they are new.
+type Outcomes = BTreeMap<String, Result<(Outcome, Option<Digest>)>>;
+
 /// Runs the cases and stores or compares their hashes.
 ///
 /// # Errors
@@ -129,12 +132,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let chosen = cases::choose(all, &args.filter, args.cases);
     if args.list {
-        chosen.iter().for_each(|case| println!("{}", case.name));
+        for case in &chosen {
+            println!("{}", case.name);
+        }
         return Ok(());
     }
     let stored = read_stored(&places.stored)?;
     let (next, done, begun) = (AtomicUsize::new(0), AtomicUsize::new(0), Instant::now());
-    let outcomes: Mutex<BTreeMap<String, Result<(Outcome, Option<Digest>)>>> = Mutex::default();
+    let outcomes: Mutex<Outcomes> = Mutex::default();
     thread::scope(|scope| {
         for _ in 0..args.jobs.clamp(1, chosen.len().max(1)) {
             scope.spawn(|| {
@@ -161,12 +166,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 }
 
 /// Writes what is new, prints what differs and the counts.
-fn finish(
-    places: &Places,
-    mut stored: BTreeMap<String, Digest>,
-    outcomes: BTreeMap<String, Result<(Outcome, Option<Digest>)>>,
-    absent: &[String],
-) -> Result<()> {
+fn finish(places: &Places, mut stored: BTreeMap<String, Digest>, outcomes: Outcomes, absent: &[String]) -> Result<()> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let mut failures = 0;
     let mut is_new = false;
@@ -177,7 +177,9 @@ fn finish(
                 if let Outcome::Different(lines) = &outcome {
                     failures += 1;
                     println!("{name}:");
-                    lines.iter().for_each(|line| println!("    {line}"));
+                    for line in lines {
+                        println!("    {line}");
+                    }
                 }
                 if let (Outcome::Stored, Some(digest)) = (outcome, digest) {
                     is_new = true;
@@ -325,8 +327,7 @@ fn stored_text(stored: &BTreeMap<String, Digest>) -> Result<String> {
     let lines: Result<Vec<String>> =
         stored.iter().map(|(name, digest)| Ok(format!("{}: {}", json!(name), digest.json()?))).collect();
     let head = json!("cargo build --release -p rivet && cargo xtask golden (compare: cargo xtask golden --check)");
-    let set = short_hash(stored.keys().map(String::as_str).collect::<Vec<_>>().join("\n").as_bytes());
-    Ok(format!("{{\n\"command\": {head},\n\"names\": {},\n\"cases\": {{\n{}\n}}}}\n", json!(set), lines?.join(",\n")))
+    Ok(format!("{{\n\"command\": {head},\n\"cases\": {{\n{}\n}}}}\n", lines?.join(",\n")))
 }
 
 /// A line on standard error; a closed one is no reason to stop.

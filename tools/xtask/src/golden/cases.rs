@@ -107,7 +107,8 @@ fn in_folder(set: &str, folder: &Path) -> Vec<Case> {
         let robot = path.join("robot.toml");
         let logs = logs(&path);
         let name = format!("{set}/{}", path.file_name()?.to_string_lossy());
-        (robot.is_file() && !logs.is_empty()).then(|| Case { name, source: Source::File(robot), identify: None, logs })
+        let is_case = robot.is_file() && !logs.is_empty();
+        is_case.then_some(Case { name, source: Source::File(robot), identify: None, logs })
     };
     let mut found: Vec<Case> = entries.flatten().filter_map(|entry| case(entry.path())).collect();
     found.sort_by(|a, b| a.name.cmp(&b.name));

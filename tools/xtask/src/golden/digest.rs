@@ -1,6 +1,7 @@
 //! Hashes of a verdict and of exported files, and where two of them differ.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -77,7 +78,12 @@ fn field_hashes(json: &Value) -> Result<BTreeMap<String, String>> {
 
 /// The first bytes of SHA-256, in hexadecimal digits.
 pub(crate) fn short_hash(bytes: &[u8]) -> String {
-    sha2::Sha256::digest(bytes)[..HASH_BYTES].iter().map(|byte| format!("{byte:02x}")).collect()
+    let mut digits = String::new();
+    for byte in &sha2::Sha256::digest(bytes)[..HASH_BYTES] {
+        // Writing to a string cannot fail.
+        let _ = write!(digits, "{byte:02x}");
+    }
+    digits
 }
 
 /// Hash of several files, in order.
