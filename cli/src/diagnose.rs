@@ -109,7 +109,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let live = args.live.is_some();
     let all = runs_of(&sources, live)?;
-    let bounds = MotionBounds::of(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
+    let bounds =
+        MotionBounds::from_limits(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
     let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
     // Runs that were left out drive no simulator and show nothing.
     let used = found.used.iter();

@@ -47,7 +47,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     rivet_files::write_whole(&mjcf, of_robot(&made).text()).with_context(|| named(&mjcf))?;
     for (k, motion) in patch.motions.iter().enumerate() {
         let rivals = motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", ");
-        if !motion.tells() {
+        if !motion.is_conclusive() {
             let text = format!(
                 "no motion of one joint within its limits is expected to separate {} from {rivals}",
                 motion.effect

@@ -280,7 +280,7 @@ fn power(
         let level = i32::midpoint(found, missed);
         let (injected, size, _) = kind.at(strength(level), on, &typical[on]);
         let added: Vec<Vec<Vec<f64>>> = runs.iter().map(|r| r.torque(injected)).collect();
-        let named = probe.with(&added, joint.filter(|_| kind.is_periodic()));
+        let named = probe.named_with(&added, joint.filter(|_| kind.is_periodic()));
         if named.as_ref().is_some_and(is) {
             found = level;
             // On the joint where it is largest, in units of what the model leaves there.
@@ -288,7 +288,7 @@ fn power(
                 let (square, n) = added.iter().flat_map(|r| &r[j]).fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
                 f64::sqrt(square / f64::max(n, 1.0))
             };
-            let over = (0..typical.len()).map(|j| (rms(j), rms(j) / probe.left()[j].max(1e-9)));
+            let over = (0..typical.len()).map(|j| (rms(j), rms(j) / probe.residual_rms()[j].max(1e-9)));
             let most = over.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
             result.smallest = Some(size);
             (result.torque_nm, result.over_noise) = (Some(most.0), Some(most.1));

@@ -1,17 +1,16 @@
 //! The thread that owns every port that may allocate or wait.
 
 use crate::consistent::Waiting;
-use crate::error::StartError;
+use crate::context::ThreadContext;
 use crate::keeper::Latest;
 use crate::outbound::Outbound;
 use crate::progress::Progress;
 use crate::reload::Outcome;
 use crate::said::{Complaint, Said};
 use rivet_ipc_schema::{
-    Answer, Bus, BusConfig, BusError, BusWatch, ControlCommand, ControlStatus, Drift, Health, Parameters, RobotName,
-    Timing,
+    Answer, Bus, BusError, BusWatch, ControlCommand, ControlStatus, Drift, Health, Parameters, Timing,
 };
-use rivet_realtime::Shutdown;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::{Duration, Instant};
 
@@ -47,49 +46,51 @@ fn open(bus: &Bus) -> Result<Ports, BusError> {
     })
 }
 
+/// What the bus thread shares with the others.
+pub(crate) struct Links {
+    /// From the loop.
+    pub(crate) outbound: rtrb::Consumer<Outbound>,
+    pub(crate) requests: Requests,
+    /// To the store, where there is one.
+    pub(crate) kept: Option<Arc<Latest>>,
+    /// To the thread of consistent parameters.
+    pub(crate) waiting: Arc<Waiting>,
+    pub(crate) progress: Arc<Progress>,
+}
+
 /// Publishes until shut down, then what is left in the queue.
-pub(crate) fn run(
-    config: &BusConfig,
-    name: &RobotName,
-    mut outbound: rtrb::Consumer<Outbound>,
-    mut requests: Requests,
-    kept: Option<&Latest>,
-    waiting: &Waiting,
-    progress: &Progress,
-    shutdown: &Shutdown,
-    ready: &Sender<Result<(), StartError>>,
-) {
-    let opened = Bus::open(config, name, "rivetd-bus").and_then(|bus| open(&bus).map(|ports| (bus, ports)));
-    let (bus, mut ports) = match opened {
+pub(crate) fn run(context: &ThreadContext, links: Links) {
+    let opened = Bus::open(&context.bus, &context.name, "rivetd-bus");
+    let (bus, ports) = match opened.and_then(|bus| open(&bus).map(|ports| (bus, ports))) {
         Ok(opened) => {
-            // A receiver that is gone means that start-up failed elsewhere; the shutdown flag says so too.
-            let _ = ready.send(Ok(()));
+            context.report_ready();
             opened
         }
         Err(why) => {
-            let _ = ready.send(Err(why.into()));
+            context.report_failure(why);
             return;
         }
     };
+    let progress = Arc::clone(&links.progress);
+    let mut publisher = Publisher { ports, links, said: Said::default() };
     let mut turns = 0_u32;
     let mut complaint = Complaint::default();
-    let (mut said, mut watch) = (Said::default(), BusWatch::default());
+    let mut watch = BusWatch::default();
     loop {
         progress.bus_turned();
-        let stopping = shutdown.is_requested();
+        let stopping = context.shutdown.is_requested();
         let refresh = turns.is_multiple_of(TURNS_PER_REFRESH);
-        let result = turn(&mut ports, &mut outbound, &mut requests, kept, waiting, progress, &mut said, refresh);
-        if let Err(why) = result {
+        if let Err(why) = publisher.turn(refresh) {
             complaint.say(&why.to_string());
         }
         if turns.is_multiple_of(TURNS_PER_ROOM) {
-            look_for_room(progress);
-            match watch.look(config, bus.is_whole(), progress.read().samples, Instant::now()) {
+            look_for_room(&progress);
+            match watch.look(&context.bus, bus.is_whole(), progress.read().samples, Instant::now()) {
                 Ok(Some(why)) => {
                     log::error!(rivet_event = "bus-removed"; "{why}; goes on with who is there, until nothing comes any more");
                 }
                 Err(why) if !stopping => {
-                    let _ = ready.send(Err(why.into()));
+                    context.report_failure(why);
                     return;
                 }
                 Ok(None) | Err(_) => {}
@@ -122,57 +123,60 @@ fn look_for_room(progress: &Progress) {
     progress.set_no_room(full);
 }
 
-fn turn(
-    ports: &mut Ports,
-    outbound: &mut rtrb::Consumer<Outbound>,
-    requests: &mut Requests,
-    kept: Option<&Latest>,
-    waiting: &Waiting,
-    progress: &Progress,
-    said: &mut Said,
-    refresh: bool,
-) -> Result<(), rivet_ipc_schema::PortError> {
-    while let Ok(message) = outbound.pop() {
-        match message {
-            Outbound::Parameters(parameters) => {
-                if let Some(kept) = kept {
-                    kept.offer(&parameters);
+/// The ports, and what goes through them.
+struct Publisher {
+    ports: Ports,
+    links: Links,
+    said: Said,
+}
+
+impl Publisher {
+    /// Sends what the loop has queued and serves some requests; `refresh`: looks for subscribers that joined.
+    fn turn(&mut self, refresh: bool) -> Result<(), rivet_ipc_schema::PortError> {
+        let Publisher { ports, links: Links { outbound, requests, kept, waiting, progress }, said } = self;
+        let kept = kept.as_deref();
+        while let Ok(message) = outbound.pop() {
+            match message {
+                Outbound::Parameters(parameters) => {
+                    if let Some(kept) = kept {
+                        kept.offer(&parameters);
+                    }
+                    ports.latest.write(&parameters);
+                    waiting.put(&parameters);
+                    ports.parameters.send(&parameters)?;
                 }
-                ports.latest.write(&parameters);
-                waiting.put(&parameters);
-                ports.parameters.send(&parameters)?;
-            }
-            Outbound::Health(mut health) => {
-                health.state_folder = progress.state_folder();
-                said.take(&health, Instant::now());
-                ports.health.send(&health)?;
-            }
-            Outbound::Drift(drift) => {
-                ports.drift.send(&drift)?;
-            }
-            Outbound::Timing(timing) => {
-                ports.timing.send(&timing)?;
+                Outbound::Health(mut health) => {
+                    health.state_folder = progress.state_folder();
+                    said.take(&health, Instant::now());
+                    ports.health.send(&health)?;
+                }
+                Outbound::Drift(drift) => {
+                    ports.drift.send(&drift)?;
+                }
+                Outbound::Timing(timing) => {
+                    ports.timing.send(&timing)?;
+                }
             }
         }
-    }
-    if refresh {
-        ports.parameters.refresh()?;
-        ports.health.refresh()?;
-        ports.timing.refresh()?;
-        ports.drift.refresh()?;
-    }
-    let epoch = progress.read().epoch;
-    if let Ok((status, text)) = requests.outcomes.try_recv() {
-        ports.control.finish(epoch, status, &text)?;
-    }
-    // Bounded: who floods the service with requests keeps nobody from parameters.
-    for _ in 0..REQUESTS_PER_TURN {
-        let owes = ports.control.owes();
-        if !ports.control.serve(epoch, |command| requests.hand_over(kept, command, owes))? {
-            break;
+        if refresh {
+            ports.parameters.refresh()?;
+            ports.health.refresh()?;
+            ports.timing.refresh()?;
+            ports.drift.refresh()?;
         }
+        let epoch = progress.read().epoch;
+        if let Ok((status, text)) = requests.outcomes.try_recv() {
+            ports.control.finish(epoch, status, &text)?;
+        }
+        // Bounded: who floods the service with requests keeps nobody from parameters.
+        for _ in 0..REQUESTS_PER_TURN {
+            let owes = ports.control.owes();
+            if !ports.control.serve(epoch, |command| requests.hand_over(kept, command, owes))? {
+                break;
+            }
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Where requests of the control service go.

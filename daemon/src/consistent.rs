@@ -1,12 +1,10 @@
 //! Physically consistent parameters beside the estimated ones: a thread that is not real-time.
 
-use crate::error::StartError;
+use crate::context::ThreadContext;
 use rivet_config::Robot;
 use rivet_dynamics::{BaseSet, Model};
 use rivet_estimation::consistency::{ConsistencyError, Reference, project_torque};
-use rivet_ipc_schema::{BODY_VALUES, Bus, BusConfig, ConsistentParameters, Parameters, RobotName};
-use rivet_realtime::Shutdown;
-use std::sync::mpsc::Sender;
+use rivet_ipc_schema::{BODY_VALUES, Bus, ConsistentParameters, Parameters};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -71,31 +69,22 @@ impl Projector {
 const REFRESH: Duration = Duration::from_millis(10);
 
 /// Projects the latest set every `period` and publishes the result, until shut down.
-pub(crate) fn run(
-    projector: &Projector,
-    period: Duration,
-    config: &BusConfig,
-    name: &RobotName,
-    waiting: &Waiting,
-    shutdown: &Shutdown,
-    ready: &Sender<Result<(), StartError>>,
-) {
-    let opened = Bus::open(config, name, "rivetd-consistent")
+pub(crate) fn run(context: &ThreadContext, projector: &Projector, period: Duration, waiting: &Waiting) {
+    let opened = Bus::open(&context.bus, &context.name, "rivetd-consistent")
         .and_then(|bus| bus.consistent_parameters_publisher().map(|publisher| (bus, publisher)));
     let (_bus, publisher) = match opened {
         Ok(opened) => {
-            // A receiver that is gone means that start-up failed elsewhere; the shutdown flag says so too.
-            let _ = ready.send(Ok(()));
+            context.report_ready();
             opened
         }
         Err(why) => {
-            let _ = ready.send(Err(why.into()));
+            context.report_failure(why);
             return;
         }
     };
     let mut complained = false;
     let mut next = Instant::now();
-    while !shutdown.is_requested() {
+    while !context.shutdown.is_requested() {
         let now = Instant::now();
         let mut result = publisher.refresh().map_err(|e| e.to_string());
         if now >= next

@@ -193,63 +193,9 @@ impl Core {
         done: impl FnMut(Phase),
     ) -> Result<(), Refused> {
         let n = self.dof;
-        if let Some(last) = self.last_seq {
-            if sample.seq <= last {
-                self.counts.stale += 1;
-                if !self.old.take(sample.seq) {
-                    let again = if sample.seq == last { InputFault::Duplicate } else { InputFault::Reordered };
-                    self.record.count(again, 1);
-                    return Err(Refused::Stale);
-                }
-                self.counts.restarts += 1;
-                self.interrupted = true;
-                self.guard.restart();
-                self.watch.forget();
-                self.record.interrupt(Met { fault: InputFault::PublisherRestarted, joints: 0 }, 1);
-            } else {
-                let lost = sample.seq - last - 1;
-                self.counts.lost = self.counts.lost.saturating_add(lost);
-                if lost > 0 {
-                    self.interrupted = true;
-                    self.record.interrupt(Met { fault: InputFault::Lost, joints: 0 }, lost);
-                }
-                if !self.guard.stamps_fit(lost, self.last_stamp_ns, sample.stamp_ns) {
-                    // The rate is looked at anew; the signals know only sequence numbers.
-                    self.clock.begin();
-                    self.record.count(InputFault::TimeJump, 1);
-                }
-            }
-        }
-        // Old samples one after the other, then new ones: numbers that happen to go on hide a hole in time.
-        self.interrupted |= self.old.end() > 1;
-        self.last_seq = Some(sample.seq);
-        self.last_stamp_ns = sample.stamp_ns;
-        // Velocities and filters reckoned with a wrong period are wrong without looking so.
-        if !self.clock.take(sample.seq, sample.stamp_ns) {
-            self.counts.wrong_period += 1;
-            return Err(self.refuse(InputFault::WrongPeriod, 0, Refused::Period));
-        }
-        if sample.faults != 0 {
-            self.counts.faults += 1;
-            return Err(self.refuse(InputFault::RobotFault, 0, Refused::Fault));
-        }
+        self.take_stamp(sample)?;
+        self.check_values(sample)?;
         let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
-        if sample.joints as usize != n {
-            self.counts.invalid += 1;
-            return Err(self.refuse(InputFault::WrongShape, 0, Refused::Invalid));
-        }
-        if !finite(&sample.q) || !finite(&sample.tau) {
-            self.counts.invalid += 1;
-            let bad = (0..n).filter(|&j| !sample.q[j].is_finite() || !sample.tau[j].is_finite());
-            return Err(self.refuse(InputFault::NotFinite, bad.fold(0, |bits, j| bits | 1 << j), Refused::Invalid));
-        }
-        // Before anything is reckoned with them: differences of such numbers are no differences any more.
-        let wild = |j: &usize| sample.q[*j].abs() > LARGEST_MOTION || sample.tau[*j].abs() > LARGEST_EFFORT;
-        let bits = (0..n).filter(wild).fold(0, |bits, j| bits | 1 << j);
-        if bits != 0 {
-            self.counts.invalid += 1;
-            return Err(self.refuse(InputFault::Implausible, bits, Refused::Invalid));
-        }
         let setpoint = setpoint
             .filter(|s| s.seq == sample.seq && s.count() == n && finite(&s.q) && finite(&s.qd) && finite(&s.qdd));
         self.setpoints_seen |= setpoint.is_some();
@@ -299,6 +245,74 @@ impl Core {
         match wrong {
             Some(found) => self.record.interrupt(Met { fault: input_fault(found.fault), joints: found.joints }, 1),
             None => self.record.good(step != Step::WarmingUp),
+        }
+        Ok(())
+    }
+
+    /// Sequence number and stamp: lost and old samples, another publisher, jumps of time.
+    fn take_stamp(&mut self, sample: &JointState) -> Result<(), Refused> {
+        if let Some(last) = self.last_seq {
+            if sample.seq <= last {
+                self.counts.stale += 1;
+                if !self.old.take(sample.seq) {
+                    let again = if sample.seq == last { InputFault::Duplicate } else { InputFault::Reordered };
+                    self.record.count(again, 1);
+                    return Err(Refused::Stale);
+                }
+                self.counts.restarts += 1;
+                self.interrupted = true;
+                self.guard.restart();
+                self.watch.forget();
+                self.record.interrupt(Met { fault: InputFault::PublisherRestarted, joints: 0 }, 1);
+            } else {
+                let lost = sample.seq - last - 1;
+                self.counts.lost = self.counts.lost.saturating_add(lost);
+                if lost > 0 {
+                    self.interrupted = true;
+                    self.record.interrupt(Met { fault: InputFault::Lost, joints: 0 }, lost);
+                }
+                if !self.guard.stamps_fit(lost, self.last_stamp_ns, sample.stamp_ns) {
+                    // The rate is looked at anew; the signals know only sequence numbers.
+                    self.clock.begin();
+                    self.record.count(InputFault::TimeJump, 1);
+                }
+            }
+        }
+        // Old samples one after the other, then new ones: numbers that happen to go on hide a hole in time.
+        self.interrupted |= self.old.end() > 1;
+        self.last_seq = Some(sample.seq);
+        self.last_stamp_ns = sample.stamp_ns;
+        Ok(())
+    }
+
+    /// Rate, fault bits, shape, finite values within what any arm does.
+    fn check_values(&mut self, sample: &JointState) -> Result<(), Refused> {
+        let n = self.dof;
+        // Velocities and filters reckoned with a wrong period are wrong without looking so.
+        if !self.clock.take(sample.seq, sample.stamp_ns) {
+            self.counts.wrong_period += 1;
+            return Err(self.refuse(InputFault::WrongPeriod, 0, Refused::Period));
+        }
+        if sample.faults != 0 {
+            self.counts.faults += 1;
+            return Err(self.refuse(InputFault::RobotFault, 0, Refused::Fault));
+        }
+        let finite = |values: &[f64; MAX_JOINTS]| values[..n].iter().all(|v| v.is_finite());
+        if sample.joints as usize != n {
+            self.counts.invalid += 1;
+            return Err(self.refuse(InputFault::WrongShape, 0, Refused::Invalid));
+        }
+        if !finite(&sample.q) || !finite(&sample.tau) {
+            self.counts.invalid += 1;
+            let bad = (0..n).filter(|&j| !sample.q[j].is_finite() || !sample.tau[j].is_finite());
+            return Err(self.refuse(InputFault::NotFinite, bad.fold(0, |bits, j| bits | 1 << j), Refused::Invalid));
+        }
+        // Before anything is reckoned with them: differences of such numbers are no differences any more.
+        let wild = |j: &usize| sample.q[*j].abs() > LARGEST_MOTION || sample.tau[*j].abs() > LARGEST_EFFORT;
+        let bits = (0..n).filter(wild).fold(0, |bits, j| bits | 1 << j);
+        if bits != 0 {
+            self.counts.invalid += 1;
+            return Err(self.refuse(InputFault::Implausible, bits, Refused::Invalid));
         }
         Ok(())
     }

@@ -163,111 +163,36 @@ impl Keeper {
 
     /// Stores what comes until shut down, then what is left.
     pub(crate) fn run(
-        mut self,
+        self,
         latest: &Latest,
-        mut asking: Asking,
+        asking: Asking,
         flight: &Flight,
         answers: &Sender<Outcome>,
         progress: &Progress,
         shutdown: &Shutdown,
     ) {
-        let mut next = Instant::now() + INTERVAL;
-        // Since when the loop has been asked, and whether someone waits for an answer.
-        let (mut asked, mut owed) = (None, false);
-        let mut complained = false;
-        let mut folder = rivet_service::StateFolder::new(&self.folder);
-        // What a reset could not move.
-        let mut remains = false;
+        let mut rounds = StoreRounds {
+            folder: rivet_service::StateFolder::new(&self.folder),
+            keeper: self,
+            latest,
+            asking,
+            answers,
+            next: Instant::now() + INTERVAL,
+            asked: None,
+            owes_answer: false,
+            complained: false,
+            reset_pending: false,
+        };
         loop {
             progress.store_turned();
-            progress.set_state_folder(state_folder(folder.look(Instant::now())));
+            progress.set_state_folder(state_folder(rounds.folder.look(Instant::now())));
             let stopping = shutdown.is_requested();
             if stopping {
                 // The bus thread hands over what the loop left behind in its last turn.
                 std::thread::sleep(TURN);
                 flight.ask(Reason::Stop);
             }
-            let (due, now) = (Instant::now() >= next, latest.take_request());
-            let asked_to_forget = latest.take_aside();
-            if asked_to_forget || (remains && (due || stopping)) {
-                let outcome = self.forget();
-                remains = outcome.0 != ControlStatus::Done;
-                if !remains {
-                    log::info!(rivet_event = "state-set-aside"; "reset: {}", outcome.1);
-                } else if asked_to_forget {
-                    log::error!(rivet_event = "state-not-stored"; "reset: {}", outcome.1);
-                }
-                if asked_to_forget {
-                    // The bus thread is gone when the daemon is on its way out.
-                    let _ = answers.send(outcome);
-                }
-            }
-            if due {
-                next = Instant::now() + INTERVAL;
-            }
-            owed |= now;
-            if (due || now) && asked.is_none() && latest.has_news() {
-                asked = Some(Instant::now());
-                asking.ask();
-            }
-            let mut found = None;
-            let mut last = !stopping;
-            let begin = Instant::now();
-            loop {
-                while let Some((end, knowledge)) = asking.with(|filled| (filled.last, self.whole(filled))) {
-                    found = Some(knowledge);
-                    last |= end;
-                }
-                // What the loop knew when it ended.
-                if last || begin.elapsed() >= LAST_WORDS {
-                    break;
-                }
-                std::thread::sleep(TURN / 10);
-            }
-            let waited = asked.is_some_and(|since| since.elapsed() >= HAND_OVER);
-            if found.is_some() || waited || stopping {
-                asked = None;
-                // What the estimator does not stand by now it may have stood by a moment ago.
-                let news = latest.take_news();
-                let whole = found.flatten().filter(|_| news.is_some());
-                if let Some((news, knowledge)) =
-                    news.map(|set| (set, whole.unwrap_or_else(|| knowledge(&set, self.hash))))
-                {
-                    let saved = self.store.save(&knowledge);
-                    folder
-                        .note(saved.as_ref().map_or_else(|why| Storage::because(&why.source), |()| Storage::Writable));
-                    if saved.is_err() {
-                        latest.put_back(&news);
-                    }
-                    if owed {
-                        owed = false;
-                        let outcome = match &saved {
-                            Ok(()) => {
-                                (ControlStatus::Done, format!("stored as of sample {}", knowledge.parameters.seq))
-                            }
-                            Err(why) => (ControlStatus::Failed, format!("not stored: {why}")),
-                        };
-                        // The bus thread is gone when the daemon is on its way out.
-                        let _ = answers.send(outcome);
-                    }
-                    match saved {
-                        Ok(()) if std::mem::take(&mut complained) => {
-                            log::info!(rivet_event = "state-stored"; "parameters are stored again");
-                        }
-                        Err(why) if !complained => {
-                            complained = true;
-                            log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} \
-                                                                           (reported once)");
-                        }
-                        Ok(()) | Err(_) => {}
-                    }
-                }
-            }
-            if owed && asked.is_none() && !latest.has_news() {
-                // What was to be stored went into the file of the interval, between the request and now.
-                owed = false;
-                let _ = answers.send((ControlStatus::Done, "what there was is stored".to_owned()));
-            }
+            rounds.turn(stopping);
             flight.serve();
             if stopping {
                 return;
@@ -298,6 +223,124 @@ impl Keeper {
             let memory = Memory { fingerprint: snapshot.fingerprint, numbers: snapshot.memory.clone() };
             Knowledge { memory: whole.then_some(memory), ..knowledge(&snapshot.parameters, self.hash) }
         })
+    }
+}
+
+/// What the store's thread knows from round to round.
+struct StoreRounds<'a> {
+    keeper: Keeper,
+    folder: rivet_service::StateFolder,
+    latest: &'a Latest,
+    asking: Asking,
+    answers: &'a Sender<Outcome>,
+    /// When the next file of the interval is due.
+    next: Instant,
+    /// Since when the loop has been asked.
+    asked: Option<Instant>,
+    /// Whether someone waits for an answer.
+    owes_answer: bool,
+    /// Whether a failure has been reported.
+    complained: bool,
+    /// Whether a reset could not move what is stored.
+    reset_pending: bool,
+}
+
+impl StoreRounds<'_> {
+    fn turn(&mut self, stopping: bool) {
+        let (due, now) = (Instant::now() >= self.next, self.latest.take_request());
+        self.reset(due || stopping);
+        if due {
+            self.next = Instant::now() + INTERVAL;
+        }
+        self.owes_answer |= now;
+        if (due || now) && self.asked.is_none() && self.latest.has_news() {
+            self.asked = Some(Instant::now());
+            self.asking.ask();
+        }
+        let (handed_over, found) = self.take_snapshots(stopping);
+        let waited = self.asked.is_some_and(|since| since.elapsed() >= HAND_OVER);
+        if handed_over || waited || stopping {
+            self.asked = None;
+            // What the estimator does not stand by now it may have stood by a moment ago.
+            if let Some(news) = self.latest.take_news() {
+                let parameters_alone = || knowledge(&news, self.keeper.hash);
+                let knowledge = found.unwrap_or_else(parameters_alone);
+                self.save(&news, &knowledge);
+            }
+        }
+        if self.owes_answer && self.asked.is_none() && !self.latest.has_news() {
+            // What was to be stored went into the file of the interval, between the request and now.
+            self.owes_answer = false;
+            let _ = self.answers.send((ControlStatus::Done, "what there was is stored".to_owned()));
+        }
+    }
+
+    /// Sets aside what is stored where that was asked for; `again`: also where an earlier try failed.
+    fn reset(&mut self, again: bool) {
+        let asked_to_forget = self.latest.take_aside();
+        if !(asked_to_forget || (self.reset_pending && again)) {
+            return;
+        }
+        let outcome = self.keeper.forget();
+        self.reset_pending = outcome.0 != ControlStatus::Done;
+        if !self.reset_pending {
+            log::info!(rivet_event = "state-set-aside"; "reset: {}", outcome.1);
+        } else if asked_to_forget {
+            log::error!(rivet_event = "state-not-stored"; "reset: {}", outcome.1);
+        }
+        if asked_to_forget {
+            // The bus thread is gone when the daemon is on its way out.
+            let _ = self.answers.send(outcome);
+        }
+    }
+
+    /// Whether the loop handed over a snapshot, and what of the latest is worth storing. On the way out it waits for the loop's last
+    /// one.
+    fn take_snapshots(&mut self, stopping: bool) -> (bool, Option<Knowledge>) {
+        let (mut handed_over, mut found) = (false, None);
+        let mut last = !stopping;
+        let begin = Instant::now();
+        loop {
+            let keeper = &self.keeper;
+            while let Some((end, knowledge)) = self.asking.read_filled(|filled| (filled.last, keeper.whole(filled))) {
+                (handed_over, found) = (true, knowledge);
+                last |= end;
+            }
+            // What the loop knew when it ended.
+            if last || begin.elapsed() >= LAST_WORDS {
+                return (handed_over, found);
+            }
+            std::thread::sleep(TURN / 10);
+        }
+    }
+
+    /// Writes one file, and answers who asked for it.
+    fn save(&mut self, news: &Parameters, knowledge: &Knowledge) {
+        let saved = self.keeper.store.save(knowledge);
+        self.folder.note(saved.as_ref().map_or_else(|why| Storage::because(&why.source), |()| Storage::Writable));
+        if saved.is_err() {
+            self.latest.put_back(news);
+        }
+        if self.owes_answer {
+            self.owes_answer = false;
+            let outcome = match &saved {
+                Ok(()) => (ControlStatus::Done, format!("stored as of sample {}", knowledge.parameters.seq)),
+                Err(why) => (ControlStatus::Failed, format!("not stored: {why}")),
+            };
+            // The bus thread is gone when the daemon is on its way out.
+            let _ = self.answers.send(outcome);
+        }
+        match saved {
+            Ok(()) if std::mem::take(&mut self.complained) => {
+                log::info!(rivet_event = "state-stored"; "parameters are stored again");
+            }
+            Err(why) if !self.complained => {
+                self.complained = true;
+                log::error!(rivet_event = "state-not-stored"; "parameters are not stored: {why} \
+                                                               (reported once)");
+            }
+            Ok(()) | Err(_) => {}
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod bus_thread;
 mod consistent;
+mod context;
 mod core;
 mod drift;
 mod error;

@@ -1,7 +1,7 @@
 //! The real-time thread: wait, take in what is queued, tick, hand over. Nothing else.
 
+use crate::context::ThreadContext;
 use crate::core::Core;
-use crate::error::StartError;
 use crate::flight::Recorder;
 use crate::ladder::Ladder;
 use crate::outbound::Outbound;
@@ -18,7 +18,6 @@ use rivet_ipc_schema::{
 use rivet_realtime::{Overrun, PeriodTimer, RealTimeSettings, Shutdown, Suspension, now_ns};
 use rivet_service::Flight;
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 /// What the daemon's services take of /dev/shm, with a little to spare \[bytes\].
@@ -418,24 +417,18 @@ impl RealTimeLoop {
 }
 
 /// Runs the loop until shut down. Ports are opened and real time is entered before the first period.
-pub(crate) fn run(
-    core: Core,
-    settings: &LoopSettings,
-    config: &BusConfig,
-    name: &RobotName,
-    channels: Channels,
-    shutdown: &Shutdown,
-    ready: &Sender<Result<(), StartError>>,
-) {
+pub(crate) fn run(context: &ThreadContext, core: Core, settings: &LoopSettings, channels: Channels) {
+    let shutdown = &context.shutdown;
     // Where another program speaks another version of what is read, the daemon is there all the same, and says so.
-    let opened = Bus::open(config, name, "rivetd-loop").and_then(|bus| match Ports::open(&bus, settings) {
-        Err(BusError::Version(_)) => Ok((bus, None)),
-        ports => ports.map(|ports| (bus, Some(ports))),
-    });
+    let opened =
+        Bus::open(&context.bus, &context.name, "rivetd-loop").and_then(|bus| match Ports::open(&bus, settings) {
+            Err(BusError::Version(_)) => Ok((bus, None)),
+            ports => ports.map(|ports| (bus, Some(ports))),
+        });
     let (bus, ports) = match opened {
         Ok(opened) => opened,
         Err(why) => {
-            let _ = ready.send(Err(why.into()));
+            context.report_failure(why);
             return;
         }
     };
@@ -444,10 +437,10 @@ pub(crate) fn run(
             for refused in &granted.refused {
                 log::warn!("goes on without real time: {refused}");
             }
-            let _ = ready.send(Ok(()));
+            context.report_ready();
         }
         Err(why) => {
-            let _ = ready.send(Err(why.into()));
+            context.report_failure(why);
             return;
         }
     }
@@ -458,7 +451,7 @@ pub(crate) fn run(
             channels.snapshots.end(&mut core);
             // Not when the daemon ends anyway.
             if let Some(why) = why {
-                let _ = ready.send(Err(why.into()));
+                context.report_failure(why);
             }
             return;
         }
@@ -485,7 +478,7 @@ fn until_understood(
     channels: &mut Channels,
     shutdown: &Shutdown,
 ) -> Result<Ports, Option<BusError>> {
-    let mut said = String::new();
+    let mut last_news = String::new();
     let mut health = Health::default();
     core.note(InputFault::WrongVersion, 1);
     let mut periods = 0;
@@ -504,10 +497,10 @@ fn until_understood(
                 // How much room there is changes all the time, and is said once.
                 let full = matches!(why, BusError::SharedMemoryFull { .. });
                 let news = if full { "full".to_owned() } else { why.to_string() };
-                if news != said {
+                if news != last_news {
                     let event = if full { "shared-memory-full" } else { "wrong-version" };
                     log::error!(rivet_event = event; "{why}; waits for that to end");
-                    said = news;
+                    last_news = news;
                 }
             }
             Err(why) => return Err(Some(why)),

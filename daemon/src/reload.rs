@@ -123,7 +123,7 @@ impl Reloader {
         let begin = Instant::now();
         while !shutdown.is_requested() {
             if let Ok(Swap { done: Some((kept, seq)), .. }) = self.replaced.pop() {
-                let text = told(&self.path, &self.robot, &robot, kept, seq);
+                let text = reload_report(&self.path, &self.robot, &robot, kept, seq);
                 self.robot = robot;
                 return (ControlStatus::Done, text);
             }
@@ -150,7 +150,7 @@ fn needs_restart(old: &Robot, new: &Robot) -> Option<&'static str> {
     .find_map(|(changed, what)| changed.then_some(what))
 }
 
-fn told(path: &Path, old: &Robot, new: &Robot, kept: Reconfigured, seq: u64) -> String {
+fn reload_report(path: &Path, old: &Robot, new: &Robot, kept: Reconfigured, seq: u64) -> String {
     let mut text = format!("{} is in force after sample {seq}; parameters stay", path.display());
     text += match (kept.window, kept.signals) {
         (true, true) => ", so do the window and the filters' states",

@@ -4,8 +4,9 @@
 //! files, so it lives on the bus thread behind wait-free queues; the main thread watches and talks to the service
 //! manager.
 
-use crate::bus_thread::{self, Requests};
+use crate::bus_thread::{self, Links, Requests};
 use crate::consistent::{self, Projector, Waiting};
+use crate::context::ThreadContext;
 use crate::core::Core;
 use crate::error::StartError;
 use crate::flight::flight;
@@ -112,21 +113,33 @@ pub fn run(options: &Options) -> Result<(), StartError> {
         }
         None => None,
     };
-    run_threads(&robot, core, &bus, &name, options, keeper, hangup, &shutdown)
+    let (ready, readiness) = mpsc::channel();
+    let context = ThreadContext { bus, name: name.clone(), shutdown: shutdown.clone(), ready };
+    let threads = Threads::spawn(&robot, options, core, keeper, hangup, context)?;
+    let started = threads.on_bus.iter().try_for_each(|_| started(&readiness, &shutdown));
+    if started.is_ok() && !shutdown.is_requested() {
+        log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, name.service_name(rivet_ipc_schema::Service::JointState));
+        watch(&threads, &shutdown);
+    }
+    let early = started.is_ok() && threads.one_has_ended() && !shutdown.is_requested();
+    shutdown.request();
+    let progress = Arc::clone(&threads.progress);
+    threads.join();
+    started?;
+    // What a thread met later: it had said that it was ready.
+    readiness.try_iter().collect::<Result<(), StartError>>()?;
+    if early {
+        return Err(StartError::Thread("a thread of the daemon ended"));
+    }
+    let end = progress.read();
+    log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
+    Ok(())
 }
 
-fn run_threads(
-    robot: &Robot,
-    core: Core,
-    bus: &BusConfig,
-    name: &RobotName,
-    options: &Options,
-    keeper: Option<Keeper>,
-    hangup: Hangup,
-    shutdown: &Shutdown,
-) -> Result<(), StartError> {
+/// What the robot file and the command line say of the loop.
+fn loop_settings(robot: &Robot, options: &Options) -> LoopSettings {
     let realtime = &robot.config.realtime;
-    let settings = LoopSettings {
+    LoopSettings {
         period: Duration::from_secs_f64(robot.config.sample_period_s),
         trigger: options.trigger.unwrap_or(realtime.trigger),
         overrun: match realtime.overrun {
@@ -142,108 +155,107 @@ fn run_threads(
             lock_memory: realtime.lock_memory,
             required: (realtime.required || options.require_real_time) && !options.best_effort,
         },
-    };
-    let progress = Arc::new(Progress::default());
-    let (outbound, outbound_end) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
-    let (commands, commands_end) = rtrb::RingBuffer::<ControlCommand>::new(INBOUND);
-    let (ready, readiness) = mpsc::channel();
-    let waiting = Arc::new(Waiting::default());
+    }
+}
 
-    // Service threads come first: what the loop thread starts would inherit its scheduling.
-    let kept = Arc::new(Latest::default());
-    let flight = options.state.as_deref().map(|folder| Arc::new(flight(folder, robot)));
-    rivet_service::abort_on_panic(flight.clone());
-    let (outcome, outcomes) = mpsc::channel();
-    let (asking, snapshots) = snapshots(core.memory_len());
-    let keeping = match keeper.zip(flight.clone()) {
-        Some((keeper, flight)) => {
-            let (kept, shutdown, answers) = (Arc::clone(&kept), shutdown.clone(), outcome.clone());
-            let progress = Arc::clone(&progress);
-            Some(spawn("rivetd-store", move || keeper.run(&kept, asking, &flight, &answers, &progress, &shutdown))?)
+/// The threads of the daemon beside the main one.
+struct Threads {
+    /// Those with ports on the bus; each reports that it has started.
+    on_bus: Vec<JoinHandle<()>>,
+    /// The store's, where there is one.
+    keeping: Option<JoinHandle<()>>,
+    reloading: JoinHandle<()>,
+    progress: Arc<Progress>,
+    flight: Option<Arc<Flight>>,
+}
+
+impl Threads {
+    /// Starts them: service threads first, because what the loop thread starts would inherit its scheduling.
+    fn spawn(
+        robot: &Robot,
+        options: &Options,
+        core: Core,
+        keeper: Option<Keeper>,
+        hangup: Hangup,
+        context: ThreadContext,
+    ) -> Result<Threads, StartError> {
+        let settings = loop_settings(robot, options);
+        let progress = Arc::new(Progress::default());
+        let (outbound, outbound_end) = rtrb::RingBuffer::<Outbound>::new(OUTBOUND);
+        let (commands, commands_end) = rtrb::RingBuffer::<ControlCommand>::new(INBOUND);
+        let waiting = Arc::new(Waiting::default());
+        let kept = Arc::new(Latest::default());
+        let flight = options.state.as_deref().map(|folder| Arc::new(flight(folder, robot)));
+        rivet_service::abort_on_panic(flight.clone());
+        let (outcome, outcomes) = mpsc::channel();
+        let (asking, snapshots) = snapshots(core.memory_len());
+        let keeping = match keeper.zip(flight.clone()) {
+            Some((keeper, flight)) => {
+                let (kept, shutdown, answers) = (Arc::clone(&kept), context.shutdown.clone(), outcome.clone());
+                let progress = Arc::clone(&progress);
+                Some(spawn("rivetd-store", move || keeper.run(&kept, asking, &flight, &answers, &progress, &shutdown))?)
+            }
+            None => None,
+        };
+        let (reloader, incoming) = Reloader::new(&options.robot, robot);
+        let (reloads, asked) = mpsc::channel();
+        let reloading = {
+            let shutdown = context.shutdown.clone();
+            spawn("rivetd-reload", move || reloader.run(&hangup, &asked, &outcome, &shutdown))?
+        };
+        let links = Links {
+            outbound: outbound_end,
+            requests: Requests { commands, reloads, outcomes },
+            kept: keeping.is_some().then_some(kept),
+            waiting: Arc::clone(&waiting),
+            progress: Arc::clone(&progress),
+        };
+        let bus_context = context.clone();
+        let mut on_bus = vec![spawn("rivetd-bus", move || bus_thread::run(&bus_context, links))?];
+        let hz = robot.config.publish.consistent_hz;
+        if hz > 0.0 {
+            let (context, projector, period) =
+                (context.clone(), Projector::new(robot), Duration::from_secs_f64(1.0 / hz));
+            let body = move || consistent::run(&context, &projector, period, &waiting);
+            on_bus.push(spawn("rivetd-consistent", body)?);
         }
-        None => None,
-    };
-    let (reloader, incoming) = Reloader::new(&options.robot, robot);
-    let (reloads, asked) = mpsc::channel();
-    let reloading = {
-        let shutdown = shutdown.clone();
-        spawn("rivetd-reload", move || reloader.run(&hangup, &asked, &outcome, &shutdown))?
-    };
-    let requests = Requests { commands, reloads, outcomes };
-    let stores = keeping.is_some();
-    let publisher = {
-        let (bus, name, shutdown, progress, ready) =
-            (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress), ready.clone());
-        let waiting = Arc::clone(&waiting);
-        let kept = stores.then_some(kept);
-        spawn("rivetd-bus", move || {
-            bus_thread::run(
-                &bus,
-                &name,
-                outbound_end,
-                requests,
-                kept.as_deref(),
-                &waiting,
-                &progress,
-                &shutdown,
-                &ready,
-            );
-        })?
-    };
-    let hz = robot.config.publish.consistent_hz;
-    let projection = if hz > 0.0 {
-        let (bus, name, shutdown, ready) = (bus.clone(), name.clone(), shutdown.clone(), ready.clone());
-        let (projector, period) = (Projector::new(robot), Duration::from_secs_f64(1.0 / hz));
-        Some(spawn("rivetd-consistent", move || {
-            consistent::run(&projector, period, &bus, &name, &waiting, &shutdown, &ready);
-        })?)
-    } else {
-        None
-    };
-    let estimator = {
-        let (bus, name, shutdown, progress) = (bus.clone(), name.clone(), shutdown.clone(), Arc::clone(&progress));
-        let flight = flight.clone();
-        spawn("rivetd-loop", move || {
-            let channels = Channels { outbound, commands: commands_end, reload: incoming, snapshots, progress, flight };
-            loop_thread::run(core, &settings, &bus, &name, channels, &shutdown, &ready);
-        })?
-    };
+        let channels = Channels {
+            outbound,
+            commands: commands_end,
+            reload: incoming,
+            snapshots,
+            progress: Arc::clone(&progress),
+            flight: flight.clone(),
+        };
+        on_bus.push(spawn("rivetd-loop", move || loop_thread::run(&context, core, &settings, channels))?);
+        Ok(Threads { on_bus, keeping, reloading, progress, flight })
+    }
 
-    let threads: Vec<_> = [Some(publisher), projection, Some(estimator)].into_iter().flatten().collect();
-    let started = threads.iter().try_for_each(|_| started(&readiness, shutdown));
-    if started.is_ok() && !shutdown.is_requested() {
-        log::info!(rivet_event = "waiting"; "{}: waiting for samples on {}", name, name.service_name(rivet_ipc_schema::Service::JointState));
-        watch(&progress, shutdown, &threads, stores, flight.as_deref());
+    fn one_has_ended(&self) -> bool {
+        self.on_bus.iter().any(JoinHandle::is_finished)
     }
-    let early = started.is_ok() && threads.iter().any(JoinHandle::is_finished) && !shutdown.is_requested();
-    shutdown.request();
-    // A thread that hangs in the bus library hears nobody: the process ends without it, so that a service manager need not kill it.
-    let patience = Instant::now() + THREADS_END;
-    while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < patience {
-        std::thread::sleep(Duration::from_millis(2));
+
+    /// Waits for their end, for a limited time: a thread that hangs in the bus library hears nobody, and the process ends
+    /// without it, so that a service manager need not kill it.
+    fn join(self) {
+        let patience = Instant::now() + THREADS_END;
+        while self.on_bus.iter().any(|thread| !thread.is_finished()) && Instant::now() < patience {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let (ended, hung): (Vec<_>, Vec<_>) = self.on_bus.into_iter().partition(JoinHandle::is_finished);
+        if !hung.is_empty() {
+            let names: Vec<_> = hung.iter().filter_map(|thread| thread.thread().name()).collect();
+            log::warn!("ends without {}, which does not answer", names.join(", "));
+        }
+        // The store is last: it writes what the others left.
+        // A panic would have ended the process.
+        ended.into_iter().chain(self.keeping).for_each(|thread| drop(thread.join()));
+        // It has nothing that is to be kept, and a file system that hangs may hold it for ever.
+        let patience = Instant::now() + RELOAD_ENDS;
+        while !self.reloading.is_finished() && Instant::now() < patience {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
-    let (threads, hung): (Vec<_>, Vec<_>) = threads.into_iter().partition(JoinHandle::is_finished);
-    if !hung.is_empty() {
-        let names: Vec<_> = hung.iter().filter_map(|thread| thread.thread().name()).collect();
-        log::warn!("ends without {}, which does not answer", names.join(", "));
-    }
-    // The store is last: it writes what the others left.
-    // A panic would have ended the process.
-    threads.into_iter().chain(keeping).for_each(|thread| drop(thread.join()));
-    // It has nothing that is to be kept, and a file system that hangs may hold it for ever.
-    let patience = Instant::now() + RELOAD_ENDS;
-    while !reloading.is_finished() && Instant::now() < patience {
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    started?;
-    // What a thread met later: it had said that it was ready.
-    readiness.try_iter().collect::<Result<(), StartError>>()?;
-    if early {
-        return Err(StartError::Thread("a thread of the daemon ended"));
-    }
-    let end = progress.read();
-    log::info!(rivet_event = "stopped"; "stopped after {} samples ({} lost) in {} periods", end.samples, end.lost, end.periods);
-    Ok(())
 }
 
 /// Waits until a thread says that it is ready, or the daemon is to end.
@@ -319,14 +331,15 @@ impl Round {
 
 /// Tells the service manager what is going on; its watchdog is fed only while the real-time loop moves, and not for ever beside
 /// a bus thread that hangs.
-fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], stores: bool, flight: Option<&Flight>) {
+fn watch(threads: &Threads, shutdown: &Shutdown) {
+    let progress = &threads.progress;
     let mut manager = Manager::new();
     let (mut seen, mut moved, mut stuck) = (0, Instant::now(), false);
     let (mut flowing, mut complained, mut polled) = (false, false, false);
     let mut bus = Round::new("rivetd-bus", BUS_STUCK, moved);
-    let mut store = stores.then(|| Round::new("rivetd-store", STORE_STUCK, moved));
+    let mut store = threads.keeping.is_some().then(|| Round::new("rivetd-store", STORE_STUCK, moved));
     let mut fed = 0;
-    while !shutdown.is_requested() && threads.iter().all(|thread| !thread.is_finished()) {
+    while !shutdown.is_requested() && !threads.one_has_ended() {
         std::thread::sleep(Duration::from_millis(20));
         let now = progress.read();
         if !flowing && now.met {
@@ -343,7 +356,7 @@ fn watch(progress: &Progress, shutdown: &Shutdown, threads: &[JoinHandle<()>], s
         } else if !stuck && moved.elapsed() > STUCK {
             stuck = true;
             log::error!(rivet_event = "stuck"; "the real-time loop has stood still for {:.1} s", moved.elapsed().as_secs_f64());
-            if let Some(flight) = flight {
+            if let Some(flight) = &threads.flight {
                 flight.ask(Reason::Stuck);
             }
         }

@@ -87,11 +87,11 @@ impl Asking {
 
     /// Whether a buffer has been filled; it is given back as it is.
     pub fn is_answered(&mut self) -> bool {
-        self.with(|_| ()).is_some()
+        self.read_filled(|_| ()).is_some()
     }
 
     /// Works on a filled buffer, if there is one, and gives it back.
-    pub(crate) fn with<T>(&mut self, work: impl FnOnce(&Snapshot) -> T) -> Option<T> {
+    pub(crate) fn read_filled<T>(&mut self, work: impl FnOnce(&Snapshot) -> T) -> Option<T> {
         let mut snapshot = self.filled.pop().ok()?;
         let result = work(&snapshot);
         // Another scheme since a reload has another memory: the next time there is room for it.

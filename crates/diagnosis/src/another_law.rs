@@ -6,11 +6,12 @@
 
 use std::f64::consts::TAU;
 
+use crate::adopted::Adopted;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, LEAST_GAIN};
 
 /// A ripple of more cycles over the joint's range than this is no part of a law of the angle.
 const CYCLES: f64 = 4.0;
@@ -27,7 +28,7 @@ pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut 
     for law in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
         law.another_law |= law.form.joints() == [0] && turns_about_gravity(search);
     }
-    if Residue::of(search).any_noisy() || !adopted.iter().any(|a| a.form.of_angle_alone()) {
+    if Residue::from_search(search).any_noisy() || !adopted.iter().any(|a| a.form.of_angle_alone()) {
         return Some(());
     }
     let over: Vec<&Candidate> = candidates.iter().filter(|c| bends_slowly(&c.form, search)).collect();
@@ -36,7 +37,7 @@ pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut 
         let (effect, joints) = (law.form.effect(), law.form.joints());
         let others = over.iter().filter(|c| c.form.joints() == joints && c.form.effect() != effect);
         let gains = others.filter_map(|c| Some(search.standing(0, c, &solved)?.gain));
-        law.another_law |= gains.fold(f64::NEG_INFINITY, f64::max) >= LEAST_GAIN[1];
+        law.another_law |= gains.fold(f64::NEG_INFINITY, f64::max) >= POLICY.adoption.min_gain[1];
     }
     (!solved.is_empty()).then_some(())
 }
@@ -80,9 +81,9 @@ fn bends_slowly(form: &Form, search: &Search<'_>) -> bool {
 
 /// Largest angle that a joint goes over in a run \[rad\].
 pub(crate) fn range(search: &Search<'_>, joint: usize) -> f64 {
-    let of = |q: &[f64]| {
+    let angle_range = |q: &[f64]| {
         let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(*q), h.max(*q)));
         (high - low).max(0.0)
     };
-    search.runs.iter().map(|run| of(&run.motion.q[joint])).fold(0.0, f64::max)
+    search.runs.iter().map(|run| angle_range(&run.motion.q[joint])).fold(0.0, f64::max)
 }

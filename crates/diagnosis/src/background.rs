@@ -3,23 +3,9 @@
 use rivet_dynamics::{Model, Parameter, Structure, Workspace, com_from_body};
 
 use crate::parallel::{self, chunks, joined};
+use crate::policy::POLICY;
 use crate::rows::{Chain, Column};
 use crate::run::{Motion, Run};
-
-/// Relative standard deviation of a body's mass and first moments, as CAD models have it.
-const BODY: f64 = 0.08;
-/// Of a drive's inertia.
-const ROTOR: f64 = 0.12;
-/// Of friction levels.
-const FRICTION: f64 = 0.25;
-/// Torque offset relative to Coulomb friction.
-const OFFSET: f64 = 0.03;
-/// The same where the file has no friction, relative to what it may have. A tenth of the joint's whole torque was 350 N m on a KUKA's
-/// second axis, and what it took from the counterbalance there made its law 24 % wrong (2.1 % with this).
-const OFFSET_UNMEASURED: f64 = 0.1;
-
-/// What a missing value of the model may explain of its joint's torque: where the file says 0 nobody measured.
-const MISSING: f64 = 0.3;
 
 /// What each joint's signals typically are (root mean squares).
 pub(crate) struct Typical {
@@ -42,8 +28,8 @@ impl Typical {
         self.speed[joint]
     }
 
-    pub(crate) fn of(runs: &[Run], joints: usize) -> Typical {
-        let motions: Vec<Motion> = runs.iter().map(Motion::of).collect();
+    pub(crate) fn from_runs(runs: &[Run], joints: usize) -> Typical {
+        let motions: Vec<Motion> = runs.iter().map(Motion::from_run).collect();
         let rms = |signals: &mut dyn Iterator<Item = &Vec<f64>>| {
             let (square, rows) = signals.flatten().fold((0.0, 0.0), |(s, n), t| (s + t * t, n + 1.0));
             f64::sqrt(square / f64::max(rows, 1.0)).max(1e-9)
@@ -65,7 +51,7 @@ pub(crate) struct Nominal {
     /// Standard deviation of each entry's error.
     pub(crate) std: Vec<f64>,
     /// Standard vector by which it is told what a log cannot show: as `x`, but for friction that a first fit has more of, and for
-    /// rotors that the file does not know ([`first_fit`](crate::first_fit)).
+    /// rotors that the file does not know (`first_fit`).
     pub(crate) near: Vec<f64>,
 }
 
@@ -90,12 +76,12 @@ impl Nominal {
 
 fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical) -> f64 {
     let torque = &typical.torque;
-    let of = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
-    let missing = of(parameter) == 0.0;
+    let nominal_size = |p: Parameter| model.parameters.iter().position(|q| *q == p).map_or(0.0, |i| x[i].abs());
+    let missing = nominal_size(parameter) == 0.0;
     match parameter {
-        Parameter::RotorInertia(j) if missing => MISSING * torque[j] / typical.accel[j],
-        Parameter::Viscous(j) if missing => MISSING * torque[j] / typical.speed[j],
-        Parameter::Coulomb(j) if missing => MISSING * torque[j],
+        Parameter::RotorInertia(j) if missing => POLICY.priors.missing_torque_share * torque[j] / typical.accel[j],
+        Parameter::Viscous(j) if missing => POLICY.priors.missing_torque_share * torque[j] / typical.speed[j],
+        Parameter::Coulomb(j) if missing => POLICY.priors.missing_torque_share * torque[j],
         Parameter::Link { link, entry } => {
             let body: [f64; 10] = std::array::from_fn(|e| x[10 * link + e]);
             let (mass, com, inertia) = com_from_body(&body);
@@ -105,26 +91,28 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical
             let arm = com.iter().map(|c| c * c).sum::<f64>().sqrt();
             let mass = mass.max(1e-3);
             match entry {
-                0 => BODY * mass,
-                1..=3 => BODY * mass * (arm * arm + size * size).sqrt(),
-                _ => 1.5 * BODY * mass * (arm * arm + size * size).max(1e-6),
+                0 => POLICY.priors.body * mass,
+                1..=3 => POLICY.priors.body * mass * (arm * arm + size * size).sqrt(),
+                _ => 1.5 * POLICY.priors.body * mass * (arm * arm + size * size).max(1e-6),
             }
         }
         // Without unit or scale of their own: as far off as themselves, or a hundredth of the torque.
-        Parameter::LoadFriction(_) => of(parameter).max(0.05),
-        Parameter::ViscousQuadratic(j) => of(parameter).max(0.01 * torque[j]),
-        Parameter::RotorInertia(j) => ROTOR * of(parameter).max(1e-4 * torque[j]),
-        Parameter::Viscous(j) | Parameter::Coulomb(j) => FRICTION * of(parameter).max(0.05 * torque[j]),
+        Parameter::LoadFriction(_) => nominal_size(parameter).max(0.05),
+        Parameter::ViscousQuadratic(j) => nominal_size(parameter).max(0.01 * torque[j]),
+        Parameter::RotorInertia(j) => POLICY.priors.rotor * nominal_size(parameter).max(1e-4 * torque[j]),
+        Parameter::Viscous(j) | Parameter::Coulomb(j) => {
+            POLICY.priors.friction * nominal_size(parameter).max(0.05 * torque[j])
+        }
         Parameter::Offset(j) => {
-            let friction = of(Parameter::Coulomb(j));
+            let friction = nominal_size(Parameter::Coulomb(j));
             if friction == 0.0 {
-                OFFSET_UNMEASURED * MISSING * torque[j]
+                POLICY.priors.offset_unmeasured * POLICY.priors.missing_torque_share * torque[j]
             } else {
-                OFFSET * friction.max(0.05 * torque[j])
+                POLICY.priors.offset * friction.max(0.05 * torque[j])
             }
         }
         Parameter::CouplingInertia | Parameter::CouplingViscous | Parameter::CouplingCoulomb => {
-            FRICTION * of(parameter).max(1e-3)
+            POLICY.priors.friction * nominal_size(parameter).max(1e-3)
         }
     }
 }

@@ -9,23 +9,14 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::evidence::{Belief, FOLDS, Solved};
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::possible::{self, Impossible};
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Found, Selected};
-
-/// Share of a joint's gap that it must take ...
-const OF_JOINT: f64 = 0.5;
-/// ... on so many joints.
-const JOINTS: usize = 3;
-/// How much worse it may leave any joint, as a share of its gap.
-const WORSE: f64 = 0.1;
-/// How far the body's centre is from the last link's origin, as a share of the arm's reach.
-const OFF_FLANGE: f64 = 0.15;
-/// What is left to values of links that are held, as a share of their usual error.
-const HELD: f64 = 0.03;
+use crate::select::{Found, Selected};
 
 /// The body, where it is the simpler explanation; nothing where the equations of the question have no solution.
 /// `impossible`: what of a body that would be is none.
@@ -36,36 +27,37 @@ pub(crate) fn at_flange(
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
-    if !Residue::of(search).any_noisy() {
+    if !Residue::from_search(search).any_noisy() {
         return Some(None);
     }
     let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
     let Some(belief) = one_body(search, &candidate) else { return Some(None) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
-    let held = links_held(search)?;
+    let with_links_held = links_held(search)?;
     let background = &search.design.background;
     let joints = search.noise.len();
-    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let added = with_links_held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let sum = |of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
         let folds: Vec<Vec<f64>> = (0..FOLDS).map(of).collect();
         (0..joints).map(|j| folds.iter().map(|f| f[j]).sum()).collect()
     };
-    let before = sum(&|f| background.fold_errors(f, &held));
+    let before = sum(&|f| background.fold_errors(f, &with_links_held));
     let links = sum(&|f| background.fold_errors(f, &free));
     let body = sum(&|f| background.fold_errors_with(&candidate.cells, &[], f, &added));
     let taken = |left: &[f64]| -> f64 { (0..joints).map(|j| search.weights[j] * (before[j] - left[j])).sum() };
     let share = taken(&body) / taken(&links).max(f64::MIN_POSITIVE);
     let falls: Vec<f64> = (0..joints).map(|j| 1.0 - body[j] / before[j].max(f64::MIN_POSITIVE)).collect();
-    let gain = added.log_evidence - held.log_evidence;
+    let gain = added.log_evidence - with_links_held.log_evidence;
     say(&format!(
         "a body at the flange {:.3?} takes {share:.2} of what all links take; by joint {falls:.2?}",
         added.c.as_slice()
     ));
     // The share tells nothing apart: 0.78 to 0.96 without a load, 0.85 to 1.17 with one. The joints do.
     let stands = candidate.form.plausible(added.c.as_slice())
-        && falls.iter().all(|fall| *fall >= -WORSE)
-        && falls.iter().filter(|fall| **fall >= OF_JOINT).count() >= JOINTS;
+        && falls.iter().all(|fall| *fall >= -POLICY.adoption.max_body_loss_share)
+        && falls.iter().filter(|fall| **fall >= POLICY.adoption.min_body_gap_share).count()
+            >= POLICY.plausibility.min_body_joints;
     if !stands {
         return Some(None);
     }
@@ -84,8 +76,8 @@ pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>,
     let Some(belief) = one_body(search, &candidate) else { return Some(false) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
-    let held = links_held(search)?;
-    let added = held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
+    let with_links_held = links_held(search)?;
+    let added = with_links_held.add(&candidate.cells, &candidate.belief, &search.weights, |_| true)?;
     let c = added.c.as_slice();
     let is_one = candidate.form.plausible(c)
         && possible::of_payload(c, &search.nominal.model.arm).is_none()
@@ -104,18 +96,18 @@ fn links_held(search: &mut Search<'_>) -> Option<Solved> {
     let usual = search.design.background.std.clone();
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
         if matches!(parameter, Parameter::Link { .. }) {
-            search.design.background.std[at] *= HELD / search.scale;
+            search.design.background.std[at] *= POLICY.priors.held_link_share / search.scale;
         }
     }
-    let held = search.solved(search.scale);
+    let solved = search.solved(search.scale);
     search.design.background.std = usual;
-    held
+    solved
 }
 
 /// What is believed of a body's ten parameters: its mass, and how far its centre is from the origin, which says how large the
 /// others may be. Each of them free, they would take up what no body has: a negative mass far away.
 fn one_body(search: &Search<'_>, candidate: &Candidate) -> Option<Belief> {
-    let far = OFF_FLANGE * possible::reach(&search.nominal.model.arm);
+    let far = POLICY.plausibility.body_distance_share * possible::reach(&search.nominal.model.arm);
     let mass = search.free(&candidate.columns, 0).filter(|_| far > 0.0)?;
     let entry = |c: usize| match c {
         0 => mass,

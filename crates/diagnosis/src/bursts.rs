@@ -1,27 +1,18 @@
 //! Stretches of time in which several joints at once differ from the model far more than elsewhere: contact.
 
+use crate::policy::POLICY;
 use crate::search::Search;
 
-/// A row belongs to a burst when its mean square, in units of each joint's usual residual, is above this.
-const HIGH: f64 = 25.0;
-/// A joint feels it when its own is above this; contact is felt by several.
-const FELT: f64 = 9.0;
-/// Starting up and stopping are no contact: the ends of a run are left out \[s\].
-const EDGE_S: f64 = 1.0;
 /// Rows are averaged over this \[s\].
 const SMOOTH_S: f64 = 0.1;
-/// Bursts closer than this are one \[s\].
-const JOIN_S: f64 = 0.3;
 /// A burst is widened by this on both sides \[s\].
 const MARGIN_S: f64 = 0.15;
 /// Rounds of trimming.
 const TRIMMINGS: usize = 6;
 /// Share of the blocks that values are told by.
-const KEPT: f64 = 0.4;
+const CALM_BLOCK_SHARE: f64 = 0.4;
 /// Scale of the nominal's errors while trimming.
 const TRIM_SCALE: f64 = 0.5;
-/// With more of the time in bursts they are not bursts.
-const MOST_OF_TIME: f64 = 0.6;
 
 /// From and to, in seconds since the run's first sample, for each run.
 pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
@@ -45,7 +36,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
         weights = usual.iter().map(|u| 1.0 / (u * u)).collect();
         let mut errors: Vec<(f64, usize)> = (0..blocks).map(|b| (background.error(&weights, b, &solved), b)).collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
-        kept = errors.iter().take((blocks as f64 * KEPT).ceil() as usize).map(|e| e.1).collect();
+        kept = errors.iter().take((blocks as f64 * CALM_BLOCK_SHARE).ceil() as usize).map(|e| e.1).collect();
         found = Some((residuals, usual));
     }
     let (residuals, usual) = found?;
@@ -58,20 +49,26 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
         for k in 0..rows {
             let around = k.saturating_sub(half)..(k + half + 1).min(rows);
             let mean = |j: usize| around.clone().map(|k| power(j, k)).sum::<f64>() / around.len() as f64;
-            let own: Vec<f64> = (0..joints).map(mean).collect();
-            let felt = own.iter().filter(|p| **p > FELT).count();
+            let joint_powers: Vec<f64> = (0..joints).map(mean).collect();
+            let felt = joint_powers.iter().filter(|p| **p > POLICY.signal_faults.min_joint_burst_power).count();
             let t = run.chain.sample_of(k) as f64 * run.run.period_s;
-            let inside = t > EDGE_S && t < run.run.seconds() - EDGE_S;
-            if own.iter().sum::<f64>() / joints as f64 <= HIGH || felt < 2.min(joints) || !inside {
+            let inside =
+                t > POLICY.signal_faults.burst_edge_s && t < run.run.seconds() - POLICY.signal_faults.burst_edge_s;
+            if joint_powers.iter().sum::<f64>() / joints as f64 <= POLICY.signal_faults.min_burst_power
+                || felt < 2.min(joints)
+                || !inside
+            {
                 continue;
             }
             match windows.last_mut() {
-                Some(last) if t - last.1 < JOIN_S + 2.0 * MARGIN_S => last.1 = t + MARGIN_S,
+                Some(last) if t - last.1 < POLICY.signal_faults.max_burst_pause_s + 2.0 * MARGIN_S => {
+                    last.1 = t + MARGIN_S;
+                }
                 _ => windows.push((t - MARGIN_S, t + MARGIN_S)),
             }
         }
         let total: f64 = windows.iter().map(|(a, b)| b - a).sum();
-        if total > MOST_OF_TIME * run.run.seconds() { Vec::new() } else { windows }
+        if total > POLICY.signal_faults.max_burst_time_share * run.run.seconds() { Vec::new() } else { windows }
     };
     Some(search.runs.iter().enumerate().map(each).collect())
 }

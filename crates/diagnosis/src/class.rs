@@ -1,10 +1,10 @@
 //! What a cause cannot be told from, over all joints that it is named on.
 
+use crate::adopted::Adopted;
 use crate::effect::Effect;
-use crate::select::Adopted;
 
 /// Each effect once, and the angle to it \[rad\]: the smallest where it is so on several joints.
-pub(crate) fn of(adopted: &[Adopted]) -> Vec<(Effect, f64)> {
+pub(crate) fn effects(adopted: &[Adopted]) -> Vec<(Effect, f64)> {
     let mut class: Vec<(Effect, f64)> = Vec::new();
     for (effect, angle) in adopted.iter().flat_map(Adopted::class) {
         match class.iter_mut().find(|(before, _)| *before == effect) {
@@ -18,8 +18,8 @@ pub(crate) fn of(adopted: &[Adopted]) -> Vec<(Effect, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adopted::Rival;
     use crate::form::Form;
-    use crate::select::Rival;
 
     /// On each of two joints the same two effects explain as much, one of which has nothing in common with it.
     #[test]
@@ -27,11 +27,11 @@ mod tests {
         let adopted = |joint: usize, cosine: f64| {
             let rivals = [(Form::Pull { joint, from: 0.0, above: true }, cosine), (Form::Asymmetry { joint }, 0.02)];
             Adopted {
-                rivals: rivals.iter().filter_map(|(form, cosine)| Rival::of(form, *cosine)).collect(),
+                rivals: rivals.iter().filter_map(|(form, cosine)| Rival::if_confounded(form, *cosine)).collect(),
                 ..Adopted::alone(Form::RotorInertia { joint })
             }
         };
-        let class = of(&[adopted(0, 0.96), adopted(1, 0.98)]);
+        let class = effects(&[adopted(0, 0.96), adopted(1, 0.98)]);
         assert!(class.len() == 1 && class[0].0 == Effect::Counterbalance, "{class:?}");
         assert!((class[0].1 - 0.98_f64.acos()).abs() < 1e-12, "{class:?}");
     }

@@ -9,28 +9,19 @@ use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use rivet_dynamics::{Arm, LINK_PARAMETERS, Workspace, regressor};
 use rivet_estimation::offline::Trajectory;
 
+use crate::policy::POLICY;
 use crate::possible;
 use crate::rigid::range;
 use crate::run::{Motion, Run};
 
 /// Both sides are averaged over stretches of this length \[s\], which keeps what is linear exact and takes noise away.
-const STRETCH_S: f64 = 0.05;
+const AVERAGING_STRETCH_S: f64 = 0.05;
 /// Stretches that are looked at, spread over the run.
 const STRETCHES: usize = 200;
 /// Stretches below which nothing is said.
-const LEAST: usize = 30;
-/// Bodies miss less than this share of a computed torque along the motion that it was computed for ...
-const EXACT: f64 = 0.002;
-/// ... and more than this along the measured one, of one joint at least. No measured torque of a gear is that exact.
-const APART: f64 = 0.01;
-/// That joint's tracking error is no noise: averaged over stretches it keeps this share of its power.
-const SLOW: f64 = 0.5;
-/// Speed below which a joint stands still \[rad/s\].
-const STILL: f64 = 0.02;
-/// A body at the flange is told where it takes this share of the squares that the file's bodies miss.
-const MOSTLY: f64 = 0.9;
+const MIN_STRETCHES: usize = 30;
 /// Directions weaker than this share of the strongest are rounding.
-const ROUNDING: f64 = 1e-7;
+const BODY_DIRECTION_ROUNDING: f64 = 1e-7;
 
 /// What bodies alone miss of a joint's torque, as a share of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,14 +37,16 @@ pub(crate) struct Misses {
 /// Joints that move and whose torque was computed; empty unless bodies explain all of them, and where there is no desired motion.
 pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
     let Some(desired) = &run.desired else { return Vec::new() };
-    let stretch = (STRETCH_S / run.period_s).round().max(1.0) as usize;
+    let stretch = (AVERAGING_STRETCH_S / run.period_s).round().max(1.0) as usize;
     let starts = starts(run.len(), stretch);
-    if starts.len() < LEAST {
+    if starts.len() < MIN_STRETCHES {
         return Vec::new();
     }
     let Trajectory { q, qd, qdd } = desired.clone();
-    let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::of(run)];
-    let moves = |j: &usize| motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > STILL));
+    let motions = [Motion { period_s: run.period_s, q, qd, qdd }, Motion::from_run(run)];
+    let moves = |j: &usize| {
+        motions.iter().all(|m| m.qd[*j].iter().any(|v| v.abs() > POLICY.signal_faults.max_still_speed_rad_s))
+    };
     let moving: Vec<usize> = (0..run.joints()).filter(moves).collect();
     let tau =
         |j: usize| DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));
@@ -65,8 +58,15 @@ pub(crate) fn joints(arm: &Arm, run: &Run) -> Vec<Misses> {
             Misses { joint, desired, measured }
         })
         .collect();
-    let late = |m: &Misses| m.measured > APART && is_late(&desired.q[m.joint], &run.q[m.joint], &starts, stretch);
-    if found.iter().all(|m| m.desired < EXACT) && found.iter().any(late) { found } else { Vec::new() }
+    let late = |m: &Misses| {
+        m.measured > POLICY.screening.min_measured_residual_share
+            && is_late(&desired.q[m.joint], &run.q[m.joint], &starts, stretch)
+    };
+    if found.iter().all(|m| m.desired < POLICY.screening.max_computed_residual_share) && found.iter().any(late) {
+        found
+    } else {
+        Vec::new()
+    }
 }
 
 /// A body at the flange that the arm's file lacks.
@@ -101,22 +101,22 @@ pub(crate) fn flange_body<'a>(arm: &Arm, runs: impl IntoIterator<Item = &'a Run>
     let (mut normal, mut moment, mut missed) = (Matrix4::zeros(), Vector4::zeros(), 0.0);
     for run in runs {
         let Some(Trajectory { q, qd, qdd }) = run.desired.clone() else { continue };
-        let stretch = (STRETCH_S / run.period_s).round().max(1.0) as usize;
+        let stretch = (AVERAGING_STRETCH_S / run.period_s).round().max(1.0) as usize;
         let starts = starts(run.len(), stretch);
         let motion = Motion { period_s: run.period_s, q, qd, qdd };
         for (j, rows) in averaged(arm, &motion, &starts, stretch).iter().enumerate() {
             let tau = DVector::from_iterator(starts.len(), starts.iter().map(|s| mean(&run.tau[j][*s..*s + stretch])));
-            let left = tau - rows * &file;
+            let unmodelled = tau - rows * &file;
             let y = rows.fixed_columns::<4>(last);
             normal += y.tr_mul(&y);
-            moment += y.tr_mul(&left);
-            missed += left.norm_squared();
+            moment += y.tr_mul(&unmodelled);
+            missed += unmodelled.norm_squared();
         }
     }
     let x = normal.cholesky()?.solve(&moment);
     let body = FlangeBody { mass: x[0], centre: [1, 2, 3].map(|k| x[k] / x[0]), takes: x.dot(&moment) / missed };
     let possible = possible::of_payload(x.as_slice(), arm).is_none();
-    (possible && body.takes >= MOSTLY).then_some(body)
+    (possible && body.takes >= POLICY.screening.min_flange_body_share).then_some(body)
 }
 
 /// Whether the joint follows otherwise than by noise: its error averaged over stretches is no smaller than it is from sample
@@ -125,11 +125,11 @@ fn is_late(desired: &[f64], measured: &[f64], starts: &[usize], stretch: usize) 
     let error = |k: usize| measured[k] - desired[k];
     let (mut slow, mut all) = (0.0, 0.0);
     for start in starts {
-        let own = || *start..*start + stretch;
-        slow += (own().map(error).sum::<f64>() / stretch as f64).powi(2) * stretch as f64;
-        all += own().map(|k| error(k).powi(2)).sum::<f64>();
+        let stretch_samples = || *start..*start + stretch;
+        slow += (stretch_samples().map(error).sum::<f64>() / stretch as f64).powi(2) * stretch as f64;
+        all += stretch_samples().map(|k| error(k).powi(2)).sum::<f64>();
     }
-    slow > SLOW * all
+    slow > POLICY.screening.min_slow_error_share * all
 }
 
 /// First samples of the stretches, the ends of the run left out.
@@ -168,15 +168,15 @@ fn missed(rows: &DMatrix<f64>, tau: &DVector<f64>) -> f64 {
     if torque == 0.0 || !torque.is_finite() || rows.iter().any(|y| !y.is_finite()) {
         return 1.0;
     }
-    let Some(range) = range(rows, ROUNDING) else { return 1.0 };
-    let left = tau - &range * range.tr_mul(tau);
+    let Some(range) = range(rows, BODY_DIRECTION_ROUNDING) else { return 1.0 };
+    let residual = tau - &range * range.tr_mul(tau);
     let rank = range.ncols();
     let free = tau.len().saturating_sub(rank);
     if 2 * free < tau.len() {
         return 1.0;
     }
     // Rows that the columns take up say nothing.
-    left.norm() / torque * (tau.len() as f64 / free as f64).sqrt()
+    residual.norm() / torque * (tau.len() as f64 / free as f64).sqrt()
 }
 
 #[cfg(test)]

@@ -14,18 +14,15 @@ use crate::evidence::{Belief, CandidateSums};
 use crate::form::Form;
 use crate::local::Stretch;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::Column;
 use crate::search::{Bursts, Candidate, Search};
 
 /// Distance between the tops of two hats \[s\].
 const HAT_S: f64 = 0.25;
 /// Longer bursts are cut into parts \[s\]: the columns of one are solved for together.
-const LONGEST_S: f64 = 10.0;
-/// Beside the last link itself, and what its centre is away at most \[m\].
-const HAND_M: f64 = 0.05;
+const MAX_BURST_S: f64 = 10.0;
 const LONGEST_M: f64 = 0.5;
-/// Prior standard deviation of a force: it may be this share of the torque of the joint that feels it most.
-const FREE: f64 = 0.3;
 
 /// Numbers of a force, and of one with a moment.
 pub(crate) fn numbers(moment: bool) -> usize {
@@ -42,7 +39,7 @@ impl Search<'_> {
         }
         let joints = self.noise.len();
         let torque: Vec<f64> =
-            (0..joints).map(|j| self.heard(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
+            (0..joints).map(|j| self.trusted_runs(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum()).collect();
         let reach = reach(self.nominal);
         for stretch in &mut local {
             let mut std: Vec<f64> = Vec::with_capacity(stretch.columns.len());
@@ -71,10 +68,10 @@ impl Search<'_> {
         let mut cd = nalgebra::DMatrix::zeros(1, self.design.background.len());
         let mut from = 0;
         for stretch in &candidate.local {
-            let own = c.rows(from, stretch.std.len());
+            let coefficients = c.rows(from, stretch.std.len());
             from += stretch.std.len();
             for cell in &stretch.cells {
-                cd.gemm_tr(self.weights[cell.joint], &own, &cell.cd, 1.0);
+                cd.gemm_tr(self.weights[cell.joint], &coefficients, &cell.cd, 1.0);
             }
         }
         cd.into()
@@ -89,18 +86,18 @@ impl Search<'_> {
     ) -> impl Iterator<Item = Vector3<f64>> + 'b {
         let each = numbers(moment);
         self.design.background.local.iter().zip(found).filter_map(move |(stretch, c)| {
-            let mut told = DMatrix::zeros(each, each);
+            let mut information = DMatrix::zeros(each, each);
             let mut sum = DVector::zeros(each);
             for cell in &stretch.cells {
                 let weighed = &cell.cc * c;
                 for (a, weighed) in weighed.iter().enumerate() {
                     sum[a % each] += self.weights[cell.joint] * weighed;
                     for b in 0..c.len() {
-                        told[(a % each, b % each)] += self.weights[cell.joint] * cell.cc[(a, b)];
+                        information[(a % each, b % each)] += self.weights[cell.joint] * cell.cc[(a, b)];
                     }
                 }
             }
-            let force = Cholesky::new(told)?.solve(&sum);
+            let force = Cholesky::new(information)?.solve(&sum);
             Some(Vector3::new(force[0], force[1], force[2]))
         })
     }
@@ -110,7 +107,7 @@ impl Search<'_> {
 fn reach(nominal: &Nominal) -> f64 {
     let last = &nominal.x[10 * (nominal.model.arm.dof() - 1)..];
     let arm = last[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / last[0].max(f64::MIN_POSITIVE);
-    HAND_M + 2.0 * arm.min(LONGEST_M)
+    POLICY.priors.min_contact_distance_m + 2.0 * arm.min(LONGEST_M)
 }
 
 /// The same as of any free column, over the rows that there are.
@@ -120,7 +117,7 @@ fn free(column: &[Vec<f64>], torque: &[f64]) -> Option<f64> {
         if square > 0.0 { (torque / square).sqrt() } else { f64::INFINITY }
     };
     let least = column.iter().zip(torque).map(ratio).fold(f64::INFINITY, f64::min);
-    least.is_finite().then_some(FREE * least)
+    least.is_finite().then_some(POLICY.priors.force_torque_share * least)
 }
 
 /// Stretches of one run without beliefs and products. They share no row: where filters reach from one into the next they
@@ -129,7 +126,7 @@ fn stretches(at: usize, run: &Prepared, physics: &Physics<'_>, windows: &[(f64, 
     let parts: Vec<(f64, f64)> = windows
         .iter()
         .flat_map(|(from, to)| {
-            let count = ((to - from) / LONGEST_S).ceil().max(1.0);
+            let count = ((to - from) / MAX_BURST_S).ceil().max(1.0);
             let end = move |k: usize| from + (to - from) * k as f64 / count;
             (0..count as usize).map(move |k| (end(k), end(k + 1)))
         })

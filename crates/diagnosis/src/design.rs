@@ -9,8 +9,9 @@ use crate::background::{Nominal, standard_columns};
 use crate::evidence::Background;
 use crate::form::Form;
 use crate::known;
-use crate::log_check::LogFault;
-use crate::physics::{Physics, bodies};
+use crate::log_fault::LogFault;
+use crate::physics::{Physics, SMEARED_S, bodies};
+use crate::policy::POLICY;
 use crate::rows::{Chain, Column, column};
 use crate::run::{Motion, Run};
 use crate::signals;
@@ -19,26 +20,18 @@ use crate::silence;
 /// Length of a block \[s\]: some ten times the correlation of residuals ...
 const BLOCK_S: f64 = 2.5;
 /// ... and shorter on short runs: held-out blocks need this many.
-const LEAST_BLOCKS: f64 = 8.0;
+const MIN_FOLD_BLOCKS: f64 = 8.0;
 /// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
 const SPEED_DOUBT: f64 = 3e-4;
-/// The smoothing of positions smears a stop over this time \[s\]: an arm whose friction truly sticks stands before its speed is
-/// seen to reach zero. Sound arms that stick need 2 ms; 3 ms hid two effects of another program's cases.
-pub(crate) const SMEARED_S: f64 = 2e-3;
 /// A joint that stands for longer than this holds one torque \[s\].
 const HOLDS_S: f64 = 1.0;
 /// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
 /// in their own way.
-const EXACT: f64 = 1e-3;
-/// Prior standard deviation of the time between torque and position, in samples: a command is held over the period after
-/// its sample.
-const TIMING: f64 = 0.5;
+const MIN_TORQUE_ERROR_SHARE: f64 = 1e-3;
 /// Friction may turn over this many times more softly than the model says, or at once; ...
 const SOFTER: f64 = 3.0;
 /// ... as softly as this \[rad/s\] where the model says at once; ...
 const SOFT: f64 = 0.02;
-/// ... what it is between two of these, 0 the model's own, has this standard deviation.
-const TURN: f64 = 0.5;
 
 /// One run, prepared.
 pub(crate) struct Prepared {
@@ -77,7 +70,7 @@ impl Prepared {
 
     /// With rows made by `chain`.
     pub(crate) fn by(chain: Chain, run: Run, nominal: &Nominal) -> Prepared {
-        let motion = Motion::of(&run);
+        let motion = Motion::from_run(&run);
         let tau: Vec<Vec<f64>> = run.tau.iter().map(|t| chain.apply(t)).collect();
         let standard = standard_columns(&nominal.model, &motion, &chain);
         let n = run.joints();
@@ -89,8 +82,8 @@ impl Prepared {
         let surfaces = Surface::all(nominal, &motion, &blur, &inertias);
         let doubt = (0..n)
             .map(|j| {
-                let of = |surface: &Surface| chain.apply(&surface.doubt(&motion, run.period_s, v0));
-                let rows: Vec<Vec<f64>> = surfaces.iter().filter(|s| s.joints.contains(&j)).map(of).collect();
+                let filtered = |surface: &Surface| chain.apply(&surface.doubt(&motion, run.period_s, v0));
+                let rows: Vec<Vec<f64>> = surfaces.iter().filter(|s| s.joints.contains(&j)).map(filtered).collect();
                 (0..tau[j].len()).map(|k| rows.iter().map(|rows| rows[k].abs()).sum()).collect()
             })
             .collect();
@@ -101,12 +94,14 @@ impl Prepared {
         let white: Vec<f64> = run.tau.iter().map(noise).collect();
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
-        let least = tau.iter().map(|t| EXACT * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
+        let least = tau
+            .iter()
+            .map(|t| MIN_TORQUE_ERROR_SHARE * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
         let floor = white.iter().zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
         // What rounding to steps takes from a torque that no noise carries over them is no faster than the torque.
         let rounding = |tau: &Vec<f64>| signals::resolution(tau) / 12.0_f64.sqrt();
         let floor = floor.zip(&run.tau).map(|(floor, tau)| floor.max(rounding(tau))).collect();
-        let silent = (0..n).map(|j| silence::of(&tau[j], white[j], &motion, &chain, &nominal.x, j)).collect();
+        let silent = (0..n).map(|j| silence::detect(&tau[j], white[j], &motion, &chain, &nominal.x, j)).collect();
         Prepared { run, motion, chain, tau, known, known_rows, silent, standard, floor, position_noise, blur, doubt }
     }
 
@@ -256,13 +251,15 @@ fn turns(v0: f64) -> Vec<[f64; 2]> {
 pub(crate) fn unknown(nominal: &Nominal, period_s: f64) -> Vec<f64> {
     let surfaces = nominal.model.arm.dof() + usize::from(coupled_motor(nominal).is_some());
     let turns = turns(nominal.model.structure.sign_velocity).len() * surfaces;
-    std::iter::once(TIMING * period_s).chain(std::iter::repeat_n(TURN, turns)).collect()
+    std::iter::once(POLICY.priors.timing_samples * period_s)
+        .chain(std::iter::repeat_n(POLICY.priors.friction_turn, turns))
+        .collect()
 }
 
 /// Where the columns of how softly friction turns over stand: behind the model's own and that of time.
 pub(crate) fn turn_columns(nominal: &Nominal) -> Range<usize> {
-    let own = nominal.x.len();
-    own + 1..own + unknown(nominal, 1.0).len()
+    let model_columns = nominal.x.len();
+    model_columns + 1..model_columns + unknown(nominal, 1.0).len()
 }
 
 /// Standard deviations of speed at the rate of the log and of rows of acceleration, for white noise of 1 on positions.
@@ -271,7 +268,7 @@ fn noise_gains(chain: &Chain, period_s: f64) -> [f64; 2] {
     let mut q = vec![0.0; samples];
     q[samples / 2] = 1.0;
     let pulse = Run { name: String::new(), period_s, q: vec![q], tau: Vec::new(), ..Run::default() };
-    let motion = Motion::of(&pulse);
+    let motion = Motion::from_run(&pulse);
     let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     // Rows come every second mean: a sample in between leaves as much, spread over others.
     let rows = (2.0 * chain.average() as f64).sqrt() * size(&chain.apply(&motion.qdd[0]));
@@ -357,7 +354,7 @@ impl Design {
             },
         };
         let seconds: f64 = runs.iter().map(|r| r.run.seconds()).sum();
-        let block_s = BLOCK_S.min(seconds / LEAST_BLOCKS);
+        let block_s = BLOCK_S.min(seconds / MIN_FOLD_BLOCKS);
         for (r, run) in runs.iter().enumerate() {
             let rows = run.rows();
             let root: Vec<Vec<f64>> = (0..n).map(|j| run.roots(j, noise[j])).collect();
@@ -365,9 +362,9 @@ impl Design {
             let mut y = Vec::with_capacity(n);
             for j in 0..n {
                 let mut matrix = DMatrix::zeros(rows, k);
-                let mut left = DVector::from_column_slice(&run.tau[j]);
+                let mut torque = DVector::from_column_slice(&run.tau[j]);
                 if let Some(known) = run.known_rows.get(j) {
-                    left.iter_mut().zip(known).for_each(|(l, k)| *l -= k);
+                    torque.iter_mut().zip(known).for_each(|(l, k)| *l -= k);
                 }
                 for (c, column) in run.standard.iter().chain(&extra[r]).enumerate() {
                     let Some(values) = &column[j] else { continue };
@@ -375,12 +372,12 @@ impl Design {
                         matrix[(row, c)] = value * root[j][row];
                     }
                     if let Some(x) = nominal.x.get(c) {
-                        left.iter_mut().zip(values).for_each(|(l, v)| *l -= v * x);
+                        torque.iter_mut().zip(values).for_each(|(l, v)| *l -= v * x);
                     }
                 }
-                left.iter_mut().zip(&root[j]).for_each(|(l, w)| *l *= w);
+                torque.iter_mut().zip(&root[j]).for_each(|(l, w)| *l *= w);
                 d.push(matrix);
-                y.push(left);
+                y.push(torque);
             }
             let length = (block_s / run.chain.row_period_s).round().max(1.0) as usize;
             let count = (rows / length).max(1);
@@ -511,8 +508,9 @@ impl Design {
 
     /// Weighted residual of coefficients and of those of stretches, `[run][joint]`.
     pub(crate) fn residuals(&self, x: &DVector<f64>, stretches: &[DVector<f64>]) -> Vec<Vec<DVector<f64>>> {
-        let of = |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
-        let mut all: Vec<Vec<DVector<f64>>> = self.d.iter().zip(&self.y).map(|(d, y)| of(d, y)).collect();
+        let run_residuals =
+            |d: &Vec<DMatrix<f64>>, y: &Vec<DVector<f64>>| d.iter().zip(y).map(|(d, y)| y - d * x).collect();
+        let mut all: Vec<Vec<DVector<f64>>> = self.d.iter().zip(&self.y).map(|(d, y)| run_residuals(d, y)).collect();
         for (stretch, c) in self.background.local.iter().zip(stretches) {
             for (j, left) in all[stretch.run].iter_mut().enumerate() {
                 let root = &self.root[stretch.run][j];

@@ -6,6 +6,7 @@ use rivet_dynamics::Parameter;
 use crate::effect::Effect;
 use crate::exhibit::Excerpt;
 use crate::leftover::Leftover;
+use crate::policy::POLICY;
 use crate::predict::Prediction;
 use crate::search::Search;
 use crate::stages::Stages;
@@ -14,8 +15,6 @@ use crate::views::Views;
 
 /// Deviations on either side that hold 90 %.
 const NINETY: f64 = 1.645;
-/// A value is pinned when the runs leave less than this share of what was unsure about it.
-pub(crate) const PINNED: f64 = 0.5;
 
 /// All of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -201,7 +200,7 @@ pub(crate) fn parameters(
             let state = match () {
                 () if impossible => ParameterState::AtBound,
                 () if positive && found <= 0.0 && x[i] != 0.0 => ParameterState::AtBound,
-                () if unsure.share[i] < PINNED => ParameterState::Pinned,
+                () if unsure.share[i] < POLICY.plausibility.max_pinned_share => ParameterState::Pinned,
                 () => ParameterState::NotPinned,
             };
             ParameterLine {

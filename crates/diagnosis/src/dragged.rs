@@ -10,16 +10,10 @@
 //! so what tells them apart is the share of the spring in both. (Not from the bristles' own form: there the level is that of the file, or
 //! what a fit without the effect made of it, and the factor is believed to be near 1.)
 
-use crate::form::{Form, MOST_TRAVEL};
+use crate::form::Form;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search, Standing};
-
-/// From this share on the state is the joint's friction. Bristles of three other programs have 0.77 to 1.00, hoses with 0.3 to three times
-/// the joint's own friction 0.26 to 0.74.
-const WHOLE: f64 = 0.75;
-/// What is dragged along gives way over more than this \[rad\]; what turns over as soon as that is how softly the joint's own friction does,
-/// whatever level it has.
-const SHORT: f64 = 2e-3;
 
 /// What a form with such a state is by its share of the joint's friction.
 pub(crate) enum Kind {
@@ -50,12 +44,13 @@ pub(crate) fn kind(
             let share = share(search, physics, joint, &its)?;
             say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
             let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
-            if share < WHOLE {
+            if share < POLICY.adoption.min_own_friction_share {
                 return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
             }
-            let own = search.candidate(Form::Presliding { joint, length }, physics);
-            let made = own.and_then(|own| Some((search.standing(standing.at, &own, &solved)?, own)));
-            Some(made.map_or(Kind::AsNamed, |(its, own)| Kind::Of(Box::new((own, its)))))
+            let presliding = search.candidate(Form::Presliding { joint, length }, physics);
+            let made = presliding
+                .and_then(|presliding| Some((search.standing(standing.at, &presliding, &solved)?, presliding)));
+            Some(made.map_or(Kind::AsNamed, |(its, presliding)| Kind::Of(Box::new((presliding, its)))))
         }
         Form::Hysteresis { joint, length } => {
             let share = share(search, physics, joint, standing)?;
@@ -67,15 +62,16 @@ pub(crate) fn kind(
 
 /// Whether that share of friction, which turns over within `length` \[rad\], is the joint's own.
 fn is_own(share: f64, length: f64) -> bool {
-    length < SHORT || share >= WHOLE && length < MOST_TRAVEL
+    length < POLICY.adoption.max_own_travel_rad
+        || share >= POLICY.adoption.min_own_friction_share && length < POLICY.plausibility.max_bristle_travel_rad
 }
 
 /// H/(F + H), as [`Form::Hysteresis`] stands.
 fn share(search: &Search<'_>, physics: &[Physics<'_>], joint: usize, standing: &Standing) -> Option<f64> {
     let at = physics.first()?.coulomb(joint);
     let c = &standing.added.c;
-    let beside = (search.nominal.x[at] + standing.added.x[at] + c[1]).max(0.0);
-    Some(c[0] / (c[0] + beside))
+    let remaining_friction = (search.nominal.x[at] + standing.added.x[at] + c[1]).max(0.0);
+    Some(c[0] / (c[0] + remaining_friction))
 }
 
 #[cfg(test)]
@@ -87,6 +83,9 @@ mod tests {
     fn what_turns_over_at_once_is_the_joints_own_friction() {
         assert!(is_own(0.45, 1e-3) && is_own(0.74, 1.06e-3));
         assert!(!is_own(0.45, 0.004) && !is_own(0.7, 0.2), "a hose");
-        assert!(is_own(0.8, 0.02) && !is_own(0.8, MOST_TRAVEL), "bristles, over their way");
+        assert!(
+            is_own(0.8, 0.02) && !is_own(0.8, POLICY.plausibility.max_bristle_travel_rad),
+            "bristles, over their way"
+        );
     }
 }

@@ -6,23 +6,23 @@ use crate::background::{Nominal, Typical};
 use crate::computed;
 use crate::design::Prepared;
 use crate::first_fit;
-use crate::log_check::{self, LogFinding};
+use crate::log_check;
+use crate::log_fault::LogFinding;
 use crate::motions::MotionBounds;
 use crate::patch::Patch;
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{DataUse, Diagnosis};
 use crate::run::{Run, split};
 use crate::signals;
 use crate::signs;
 use crate::silence;
+use crate::stillness;
 use crate::timing;
 use crate::units;
 use crate::upright;
 use crate::whole;
 
-/// Least motion that says anything: a joint's speed \[rad/s\] and the length of the runs that have it \[s\].
-const LEAST_SPEED: f64 = 0.02;
-const LEAST_SECONDS: f64 = 3.0;
 /// Why nothing could be diagnosed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DiagnosisError {
@@ -89,29 +89,18 @@ fn run_all(
         names.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, name)| name.clone()).collect()
     };
     let mut log: Vec<LogFinding> = Vec::new();
-    let mend = |run: Run| {
-        let name = run.name.clone();
-        let (run, found) = signals::mend(run);
-        let finding =
-            |(j, fault): (usize, _)| LogFinding { run: name.clone(), joint: model.arm.joints[j].name.clone(), fault };
-        log.extend(found.into_iter().map(finding));
-        run
-    };
-    let runs: Vec<(usize, Run)> = runs.into_iter().map(mend).enumerate().collect();
+    let runs: Vec<(usize, Run)> = runs.into_iter().map(|run| mended(model, run, &mut log)).enumerate().collect();
     let (computed, runs): (Vec<_>, Vec<_>) = runs.into_iter().partition(|(_, run)| {
         let found = log_check::computed(model, run);
         log.extend(found.iter().cloned());
         !found.is_empty()
     });
     if runs.is_empty() {
-        let mut why = "the torque of every run was computed along the desired motion, not measured".to_owned();
-        if let Some(body) = computed::flange_body(&model.arm, computed.iter().map(|(_, run)| run)) {
-            why = format!("{why}; the model it was computed with {body}");
-        }
+        let why = computed_reason(model, computed.iter().map(|(_, run)| run));
         return if names.is_empty() { Err(DiagnosisError::NoRun) } else { Ok((Diagnosis::unheard(log, &why), None)) };
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
-    let all = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let all = Nominal::new(model, nominal, &Typical::from_runs(&runs, joints));
     let is_mute = |(_, run): &(usize, Run)| silence::is_mute(run, &all.x);
     let (mute, telling): (Vec<_>, Vec<_>) = places.into_iter().zip(runs).partition(is_mute);
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
@@ -120,14 +109,7 @@ fn run_all(
     let (used, telling): (Vec<usize>, Vec<Run>) = telling.into_iter().unzip();
     let cut = telling.len() == 1;
     let Some((look, sealed)) = split(telling) else {
-        return Ok((
-            Diagnosis::unheard(
-                log,
-                "the torque channels of all joints that move carry no \
-                                            information",
-            ),
-            None,
-        ));
+        return Ok((Diagnosis::unheard(log, "the torque channels of all joints that move carry no information"), None));
     };
     let data = DataUse {
         runs: look.len() + 1,
@@ -136,52 +118,23 @@ fn run_all(
         sealed_seconds: sealed.seconds(),
         of_another_kind: None,
     };
-    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() < LEAST_SECONDS {
-        let why = if data.fit_seconds < LEAST_SECONDS {
-            format!(
-                "{:.1} s of training data are too little: at least {LEAST_SECONDS:.0} s are required",
-                data.fit_seconds
-            )
-        } else {
-            "no joint of the logs moves enough for a decision".to_owned()
-        };
-        return Ok((Diagnosis { log, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) }, None));
+    // A diagnosis that ends before the procedure.
+    let not_evaluated = |log: Vec<LogFinding>, why: &str| {
+        let found = Diagnosis { log, data, unused: unused(&used), ..Diagnosis::not_evaluated(data, why) };
+        Ok((Diagnosis { used: used.clone(), ..found }, None))
+    };
+    if let Some(why) = too_little_motion(&look, data.fit_seconds) {
+        return not_evaluated(log, &why);
     }
     say("motion, regressors");
-    let mut nominal = Nominal::new(model, nominal, &Typical::of(&look, joints));
+    let mut nominal = Nominal::new(model, nominal, &Typical::from_runs(&look, joints));
     let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let mut sealed = Prepared::new(sealed, &nominal);
-    for run in look.iter_mut().chain([&mut sealed]) {
-        log_check::distrust(run, &nominal);
-    }
-    units::distrust(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal);
-    let turned = signs::check(look.iter_mut().chain([&mut sealed]), &nominal);
-    if !turned.is_empty() {
-        let why =
-            format!("{turned} the position has the wrong sign: the torque of the other joints fits another motion");
-        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
-        return Ok((
-            Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) },
-            None,
-        ));
-    }
-    silence::silence_dead(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &mute);
-    say("torque and position in time");
-    log.extend(timing::align::align(&mut look.iter_mut().chain([&mut sealed]).collect::<Vec<_>>(), &nominal, say));
-    if log_check::is_unheard(&look) || log_check::is_unheard(std::slice::from_ref(&sealed)) {
-        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
-        let stands = |run: &Prepared| (0..joints).all(|j| log_check::is_still(&run.motion, j));
-        let why = if stands(&sealed) {
-            "no joint moves in the last part, which is held out: no test is possible on it"
-        } else {
-            "no joint that moves has a trusted torque"
+    if let Err(end) = screen((&mut look, &mut sealed), &nominal, &mute, &mut log, say) {
+        return match end {
+            End::NotEvaluated(why) => not_evaluated(log, &why),
+            End::Unheard(why) => Ok((Diagnosis::unheard(log, why), None)),
         };
-        return Ok((Diagnosis::unheard(log, why), None));
-    }
-    if let Some(why) = whole::spoilt(&mut look, &mut sealed, &nominal) {
-        log.extend(look.iter().chain([&sealed]).flat_map(|run| log_check::check(run, &nominal)));
-        let found = Diagnosis { log, data, unused: unused(&used), used, ..Diagnosis::not_evaluated(data, &why) };
-        return Ok((found, None));
     }
     let given = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log };
     if let Some(found) = upright::check(&given, say) {
@@ -196,6 +149,87 @@ fn run_all(
     let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
     found.know_repeats(&sealed.tau);
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
+}
+
+/// Why a diagnosis ends before anything is fitted.
+enum End {
+    NotEvaluated(String),
+    /// No channel is left that says something.
+    Unheard(&'static str),
+}
+
+/// Looks for channels whose torque or position cannot be believed, and brings torque and position together in time. What is found is
+/// put down.
+///
+/// # Errors
+/// Why nothing can be evaluated.
+fn screen(
+    (look, sealed): (&mut [Prepared], &mut Prepared),
+    nominal: &Nominal,
+    mute: &[Prepared],
+    log: &mut Vec<LogFinding>,
+    say: &mut dyn FnMut(&str),
+) -> Result<(), End> {
+    for run in look.iter_mut().chain([&mut *sealed]) {
+        log_check::distrust(run, nominal);
+    }
+    units::distrust(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), nominal);
+    let turned = signs::check(look.iter_mut().chain([&mut *sealed]), nominal);
+    if !turned.is_empty() {
+        let why =
+            format!("{turned} the position has the wrong sign: the torque of the other joints fits another motion");
+        log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));
+        return Err(End::NotEvaluated(why));
+    }
+    log_check::silence_dead(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), mute);
+    say("torque and position in time");
+    log.extend(timing::align::align(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), nominal, say));
+    if log_check::is_unheard(look) || log_check::is_unheard(std::slice::from_ref(sealed)) {
+        log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));
+        let why = if (0..nominal.model.arm.dof()).all(|j| stillness::is_still(&sealed.motion, j)) {
+            "no joint moves in the last part, which is held out: no test is possible on it"
+        } else {
+            "no joint that moves has a trusted torque"
+        };
+        return Err(End::Unheard(why));
+    }
+    if let Some(why) = whole::spoilt(look, sealed, nominal) {
+        log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));
+        return Err(End::NotEvaluated(why));
+    }
+    Ok(())
+}
+
+/// A run whose signals were mended; what was wrong with them is put down.
+fn mended(model: &Model, run: Run, log: &mut Vec<LogFinding>) -> Run {
+    let name = run.name.clone();
+    let (run, found) = signals::mend(run);
+    let finding =
+        |(j, fault): (usize, _)| LogFinding { run: name.clone(), joint: model.arm.joints[j].name.clone(), fault };
+    log.extend(found.into_iter().map(finding));
+    run
+}
+
+/// Why nothing is evaluated where the torque of all runs was computed.
+fn computed_reason<'a>(model: &Model, runs: impl Iterator<Item = &'a Run>) -> String {
+    let why = "the torque of every run was computed along the desired motion, not measured".to_owned();
+    match computed::flange_body(&model.arm, runs) {
+        Some(body) => format!("{why}; the model it was computed with {body}"),
+        None => why,
+    }
+}
+
+/// Why the training runs of that length \[s\] decide nothing, if they do not.
+fn too_little_motion(look: &[Run], fit_seconds: f64) -> Option<String> {
+    let least_s = POLICY.signal_faults.min_training_s;
+    if look.iter().filter(|run| moves(run)).map(Run::seconds).sum::<f64>() >= least_s {
+        return None;
+    }
+    Some(if fit_seconds < least_s {
+        format!("{fit_seconds:.1} s of training data are too little: at least {least_s:.0} s are required")
+    } else {
+        "no joint of the logs moves enough for a decision".to_owned()
+    })
 }
 
 pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
@@ -217,6 +251,8 @@ pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
 }
 
 fn moves(run: &Run) -> bool {
-    let fast = |q: &Vec<f64>| q.windows(2).any(|w| (w[1] - w[0]).abs() > LEAST_SPEED * run.period_s);
+    let fast = |q: &Vec<f64>| {
+        q.windows(2).any(|w| (w[1] - w[0]).abs() > POLICY.signal_faults.min_training_speed_rad_s * run.period_s)
+    };
     run.q.iter().any(fast)
 }

@@ -221,13 +221,13 @@ impl Background {
 
     /// Weighted sum of squares that a solution leaves on one block.
     pub(crate) fn error(&self, weights: &[f64], block: usize, solved: &Solved) -> f64 {
-        let errors = self.left(&self.cells[block], &solved.x, &solved.stretches, &[], |b| b == block);
+        let errors = self.residual_squares(&self.cells[block], &solved.x, &solved.stretches, &[], |b| b == block);
         errors.iter().zip(weights).map(|(e, w)| e * w).sum()
     }
 
     /// Sum of squares that coefficients leave on one fold, each joint.
     pub(crate) fn fold_errors(&self, fold: usize, solved: &Solved) -> Vec<f64> {
-        self.left(&self.folds[fold], &solved.x, &solved.stretches, &[], |b| self.fold(b) == fold)
+        self.residual_squares(&self.folds[fold], &solved.x, &solved.stretches, &[], |b| self.fold(b) == fold)
     }
 
     /// The same with a candidate: its cells and its stretches.
@@ -238,17 +238,18 @@ impl Background {
         fold: usize,
         added: &Added,
     ) -> Vec<f64> {
-        let mut errors = self.left(&self.folds[fold], &added.x, &added.stretches, more, |b| self.fold(b) == fold);
+        let mut errors =
+            self.residual_squares(&self.folds[fold], &added.x, &added.stretches, more, |b| self.fold(b) == fold);
         for cell in cells.iter().filter(|cell| cell.fold == fold) {
             let cross = added.c.dot(&(&cell.cd * &added.x));
-            let own = added.c.dot(&(&cell.cc * &added.c));
+            let candidate_square = added.c.dot(&(&cell.cc * &added.c));
             let local: f64 = cell.cross.iter().map(|(at, p)| added.stretches[*at].dot(&(p * &added.c))).sum();
-            errors[cell.joint] += own + 2.0 * (cross + local) - 2.0 * added.c.dot(&cell.cy);
+            errors[cell.joint] += candidate_square + 2.0 * (cross + local) - 2.0 * added.c.dot(&cell.cy);
         }
         errors
     }
 
-    fn left(
+    fn residual_squares(
         &self,
         cells: &[Cell],
         x: &DVector<f64>,
@@ -342,7 +343,7 @@ impl Solved {
     }
 
     /// Weighted sum of squares that the background leaves of a candidate's torque with coefficients `c`.
-    pub(crate) fn own(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
+    pub(crate) fn remaining_square(&self, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
         Some(c.dot(&(&sums.cc * c)) - self.through(sums, c)?.norm_squared())
     }
 
@@ -408,15 +409,15 @@ impl Solved {
         x: &DVector<f64>,
         candidate: Option<(&CandidateSums, &DVector<f64>)>,
     ) -> Vec<DVector<f64>> {
-        let with = |at: usize| candidate.and_then(|(sums, c)| Some(sums.cross.get(at)?.as_ref()? * c));
-        self.local.iter().enumerate().map(|(at, own)| own.coefficients(x, with(at).as_ref())).collect()
+        let candidate_torque = |at: usize| candidate.and_then(|(sums, c)| Some(sums.cross.get(at)?.as_ref()? * c));
+        self.local.iter().enumerate().map(|(at, own)| own.coefficients(x, candidate_torque(at).as_ref())).collect()
     }
 
     /// As a candidate whose stretches this was solved with, behind the `before` of the background.
     pub(crate) fn with_stretches(&self, before: usize) -> Added {
-        let own = self.stretches[before..].iter().flat_map(|c| c.iter().copied());
+        let coefficients = self.stretches[before..].iter().flat_map(|c| c.iter().copied());
         Added {
-            c: DVector::from_iterator(self.stretches[before..].iter().map(DVector::len).sum(), own),
+            c: DVector::from_iterator(self.stretches[before..].iter().map(DVector::len).sum(), coefficients),
             x: self.x.clone(),
             stretches: self.stretches.clone(),
             log_evidence: self.log_evidence,

@@ -13,9 +13,9 @@ use crate::run::derivative;
 use crate::stages::Stages;
 
 /// Points of a curve.
-const BINS: usize = 24;
+const CURVE_POINTS: usize = 24;
 /// Joints that a cause is shown on.
-const SHOWN: usize = 3;
+const MAX_JOINTS_SHOWN: usize = 3;
 /// A joint is shown when the cause changes its torque by this share of what it changes most, in units of the floor.
 const WORTH_SHOWING: f64 = 0.2;
 /// Length of an excerpt \[s\], time between its points \[s\], joints that are shown.
@@ -82,7 +82,7 @@ impl Variable {
         matches!(self, TravelSinceReversal | Load | Temperature | WarmingTime)
     }
 
-    fn of(effect: Effect, run: &Prepared) -> Variable {
+    fn for_effect(effect: Effect, run: &Prepared) -> Variable {
         match effect {
             Effect::CoulombFriction
             | Effect::ViscousFriction
@@ -211,20 +211,20 @@ pub(crate) fn curves(
     sizes.sort_by(|a, b| b.2.total_cmp(&a.2));
     let most = sizes.first().map_or(0.0, |s| s.2);
     sizes.retain(|s| s.1 > 0.0 && s.2 >= WORTH_SHOWING * most);
-    sizes.truncate(SHOWN);
+    sizes.truncate(MAX_JOINTS_SHOWN);
     sizes
         .into_iter()
         .map(|(j, size, _)| {
-            let own = cause(j);
-            let variable = Variable::of(shown.effect, run);
+            let cause_torque = cause(j);
+            let variable = Variable::for_effect(shown.effect, run);
             let at = signal(variable, run, load, full, j, shown);
             let speed = run.chain.sample(&run.motion.qd[j]);
             let turned = |k: usize| if variable.along_motion() { speed[k].signum() } else { 1.0 };
             let rows: Vec<Row> = (0..at.len())
                 .map(|k| {
-                    let left = (stages.tau[j][k] - full[j][k]) * turned(k);
-                    let own = own[k] * turned(k);
-                    Row { at: at[k], without: left + own, with: left, cause: own }
+                    let residual = (stages.tau[j][k] - full[j][k]) * turned(k);
+                    let torque = cause_torque[k] * turned(k);
+                    Row { at: at[k], without: residual + torque, with: residual, cause: torque }
                 })
                 .collect();
             let even_bins = matches!(variable, Variable::Phase | Variable::Time | Variable::WarmingTime);
@@ -245,17 +245,17 @@ struct Row {
 fn crowded(mut rows: Vec<Row>) -> Vec<Point> {
     rows.retain(|r| r.at.is_finite());
     rows.sort_by(|a, b| a.at.total_cmp(&b.at));
-    let size = rows.len().div_ceil(BINS).max(1);
+    let size = rows.len().div_ceil(CURVE_POINTS).max(1);
     rows.chunks_mut(size).map(point).collect()
 }
 
 /// Bins of the same width each.
 fn even(rows: Vec<Row>) -> Vec<Point> {
     let (low, high) = rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(r.at), h.max(r.at)));
-    let mut bins: Vec<Vec<Row>> = (0..BINS).map(|_| Vec::new()).collect();
+    let mut bins: Vec<Vec<Row>> = (0..CURVE_POINTS).map(|_| Vec::new()).collect();
     for row in rows {
-        let place = (row.at - low) / (high - low).max(f64::MIN_POSITIVE) * BINS as f64;
-        bins[(place as usize).min(BINS - 1)].push(row);
+        let place = (row.at - low) / (high - low).max(f64::MIN_POSITIVE) * CURVE_POINTS as f64;
+        bins[(place as usize).min(CURVE_POINTS - 1)].push(row);
     }
     bins.iter_mut().filter(|b| !b.is_empty()).map(|b| point(b)).collect()
 }
@@ -348,8 +348,8 @@ pub(crate) fn excerpts(run: &Prepared, stages: &Stages, names: &[String]) -> Vec
             let best = (0..=rows - length)
                 .step_by(length.div_ceil(4))
                 .max_by(|a, b| {
-                    let of = |from: usize| error[from..from + length].iter().sum::<f64>();
-                    of(*a).total_cmp(&of(*b))
+                    let window_error = |from: usize| error[from..from + length].iter().sum::<f64>();
+                    window_error(*a).total_cmp(&window_error(*b))
                 })
                 .unwrap_or(0);
             let cut = |x: &[f64]| x[best..best + length].iter().step_by(step).copied().collect();

@@ -5,20 +5,17 @@ use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::sealed::IN_MOTION;
+use crate::policy::POLICY;
 use crate::search::Search;
 
 /// Rows in doubt count little, so that a fit without doubt is the first of so many.
-const ROUNDS: usize = 2;
-/// Friction that is at most this many times what the file says is as given: the usual error of a file. So is one that is more by less
-/// than would be a gap, [`IN_MOTION`] times the joint's noise.
-const AS_GIVEN: f64 = 1.25;
+const FRICTION_FIT_ROUNDS: usize = 2;
 
 /// Puts friction that the runs have more of than the file, and rotors that it gives as 0, into [`Nominal::near`], and prepares the runs anew;
 /// `looked_at` of them are asked. None where the equations have no solution.
 pub(crate) fn know(nominal: &mut Nominal, looked_at: usize, runs: &mut [&mut Prepared]) -> Option<()> {
     let still = vec![0; nominal.model.arm.dof()];
-    for _ in 0..ROUNDS {
+    for _ in 0..FRICTION_FIT_ROUNDS {
         let (solved, floor) = {
             let search = Search::new(runs[..looked_at].iter().map(|run| &**run).collect(), nominal)?;
             (search.solved(search.scale)?, search.floor.clone())
@@ -31,8 +28,8 @@ pub(crate) fn know(nominal: &mut Nominal, looked_at: usize, runs: &mut [&mut Pre
         let near = |c: usize| match nominal.model.parameters[c] {
             Parameter::Coulomb(_) | Parameter::CouplingCoulomb => {
                 let (given, fitted) = (nominal.x[c].abs(), nominal.x[c] + solved.x[c]);
-                let more = fitted - given > IN_MOTION * noise(nominal.model.parameters[c]);
-                if more && fitted > AS_GIVEN * given { fitted } else { given }
+                let more = fitted - given > POLICY.held_out.min_gap_in_motion * noise(nominal.model.parameters[c]);
+                if more && fitted > POLICY.plausibility.max_friction_ratio_as_given * given { fitted } else { given }
             }
             Parameter::RotorInertia(_) if nominal.x[c] == 0.0 => solved.x[c].max(0.0),
             _ => nominal.x[c],

@@ -26,7 +26,7 @@ use crate::form::Form;
 use crate::parallel;
 use crate::random::Random;
 use crate::rows::Column;
-use crate::search::{Candidate, Search, Standing};
+use crate::search::{Candidate, Scores, Search, Standing};
 
 /// Draws of signs.
 const DRAWS: usize = 199;
@@ -35,9 +35,6 @@ const DRAWS: usize = 199;
 const BLOCKS: f64 = 32.0;
 /// ... of so long \[s\].
 const LENGTHS_S: (f64, f64) = (0.5, 2.5);
-
-/// Scores of a candidate, whitened: coefficients x blocks.
-pub(crate) type Scores = DMatrix<f64>;
 
 /// The residual of a search as it stands.
 pub(crate) struct Flips {
@@ -102,8 +99,8 @@ impl Flips {
                 }
             }
         }
-        let own = self.solved.left_of(&sums, &candidate.belief)?;
-        Cholesky::new(own)?.l_dirty().solve_lower_triangular(&scores)
+        let residual_gram = self.solved.left_of(&sums, &candidate.belief)?;
+        Cholesky::new(residual_gram)?.l_dirty().solve_lower_triangular(&scores)
     }
 
     /// Family-wise chance of each of `listed` among these and all of `candidates`, that have their scores: 1 at most, one over
@@ -123,9 +120,10 @@ impl Flips {
 
     /// The largest statistic of the family in each draw.
     fn most(&self, family: &[&Scores]) -> Vec<f64> {
-        let of = |scores: &&Scores| -> Vec<f64> { self.signs.iter().map(|s| (*scores * s).norm_squared()).collect() };
+        let statistics =
+            |scores: &&Scores| -> Vec<f64> { self.signs.iter().map(|s| (*scores * s).norm_squared()).collect() };
         let mut most = vec![0.0_f64; self.signs.len()];
-        for drawn in parallel::map(family, of) {
+        for drawn in parallel::map(family, statistics) {
             most.iter_mut().zip(&drawn).for_each(|(most, t)| *most = most.max(*t));
         }
         most

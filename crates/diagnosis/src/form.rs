@@ -4,10 +4,10 @@ mod bodies;
 
 use std::f64::consts::TAU;
 
-use crate::design::SMEARED_S;
 use crate::effect::Effect;
-use crate::mounting::Mode;
-use crate::physics::Physics;
+use crate::physics::mounting::Mode;
+use crate::physics::{Physics, SMEARED_S};
+use crate::policy::POLICY;
 use crate::run::derivative;
 use crate::two_mass::{self, Gear};
 use crate::warming::Warmth;
@@ -313,14 +313,16 @@ impl Form {
             // At rest within a turn: further off it is a constant torque.
             Form::Spring { .. } => c[0] > 0.0 && c[1].abs() < TAU * c[0],
             // Two springs on two joints have names.
-            Form::SpringBetween { .. } => c[2].powi(2) > BETWEEN * (c[0] * c[1]).abs(),
+            Form::SpringBetween { .. } => {
+                c[2].powi(2) > POLICY.plausibility.min_cross_stiffness_share * (c[0] * c[1]).abs()
+            }
             Form::Coupling { whole, .. } => c[0] > 0.0 && c[1] >= 0.0 && (!whole || c[2] > 0.0),
             Form::Temperature { .. } => c[0] < 0.0 || c[1] < 0.0,
             Form::Warming { warmth, .. } => warmth.plausible(c),
             Form::Saturation { .. } => (c[0] - 1.0).abs() < 0.1,
             Form::Base { .. } => Mode::plausible(c[0]),
             // Less is what any data sheet is off by.
-            Form::Gain { .. } => (LEAST_GAIN_OFF..0.5).contains(&c[0].abs()),
+            Form::Gain { .. } => (POLICY.plausibility.min_gain_error..0.5).contains(&c[0].abs()),
             Form::EncoderOffset { .. } => c[0].abs() < 0.3,
             Form::PositionScale { .. } => c.iter().all(|c| c.abs() < 0.3),
             Form::Eccentricity { .. } | Form::TransmissionError { .. } => c.iter().all(|c| c.abs() < 0.1),
@@ -328,8 +330,12 @@ impl Form {
             // Both are made with their own size, so that 1 is meant; what is wanted at a fraction of it imitates something else.
             // Less than stops are smeared by is no delay where friction sticks; true ones were 3.2 ms and more.
             Form::Delay { seconds } => (0.5..2.0).contains(&c[0]) && c[0] * seconds > SMEARED_S,
-            Form::Presliding { length, .. } => c[0] > 0.2 && (LEAST_TRAVEL..MOST_TRAVEL).contains(length),
-            Form::Hysteresis { length, .. } => c[0] > 0.0 && *length >= LEAST_TRAVEL,
+            Form::Presliding { length, .. } => {
+                c[0] > 0.2
+                    && (POLICY.plausibility.min_bristle_travel_rad..POLICY.plausibility.max_bristle_travel_rad)
+                        .contains(length)
+            }
+            Form::Hysteresis { length, .. } => c[0] > 0.0 && *length >= POLICY.plausibility.min_bristle_travel_rad,
             Form::Payload => c[0] > 0.0 && c[1..4].iter().all(|h| h.abs() < 0.6 * c[0]),
             Form::LinkScale { .. } => c[0] > -0.9,
             _ => c.iter().all(|c| c.is_finite()),
@@ -450,7 +456,7 @@ impl Form {
                 vec![p.torque.iter().map(later).collect()]
             }
             Form::Lag { stands } => {
-                let late = if stands { HELD } else { 0.0 };
+                let late = if stands { HOLD_DELAY_SAMPLES } else { 0.0 };
                 let rate = |tau: &Vec<f64>| {
                     let rate = derivative(tau, p.period_s());
                     Some((0..samples).map(|k| at(&rate, k as f64 + late)).collect())
@@ -484,17 +490,8 @@ impl Physics<'_> {
     }
 }
 
-/// A spring is over two joints where the square of what crosses is more than this share of the product of their own.
-const BETWEEN: f64 = 0.1;
 /// Samples by which a command that stands for one is late on average.
-pub(crate) const HELD: f64 = 0.5;
-/// Bristles give way over more than this \[rad\]: less is a stop that was smeared. False ones on simulated arms that stick had 0.04 to 0.6
-/// mrad, true ones in 257 drawn and practice cases 2.4 mrad and more.
-const LEAST_TRAVEL: f64 = 1e-3;
-/// ... and within less than this \[rad\], six degrees of the joint. (What is beside friction may be shorter.)
-pub(crate) const MOST_TRAVEL: f64 = 0.1;
-/// A torque constant that is off by less is not named.
-const LEAST_GAIN_OFF: f64 = 0.02;
+pub(crate) const HOLD_DELAY_SAMPLES: f64 = 0.5;
 
 /// Value between samples, linear; the ends hold.
 fn at(x: &[f64], place: f64) -> f64 {

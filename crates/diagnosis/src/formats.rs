@@ -2,8 +2,7 @@
 
 use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup};
 
-/// A gap that is larger by less is the same.
-const WORSE: f64 = 1.05;
+use crate::policy::POLICY;
 
 /// A file that a model is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +100,7 @@ pub(crate) enum PartKind {
 }
 
 impl PartKind {
-    pub(crate) fn of(parameter: Parameter) -> PartKind {
+    pub(crate) fn from_parameter(parameter: Parameter) -> PartKind {
         match parameter {
             Parameter::Coulomb(_) => PartKind::Coulomb,
             Parameter::LoadFriction(_) => PartKind::LoadFriction,
@@ -181,22 +180,22 @@ pub(crate) struct Carrying<'a> {
 
 impl Carrying<'_> {
     /// `measured` without what a reader of the format has.
-    fn left(&self, format: Format, measured: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let mut left = measured.to_vec();
+    fn residual(&self, format: Format, measured: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut residual = measured.to_vec();
         for part in self.parts {
-            let held = part.kind.place(format, self.values, measured.len()).is_ok();
+            let is_expressible = part.kind.place(format, self.values, measured.len()).is_ok();
             let sign = match part.kind {
                 // Bodies are told under the gravity that was found: where it cannot be written, the change is not there.
-                PartKind::Gravity if held => continue,
+                PartKind::Gravity if is_expressible => continue,
                 PartKind::Gravity => 1.0,
-                _ if held => -1.0,
+                _ if is_expressible => -1.0,
                 _ => continue,
             };
-            for (left, torque) in left.iter_mut().zip(&part.torque) {
-                left.iter_mut().zip(torque).for_each(|(left, v)| *left += sign * v);
+            for (residual, torque) in residual.iter_mut().zip(&part.torque) {
+                residual.iter_mut().zip(torque).for_each(|(residual, v)| *residual += sign * v);
             }
         }
-        left
+        residual
     }
 }
 
@@ -211,7 +210,7 @@ pub(crate) fn rms(torque: &[Vec<f64>]) -> Vec<f64> {
 /// * `measured`: torque of the runs, `[joint][row]` \[N·m\]
 pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Vec<f64>]) -> Vec<FormatReport> {
     let joints = measured.len();
-    let whole = rms(&found.left(Format::Model, measured));
+    let whole = rms(&found.residual(Format::Model, measured));
     Format::ALL
         .iter()
         .map(|format| {
@@ -232,8 +231,8 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                     torque_rms: rms(&part.torque),
                 });
             }
-            let (gap, gap_before) = (rms(&found.left(*format, measured)), rms(&given.left(*format, measured)));
-            let worse = |j: &usize| gap[*j] > WORSE * gap_before[*j].max(whole[*j]);
+            let (gap, gap_before) = (rms(&found.residual(*format, measured)), rms(&given.residual(*format, measured)));
+            let worse = |j: &usize| gap[*j] > POLICY.plausibility.max_equal_gap_ratio * gap_before[*j].max(whole[*j]);
             FormatReport {
                 worse: (0..joints).filter(worse).collect(),
                 format: *format,

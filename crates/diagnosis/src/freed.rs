@@ -6,20 +6,20 @@
 
 use rivet_dynamics::Arm;
 
+use crate::adopted::{Adopted, Rival};
 use crate::body;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::motions::Class;
+use crate::policy::POLICY;
 use crate::possible;
 use crate::report::Diagnosis;
 use crate::search::Search;
-use crate::select::{Adopted, Rival, Selected};
+use crate::select::Selected;
 use crate::separate;
 
-/// What a body may leave of each joint's torque for it to explain as much: root mean square over that with the counterbalance.
-const ALIKE: f64 = 1.5;
 /// What is left to columns that are held, as a share of what is believed of them; less and the equations lose their digits.
-const HELD: f64 = 1e-4;
+const HELD_COLUMN_ERROR_SHARE: f64 = 1e-4;
 
 /// Adds the link to what a counterbalance is not told from; none where equations have no solution.
 pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<()> {
@@ -33,13 +33,6 @@ pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<
     Some(())
 }
 
-/// Log evidence that a counterbalance adds beside values that are free, from which on these may only imitate it. Where there is none it is
-/// below 0; it needs far more to be named ([`LEAST_GAIN`](crate::select::LEAST_GAIN)).
-const DOUBT: f64 = 6.0;
-
-/// What one body at the flange may leave of each joint's torque for it to explain as much as all links: it is one of them.
-const AS_WELL: f64 = 1.1;
-
 /// What may be in the place of wrong values of links, asked with all values free by as much as files usually are off.
 #[derive(Default)]
 pub(crate) struct Doubts {
@@ -51,14 +44,15 @@ pub(crate) struct Doubts {
 
 impl Doubts {
     /// None where equations have no solution.
-    pub(crate) fn of(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
+    pub(crate) fn find(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
         let free = search.solved(search.scale)?;
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
             let form = Form::Counterweight { joint };
             let candidate = search.candidate(form.clone(), &selected.physics);
             let added = candidate.and_then(|c| free.add(&c.cells, &c.belief, &search.weights, |_| true));
-            let added = added.filter(|added| added.log_evidence - free.log_evidence >= DOUBT);
+            let added = added
+                .filter(|added| added.log_evidence - free.log_evidence >= POLICY.adoption.min_counterbalance_doubt);
             if let Some(added) = &added {
                 let gain = added.log_evidence - free.log_evidence;
                 say(&format!(
@@ -69,7 +63,7 @@ impl Doubts {
             }
             counterbalance.push(added.map(|added| (form, added.c.as_slice().to_vec())));
         }
-        let payload = body::instead_of_links(search, selected, AS_WELL)?;
+        let payload = body::instead_of_links(search, selected, POLICY.adoption.max_flange_rms_ratio)?;
         Some(Doubts { counterbalance, payload })
     }
 
@@ -107,8 +101,8 @@ impl Diagnosis {
 
     /// Says of wrong values of links what they are not told from.
     pub(crate) fn links_are_not_told_from(&mut self, effects: &[Effect]) {
-        let told = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
-        let class: Vec<Effect> = effects.iter().filter(told).copied().collect();
+        let is_not_named = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
+        let class: Vec<Effect> = effects.iter().filter(is_not_named).copied().collect();
         for cause in self.causes.iter_mut().filter(|cause| cause.effect == Effect::LinkInertia) {
             if cause.indistinguishable_from.is_empty() {
                 cause.separating_motion = separate::motion(cause.effect, &class).filter(|_| !class.is_empty());
@@ -120,8 +114,8 @@ impl Diagnosis {
 
 /// The body of link `joint` instead of a counterbalance there, where it explains as much and is one that can be; else nothing.
 fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Rival>> {
-    let own = 10 * joint;
-    let mass = search.nominal.x[own];
+    let first_column = 10 * joint;
+    let mass = search.nominal.x[first_column];
     let far = length(&search.nominal.model.arm, joint);
     if mass <= 0.0 || far <= 0.0 {
         return Some(Vec::new());
@@ -132,19 +126,20 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
         let background = &mut search.design.background;
         for entry in (1..10).filter(|_| freed) {
             let width = if entry < 4 { mass * far } else { mass * far * far };
-            background.std[own + entry] = if background.scaled[own + entry] { width / scale } else { width };
+            background.std[first_column + entry] =
+                if background.scaled[first_column + entry] { width / scale } else { width };
         }
         for place in (one.place..one.place + one.mean.len()).filter(|_| held) {
-            background.std[place] *= HELD;
+            background.std[place] *= HELD_COLUMN_ERROR_SHARE;
         }
         let solved = search.solved(scale);
         let background = &search.design.background;
-        let left = solved.as_ref().map(|solved| {
+        let fold_errors = solved.as_ref().map(|solved| {
             let folds: Vec<Vec<f64>> = (0..background.folds.len()).map(|f| background.fold_errors(f, solved)).collect();
             (0..search.noise.len()).map(|j| folds.iter().map(|fold| fold[j]).sum()).collect::<Vec<f64>>()
         });
         search.design.background.std.clone_from(&usual);
-        solved.zip(left)
+        solved.zip(fold_errors)
     };
     let (_, with) = solve(false, false)?;
     let (_, neither) = solve(false, true)?;
@@ -153,11 +148,13 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
     let all = |left: &[f64]| -> f64 { left.iter().zip(&search.weights).map(|(left, weight)| left * weight).sum() };
     // Of the counterbalance's torque what the body cannot make, as a share.
     let across = (all(&instead) - all(&both)) / (all(&neither) - all(&both)).max(f64::MIN_POSITIVE);
-    let alike = instead.iter().zip(&with).all(|(instead, with)| *instead <= ALIKE * ALIKE * with);
-    let moment = |entry: usize| search.nominal.x[own + entry] + body.x[own + entry];
+    let alike = instead.iter().zip(&with).all(|(instead, with)| {
+        *instead <= POLICY.adoption.max_body_rms_ratio * POLICY.adoption.max_body_rms_ratio * with
+    });
+    let moment = |entry: usize| search.nominal.x[first_column + entry] + body.x[first_column + entry];
     let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
     let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();
-    let rival = Rival::of(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
+    let rival = Rival::if_confounded(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
     Some(rival.into_iter().collect())
 }
 

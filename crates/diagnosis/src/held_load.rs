@@ -5,16 +5,13 @@ use std::fmt;
 use nalgebra::{DMatrix, DVector};
 
 use crate::design::Prepared;
+use crate::policy::POLICY;
 use crate::rigid::range;
 
-/// A force that lasts less is contact \[s\].
-const STAYS_S: f64 = 4.0;
 /// How near to the ends of a run bursts are looked for \[s\].
 const END_S: f64 = 1.5;
-/// Share of the squares of a force that a body must explain to be told instead of it.
-const EXPLAINED: f64 = 0.9;
 /// Directions that the motion hardly tells are rounding.
-const ROUNDING: f64 = 1e-6;
+const FORCE_DIRECTION_ROUNDING: f64 = 1e-6;
 
 /// A body that hangs at the flange for a part of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,13 +44,17 @@ pub(crate) fn held_load(
     force: impl Fn(usize, usize) -> f64,
 ) -> Option<HeldLoad> {
     let seconds = run.run.seconds();
-    let stays = windows.iter().filter(|(from, to)| to - from > STAYS_S);
+    let stays = windows.iter().filter(|(from, to)| to - from > POLICY.held_out.min_load_time_s);
     let mut found = stays.filter(|(from, to)| *from < END_S || to + END_S > seconds).filter_map(|(from, to)| {
         let time = |row: usize| run.chain.sample_of(row) as f64 * run.run.period_s;
         let rows: Vec<usize> = (0..run.rows()).filter(|row| (*from..*to).contains(&time(*row))).collect();
         let first = *from < END_S;
         let explained = explained(run, &rows, &force);
-        (explained > EXPLAINED).then_some(HeldLoad { at: if first { *to } else { *from }, first, explained })
+        (explained > POLICY.held_out.min_load_share).then_some(HeldLoad {
+            at: if first { *to } else { *from },
+            first,
+            explained,
+        })
     });
     found.next()
 }
@@ -70,7 +71,7 @@ fn explained(run: &Prepared, rows: &[usize], force: &impl Fn(usize, usize) -> f6
         run.standard[last + c][j].as_ref().map_or(0.0, |rows| weight(j) * rows[row])
     });
     let whole = y.norm_squared();
-    match range(&d, ROUNDING) {
+    match range(&d, FORCE_DIRECTION_ROUNDING) {
         Some(range) if whole > 0.0 => range.tr_mul(&y).norm_squared() / whole,
         _ => 0.0,
     }

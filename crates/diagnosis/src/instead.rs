@@ -7,32 +7,22 @@
 
 use nalgebra::DVector;
 
+use crate::adopted::{Adopted, Rival, is_full};
 use crate::effect::Effect;
 use crate::evidence::{CandidateSums, Solved};
 use crate::form::Form;
 use crate::parallel;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Found, LEAST_GAIN, RIVAL_GAP, Rival, Selected, is_full};
-use crate::values::{Group, WORTH, Wrong};
+use crate::select::{Found, Selected};
+use crate::value_group::Group;
+use crate::values::Wrong;
 
-/// Effects of which each is tried as a whole explanation.
-const SHORT_LIST: usize = 6;
-/// Cosine of the principal angle from which on the runs cannot tell an effect from values, or from another effect: what explains as
-/// much across it explains something else.
-pub(crate) const ALONG: f64 = 0.95;
-/// The same where it may be only one of several groups that the effect takes the place of.
-const PARTLY_ALONG: f64 = 0.5;
-/// Log evidence by which an effect must be ahead of the values that it takes the place of. On sound arms with wrong values
-/// none is ahead by more than 4.
-const AHEAD: f64 = 10.0;
-/// The same for friction of one direction alone, which is but a wrong level and an offset that happen to go together: on sound
-/// arms it was ahead by up to 18. (True asymmetries of 86 cases with answers were found before this is asked.)
-const AHEAD_ONE_SIDED: f64 = 25.0;
 /// Values that are behind by more than this need not be listed: it is what an effect needs over all values free, and what
 /// sets rivals apart.
-const FAR_BEHIND: f64 = LEAST_GAIN[0] + RIVAL_GAP;
+const FAR_BEHIND: f64 = POLICY.adoption.min_gain[0] + POLICY.adoption.rival_gap;
 
 /// An effect that takes the place of wrong values.
 struct Instead {
@@ -50,20 +40,20 @@ struct Instead {
 }
 
 /// The effect to adopt instead of values that were found wrong, with these and other such effects as its rivals.
-pub(crate) fn of(
+pub(crate) fn replace(
     search: &mut Search<'_>,
     wrong: &Wrong,
     selected: &Selected<'_>,
     say: &mut dyn FnMut(&str),
 ) -> Option<Found> {
     // Where more than noise is left, as on measured arms, what sets two explanations apart may be what neither explains.
-    if is_full(&selected.adopted) || Residue::of(search).any_noisy() {
+    if is_full(&selected.adopted) || Residue::from_search(search).any_noisy() {
         return Some(None);
     }
     let found = find(search, wrong, selected)?;
     let least = |i: &Instead| match i.candidate.form {
-        Form::OneSided { .. } => AHEAD_ONE_SIDED,
-        _ => AHEAD,
+        Form::OneSided { .. } => POLICY.adoption.min_one_sided_gain,
+        _ => POLICY.adoption.min_replacement_gain,
     };
     let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
     for i in &found {
@@ -85,15 +75,15 @@ pub(crate) fn of(
     let mut adoption = Adopted::new(search, candidate, &selected.physics, first.gain)?;
     let c = DVector::from_column_slice(&first.c);
     for other in others {
-        let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - RIVAL_GAP);
+        let (form, near) = (&other.candidate.form, other.ahead >= first.ahead - POLICY.adoption.rival_gap);
         if near && form.effect() != candidate.form.effect() && other.replaces.iter().any(|at| place(&at)) {
             let its = DVector::from_column_slice(&other.c);
             // Values that one of them takes the place of would carry what the two have in common.
-            let mut held = first.replaces.clone();
-            held.extend(other.replaces.iter().filter(|at| !first.replaces.contains(at)));
-            let solved = wrong.without(search, &held)?;
+            let mut replaced = first.replaces.clone();
+            replaced.extend(other.replaces.iter().filter(|at| !first.replaces.contains(at)));
+            let solved = wrong.without(search, &replaced)?;
             let cosine = search.cosine(&solved, (candidate, &c), (&other.candidate, &its))?;
-            adoption.rivals.extend(Rival::of(form, cosine));
+            adoption.rivals.extend(Rival::if_confounded(form, cosine));
         }
     }
     if first.ahead < FAR_BEHIND {
@@ -120,7 +110,7 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
             }
             let added = solved[at].add_sums(&sums, &candidate.belief)?;
             let evidence = added.log_evidence - candidate.price();
-            let along = cosine(&all, &solved[at], &sums, &added.c)? >= PARTLY_ALONG;
+            let along = cosine(&all, &solved[at], &sums, &added.c)? >= POLICY.adoption.min_partly_confounded_cosine;
             (along && stands(&candidate.form, added.c.as_slice())).then_some((evidence, at))
         };
         (0..groups.len()).filter_map(one).max_by(|a, b| a.0.total_cmp(&b.0))
@@ -138,12 +128,15 @@ fn find(search: &mut Search<'_>, wrong: &Wrong, selected: &Selected<'_>) -> Opti
         if seen.contains(&key) {
             continue;
         }
-        if seen.len() == SHORT_LIST {
+        if seen.len() == POLICY.adoption.max_explanations_tried {
             break;
         }
         seen.push(key);
         let instead = whole(search, wrong, candidate, &selected.physics, first)?;
-        found.extend(instead.filter(|i| i.gain >= LEAST_GAIN[0] && i.cosine >= ALONG));
+        found
+            .extend(instead.filter(|i| {
+                i.gain >= POLICY.adoption.min_gain[0] && i.cosine >= POLICY.adoption.min_confounded_cosine
+            }));
     }
     found.sort_by(|a: &Instead, b| b.ahead.total_cmp(&a.ahead));
     Some(found)
@@ -165,15 +158,15 @@ fn whole(
     };
     let mut candidate = start.clone();
     let mut dropped = vec![first];
-    let mut held = wrong.without(search, &dropped)?;
+    let mut with_replaced_held = wrong.without(search, &dropped)?;
     for _ in 0..=wrong.groups.len() {
         if candidate.form.inner_values() > 0 {
-            let Some(better) = refined(search, &candidate.form, &held) else { return Some(None) };
+            let Some(better) = refined(search, &candidate.form, &with_replaced_held) else { return Some(None) };
             candidate = better;
         }
         let weights = &search.weights;
-        let sums = held.sums(&candidate.cells, weights, |_| true)?;
-        let now = held.add_sums(&sums, &candidate.belief)?.log_evidence;
+        let sums = with_replaced_held.sums(&candidate.cells, weights, |_| true)?;
+        let now = with_replaced_held.add_sums(&sums, &candidate.belief)?.log_evidence;
         let mut next: Option<(f64, usize, Solved)> = None;
         for at in 0..wrong.groups.len() {
             if dropped.contains(&at) || !touches(&candidate.form, &wrong.groups[at]) {
@@ -182,25 +175,27 @@ fn whole(
             let more: Vec<usize> = dropped.iter().copied().chain([at]).collect();
             let solved = wrong.without(search, &more)?;
             let evidence = solved.add_sums(&sums, &candidate.belief)?.log_evidence;
-            if evidence >= now - WORTH && next.as_ref().is_none_or(|(best, ..)| evidence > *best) {
+            if evidence >= now - POLICY.adoption.min_group_evidence
+                && next.as_ref().is_none_or(|(best, ..)| evidence > *best)
+            {
                 next = Some((evidence, at, solved));
             }
         }
         let Some((_, at, solved)) = next else { break };
         dropped.push(at);
-        held = solved;
+        with_replaced_held = solved;
     }
-    let sums = held.sums(&candidate.cells, &search.weights, |_| true)?;
-    let added = held.add_sums(&sums, &candidate.belief)?;
+    let sums = with_replaced_held.sums(&candidate.cells, &search.weights, |_| true)?;
+    let added = with_replaced_held.add_sums(&sums, &candidate.belief)?;
     let evidence = added.log_evidence - candidate.price();
     let all = wrong.without(search, &[])?;
     if candidate.columns.is_empty() {
         candidate = search.candidate(candidate.form, physics)?;
     }
     Some(stands(&candidate.form, added.c.as_slice()).then(|| Instead {
-        gain: evidence - held.log_evidence,
+        gain: evidence - with_replaced_held.log_evidence,
         ahead: evidence - all.log_evidence,
-        cosine: cosine(&all, &held, &sums, &added.c).unwrap_or(0.0),
+        cosine: cosine(&all, &with_replaced_held, &sums, &added.c).unwrap_or(0.0),
         c: added.c.iter().copied().collect(),
         replaces: dropped,
         candidate,
@@ -210,7 +205,7 @@ fn whole(
 /// Cosine of the angle between an effect's torque and what values can make of it that are free in `free` and held in `held`,
 /// beside all else that is free in both.
 fn cosine(free: &Solved, held: &Solved, sums: &CandidateSums, c: &DVector<f64>) -> Option<f64> {
-    let (left, whole) = (free.own(sums, c)?, held.own(sums, c)?);
+    let (left, whole) = (free.remaining_square(sums, c)?, held.remaining_square(sums, c)?);
     Some((1.0 - left / whole.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0).sqrt())
 }
 

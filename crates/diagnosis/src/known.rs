@@ -4,14 +4,14 @@ use rivet_dynamics::{EffectKind, Joints, KnownEffect, KnownEffects, Model, Works
 
 use crate::background::Nominal;
 use crate::form::Form;
-use crate::mounting::Mode;
 use crate::physics::Physics;
+use crate::physics::mounting::Mode;
 use crate::run::{Motion, Run};
 use crate::two_mass::Gear;
 use crate::warming;
 
 /// What a robot file takes of friction for each watt, at most.
-const MOST: f64 = 1e5;
+const MAX_FRICTION_PER_WATT: f64 = 1e5;
 
 /// What becomes of an adopted form in a robot file.
 pub(crate) enum Carried {
@@ -46,19 +46,19 @@ impl Form {
     ) -> (Carried, Vec<(usize, f64)>) {
         use EffectKind as Kind;
         let coulomb = |j: usize| 12 * joints + j;
-        let mut beside = Vec::new();
+        let mut value_changes = Vec::new();
         let effect = |kind: Kind, joint: usize, values: &[f64]| Carried::Effect(KnownEffect::new(kind, joint, values));
         let carried = match *self {
             Form::Asymmetry { joint } => effect(Kind::FrictionAsymmetry, joint, c),
             Form::OneSided { joint, forwards } => {
                 // Half of it is friction of both directions, half pushes one way.
-                beside.push((coulomb(joint), 0.5 * c[0]));
+                value_changes.push((coulomb(joint), 0.5 * c[0]));
                 let push = if forwards { 0.5 } else { -0.5 } * c[0];
                 effect(Kind::FrictionAsymmetry, joint, &[push, 0.0])
             }
             Form::Stribeck { joint, velocity } => effect(Kind::StribeckFriction, joint, &[c[0], velocity]),
             Form::ViscousNonlinearity { joint } => {
-                beside.push((11 * joints + joint, c[0]));
+                value_changes.push((11 * joints + joint, c[0]));
                 effect(Kind::ViscousNonlinearity, joint, &c[1..])
             }
             Form::Load { joint } => effect(Kind::LoadDependentFriction, joint, c),
@@ -71,16 +71,16 @@ impl Form {
                 let (power, early) = (warmth.mean_power(x, joints, joint), warmth.start - warmth.reference());
                 let values = [c[0] / power, c[1] / power, warmth.start * power, warmth.time_s];
                 // By values that take nothing, or next to nothing, it is infinitely much for each watt.
-                if !values.iter().all(|v| v.abs() <= MOST) {
+                if !values.iter().all(|v| v.abs() <= MAX_FRICTION_PER_WATT) {
                     return (
                         Carried::Nothing(
                             "friction dissipates no power with the parameters found, so it cannot warm \
                                           the joint",
                         ),
-                        beside,
+                        value_changes,
                     );
                 }
-                beside.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
+                value_changes.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
                 effect(Kind::TemperatureDependentFriction, joint, &values)
             }
             Form::Presliding { joint, length } => {
@@ -91,7 +91,7 @@ impl Form {
                                                          effects",
             ),
             Form::PositionFriction { joint, order } => {
-                beside.push((coulomb(joint), c[2]));
+                value_changes.push((coulomb(joint), c[2]));
                 effect(Kind::PositionDependentFriction, joint, &[c[0], c[1], order])
             }
             Form::Gain { joint } => effect(Kind::TorqueConstant, joint, c),
@@ -108,7 +108,7 @@ impl Form {
             }
             Form::Base { mode } => effect(Kind::BaseFlexibility, 0, &mode.handed_on(c[0])),
             Form::Spring { joint } => {
-                beside.push((13 * joints + joint, c[1]));
+                value_changes.push((13 * joints + joint, c[1]));
                 effect(Kind::JointSpring, joint, &c[..1])
             }
             Form::Counterbalance { joint, arm, phase } => {
@@ -127,7 +127,7 @@ impl Form {
             Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is not in the list of effects"),
             Form::Coupling { driving, driven, whole } => {
                 if whole {
-                    beside.extend([driving, driven].map(|j| (10 * joints + j, c[2])));
+                    value_changes.extend([driving, driven].map(|j| (10 * joints + j, c[2])));
                 }
                 effect(Kind::JointCoupling, driven, c)
             }
@@ -146,7 +146,7 @@ impl Form {
             Form::Viscous { joint } => Carried::Values(vec![(11 * joints + joint, c[0])]),
             Form::Coulomb { joint } => Carried::Values(vec![(coulomb(joint), c[0])]),
         };
-        (carried, beside)
+        (carried, value_changes)
     }
 }
 
@@ -181,7 +181,7 @@ pub fn memory_torque(model: &Model, x: &[f64], run: &Run) -> Option<Vec<Vec<f64>
     let effects = model.effects().list();
     effects.iter().any(|e| e.kind.not_instant().is_some()).then(|| {
         let nominal = Nominal::exact(model, x);
-        memory(&nominal, effects, run, &Motion::of(run))
+        memory(&nominal, effects, run, &Motion::from_run(run))
     })
 }
 
@@ -219,7 +219,7 @@ fn memory(nominal: &Nominal, effects: &[KnownEffect], run: &Run, motion: &Motion
 
 /// Effects of the model that a prediction along a run leaves out, each with the reason.
 pub fn unseen(model: &Model, has_temperature: bool) -> Vec<String> {
-    let of = |e: &KnownEffect| {
+    let reason = |e: &KnownEffect| {
         let name = format!("[effects.{}]", e.kind.name());
         let joint = || model.arm.joints[e.joint].name.clone();
         match e.kind {
@@ -232,7 +232,7 @@ pub fn unseen(model: &Model, has_temperature: bool) -> Vec<String> {
             _ => None,
         }
     };
-    model.effects().list().iter().filter_map(of).collect()
+    model.effects().list().iter().filter_map(reason).collect()
 }
 
 /// Torque of all effects along a run \[N·m\], `[joint][sample]`, beside the model with the standard vector of `nominal`.
@@ -309,7 +309,7 @@ mod tests {
             temperature: Some(signal(&|j, k| 30.0 + j as f64 + 2e-3 * k as f64)),
             ..Run::default()
         };
-        let (nominal, motion) = (Nominal::exact(&model, &x), Motion::of(&run));
+        let (nominal, motion) = (Nominal::exact(&model, &x), Motion::from_run(&run));
         let physics = Physics::new(&run, &motion, &nominal, &x);
         let start: Vec<f64> = run.temperature.iter().flatten().map(|t| t[0]).collect();
         let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [2e-4, 6e-8], power: 1.0, span_s: 2.5 };

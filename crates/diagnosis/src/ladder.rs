@@ -20,15 +20,14 @@ use crate::entry::{DiagnosisError, check};
 use crate::evidence::PRIOR_SCALES;
 use crate::form::Form;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::{Chain, Column};
 use crate::run::Run;
 
 /// Velocities at which Stribeck friction is tried, as shares of a joint's rms speed.
 const STRIBECK: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
 /// Rounds of fitting: with the weights, and the rigid torque, of the round before.
-const ROUNDS: usize = 3;
-/// What a form may explain of its joint's torque, as a standard deviation: a weak belief, it only keeps the equations regular.
-const SHARE: f64 = 0.5;
+const LADDER_FIT_ROUNDS: usize = 3;
 
 /// Largest shift between torque and position that is tried \[s\], and in samples.
 const LATEST_S: f64 = 0.03;
@@ -98,7 +97,7 @@ pub fn friction_ladder(
     if folds.len() < 2 || folds.iter().any(Vec::is_empty) {
         return Err(DiagnosisError::NoRun);
     }
-    let typical = Typical::of(&all, joints);
+    let typical = Typical::from_runs(&all, joints);
     let nominal = Nominal::new(model, nominal, &typical);
     let mut prepared: Vec<Prepared> =
         all.into_iter().map(|run| Prepared::by(Chain::up_to(cutoff_hz, run.period_s), run, &nominal)).collect();
@@ -136,14 +135,14 @@ fn align(runs: &mut [Prepared], nominal: &Nominal, typical: &Typical) -> Option<
         }
         let train: Vec<&Prepared> = runs.iter().collect();
         let mut law = Law::new(&train, nominal, typical);
-        let mut left = 0.0;
+        let mut relative_square = 0.0;
         for _ in 0..2 {
             let fit = law.fit(&train, nominal, typical, &[])?;
-            left = (0..fit.left.len()).map(|j| (fit.left[j] / typical.torque(j)).powi(2)).sum();
+            relative_square = (0..fit.left.len()).map(|j| (fit.left[j] / typical.torque(j)).powi(2)).sum();
             law.noise = fit.left;
         }
-        if left < best.0 {
-            best = (left, shift);
+        if relative_square < best.0 {
+            best = (relative_square, shift);
         }
     }
     for run in runs {
@@ -165,11 +164,11 @@ fn rung(name: &'static str, left: &[Vec<Left>], plain: &[Vec<Left>]) -> Rung {
     let share = |block: &Left| -> f64 { block.left.iter().zip(&scale).map(|(l, s)| l * s).sum() };
     let joint = |j: usize| (left.iter().flatten().map(|b| b.left[j]).sum::<f64>() / torque(j)).sqrt();
     let fold = |blocks: &Vec<Left>| {
-        let of = |j: usize| {
+        let relative_error = |j: usize| {
             let torque: f64 = blocks.iter().map(|b| b.torque[j]).sum();
             blocks.iter().map(|b| b.left[j]).sum::<f64>() / torque.max(f64::MIN_POSITIVE)
         };
-        ((0..joints).map(of).sum::<f64>() / joints as f64).sqrt()
+        ((0..joints).map(relative_error).sum::<f64>() / joints as f64).sqrt()
     };
     let whole: f64 = plain.iter().flatten().map(share).sum();
     let differences: Vec<f64> =
@@ -190,10 +189,10 @@ fn fitted(train: &[&Prepared], nominal: &Nominal, typical: &Typical, parts: &[Pa
     let joints = train[0].tau.len();
     let mut law = Law::new(train, nominal, typical);
     let tried: &[f64] = if parts.contains(&Part::Stribeck) { &STRIBECK } else { &STRIBECK[..1] };
-    for _ in 0..ROUNDS {
+    for _ in 0..LADDER_FIT_ROUNDS {
         let mut best = vec![(f64::INFINITY, tried[0]); joints];
         for share in tried {
-            let fit = law.with(vec![*share; joints]).fit(train, nominal, typical, parts)?;
+            let fit = law.with_stribeck(vec![*share; joints]).fit(train, nominal, typical, parts)?;
             for (best, left) in best.iter_mut().zip(&fit.left) {
                 if *left < best.0 {
                     *best = (*left, *share);
@@ -216,10 +215,10 @@ fn blocks(design: &Design, held: &[&Prepared], values: &DVector<f64>) -> Vec<Lef
     let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
     let block = |b: &Block| {
         // Rows near standstill count less: no law says what friction is between its two directions.
-        let left = |j: usize| squares(&mut b.rows.clone().map(|k| residuals[b.run][j][k]));
+        let residual_square = |j: usize| squares(&mut b.rows.clone().map(|k| residuals[b.run][j][k]));
         let weighed = |j: usize, k: usize| held[b.run].tau[j][k] * design.root(b.run, j)[k];
         let torque = |j: usize| squares(&mut b.rows.clone().map(|k| weighed(j, k)));
-        Left { left: (0..joints).map(left).collect(), torque: (0..joints).map(torque).collect() }
+        Left { left: (0..joints).map(residual_square).collect(), torque: (0..joints).map(torque).collect() }
     };
     design.blocks.iter().map(block).collect()
 }
@@ -250,7 +249,7 @@ impl Law {
         Law { x: nominal.x.clone(), stribeck: vec![STRIBECK[0]; noise.len()], noise }
     }
 
-    fn with(&self, stribeck: Vec<f64>) -> Law {
+    fn with_stribeck(&self, stribeck: Vec<f64>) -> Law {
         Law { stribeck, ..self.clone() }
     }
 
@@ -289,12 +288,12 @@ impl Law {
         let scales = design.background.solve_scales(&weights, &PRIOR_SCALES, &[]);
         let (_, best) = scales.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence))?;
         let residuals = design.residuals(&best.x, &[]);
-        let left = |j: usize| {
+        let residual_rms = |j: usize| {
             let (square, rows) =
                 residuals.iter().fold((0.0, 0.0), |(s, n), run| (s + run[j].norm_squared(), n + run[j].len() as f64));
             f64::sqrt(square / f64::max(rows, 1.0))
         };
-        Some(Fit { left: (0..self.noise.len()).map(left).collect(), values: best.x })
+        Some(Fit { left: (0..self.noise.len()).map(residual_rms).collect(), values: best.x })
     }
 }
 
@@ -306,5 +305,5 @@ fn size<'a>(runs: impl Iterator<Item = &'a Column>, typical: &Typical) -> f64 {
         let rms = (rows.iter().map(|v| v * v).sum::<f64>() / rows.len().max(1) as f64).sqrt();
         share = share.max(rms / typical.torque(j));
     }
-    if share > 0.0 { SHARE / share } else { 1.0 }
+    if share > 0.0 { POLICY.priors.ladder_torque_share / share } else { 1.0 }
 }

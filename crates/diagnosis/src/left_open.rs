@@ -5,47 +5,30 @@
 //! joints were closed it mostly was.
 
 use crate::effect::{Effect, Kind};
+use crate::policy::POLICY;
 use crate::report::{Cause, Diagnosis, JointGap, Verdict};
-use crate::sealed::{IN_MOTION, SOUND};
-
-/// A gap is closed where it became so many times smaller, whatever is left.
-const CLOSED: f64 = 7.0;
-/// Confidence in structure on a joint that is left open, and in what is named beside such a joint.
-const LEFT_OPEN: f64 = 0.45;
-const OPEN_BESIDE: f64 = 0.6;
-/// Contact that takes less than this share of the gap, beside joints that keep more than a sound one does, may be what a gear rings like.
-const SLIGHT: f64 = 0.05;
-/// An effect that makes the gap of a joint of its own no more times smaller than this, and leaves it open, is no name.
-const HARDLY: f64 = 1.5;
-/// Nor is one that promises less than this share of the gap and with which a joint of its own is off by so many times as much as without, on the whole
-/// run that was kept sealed. (Of a torque outside the list on another joint, a Stribeck friction below 17 mrad/s was named: 2.5 became 1.1 times the noise
-/// in motion, and 1.9 became 3.1 % in all. Those that were true made it 1.25 times as much at most, and promised 3 % and more.)
-const NOTHING: f64 = 0.005;
-const SPOILT: f64 = 1.4;
-/// So many laws that are exact on one joint, which stays open while most joints come down to their noise, are no names: what is there imitates them.
-/// (A torque outside the list on a wrist joint was told as friction that differs between directions beside a torque limit; 80 became 16 times the noise.)
-const CROWD: usize = 2;
-/// Times their noise that joints of a measured arm keep in motion with right values: up to 13 on a UR10e.
-const FAR: f64 = 20.0;
 
 impl Diagnosis {
     /// Joints that are left open, and how many times smaller their gap became.
     fn left_open(&self) -> impl Iterator<Item = (&String, f64)> {
         self.per_joint.iter().filter_map(|gap| {
             let [before, after] = gap.in_motion?;
-            (after > IN_MOTION && before < CLOSED * after).then(|| (&gap.joint, before / after))
+            (after > POLICY.held_out.min_gap_in_motion && before < POLICY.held_out.min_closing_ratio * after)
+                .then(|| (&gap.joint, before / after))
         })
     }
 
     /// Withdraws effects that hardly close the gap of a joint of their own, or spoil it; says which, by their places.
     pub(crate) fn withdraw_what_hardly_helps(&mut self) -> Vec<usize> {
         let spoils = |cause: &Cause| {
-            let worse = |gap: &JointGap| cause.joints.contains(&gap.joint) && gap.after > SPOILT * gap.before;
-            cause.shrink.predicted < NOTHING && self.per_joint.iter().any(worse)
+            let worse = |gap: &JointGap| {
+                cause.joints.contains(&gap.joint) && gap.after > POLICY.held_out.min_spoiling_factor * gap.before
+            };
+            cause.shrink.predicted < POLICY.held_out.min_promised_share && self.per_joint.iter().any(worse)
         };
         let crowded: Vec<&String> = self.crowded().collect();
         let closes = |cause: &Cause| {
-            self.left_open().all(|(j, times)| times >= HARDLY || !cause.joints.contains(j))
+            self.left_open().all(|(j, times)| times >= POLICY.held_out.min_helping_ratio || !cause.joints.contains(j))
                 && !cause.joints.iter().any(|j| crowded.contains(&j))
         };
         let helps = |cause: &Cause| {
@@ -70,18 +53,20 @@ impl Diagnosis {
 
     /// Joints that are left open by several exact laws of their own, while most come down to their noise.
     fn crowded(&self) -> impl Iterator<Item = &String> {
-        let of = |joint: &String| {
+        let exact_causes = |joint: &String| {
             let exact = |c: &&Cause| c.effect.kind() == Kind::Structure && !is_inexact(c.effect);
             self.causes.iter().filter(exact).filter(|c| c.joints.contains(joint)).count()
         };
         let apart = self.come_down();
-        self.left_open().map(|(joint, _)| joint).filter(move |joint| apart && of(joint) >= CROWD)
+        self.left_open()
+            .map(|(joint, _)| joint)
+            .filter(move |joint| apart && exact_causes(joint) >= POLICY.held_out.min_crowd)
     }
 
     /// Whether at least half of the joints come down to their noise in motion.
     fn come_down(&self) -> bool {
         let times = || self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1]));
-        2 * times().filter(|times| *times <= SOUND).count() >= times().count()
+        2 * times().filter(|times| *times <= POLICY.held_out.max_sound_gap).count() >= times().count()
     }
 
     /// Whether a joint keeps a gap in motion while most come down to their noise, or one keeps far more than right values leave on a measured
@@ -90,35 +75,44 @@ impl Diagnosis {
         let times: Vec<f64> = self.per_joint.iter().filter_map(|gap| Some(gap.in_motion?[1])).collect();
         let most = times.iter().copied().fold(0.0, f64::max);
         // Where one joint moves there are no others to say that none comes down.
-        most > IN_MOTION && (self.come_down() || times.len() == 1) || most > FAR
+        most > POLICY.held_out.min_gap_in_motion && (self.come_down() || times.len() == 1)
+            || most > POLICY.held_out.max_gap_with_right_values
     }
 
     /// Lowers the confidence in what is named on joints that are left open, and beside them. Contact comes again as it likes, and what a
     /// simulated gear, bristle or delay misses is of its own form: that says nothing against the cause itself, or of other joints.
     pub(crate) fn doubt_what_is_left_open(&mut self) {
-        let own = |cause: &Cause, joint: &String| cause.joints.is_empty() || cause.joints.contains(joint);
+        let acts_on = |cause: &Cause, joint: &String| cause.joints.is_empty() || cause.joints.contains(joint);
         let open: Vec<String> = self.left_open().map(|(joint, _)| joint.clone()).collect();
         let roughly: Vec<Cause> = self.causes.iter().filter(|c| is_inexact(c.effect)).cloned().collect();
-        let strange = open.iter().any(|joint| !roughly.iter().any(|c| own(c, joint)));
-        let rings = self.per_joint.iter().any(|gap| gap.in_motion.is_some_and(|[_, after]| after > SOUND));
+        let strange = open.iter().any(|joint| !roughly.iter().any(|c| acts_on(c, joint)));
+        let rings = self
+            .per_joint
+            .iter()
+            .any(|gap| gap.in_motion.is_some_and(|[_, after]| after > POLICY.held_out.max_sound_gap));
         for cause in &mut self.causes {
             let kept = |gap: &JointGap| {
                 cause.joints.contains(&gap.joint)
-                    && gap.in_motion.is_some_and(|[_, after]| (SOUND..=IN_MOTION).contains(&after))
+                    && gap.in_motion.is_some_and(|[_, after]| {
+                        (POLICY.held_out.max_sound_gap..=POLICY.held_out.min_gap_in_motion).contains(&after)
+                    })
             };
             // Friction of either direction is exact, and so is a gain: with it nothing else is left.
             let exact = matches!(cause.effect, Effect::FrictionAsymmetry | Effect::TorqueConstant);
             if exact && self.per_joint.iter().any(kept) {
-                cause.confidence *= LEFT_OPEN;
+                cause.confidence *= POLICY.confidence.left_open;
             }
-            if rings && cause.effect == Effect::ExternalForce && cause.share.is_some_and(|share| share < SLIGHT) {
-                cause.confidence *= LEFT_OPEN;
+            if rings
+                && cause.effect == Effect::ExternalForce
+                && cause.share.is_some_and(|share| share < POLICY.held_out.min_contact_share)
+            {
+                cause.confidence *= POLICY.confidence.left_open;
             }
             let structure = cause.effect.kind() == Kind::Structure;
-            if structure && !is_inexact(cause.effect) && open.iter().any(|joint| own(cause, joint)) {
-                cause.confidence *= LEFT_OPEN;
+            if structure && !is_inexact(cause.effect) && open.iter().any(|joint| acts_on(cause, joint)) {
+                cause.confidence *= POLICY.confidence.left_open;
             } else if strange {
-                cause.confidence *= OPEN_BESIDE;
+                cause.confidence *= POLICY.confidence.open_beside;
             }
         }
     }
@@ -188,7 +182,7 @@ mod tests {
         let effects = [Effect::Counterbalance, Effect::StribeckFriction, Effect::CoulombFriction];
         assert_eq!(confidences([[20.0, 1.1], [8.0, 1.0], [3.0, 1.5]], &effects), [1.0; 3]);
         let open = confidences([[20.0, 9.0], [8.0, 1.0], [3.0, 1.5]], &effects);
-        assert_eq!(open, [LEFT_OPEN, OPEN_BESIDE, OPEN_BESIDE]);
+        assert_eq!(open, [POLICY.confidence.left_open, POLICY.confidence.open_beside, POLICY.confidence.open_beside]);
         assert_eq!(confidences([[90.0, 9.0], [8.0, 1.0], [3.0, 1.5]], &effects), [1.0; 3], "ten times smaller");
     }
 
@@ -196,16 +190,16 @@ mod tests {
     fn what_is_never_exact_says_nothing_against_itself() {
         let effects = [Effect::JointElasticity, Effect::StribeckFriction];
         assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [1.0, 1.0]], &effects), [1.0; 2]);
-        assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [9.0, 9.0]], &effects), [OPEN_BESIDE; 2]);
+        assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [9.0, 9.0]], &effects), [POLICY.confidence.open_beside; 2]);
         let contact = [Effect::ExternalForce, Effect::TorqueSaturation];
-        assert_eq!(confidences([[20.0, 9.0], [30.0, 9.0], [9.0, 9.0]], &contact)[1], LEFT_OPEN);
+        assert_eq!(confidences([[20.0, 9.0], [30.0, 9.0], [9.0, 9.0]], &contact)[1], POLICY.confidence.left_open);
     }
 
     #[test]
     fn exact_friction_leaves_nothing_and_a_slight_contact_may_be_a_gear_that_rings() {
         let asymmetry = [Effect::FrictionAsymmetry];
         assert_eq!(confidences([[20.0, 1.5], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [1.0]);
-        assert_eq!(confidences([[20.0, 3.0], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [LEFT_OPEN]);
+        assert_eq!(confidences([[20.0, 3.0], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [POLICY.confidence.left_open]);
         assert_eq!(confidences([[20.0, 1.5], [8.0, 3.0], [1.0, 1.0]], &asymmetry), [1.0], "another joint's");
         let contact = |share: f64, after: f64| {
             let mut found = diagnosis([[20.0, after], [1.0, 1.0], [1.0, 1.0]], &[Effect::ExternalForce]);
@@ -213,7 +207,10 @@ mod tests {
             found.doubt_what_is_left_open();
             found.causes[0].confidence
         };
-        assert_eq!([contact(0.01, 3.0), contact(0.01, 1.5), contact(0.2, 3.0)], [LEFT_OPEN, 1.0, 1.0]);
+        assert_eq!(
+            [contact(0.01, 3.0), contact(0.01, 1.5), contact(0.2, 3.0)],
+            [POLICY.confidence.left_open, 1.0, 1.0]
+        );
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::stages::Stages;
 const LAG_S: f64 = 1.0;
 const LAG_STEP_S: f64 = 0.02;
 /// Length of a segment of the spectrum \[s\].
-const SEGMENT_S: f64 = 2.56;
+const SPECTRUM_SEGMENT_S: f64 = 2.56;
 /// The model filter leaves nothing above this \[Hz\].
 const HIGHEST_HZ: f64 = 30.0;
 /// Orders of the joint's angle: highest, and how many are kept, each the largest of its stretch.
@@ -55,12 +55,12 @@ pub struct Leftover {
 }
 
 /// Joint by joint.
-pub(crate) fn of(run: &Prepared, stages: &Stages, names: &[String]) -> Vec<Leftover> {
-    let left = |model: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+pub(crate) fn by_joint(run: &Prepared, stages: &Stages, names: &[String]) -> Vec<Leftover> {
+    let residuals = |model: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
         stages.tau.iter().zip(model).map(|(t, m)| t.iter().zip(m).map(|(t, m)| t - m).collect()).collect()
     };
-    let before = left(&stages.models[0]);
-    let after = left(&stages.models[stages.models.len() - 1]);
+    let before = residuals(&stages.models[0]);
+    let after = residuals(&stages.models[stages.models.len() - 1]);
     let period = run.chain.row_period_s;
     names
         .iter()
@@ -101,7 +101,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 
 /// Frequencies \[Hz\] and one-sided amplitude densities: Hann windows, half overlapped (Welch 1967).
 fn spectrum(x: &[f64], period_s: f64) -> (Vec<f64>, Vec<f64>) {
-    let n = ((SEGMENT_S / period_s).round() as usize).min(x.len());
+    let n = ((SPECTRUM_SEGMENT_S / period_s).round() as usize).min(x.len());
     if n < 16 {
         return (Vec::new(), Vec::new());
     }
@@ -164,8 +164,8 @@ fn orders(run: &Prepared, j: usize, before: &[f64], after: &[f64]) -> Vec<Order>
     (0..count)
         .step_by(each)
         .filter_map(|first| {
-            let own = (first..(first + each).min(count)).filter_map(|i| amplitude(lowest + step * i as f64));
-            own.max_by(|a, b| a.before.max(a.after).total_cmp(&b.before.max(b.after)))
+            let amplitudes = (first..(first + each).min(count)).filter_map(|i| amplitude(lowest + step * i as f64));
+            amplitudes.max_by(|a, b| a.before.max(a.after).total_cmp(&b.before.max(b.after)))
         })
         .collect()
 }

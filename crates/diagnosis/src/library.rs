@@ -1,10 +1,11 @@
 //! Every effect on every joint it can act on, with a grid of inner values. Those that hang on more than one run have places of their
 //! own: warming joints, a base that gives way.
 
+use crate::base_modes;
 use crate::form::Form;
-use crate::log_check;
-use crate::mounting;
 use crate::physics::Physics;
+use crate::policy::POLICY;
+use crate::stillness;
 use crate::two_mass::Gear;
 
 /// Speeds of the Stribeck curve \[rad/s\].
@@ -29,24 +30,12 @@ const CONTACTS: [f64; 3] = [12.0, 30.0, 75.0];
 const CONTACT_DAMPING: f64 = 0.25;
 /// Limits of torque, as a share of the largest that the model needs.
 const LIMITS: [f64; 5] = [0.7, 0.8, 0.9, 0.95, 1.0];
-/// A command is cut when it goes this far beyond the limit.
-const BEYOND: f64 = 1.15;
-/// Share of a joint's time in motion in which its command may be cut: 0.05 to 0.62 in cases from another simulator. (Three runs in which a
-/// UR10e's wrist stood made a limit below all of its friction one that cuts seldom.)
-const MOSTLY_CUT: f64 = 0.7;
-/// Single samples beyond it are no command.
-const SELDOM_CUT: f64 = 2e-4;
-/// A torque over the angle alone is looked for on joints that turn so far \[rad\].
-const LEAST_TURN: f64 = 0.03;
 /// Distance ratios of a counterbalance's two hinges.
 const LEVERS: [f64; 2] = [0.3, 0.7];
 /// Angles between them at zero.
 const PHASES: usize = 6;
 /// Parts of a joint's range at whose ends something may begin to pull.
 const PULLS: usize = 5;
-/// Beyond the angle from which something pulls a joint goes at least this share of its range, or what it does near the end, where it stands,
-/// is taken for a pull of any size.
-const LEAST_REACH: f64 = 0.1;
 /// Angles over which a spring that softens gives way \[rad\].
 const WIDTHS: [f64; 2] = [0.15, 0.4];
 
@@ -83,30 +72,16 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
         forms.extend(FRICTION_ORDERS.map(|order| Form::PositionFriction { joint, order }));
         forms.extend(limits(runs, joint).into_iter().map(|limit| Form::Saturation { joint, limit }));
         forms.extend(orders[joint].iter().flat_map(|order| periodic(joint, *order)));
-        let link = inertia(runs, joint);
-        let stiffness = |hz: f64| link * (std::f64::consts::TAU * hz).powi(2);
-        let (low, high, steps) = RESONANCES;
-        for step in 0..=steps {
-            let hz = low * (high / low).powf(step as f64 / steps as f64);
-            for damping in DAMPINGS {
-                forms.push(Form::TwoMass { joint, gear: Gear { stiffness: stiffness(hz), damping, gap: 0.0 } });
-            }
-        }
-        for hz in CONTACTS {
-            for gap in GAPS {
-                let gear = Gear { stiffness: stiffness(hz), damping: CONTACT_DAMPING, gap };
-                forms.push(Form::TwoMass { joint, gear });
-            }
-        }
+        forms.extend(gears(inertia(runs, joint)).into_iter().map(|gear| Form::TwoMass { joint, gear }));
         // What one joint holds while its neighbour stands no motor brings it.
-        let moves = |p: &Physics<'_>, j: usize| !log_check::is_still(p.motion, j);
+        let moves = |p: &Physics<'_>, j: usize| !stillness::is_still(p.motion, j);
         let together = joint > 0 && runs.iter().any(|p| moves(p, joint - 1) && moves(p, joint));
         if together && first.nominal.model.structure.coupling.is_none() {
             forms.extend([false, true].map(|whole| Form::Coupling { driving: joint - 1, driven: joint, whole }));
         }
         let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
         // Within a small angle any torque is a straight line, and as large as one likes.
-        if high - low < LEAST_TURN {
+        if high - low < POLICY.plausibility.min_angle_law_range_rad {
             continue;
         }
         let about = 0.5 * (low + high);
@@ -133,11 +108,26 @@ pub(crate) fn forms(runs: &[Physics<'_>], orders: &[Vec<f64>]) -> Vec<Form> {
     forms
 }
 
+/// Elastic gears, then gears with play, before a link side of that inertia \[kg·m²\].
+fn gears(link: f64) -> Vec<Gear> {
+    let stiffness = |hz: f64| link * (std::f64::consts::TAU * hz).powi(2);
+    let (low, high, steps) = RESONANCES;
+    let mut gears = Vec::new();
+    for step in 0..=steps {
+        let hz = low * (high / low).powf(step as f64 / steps as f64);
+        gears.extend(DAMPINGS.map(|damping| Gear { stiffness: stiffness(hz), damping, gap: 0.0 }));
+    }
+    for hz in CONTACTS {
+        gears.extend(GAPS.map(|gap| Gear { stiffness: stiffness(hz), damping: CONTACT_DAMPING, gap }));
+    }
+    gears
+}
+
 /// Whether the runs go far enough beyond `from` to tell what pulls from there on.
 pub(crate) fn is_reached(runs: &[Physics<'_>], joint: usize, from: f64, above: bool) -> bool {
     let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
     let beyond = if above { high - from } else { from - low };
-    beyond >= LEAST_REACH * (high - low)
+    beyond >= POLICY.plausibility.min_pull_reach_share * (high - low)
 }
 
 /// The form itself, then all forms of the same effect on the same joints.
@@ -147,7 +137,7 @@ pub(crate) fn alike(form: &Form, physics: &Physics<'_>) -> Vec<Form> {
         other.effect() == form.effect() && other.joints() == form.joints() && other != form && !other.is_nameless()
     };
     let run = std::slice::from_ref(physics);
-    let modes = if let Form::Base { .. } = form { mounting::forms(run) } else { Vec::new() };
+    let modes = if let Form::Base { .. } = form { base_modes::forms(run) } else { Vec::new() };
     std::iter::once(form.clone()).chain(forms(run, &orders).into_iter().chain(modes).filter(same)).collect()
 }
 
@@ -165,16 +155,20 @@ fn limits(runs: &[Physics<'_>], joint: usize) -> Vec<f64> {
     LIMITS
         .map(|share| share * needed)
         .into_iter()
-        .filter(|limit| asked > BEYOND * limit && is_cut(runs, joint, *limit))
+        .filter(|limit| asked > POLICY.plausibility.min_command_over_limit * limit && is_cut(runs, joint, *limit))
         .collect()
 }
 
 /// Whether a limit cuts the command of a joint now and then while it moves, not for most of the time nor in single samples.
 pub(crate) fn is_cut(runs: &[Physics<'_>], joint: usize, limit: f64) -> bool {
     let signals = runs.iter().flat_map(|p| p.run.tau[joint].iter().zip(&p.motion.qd[joint]));
-    let moving: Vec<f64> = signals.filter(|(_, qd)| qd.abs() > log_check::STILL).map(|(tau, _)| tau.abs()).collect();
+    let moving: Vec<f64> = signals
+        .filter(|(_, qd)| qd.abs() > POLICY.signal_faults.max_still_speed_rad_s)
+        .map(|(tau, _)| tau.abs())
+        .collect();
     let beyond = |limit: f64| moving.iter().filter(|tau| **tau > limit).count() as f64 / moving.len().max(1) as f64;
-    beyond(limit) < MOSTLY_CUT && beyond(BEYOND * limit) > SELDOM_CUT
+    beyond(limit) < POLICY.plausibility.max_cut_time_share
+        && beyond(POLICY.plausibility.min_command_over_limit * limit) > POLICY.plausibility.min_cut_time_share
 }
 
 fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
@@ -184,7 +178,7 @@ fn span<'a>(x: impl Iterator<Item = &'a f64>) -> (f64, f64) {
 /// Middle of a joint's angles; none where it hardly turns.
 fn middle(runs: &[Physics<'_>], joint: usize) -> Option<f64> {
     let (low, high) = span(runs.iter().flat_map(|p| &p.motion.q[joint]));
-    (high - low >= LEAST_TURN).then_some(0.5 * (low + high))
+    (high - low >= POLICY.plausibility.min_angle_law_range_rad).then_some(0.5 * (low + high))
 }
 
 /// Mean inertia of the link side at a joint.

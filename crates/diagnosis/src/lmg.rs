@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::stages::Stages;
 
 /// With more causes than this, 2^16 fits, no shares are told.
-const MOST: usize = 16;
+const MAX_PLAYERS: usize = 16;
 /// What a cause has beyond those before it is rounding below this share of its squared torque.
 const INDEPENDENT: f64 = 1e-9;
 
@@ -30,16 +30,16 @@ struct Products {
 /// none where there are too many.
 pub(crate) fn shares(runs: &[Stages], players: &[usize]) -> Option<Vec<f64>> {
     let m = players.len();
-    if m > MOST {
+    if m > MAX_PLAYERS {
         return None;
     }
-    let products = Products::of(runs, players);
+    let products = Products::from_stages(runs, players);
     let values: Vec<f64> = (0..1_usize << m).map(|set| products.explained(set)).collect();
     Some((0..m).map(|k| shapley(&values, m, k)).collect())
 }
 
 impl Products {
-    fn of(runs: &[Stages], players: &[usize]) -> Products {
+    fn from_stages(runs: &[Stages], players: &[usize]) -> Products {
         let m = players.len();
         let mut sums = Products { tt: DMatrix::zeros(m, m), ty: DVector::zeros(m), yy: 0.0 };
         let joints = runs.first().map_or(0, |run| run.tau.len());
@@ -137,7 +137,7 @@ mod tests {
         let steps = |at: f64| [wave(1.0, at), wave(1.0, at), wave(2.3, at), wave(7.0, at)];
         let runs = [0.0, 0.4].map(|at| run(&torque(&steps(at)), &steps(at)));
         let found = shares(&runs, &[0, 1, 2]).expect("three causes");
-        let all = Products::of(&runs, &[0, 1, 2]).explained(0b111);
+        let all = Products::from_stages(&runs, &[0, 1, 2]).explained(0b111);
         assert!((all - 1.0).abs() < 1e-9 && (found.iter().sum::<f64>() - all).abs() < 1e-9, "{found:?}");
         assert!((found[0] - found[1]).abs() < 1e-9 && found[2] < found[0], "{found:?}");
         let silent = shares(&[run(&wave(1.0, 0.0), &[wave(1.0, 0.0), vec![0.0; 200]])], &[0, 1]).expect("two");

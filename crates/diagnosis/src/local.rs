@@ -231,7 +231,7 @@ mod tests {
             let size = |s: &Solved, cells: &[CandidateCell]| {
                 let sums = s.sums(cells, &weights, keep).expect("a candidate");
                 let c = DVector::from_element(1, 1.5);
-                (s.own(&sums, &c).expect("solvable"), s.explained(&sums, &c).expect("solvable").norm())
+                (s.remaining_square(&sums, &c).expect("solvable"), s.explained(&sums, &c).expect("solvable").norm())
             };
             let (a, b) = (size(&one, &cells), size(&other, &wide_cells));
             same(a.0, b.0, "what is the candidate's own");

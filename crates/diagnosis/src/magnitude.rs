@@ -14,43 +14,10 @@ impl Form {
         let wave = |c: &[f64]| c[0].hypot(c[1]);
         // Of `amplitude·cos(order·q − phase)`.
         let phase = |c: &[f64]| c[1].atan2(c[0]);
-        let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if let Some(size) = self.friction_magnitude(c, joints, nominal) {
+            return size;
+        }
         match self {
-            Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
-            Form::OneSided { forwards: true, .. } => named(&[("forwards_Nm", c[0])]),
-            Form::OneSided { forwards: false, .. } => named(&[("backwards_Nm", c[0])]),
-            Form::Stribeck { velocity, .. } => named(&[("excess_Nm", c[0]), ("velocity_rad_s", *velocity)]),
-            Form::ViscousNonlinearity { joint } => named(&[
-                ("linear_Nms_rad", nominal[11 * joints + joint] + c[0]),
-                ("quadratic_Nms2_rad2", c[1]),
-                ("cubic_Nms3_rad3", c[2]),
-            ]),
-            Form::Load { .. } => named(&[("ratio", c[0])]),
-            Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
-            Form::Warming { joint, warmth } => {
-                let beside = [nominal[11 * joints + joint], nominal[12 * joints + joint]];
-                let [first, last] = warmth.ends(c, beside);
-                let change = |first: f64, last: f64| 100.0 * (last - first) / first;
-                let all = |at: [f64; 2]| at[0] * warmth.work[1] + at[1] * warmth.work[0];
-                let mut size = named(&[
-                    ("over_s", warmth.span_s),
-                    ("time_constant_s", warmth.time_s),
-                    ("friction_change_percent", change(all(first), all(last))),
-                    ("viscous_change_Nms_rad", last[0] - first[0]),
-                    ("coulomb_change_Nm", last[1] - first[1]),
-                ]);
-                for (k, name) in ["viscous_change_percent", "coulomb_change_percent"].into_iter().enumerate() {
-                    if first[k] > 0.0 {
-                        size.push((name.to_owned(), change(first[k], last[k])));
-                    }
-                }
-                size
-            }
-            Form::Presliding { joint, length } => {
-                let level = c[0] * nominal[12 * joints + joint].abs();
-                named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])
-            }
-            Form::Hysteresis { length, .. } => named(&[("hysteresis_Nm", c[0]), ("length_rad", *length)]),
             Form::PositionFriction { order, .. } | Form::Ripple { order, .. } => {
                 named(&[("amplitude_Nm", wave(c)), (PHASE, phase(c)), ("cycles_per_turn", *order)])
             }
@@ -98,14 +65,7 @@ impl Form {
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
             // With fewer joints than numbers, one of the six stands for another.
             Form::Force { moment: true, .. } if joints < numbers(true) => Vec::new(),
-            Form::Force { moment, .. } => {
-                let hats = || c.chunks(numbers(*moment));
-                let mut size = named(&[("largest_N", hats().map(|c| length(&c[..3])).fold(0.0, f64::max))]);
-                if *moment {
-                    size.push(("largest_Nm".to_owned(), hats().map(|c| length(&c[3..])).fold(0.0, f64::max)));
-                }
-                size
-            }
+            Form::Force { moment, .. } => force_magnitude(c, *moment),
             Form::Gravity => named(&[("tilt_rad", wave(c) / 9.81), ("gx_m_s2", c[0]), ("gy_m_s2", c[1])]),
             Form::Payload => named(&[
                 ("mass_kg", c[0]),
@@ -119,7 +79,52 @@ impl Form {
             }
             Form::Coulomb { .. } => named(&[("change_Nm", c[0])]),
             Form::Viscous { .. } => named(&[("change_Nms_rad", c[0])]),
+            // Friction laws: see above.
+            _ => Vec::new(),
         }
+    }
+
+    /// The same of a friction law of one joint; none of another effect.
+    fn friction_magnitude(&self, c: &[f64], joints: usize, nominal: &[f64]) -> Option<Vec<(String, f64)>> {
+        let named = |pairs: &[(&str, f64)]| pairs.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+        Some(match self {
+            Form::Asymmetry { .. } => named(&[("coulomb_Nm", c[0]), ("viscous_Nms_rad", c[1])]),
+            Form::OneSided { forwards: true, .. } => named(&[("forwards_Nm", c[0])]),
+            Form::OneSided { forwards: false, .. } => named(&[("backwards_Nm", c[0])]),
+            Form::Stribeck { velocity, .. } => named(&[("excess_Nm", c[0]), ("velocity_rad_s", *velocity)]),
+            Form::ViscousNonlinearity { joint } => named(&[
+                ("linear_Nms_rad", nominal[11 * joints + joint] + c[0]),
+                ("quadratic_Nms2_rad2", c[1]),
+                ("cubic_Nms3_rad3", c[2]),
+            ]),
+            Form::Load { .. } => named(&[("ratio", c[0])]),
+            Form::Temperature { .. } => named(&[("viscous_Nms_rad_K", c[0]), ("coulomb_Nm_K", c[1])]),
+            Form::Warming { joint, warmth } => {
+                let friction = [nominal[11 * joints + joint], nominal[12 * joints + joint]];
+                let [first, last] = warmth.ends(c, friction);
+                let change = |first: f64, last: f64| 100.0 * (last - first) / first;
+                let all = |at: [f64; 2]| at[0] * warmth.work[1] + at[1] * warmth.work[0];
+                let mut size = named(&[
+                    ("over_s", warmth.span_s),
+                    ("time_constant_s", warmth.time_s),
+                    ("friction_change_percent", change(all(first), all(last))),
+                    ("viscous_change_Nms_rad", last[0] - first[0]),
+                    ("coulomb_change_Nm", last[1] - first[1]),
+                ]);
+                for (k, name) in ["viscous_change_percent", "coulomb_change_percent"].into_iter().enumerate() {
+                    if first[k] > 0.0 {
+                        size.push((name.to_owned(), change(first[k], last[k])));
+                    }
+                }
+                size
+            }
+            Form::Presliding { joint, length } => {
+                let level = c[0] * nominal[12 * joints + joint].abs();
+                named(&[("length_rad", *length), ("stiffness_Nm_rad", level / length)])
+            }
+            Form::Hysteresis { length, .. } => named(&[("hysteresis_Nm", c[0]), ("length_rad", *length)]),
+            _ => return None,
+        })
     }
 
     /// Whether the motion alone tells what the effect does: contact and saturation it does not.
@@ -147,4 +152,15 @@ impl Form {
                     | Form::SpringBetween { .. }
             )
     }
+}
+
+/// Largest force, and moment, of contact with coefficients `c`.
+fn force_magnitude(c: &[f64], moment: bool) -> Vec<(String, f64)> {
+    let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let hats = || c.chunks(numbers(moment));
+    let mut size = vec![("largest_N".to_owned(), hats().map(|c| length(&c[..3])).fold(0.0, f64::max))];
+    if moment {
+        size.push(("largest_Nm".to_owned(), hats().map(|c| length(&c[3..])).fold(0.0, f64::max)));
+    }
+    size
 }

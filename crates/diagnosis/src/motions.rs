@@ -18,9 +18,9 @@ use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
-use crate::select::RIVAL_GAP;
 use crate::timing::SLOW_HZ;
 
 use duel::{Duel, Record, duels};
@@ -52,8 +52,8 @@ pub struct SeparatingMotion {
 
 impl SeparatingMotion {
     /// Whether it is expected to tell: twice the log evidence by which a rival that is none has to be behind.
-    pub fn tells(&self) -> bool {
-        self.separation >= 2.0 * RIVAL_GAP
+    pub fn is_conclusive(&self) -> bool {
+        self.separation >= 2.0 * POLICY.adoption.rival_gap
     }
 }
 
@@ -77,15 +77,15 @@ const TORQUE: f64 = 0.75;
 /// Furthest from where the logs were, whatever the range \[rad\]: as far as the joint goes only where less does not tell.
 const FURTHEST: [f64; 2] = [1.6, std::f64::consts::PI];
 /// Expected evidence \[χ²\] of which half leaves no doubt, beside what noise and other values may do to it.
-const ENOUGH: f64 = 4.0 * RIVAL_GAP;
+const ENOUGH: f64 = 4.0 * POLICY.adoption.rival_gap;
 /// Speed of a joint that states none \[rad/s\].
 const WALKING: f64 = 1.0;
 /// Samples for the comparison of motions are this far apart \[s\].
-const COARSE_S: f64 = 0.004;
+const PLAN_SAMPLE_S: f64 = 0.004;
 
 impl MotionBounds {
     /// From the limits of the arm's file and its drives, with margins.
-    pub fn of(model: &Model, torque_limit: &[f64], period_s: f64) -> MotionBounds {
+    pub fn from_limits(model: &Model, torque_limit: &[f64], period_s: f64) -> MotionBounds {
         let joints = &model.arm.joints;
         let range = |j: &rivet_dynamics::Joint| {
             let (low, high) = (j.lower.max(-std::f64::consts::PI), j.upper.min(std::f64::consts::PI));
@@ -137,7 +137,7 @@ impl Plan {
 
     /// The plans that tell this class. Its own link as a rival is asked as a scale of what the file has, which any motion refutes; as a
     /// body that is free it pulls like a counterbalance at rest and in slow moves, and only its inertia tells.
-    fn of(class: &Class<'_>) -> &'static [Plan] {
+    fn for_class(class: &Class<'_>) -> &'static [Plan] {
         let is = |effect: Effect| move |form: &Form| form.effect() == effect;
         let has = |effect: Effect| is(effect)(class.form) || class.rivals.iter().any(is(effect));
         if class.is_of_time() {
@@ -307,24 +307,33 @@ impl Class<'_> {
     }
 }
 
-/// The best motion for a class. `model` and `x` are what is known of the arm, `noise` the joints' torque noise \[N·m\],
-/// `deviations` how far values of the model may still be off.
+/// What is known of the arm.
+#[derive(Clone, Copy)]
+pub(crate) struct IdentifiedArm<'a> {
+    pub(crate) model: &'a Model,
+    /// Standard vector.
+    pub(crate) x: &'a [f64],
+    /// How far its values may still be off, one standard deviation each.
+    pub(crate) deviations: &'a [f64],
+    /// Torque noise by joint \[N·m\].
+    pub(crate) noise: &'a [f64],
+}
+
+/// The best motion for a class within the bounds; `runs`: the training runs.
 pub(crate) fn best(
     class: &Class<'_>,
-    model: &Model,
-    x: &[f64],
-    deviations: &[f64],
+    arm: IdentifiedArm<'_>,
     runs: &[&Prepared],
-    noise: &[f64],
     bounds: &MotionBounds,
 ) -> Option<SeparatingMotion> {
+    let IdentifiedArm { model, x, deviations, noise } = arm;
     let exact = Nominal::exact(model, x);
     // Delay and lag are told apart by slow signals alone, so no motion may be said to tell them by its fast ones.
     let is_slow = class.is_of_time();
     let slow: Vec<Prepared> =
         if is_slow { runs.iter().map(|run| run.up_to(SLOW_HZ, &exact)).collect() } else { Vec::new() };
     let runs: Vec<&Prepared> = if is_slow { slow.iter().collect() } else { runs.to_vec() };
-    let chain = if is_slow { Chain::up_to(SLOW_HZ, COARSE_S) } else { Chain::new(COARSE_S) };
+    let chain = if is_slow { Chain::up_to(SLOW_HZ, PLAN_SAMPLE_S) } else { Chain::new(PLAN_SAMPLE_S) };
     let first = runs.first()?;
     // Where the logs were: an arm that was there before can be there again.
     let home: Vec<f64> = (0..bounds.velocity.len())
@@ -341,10 +350,10 @@ pub(crate) fn best(
     let mut found: Option<Planned> = None;
     for furthest in FURTHEST {
         for joint in movers(class, home.len()) {
-            for plan in Plan::of(class) {
+            for plan in Plan::for_class(class) {
                 let Some(extent) = admissible(*plan, joint, &home, bounds, (model, x), furthest) else { continue };
                 let run = planned(*plan, joint, &home, bounds, extent);
-                let motion = Motion::of(&run);
+                let motion = Motion::from_run(&run);
                 let record = Record::new(&standard_columns(model, &motion, &chain), &chain, noise);
                 let physics = Physics::new(&run, &motion, &exact, x);
                 let most = found.as_ref().map_or(0.0, |found| found.separation);
@@ -389,7 +398,7 @@ fn separation(duels: &[Duel<'_>], record: &Record<'_>, physics: &Physics<'_>, le
     let mut smallest = f64::INFINITY;
     let mut imitations = Vec::new();
     for duel in duels {
-        let (evidence, form) = duel.with(record, physics)?;
+        let (evidence, form) = duel.separation(record, physics)?;
         smallest = smallest.min(evidence);
         imitations.push((duel, form));
     }
@@ -404,9 +413,9 @@ fn separation(duels: &[Duel<'_>], record: &Record<'_>, physics: &Physics<'_>, le
 
 /// A plan as a run without torque.
 fn planned(plan: Plan, joint: usize, home: &[f64], bounds: &MotionBounds, extent: Extent) -> Run {
-    let [q, ..] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
+    let [q, ..] = setpoints(plan, joint, home, bounds, extent, PLAN_SAMPLE_S);
     let tau = vec![vec![0.0; q[0].len()]; q.len()];
-    Run { name: String::new(), period_s: COARSE_S, q, tau, ..Run::default() }
+    Run { name: String::new(), period_s: PLAN_SAMPLE_S, q, tau, ..Run::default() }
 }
 
 /// Joints to move: those that the class is about, or every one where it is about the whole arm.
@@ -430,10 +439,10 @@ fn admissible(
     let mut ws = Workspace::new(&model.arm);
     let mut y = vec![0.0; n * width];
     let mut fits = |extent: Extent| {
-        let [q, qd, qdd] = setpoints(plan, joint, home, bounds, extent, COARSE_S);
+        let [q, qd, qdd] = setpoints(plan, joint, home, bounds, extent, PLAN_SAMPLE_S);
         (0..q[0].len()).step_by(5).all(|k| {
-            let of = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
-            let (q, qd, qdd) = (of(&q), of(&qd), of(&qdd));
+            let state = |s: &[Vec<f64>]| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
+            let (q, qd, qdd) = (state(&q), state(&qd), state(&qdd));
             model.regressor(&mut ws, &q, &qd, &qdd, &mut y);
             let mut tau: Vec<f64> =
                 y.chunks_exact(width).map(|row| row.iter().zip(x).map(|(y, x)| y * x).sum()).collect();

@@ -5,24 +5,21 @@ use rivet_dynamics::Parameter;
 use crate::background::Nominal;
 use crate::details::{ParameterLine, ParameterState};
 use crate::effect::Effect;
+use crate::policy::POLICY;
 use crate::report::{Cause, JointGap};
-use crate::sealed::SOUND;
-use crate::sizes::unmeasured;
-
-/// In units of a usual offset. Of 17 joints of another simulator with 2 and more of it the six with friction that differs had 2.1 to 6.4, and
-/// one with an offset of the torque 3.0; others kept a gap.
-const BEYOND: f64 = 3.5;
 
 /// What is told of joints that an offset brought down to their noise. It is a value that is free in every fit, so that no effect that has the
 /// same torque is missed there.
-pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[JointGap]) -> Vec<Cause> {
-    let of = |((parameter, usual), line): ((&Parameter, &f64), &ParameterLine)| {
+pub(crate) fn causes(nominal: &Nominal, parameters: &[ParameterLine], joints: &[JointGap]) -> Vec<Cause> {
+    let offset_cause = |((parameter, usual), line): ((&Parameter, &f64), &ParameterLine)| {
         let Parameter::Offset(j) = *parameter else { return None };
         let more = line.found - line.given;
         let [given, found] = joints[j].in_motion?;
-        let fitted = given > SOUND && found <= SOUND;
-        let told = more.abs() > BEYOND * usual && line.state == ParameterState::Pinned && fitted;
-        told.then(|| {
+        let fitted = given > POLICY.held_out.max_sound_gap && found <= POLICY.held_out.max_sound_gap;
+        let is_large = more.abs() > POLICY.held_out.min_offset_over_usual * usual
+            && line.state == ParameterState::Pinned
+            && fitted;
+        is_large.then(|| {
             let friction = nominal.x[12 * nominal.model.arm.dof() + j];
             let share = if friction > 0.0 {
                 format!(", {:.0} % of its friction", 100.0 * more.abs() / friction)
@@ -42,11 +39,11 @@ pub(crate) fn told(nominal: &Nominal, parameters: &[ParameterLine], joints: &[Jo
             Cause {
                 magnitude: vec![("offset_Nm".to_owned(), more)],
                 impossible: Some(text),
-                ..unmeasured(Effect::FrictionAsymmetry, vec![joints[j].joint.clone()])
+                ..Cause::unmeasured(Effect::FrictionAsymmetry, vec![joints[j].joint.clone()])
             }
         })
     };
-    nominal.model.parameters.iter().zip(&nominal.std).zip(parameters).filter_map(of).collect()
+    nominal.model.parameters.iter().zip(&nominal.std).zip(parameters).filter_map(offset_cause).collect()
 }
 
 #[cfg(test)]
@@ -89,7 +86,7 @@ mod tests {
         };
         let joints: Vec<JointGap> = (0..n).map(gap).collect();
         let nominal = Nominal { near: x.clone(), std: vec![0.3; x.len()], x, model };
-        let told = told(&nominal, &lines, &joints);
+        let told = causes(&nominal, &lines, &joints);
         assert!(told.len() <= 1);
         told.into_iter().next().and_then(|hint| hint.impossible)
     }

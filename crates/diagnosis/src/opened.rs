@@ -1,5 +1,6 @@
 //! Once the seal is open: which steps are upheld as causes, and the verdict that follows.
 
+use crate::adopted::Adopted;
 use crate::class;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
@@ -8,15 +9,15 @@ use crate::form::Form;
 use crate::gap::Gap;
 use crate::held_load::held_load;
 use crate::lmg;
-use crate::log_check::{LogFault, LogFinding};
+use crate::log_fault::{LogFault, LogFinding};
+use crate::policy::POLICY;
 use crate::predict::Prediction;
 use crate::procedure::{Procedure, Step, is_drive};
 use crate::repeats;
 use crate::report::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict, pooled};
 use crate::residue::Residue;
-use crate::sealed::{IN_MOTION, SOUND, Sealed};
+use crate::sealed::Sealed;
 use crate::search::{Bursts, Search};
-use crate::select::Adopted;
 use crate::separate;
 use crate::shrink;
 use crate::stages::Stages;
@@ -25,50 +26,6 @@ use crate::tool_drag::drag;
 use verdict::verdict;
 
 mod verdict;
-
-/// Share of the gap above the floor that may be left beside wrong values.
-const MOST_LEFT: f64 = 0.5;
-/// What comes where an interval of the promised shrink holds 0 is no more than this many times its upper end.
-const FAR_MORE: f64 = 2.0;
-/// Confidence in a form that was adopted, at least.
-const LEAST_FORM: f64 = 0.9;
-/// In a value that was only refitted: in 23 drawn cases 11 were the effect itself, the others a part of another one (inertia
-/// that a coupled motor brings, say).
-const VALUE_ALONE: f64 = 0.5;
-/// In values of drives that are off on so many joints, which is the file as a whole: 135 of 142 such causes on arms of two other programs,
-/// 706 of 715 of their joints, came nearer to what is true on every joint. (Of links 13 of 20.)
-const VALUES_OF_DRIVES: f64 = 0.95;
-const SEVERAL_DRIVES: usize = 3;
-/// How often the one of two that is named is the right one: in 15 of 19 drawn cases.
-const FIRST_OF_CLASS: f64 = 0.8;
-/// How often one is that the sealed run does not show plainly: four true ones in 75 cases beside two or three in signals that were
-/// tampered with.
-const NOT_PLAIN: f64 = 0.6;
-/// A law of the angle beside which another has evidence is not the one that is there: it tells the joint, not the mechanism.
-const ANOTHER_LAW: f64 = 0.4;
-/// A torque constant that is off by less may as well be bodies that are.
-const SMALL_GAIN: f64 = 0.04;
-const MAY_BE_BODIES: f64 = 0.6;
-/// Friction with the motor's torque instead of the link's differs between the directions of a joint whose load has one sign: an asymmetry
-/// beside friction with load may be what that one's form misses.
-const BESIDE_LOAD: f64 = 0.45;
-/// ... and one of which the sealed run keeps less than was thought possible, or far more: its form goes on otherwise than the effect.
-const PROMISE_BROKEN: f64 = 0.6;
-/// A last link that is heavier than the file's by this share may carry a load.
-const HEAVIER: f64 = 0.3;
-/// A refused effect that takes so much of the gap leaves nothing to name beside it on its joint.
-const MOST_TAKEN: f64 = 0.5;
-/// Contact beside a model that leaves most joints above their noise takes this share of the squared gap at least: on a KUKA's logs, which
-/// nothing touched, a burst took 0.08; an arm that was pushed 0.36, another program's contact 0.98.
-const CONTACT: f64 = 0.25;
-/// A shrink below this is no cause worth naming; ...
-const MATERIAL: f64 = 0.01;
-/// ... an effect that takes less than this, as predicted or as measured, is nothing that the sealed run shows, unless it is plain there
-/// where friction's direction is known.
-const LEAST: f64 = 0.002;
-/// A limit of torque that neither promises nor takes as much is none: its column has the torque's own curve, and torque that is lost with load was one
-/// (0.97 with 0.3 and 1.2 % promised, nothing taken). Those that were true had 5 % and more.
-const CUT: f64 = 0.03;
 
 /// Everything that is known when the sealed torque has been read.
 pub(crate) struct Opened<'a> {
@@ -102,6 +59,18 @@ impl Judge<'_> {
         self.log.iter().any(|f| f.joint == *name && f.fault.spoils())
     }
 
+    /// The verdict where nothing is missing in motion.
+    fn without_gap(&self) -> Verdict {
+        if self.names.iter().any(|name| self.is_unbelieved(name)) { Verdict::NotEvaluated } else { Verdict::NoGap }
+    }
+
+    /// Why it is not evaluated where some torques are not believed.
+    fn untrusted_remark(&self) -> String {
+        let untrusted: Vec<&str> =
+            self.names.iter().filter(|name| self.is_unbelieved(name)).map(String::as_str).collect();
+        format!("the torque of {} is untrusted; the other joints show no gap", untrusted.join(", "))
+    }
+
     /// Joints on which step `step` is asked of the sealed run: a value on all of them, an effect where it acts.
     fn joints<'b>(&self, step: &'b Step) -> impl Iterator<Item = usize> + Clone + use<'b> {
         let everywhere = step.effect.kind() == Kind::Value || step.joints.is_empty();
@@ -127,19 +96,23 @@ impl Judge<'_> {
         };
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
         // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
-        let own = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
-        let settled = || own().all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= IN_MOTION));
+        let step_joints = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
+        let settled = || {
+            step_joints()
+                .all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= POLICY.held_out.min_gap_in_motion))
+        };
         let drive = is_drive(step.effect) && settled();
-        let seen = self.sealed.is_plain(k, own());
+        let seen = self.sealed.is_plain(k, step_joints());
         let plain = seen && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
-        let given = |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > SOUND);
-        let right = step.effect == Effect::TorqueConstant && !own().any(given);
+        let given =
+            |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > POLICY.held_out.max_sound_gap);
+        let right = step.effect == Effect::TorqueConstant && !step_joints().any(given);
         let cut = step.effect == Effect::TorqueSaturation;
         let needed = || !self.sound && self.sealed.is_helped(k, on);
         let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
-        let needed_there = law && self.sealed.is_needed(k, own());
+        let needed_there = law && self.sealed.is_needed(k, step_joints());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
         let tilt_or_time =
@@ -180,7 +153,9 @@ impl Judge<'_> {
     /// Whether a joint that the model as given fits is left with a gap: what fits the others is not what the arm has.
     fn is_spoilt(&self) -> bool {
         let times = (0..self.names.len()).filter_map(|j| self.sealed.in_motion(j));
-        times.into_iter().any(|[before, after]| before <= SOUND && after > IN_MOTION)
+        times
+            .into_iter()
+            .any(|[before, after]| before <= POLICY.held_out.max_sound_gap && after > POLICY.held_out.min_gap_in_motion)
     }
 
     /// What is said of joints whose torque cannot be believed is not worth saying.
@@ -202,7 +177,12 @@ impl Judge<'_> {
             all &= !matches!(adopted.form, Form::Force { .. });
         }
         let left_over = self.residue.any_noisy();
-        !faulty && any && all && left_over && self.sealed.is_mostly_open() && self.sealed.left_in_motion() > MOST_LEFT
+        !faulty
+            && any
+            && all
+            && left_over
+            && self.sealed.is_mostly_open()
+            && self.sealed.left_in_motion() > POLICY.held_out.max_share_left
     }
 
     /// Figures of the joints.
@@ -220,6 +200,39 @@ impl Judge<'_> {
     }
 }
 
+/// Steps after the sealed torque has been read.
+struct Upholding {
+    causes: Vec<Cause>,
+    withdrawn: Vec<Cause>,
+    /// By step.
+    upheld: Vec<bool>,
+}
+
+/// Withdraws contact that takes a little of what most joints are missed by: it is one more thing that the model lacks. Whether there
+/// was some.
+fn withdraw_slight_contact(
+    judge: &Judge<'_>,
+    steps: &[Step],
+    (causes, withdrawn): (&mut Vec<Cause>, &mut Vec<Cause>),
+    upheld: &mut [bool],
+) -> bool {
+    let slight = |c: &Cause| {
+        c.effect == Effect::ExternalForce
+            && c.share.is_some_and(|share| share < POLICY.held_out.min_contact_share_open)
+            && judge.sealed.is_mostly_open()
+    };
+    if !causes.iter().any(slight) {
+        return false;
+    }
+    let (out, kept) = std::mem::take(causes).into_iter().partition(slight);
+    *causes = kept;
+    withdrawn.extend::<Vec<Cause>>(out);
+    for (step, upheld) in steps.iter().zip(upheld) {
+        *upheld &= step.effect != Effect::ExternalForce;
+    }
+    true
+}
+
 impl Opened<'_> {
     /// The diagnosis, and which of the steps are upheld.
     pub(crate) fn diagnosis(self) -> (Diagnosis, Vec<bool>) {
@@ -231,39 +244,14 @@ impl Opened<'_> {
         let judge = Judge {
             sound: sealed.fits_as_given() && procedure.look.iter().zip(seen).all(as_given),
             sealed,
-            residue: Residue::of(search),
+            residue: Residue::from_search(search),
             gaps,
             sliding,
             names: names.clone(),
             log: &self.log,
         };
         let load = exhibit::load(procedure.sealed, procedure.nominal, &procedure.nominal.x);
-        let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
-        for (k, step) in steps.iter().enumerate() {
-            let shrink = shrink::of(step.effect, k, self.prediction, seen, &judge.gaps);
-            let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
-            let instead = self.instead_of_contact(k, step);
-            let touch = !self.acts_throughout(step);
-            let stands = alone && touch && instead.is_none() && judge.upholds(k, step, shrink, self.solved);
-            upheld.push(stands);
-            // Whether it is material goes by what was looked at; what is promised, by what that says of motion of another kind.
-            let told = shrink.wider(self.prediction.wider);
-            let cause = Cause { impossible: instead, ..self.cause(k, step, told, &judge, &load) };
-            if stands { &mut causes } else { &mut withdrawn }.push(cause);
-        }
-        let refused: Vec<String> =
-            withdrawn.iter().filter(|c| is_most(c)).flat_map(|c: &Cause| c.joints.clone()).collect();
-        let beside = |c: &Cause| is_structure(c) && c.joints.iter().any(|j| refused.contains(j));
-        if causes.iter().any(beside) {
-            for (k, step) in steps.iter().enumerate() {
-                let of_step =
-                    |c: &Cause| c.effect == step.effect && step.joints.iter().map(|j| &names[*j]).eq(&c.joints);
-                upheld[k] &= !causes.iter().any(|c| beside(c) && of_step(c));
-            }
-            let (out, kept) = causes.into_iter().partition(beside);
-            causes = kept;
-            withdrawn.extend::<Vec<Cause>>(out);
-        }
+        let Upholding { mut causes, mut withdrawn, mut upheld } = self.uphold(&judge, &load);
         let promises: Vec<Shrink> = causes.iter().map(|c: &Cause| c.shrink).collect();
         // A channel that went wrong on the sealed run says nothing against what the others say.
         let faulty = self.log.iter().any(|f| f.run == procedure.sealed.run.name && f.fault.spoils());
@@ -275,19 +263,7 @@ impl Opened<'_> {
             upheld.fill(false);
         }
         share_out(&mut causes, &upheld, seen);
-        // A burst that takes a little of what most joints are missed by is one more thing that the model lacks.
-        let slight = |c: &Cause| {
-            c.effect == Effect::ExternalForce
-                && c.share.is_some_and(|share| share < CONTACT)
-                && judge.sealed.is_mostly_open()
-        };
-        if causes.iter().any(slight) {
-            let (out, kept) = causes.into_iter().partition(slight);
-            causes = kept;
-            withdrawn.extend::<Vec<Cause>>(out);
-            for (step, upheld) in steps.iter().zip(&mut upheld) {
-                *upheld &= step.effect != Effect::ExternalForce;
-            }
+        if withdraw_slight_contact(&judge, steps, (&mut causes, &mut withdrawn), &mut upheld) {
             share_out(&mut causes, &upheld, seen);
         }
         let floors = judge.sealed.floor();
@@ -305,28 +281,14 @@ impl Opened<'_> {
             verdict(&judge, [&causes, &withdrawn], steps, &upheld, &per_joint, open)
         };
         // What was fitted may fail, or hold a joint that stands: where nothing is missing, nothing is unexplained.
-        let verdict = match verdict {
-            Verdict::Unexplained if !faulty && causes.is_empty() && judge.sound => {
-                if names.iter().any(|name| judge.is_unbelieved(name)) { Verdict::NotEvaluated } else { Verdict::NoGap }
-            }
-            other => other,
-        };
+        let nothing_missing = verdict == Verdict::Unexplained && !faulty && causes.is_empty() && judge.sound;
+        let verdict = if nothing_missing { judge.without_gap() } else { verdict };
         let refuted = refuted && verdict == Verdict::Unexplained;
-        let remark = (verdict == Verdict::NotEvaluated).then(|| {
-            let of: Vec<&str> = names.iter().filter(|name| judge.is_unbelieved(name)).map(String::as_str).collect();
-            format!("the torque of {} is untrusted; the other joints show no gap", of.join(", "))
-        });
+        let remark = (verdict == Verdict::NotEvaluated).then(|| judge.untrusted_remark());
         let between_runs = (verdict == Verdict::Unexplained)
-            .then(|| BetweenRuns::of(refuted, judge.residue.at_floor(), &per_joint))
+            .then(|| BetweenRuns::from_gaps(refuted, judge.residue.at_floor(), &per_joint))
             .flatten();
-        // What changed may be but the scale of a signal.
-        let changed = between_runs == Some(BetweenRuns::SealedDiffers);
-        let scales = if changed { judge.sealed.other_scales() } else { Vec::new() };
-        let scales = scales.into_iter().map(|(j, scale)| LogFinding {
-            run: procedure.sealed.run.name.clone(),
-            joint: names[j].clone(),
-            fault: LogFault::Scale(scale),
-        });
+        let scales = self.other_scales(&judge, between_runs);
         let diagnosis = Diagnosis {
             verdict,
             between_runs,
@@ -350,6 +312,51 @@ impl Opened<'_> {
             log: self.log.iter().cloned().chain(scales).collect(),
         };
         (diagnosis, upheld)
+    }
+
+    /// What each step is worth on the sealed run: causes, those withdrawn, and which steps are upheld.
+    fn uphold(&self, judge: &Judge<'_>, load: &[Vec<f64>]) -> Upholding {
+        let Opened { steps, seen, .. } = *self;
+        let names = &judge.names;
+        let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, step) in steps.iter().enumerate() {
+            let shrink = shrink::estimate(step.effect, k, self.prediction, seen, &judge.gaps);
+            let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
+            let instead = self.instead_of_contact(k, step);
+            let touch = !self.acts_throughout(step);
+            let stands = alone && touch && instead.is_none() && judge.upholds(k, step, shrink, self.solved);
+            upheld.push(stands);
+            // Whether it is material goes by what was looked at; what is promised, by what that says of motion of another kind.
+            let widened = shrink.wider(self.prediction.wider);
+            let cause = Cause { impossible: instead, ..self.cause(k, step, widened, judge, load) };
+            if stands { &mut causes } else { &mut withdrawn }.push(cause);
+        }
+        let refused: Vec<String> =
+            withdrawn.iter().filter(|c| is_most(c)).flat_map(|c: &Cause| c.joints.clone()).collect();
+        let shares_refused_joint = |c: &Cause| is_structure(c) && c.joints.iter().any(|j| refused.contains(j));
+        if causes.iter().any(shares_refused_joint) {
+            for (k, step) in steps.iter().enumerate() {
+                let of_step =
+                    |c: &Cause| c.effect == step.effect && step.joints.iter().map(|j| &names[*j]).eq(&c.joints);
+                upheld[k] &= !causes.iter().any(|c| shares_refused_joint(c) && of_step(c));
+            }
+            let (out, kept) = causes.into_iter().partition(shares_refused_joint);
+            causes = kept;
+            withdrawn.extend::<Vec<Cause>>(out);
+        }
+        Upholding { causes, withdrawn, upheld }
+    }
+
+    /// Joints whose torque is in another scale than on the training runs, where the held-out log differs.
+    fn other_scales(&self, judge: &Judge<'_>, between_runs: Option<BetweenRuns>) -> Vec<LogFinding> {
+        let changed = between_runs == Some(BetweenRuns::SealedDiffers);
+        let scales = if changed { judge.sealed.other_scales() } else { Vec::new() };
+        let finding = |(j, scale): (usize, f64)| LogFinding {
+            run: self.procedure.sealed.run.name.clone(),
+            joint: judge.names[j].clone(),
+            fault: LogFault::Scale(scale),
+        };
+        scales.into_iter().map(finding).collect()
     }
 
     /// Whether what looks like contact leaves most joints with a gap where nothing touches: drag at the tool is strongest in bursts.
@@ -384,7 +391,8 @@ impl Opened<'_> {
     fn is_last_link_heavier(&self, step: &Step) -> bool {
         let last = self.procedure.names().len() - 1;
         step.adopted.iter().any(|a| {
-            matches!(a.form, Form::LinkScale { link } if link == last) && a.coefficients(&self.solved.x)[0] > HEAVIER
+            matches!(a.form, Form::LinkScale { link } if link == last)
+                && a.coefficients(&self.solved.x)[0] > POLICY.confidence.heavier_link
         })
     }
 
@@ -392,7 +400,7 @@ impl Opened<'_> {
     fn cause(&self, k: usize, step: &Step, shrink: Shrink, judge: &Judge<'_>, load: &[Vec<f64>]) -> Cause {
         // What the others say of a drive whose torque is not believed in some run nothing has checked.
         let step = &step.on_drives(&self.procedure.nominal.model.parameters, |j| !judge.is_unbelieved(&judge.names[j]));
-        let mut class = class::of(&step.adopted);
+        let mut class = class::effects(&step.adopted);
         let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
         class.extend(carries.then_some((Effect::Payload, 0.0)));
         let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
@@ -405,31 +413,37 @@ impl Opened<'_> {
         let mut confidence = confidence(step, shrink, rivals.len());
         let plain = judge.sealed.is_plain(k, judge.joints(step));
         if !step.adopted.is_empty() && is_predictable(step) && !plain {
-            confidence *= NOT_PLAIN;
+            confidence *= POLICY.confidence.not_plain;
         }
         if step.adopted.iter().any(|a| a.another_law) {
-            confidence *= ANOTHER_LAW;
+            confidence *= POLICY.confidence.another_law;
         }
         let small = |a: &Adopted| {
             let gain = a.coefficients(&self.solved.x).first().copied().unwrap_or(0.0);
-            matches!(a.form, Form::Gain { .. }) && gain.abs() < SMALL_GAIN
+            matches!(a.form, Form::Gain { .. }) && gain.abs() < POLICY.confidence.small_gain
         };
         if step.adopted.iter().any(small) {
-            confidence *= MAY_BE_BODIES;
+            confidence *= POLICY.confidence.may_be_bodies;
         }
         // A zero of the torque signal that is off looks the same in motion: it has no name in the list, but they are one class.
         if step.effect == Effect::FrictionAsymmetry {
-            confidence *= FIRST_OF_CLASS;
+            confidence *= POLICY.confidence.first_of_class;
         }
         if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
-            confidence *= BESIDE_LOAD;
+            confidence *= POLICY.confidence.beside_load;
         }
         // Where joints stand, what they hold may spoil a promise; an effect with which the run comes down to its noise in motion goes on.
-        let goes_on =
-            plain && judge.joints(step).all(|j| judge.sealed.in_motion(j).is_none_or(|[_, after]| after <= SOUND));
+        let goes_on = plain
+            && judge
+                .joints(step)
+                .all(|j| judge.sealed.in_motion(j).is_none_or(|[_, after]| after <= POLICY.held_out.max_sound_gap));
         let broken = step.effect.kind() == Kind::Structure && shrink.measured < shrink.low && !goes_on;
-        if is_predictable(step) && (broken || shrink.measured > FAR_MORE * shrink.high.max(MATERIAL)) {
-            confidence *= PROMISE_BROKEN;
+        if is_predictable(step)
+            && (broken
+                || shrink.measured
+                    > POLICY.held_out.max_surprise_ratio * shrink.high.max(POLICY.held_out.min_cause_shrink))
+        {
+            confidence *= POLICY.confidence.promise_broken;
         }
         Cause {
             effect: step.effect,
@@ -467,7 +481,7 @@ fn is_load_on(step: &Step, joints: &[usize]) -> bool {
 
 /// Whether an effect takes most of the gap, whatever it is called.
 fn is_most(cause: &Cause) -> bool {
-    is_structure(cause) && !cause.joints.is_empty() && cause.shrink.measured > MOST_TAKEN
+    is_structure(cause) && !cause.joints.is_empty() && cause.shrink.measured > POLICY.held_out.min_refused_share
 }
 
 /// Whether the motion tells of it.
@@ -477,8 +491,8 @@ fn is_predictable(step: &Step) -> bool {
 
 /// Share of the squared gap that is left with all causes which is how softly friction turns over.
 pub(crate) fn creeping_share(stages: &Stages) -> f64 {
-    let left = stages.gaps().map(|gaps| gaps.last().map_or(f64::NAN, |gap| gap.all));
-    1.0 - (left[1] / left[0]).powi(2)
+    let gap_after = stages.gaps().map(|gaps| gaps.last().map_or(f64::NAN, |gap| gap.all));
+    1.0 - (gap_after[1] / gap_after[0]).powi(2)
 }
 
 /// Whether step `step` takes enough to be a cause.
@@ -486,7 +500,11 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
     let Shrink { predicted, low, high, measured } = shrink;
     if step.adopted.is_empty() {
         // A value that may as well take nothing from motion it has not seen is not worth a name, nor is one that took nothing.
-        return measured > 0.0 && (plain || low > 0.0 && (predicted >= MATERIAL || measured >= MATERIAL));
+        return measured > 0.0
+            && (plain
+                || low > 0.0
+                    && (predicted >= POLICY.held_out.min_cause_shrink
+                        || measured >= POLICY.held_out.min_cause_shrink));
     }
     let value = step.effect.kind() == Kind::Value;
     let everywhere = step.joints.is_empty();
@@ -494,29 +512,38 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
     let takes = match step.effect {
         Effect::ExternalForce => true,
         // A command need not be cut again, but where it is the rest must fit.
-        Effect::TorqueSaturation => measured > -LEAST && predicted.max(measured) > CUT,
+        Effect::TorqueSaturation => {
+            measured > -POLICY.held_out.min_effect_shrink
+                && predicted.max(measured) > POLICY.held_out.min_saturation_shrink
+        }
         // Lengths of the arm that are off look like a little of one, which promises nothing on motion that was not seen.
-        _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => low > 0.0 && measured > LEAST,
+        _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => {
+            low > 0.0 && measured > POLICY.held_out.min_effect_shrink
+        }
         // A load pulls in every pose: one that may as well take nothing is none.
         Effect::Payload => measured > 0.0 && low > 0.0,
         // A tilt or a load is on every joint: what it gains on some it must not lose on others, unless it is plain in motion.
         _ if value && everywhere => measured > 0.0,
         _ if value || !everywhere && plain => predicted.max(measured) > 0.0,
-        _ => predicted.min(measured) > LEAST,
+        _ => predicted.min(measured) > POLICY.held_out.min_effect_shrink,
     };
     // Where nothing was promised, far more than was thought possible is no confirmation.
-    takes && (value || !predictable || low > 0.0 || measured <= FAR_MORE * high)
+    takes && (value || !predictable || low > 0.0 || measured <= POLICY.held_out.max_surprise_ratio * high)
 }
 
 /// How often such a name is that of the effect itself.
 fn confidence(step: &Step, shrink: Shrink, rivals: usize) -> f64 {
     let agreement = (shrink.predicted - shrink.measured).abs();
-    let held = if agreement < 0.1 { 0.97 } else { 0.85 };
+    let agreement_confidence = if agreement < 0.1 { 0.97 } else { 0.85 };
     let gains = step.adopted.iter().map(|a| a.gain);
-    let value =
-        if is_drive(step.effect) && step.joints.len() >= SEVERAL_DRIVES { VALUES_OF_DRIVES } else { VALUE_ALONE };
-    let strong = gains.reduce(f64::max).map_or(value, |gain| (1.0 - (-gain / 20.0).exp()).max(LEAST_FORM));
-    held * strong * FIRST_OF_CLASS.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
+    let value = if is_drive(step.effect) && step.joints.len() >= POLICY.confidence.several_drives {
+        POLICY.confidence.values_of_drives
+    } else {
+        POLICY.confidence.refitted_value
+    };
+    let strong =
+        gains.reduce(f64::max).map_or(value, |gain| (1.0 - (-gain / 20.0).exp()).max(POLICY.confidence.adopted_form));
+    agreement_confidence * strong * POLICY.confidence.first_of_class.powi(i32::try_from(rivals).unwrap_or(i32::MAX))
 }
 
 /// Share of the squared gap above the floor that is left.

@@ -6,13 +6,13 @@
 use std::num::NonZero;
 
 /// More threads than this gain nothing: memory is the bound.
-const MOST: usize = 8;
+const MAX_THREADS: usize = 8;
 /// Samples that a thread takes at a time.
 const CHUNK: usize = 2048;
 
 /// `f` of every item.
 pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let workers = std::thread::available_parallelism().map_or(1, NonZero::get).min(MOST).min(items.len());
+    let workers = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS).min(items.len());
     if workers < 2 {
         return items.iter().map(f).collect();
     }

@@ -50,13 +50,13 @@ impl Told<'_> {
             ("torque offset", PartKind::Group(ParameterGroup::Offset)),
             ("coupled wrist motor", PartKind::Group(ParameterGroup::Coupling)),
         ];
-        let of = |kind: PartKind, c: usize| {
-            if PartKind::of(self.model.parameters[c]) == kind { self.values[c] } else { 0.0 }
+        let value_of_kind = |kind: PartKind, c: usize| {
+            if PartKind::from_parameter(self.model.parameters[c]) == kind { self.values[c] } else { 0.0 }
         };
         GROUPS
             .into_iter()
-            .filter(|(_, kind)| (0..self.values.len()).any(|c| of(*kind, c) != 0.0))
-            .map(|(what, kind)| Part { what: what.to_owned(), kind, torque: self.torque(|c| of(kind, c)) })
+            .filter(|(_, kind)| (0..self.values.len()).any(|c| value_of_kind(*kind, c) != 0.0))
+            .map(|(what, kind)| Part { what: what.to_owned(), kind, torque: self.torque(|c| value_of_kind(kind, c)) })
             .collect()
     }
 

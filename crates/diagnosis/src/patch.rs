@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, Model};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 
+use crate::adopted::Adopted;
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
 use crate::effect::Effect;
@@ -11,19 +12,15 @@ use crate::evidence::Solved;
 use crate::form::Form;
 use crate::formats::{Carrying, FormatReport, Part, PartKind, reports, rms};
 use crate::known::Carried;
-use crate::motions::{self, Class, MotionBounds, SeparatingMotion};
+use crate::motions::{self, Class, IdentifiedArm, MotionBounds, SeparatingMotion};
 use crate::parts::Told;
+use crate::policy::POLICY;
 use crate::possible;
 use crate::rows::Column;
 use crate::search::Search;
-use crate::select::Adopted;
 use crate::sizes::Sized;
 use crate::values::Wrong;
 use crate::written::{Draft, Kept, Written, relative, worse};
-
-/// Free values that leave more of the squared gap of all runs than this, over what an arm that can be built leaves, fit nothing that
-/// holds.
-const LOOSE: f64 = 1.05;
 
 /// The corrected model.
 #[derive(Clone, Debug)]
@@ -109,8 +106,9 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let upheld = &found.sized.effects;
     let (n, width) = (nominal.model.arm.dof(), nominal.x.len());
     let keeps = |at: &usize| wrong.groups[*at].columns.iter().all(|c| kept.columns().any(|k| k == *c));
-    let held: Vec<usize> = (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
-    let solved = wrong.held(search, &held, found.sized.frozen)?;
+    let held_groups: Vec<usize> =
+        (0..wrong.groups.len()).filter(|at| found.sized.held.contains(at) || keeps(at)).collect();
+    let solved = wrong.solve_held(search, &held_groups, found.sized.frozen)?;
     let mut standard = search.values(&solved.x);
     for c in kept.columns() {
         standard[c] = nominal.x[c];
@@ -190,7 +188,8 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     let before = draft.gaps_as_given();
     // Free values fit the runs that were looked at; they are kept where they do not spoil the sealed one.
     let [loose, bound] = [&standard, &written].map(|values| draft.gaps(values, &effects));
-    let spoils = !worse(&loose, &before).is_empty() || relative(&loose, &before) > LOOSE * relative(&bound, &before);
+    let spoils = !worse(&loose, &before).is_empty()
+        || relative(&loose, &before) > POLICY.plausibility.max_free_gap_ratio * relative(&bound, &before);
     let free = as_given || bodies_stay || spoils;
     let further = if as_given { Vec::new() } else { worse(&bound, &before) };
     if free {
@@ -204,26 +203,26 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     };
     let tilted = tilted && !as_given;
 
-    let told = Told { runs, model: &model, columns: columns.clone(), values: &written };
-    let mut parts = told.groups();
+    let exported = Told { runs, model: &model, columns: columns.clone(), values: &written };
+    let mut parts = exported.groups();
     parts.push(Part {
         what: "values as estimated, compared with physically consistent bodies".to_owned(),
         kind: PartKind::Unconstrained,
-        torque: told.torque(|c| standard[c] - written[c]),
+        torque: exported.torque(|c| standard[c] - written[c]),
     });
-    let own = nominal.model.effects().list();
+    let nominal_effects = nominal.model.effects().list();
     let given =
         Told { runs, model: &nominal.model, columns: runs.iter().map(|r| &r.standard).collect(), values: &nominal.x };
     if tilted {
-        let level = Told { model: &model, columns: given.columns.clone(), ..told };
-        let mut torque = told.torque(|c| written[c]);
+        let level = Told { model: &model, columns: given.columns.clone(), ..exported };
+        let mut torque = exported.torque(|c| written[c]);
         for (to, level) in torque.iter_mut().zip(level.torque(|c| written[c])) {
             to.iter_mut().zip(level).for_each(|(to, level)| *to -= level);
         }
         parts.push(Part { what: "direction of gravity".to_owned(), kind: PartKind::Gravity, torque });
     }
-    parts.extend(told.effects(&effects));
-    let before: Vec<Part> = given.groups().into_iter().chain(given.effects(own)).collect();
+    parts.extend(exported.effects(&effects));
+    let before: Vec<Part> = given.groups().into_iter().chain(given.effects(nominal_effects)).collect();
     let measured: Vec<Vec<f64>> =
         (0..n).map(|j| runs.iter().flat_map(|r| r.tau[j].iter().copied()).collect()).collect();
     let timing = solved.x[width];
@@ -240,10 +239,8 @@ pub(crate) fn make(search: &mut Search<'_>, wrong: &Wrong, found: &Found<'_>) ->
     // Residuals that hang together say less.
     let noise: Vec<f64> =
         search.noise.iter().zip(&search.correlations).map(|(noise, rows)| noise * rows.sqrt()).collect();
-    let motions = classes
-        .iter()
-        .filter_map(|class| motions::best(class, &model, &standard, &usual, &looked_at, &noise, found.bounds))
-        .collect();
+    let arm = IdentifiedArm { model: &model, x: &standard, deviations: &usual, noise: &noise };
+    let motions = classes.iter().filter_map(|class| motions::best(class, arm, &looked_at, found.bounds)).collect();
     // That other values are believed as given makes none of them better known.
     let freely = base_covariance(&base_set, found.freely);
     let std = (0..base.len()).map(|i| covariance[i * base.len() + i].max(freely[i * base.len() + i]).max(0.0).sqrt());

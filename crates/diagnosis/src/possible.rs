@@ -4,17 +4,12 @@
 use nalgebra::DVector;
 use rivet_dynamics::{Arm, Parameter};
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::form::Form;
 use crate::known::Carried;
-use crate::select::Adopted;
-use crate::values::Group;
-
-/// A value so little below zero, as a share of the one given, is next to nothing: what the file has is not there.
-const NEXT_TO_NOTHING: f64 = 0.1;
-/// How far a payload's centre may be from the last link's origin, as a share of the arm's reach. The largest of the measured arms
-/// is at 0.11.
-const FAR: f64 = 0.35;
+use crate::policy::POLICY;
+use crate::value_group::Group;
 
 /// A value that no arm has.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +22,7 @@ pub(crate) struct Impossible {
 }
 
 /// What a person would say of some.
-pub(crate) fn said(what: &[Impossible]) -> String {
+pub(crate) fn text(what: &[Impossible]) -> String {
     let each =
         |Impossible { name, value, unit }: &Impossible| format!("{name} {value:.3} {unit}").trim_end().to_owned();
     let all: Vec<String> = what.iter().map(each).collect();
@@ -112,7 +107,8 @@ pub(crate) fn of_payload(c: &[f64], arm: &Arm) -> Option<Impossible> {
     let named = |name: &str, value, unit| Some(Impossible { name: name.to_owned(), value, unit });
     let reach = reach(arm);
     let flange = arm.links.last().map_or(0.0, |link| 2.0 * far(link));
-    let most = (FAR * reach + flange).max(reach / arm.dof().saturating_sub(1).max(1) as f64);
+    let most = (POLICY.adoption.max_payload_distance_share * reach + flange)
+        .max(reach / arm.dof().saturating_sub(1).max(1) as f64);
     match () {
         () if c[0] <= 0.0 => named("mass at the flange", c[0], "kg"),
         () if reach > 0.0 && far(c) > most => named("distance of the load from the flange", far(c), "m"),
@@ -138,7 +134,7 @@ fn of_value(at: usize, nominal: &Nominal, standard: &[f64]) -> Option<Impossible
         // Of a body the runs tell sums over links; its own moments one by one mean little.
         Parameter::Link { entry: 0, .. } => value <= 0.0,
         Parameter::Link { entry: 4, .. } => value + standard[at + 2] + standard[at + 5] <= 0.0,
-        _ => is_drive(parameter) && value < -NEXT_TO_NOTHING * nominal.x[at].abs(),
+        _ => is_drive(parameter) && value < -POLICY.adoption.max_negative_share * nominal.x[at].abs(),
     };
     impossible.then(|| Impossible { name: parameter.name(&model.arm), value, unit: parameter.unit(&model.arm) })
 }
@@ -152,8 +148,8 @@ mod tests {
 
     #[test]
     fn what_no_arm_has_is_told_from_next_to_nothing() {
-        let text = include_str!("../../../robots/manutec-r3/robot.urdf");
-        let arm = Arm::from_urdf(text, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let urdf = include_str!("../../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(urdf, [0.0, 0.0, -9.81]).expect("a sound arm");
         let n = arm.dof();
         let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
         let mut x = model.arm.links.concat();
@@ -170,7 +166,7 @@ mod tests {
         assert_eq!(with(&rotor, 10 * n + 1, -0.1), None, "a twentieth of what is given");
         let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
         assert_eq!(
-            said(&[found]),
+            text(&[found]),
             "j2.rotor_inertia -0.500 kg m^2 is outside of physical bounds: it is the effect of something else"
         );
         assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));

@@ -6,6 +6,7 @@
 
 use rivet_dynamics::Model;
 
+use crate::adopted::Adopted;
 use crate::background::{Nominal, Typical};
 use crate::bursts;
 use crate::design::Prepared;
@@ -17,7 +18,7 @@ use crate::physics::Physics;
 use crate::residue::Residue;
 use crate::run::Run;
 use crate::search::{Candidate, Search};
-use crate::select::{Adopted, Selected, best};
+use crate::select::{Round, Selected};
 use crate::timing;
 
 /// An effect that was named, with what cannot be told from it and its joints (none: the whole arm).
@@ -58,7 +59,7 @@ pub fn probe<T>(
     if runs.is_empty() {
         return Err(DiagnosisError::NoRun);
     }
-    let mut nominal = Nominal::new(model, nominal, &Typical::of(&runs, joints));
+    let mut nominal = Nominal::new(model, nominal, &Typical::from_runs(&runs, joints));
     let mut runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     timing::align::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
     let looked_at = runs.len();
@@ -88,21 +89,21 @@ impl<'a> Probe<'a> {
     }
 
     /// Root mean square of the torque that one joint's runs are left with \[N·m\].
-    pub fn left(&self) -> &[f64] {
+    pub fn residual_rms(&self) -> &[f64] {
         &self.search.noise
     }
 
     /// What is named first with `added[run][joint][sample]` \[N·m\] added to the torque; nothing when nothing is.
     ///
     /// `ordered`: a joint whose angle the torque repeats with, so that orders are looked for anew.
-    pub fn with(&mut self, added: &[Vec<Vec<f64>>], ordered: Option<usize>) -> Option<Named> {
+    pub fn named_with(&mut self, added: &[Vec<Vec<f64>>], ordered: Option<usize>) -> Option<Named> {
         let rows = self.rows(added);
-        let own: Vec<Candidate> = ordered.map_or_else(Vec::new, |j| {
+        let ordered_candidates: Vec<Candidate> = ordered.map_or_else(Vec::new, |j| {
             let orders = orders::on(&self.physics, j, Some(added));
             let forms = orders.into_iter().flat_map(|order| crate::library::periodic(j, order));
             forms.filter_map(|form| self.search.candidate(form, &self.physics)).collect()
         });
-        self.asked(&rows, own)
+        self.asked(&rows, ordered_candidates)
     }
 
     /// What is named when the residual of the runs changes sign, block by block: nothing has been added, so a name is a
@@ -152,17 +153,25 @@ impl<'a> Probe<'a> {
         for candidate in &mut self.candidates {
             self.search.design.retarget(candidate);
         }
-        let found = best(&self.search, &self.candidates, &self.physics, &self.adopted, None, false, &mut |_| ());
+        let round = Round {
+            search: &self.search,
+            candidates: &self.candidates,
+            physics: &self.physics,
+            adopted: &self.adopted,
+            flips: None,
+            refined: false,
+        };
+        let found = round.best(&mut |_| ());
         self.candidates.truncate(kept);
         let (_, adopted) = found??;
         // As the report decides: what is left where the effect is said to act must be explained.
-        let left: Vec<f64> = (0..self.search.noise.len())
+        let residual_rms: Vec<f64> = (0..self.search.noise.len())
             .map(|j| {
                 let share = adopted.shares.get(j).copied().unwrap_or(0.0).clamp(0.0, 1.0);
                 self.search.noise[j] * (1.0 - share).sqrt()
             })
             .collect();
-        let residue = Residue { first: &self.search.noise, left: &left, floor: &self.search.floor };
+        let residue = Residue { first: &self.search.noise, left: &residual_rms, floor: &self.search.floor };
         if !residue.upholds(&adopted) {
             return None;
         }

@@ -23,7 +23,7 @@
 //! and the form itself. v varies twice: it was learnt from some blocks, and the sealed motion has but some of its own. Most
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
-use crate::log_check::LogFault;
+use crate::log_fault::LogFault;
 use crate::random::Random;
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square};
@@ -34,7 +34,7 @@ const BOOTSTRAPS: usize = 40;
 /// Widening on either side.
 const WIDENED: f64 = 0.02;
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
-const BINS: usize = 9;
+const SPEED_BINS: usize = 9;
 const SLOWEST: f64 = 3.5;
 /// Time either side in which the largest speed is a row's \[s\]: about the memory of the model filter.
 const ABOUT_S: f64 = 0.03;
@@ -44,17 +44,17 @@ const ANOTHER_KIND: f64 = 0.35;
 const WIDER: f64 = 0.5;
 /// Length of a block of residuals \[s\], and the least number of blocks of a run.
 const BLOCK_S: f64 = 2.5;
-const LEAST_BLOCKS: usize = 4;
+const MIN_RUN_BLOCKS: usize = 4;
 /// How far v may vary, as a factor.
 const VARIES: f64 = 5.0;
 /// Rows that what is left at the next faster speed counts as, at each speed.
-const FEW: f64 = 10.0;
+const PRIOR_ROWS_PER_SPEED: f64 = 10.0;
 /// At so many of the slowest speeds, below 0.01 rad/s, a joint stands.
 const STANDS: usize = 3;
 /// What a joint that stands holds beside the model, as a share of its Coulomb friction, where the runs looked at have not shown it; and from
 /// where to where. (Rms of a measured UR10e 0.3 to 0.6, of a KUKA 1 to 1.7; of simulators that stick 0.5 to 0.9, of one that creeps 0.03.)
-const HELD: f64 = 0.6;
-const HELD_FROM_TO: [f64; 2] = [0.0, 1.2];
+const STICTION_RMS_SHARE: f64 = 0.6;
+const STICTION_SHARE_RANGE: [f64; 2] = [0.0, 1.2];
 /// The interval's ends among sorted resamplings.
 const TAIL: f64 = 0.05;
 
@@ -72,26 +72,39 @@ pub(crate) struct Prediction {
     pub(crate) coefficients: Vec<(f64, f64)>,
 }
 
+/// A model that was fitted to the training runs, step by step.
+pub(crate) struct Fitted<'a> {
+    /// Nominal standard vector.
+    pub(crate) nominal: &'a [f64],
+    /// Columns that each step adds.
+    pub(crate) steps: &'a Steps,
+    /// Coefficients of the columns.
+    pub(crate) x: &'a DVector<f64>,
+    /// Prior means that the design took out of the coefficients.
+    pub(crate) means: &'a [f64],
+}
+
+/// Predicts gaps and shrinks on the sealed motion; `silent`: columns whose torque its motion does not determine. None where the
+/// equations of a resampling have no solution.
 pub(crate) fn predict(
     search: &Search<'_>,
     seen: &[RunColumns<'_>],
     sealed: &RunColumns<'_>,
-    nominal: &[f64],
-    steps: &Steps,
-    x: &DVector<f64>,
-    means: &[f64],
+    fitted: &Fitted<'_>,
     silent: &[usize],
 ) -> Option<Prediction> {
+    let Fitted { nominal, steps, x, means } = *fitted;
     let blocks = search.design.background.blocks();
-    let mut heard = x.clone();
+    let mut without_silent = x.clone();
     for c in silent {
-        heard[*c] = -means[*c];
+        without_silent[*c] = -means[*c];
     }
     let joints = sealed.run.floor.len();
     let friction = (12 * joints..13 * joints).map(|c| nominal[c] + x[c] + means[c]).collect();
-    let rest = Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &heard, means), steps.len(), friction);
+    let rest =
+        Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &without_silent, means), steps.len(), friction);
     let every: Vec<usize> = (0..rest.blocks.len()).collect();
-    let v = rest.on_sealed(&every, HELD);
+    let v = rest.on_sealed(&every, STICTION_RMS_SHARE);
     let full = sealed.stages(nominal, steps, x, means);
     let reference = &full.models[steps.len()];
     let square: Vec<f64> = mean_square(reference).iter().zip(&v).map(|(m, v)| m + v).collect();
@@ -117,28 +130,22 @@ pub(crate) fn predict(
     for _ in 0..BOOTSTRAPS {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, &chosen)?.x;
-        let [from, to] = HELD_FROM_TO;
-        let held = from + (to - from) * random.below(1000) as f64 / 999.0;
+        let [from, to] = STICTION_SHARE_RANGE;
+        let standing_share = from + (to - from) * random.below(1000) as f64 / 999.0;
         let mut drawn = |count: usize| -> Vec<f64> {
-            let of: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
-            rest.on_sealed(&of, held)
+            let drawn_blocks: Vec<usize> = (0..count).map(|_| random.below(every.len())).collect();
+            rest.on_sealed(&drawn_blocks, standing_share)
         };
         let (learnt, met) = (drawn(every.len()), drawn(rest.sealed_blocks));
-        let so_held = rest.on_sealed(&every, held);
+        let so_held = rest.on_sealed(&every, standing_share);
         let varied = so_held.iter().zip(learnt.iter().zip(&met));
         let v_again: Vec<f64> = varied.map(|(v, (a, b))| (a + b - v).clamp(v / VARIES, v * VARIES)).collect();
         let stages = sealed.stages(nominal, steps, &again, means);
-        let own = gaps(&stages, &v_again);
-        samples.push(shrinks(&own));
-        gaps_again.push(own);
+        let drawn_gaps = gaps(&stages, &v_again);
+        samples.push(shrinks(&drawn_gaps));
+        gaps_again.push(drawn_gaps);
         x_again.push(again.iter().copied().collect());
     }
-    let ends = |samples: &[Vec<f64>], k: usize| {
-        let mut of: Vec<f64> = samples.iter().map(|s| s[k]).collect();
-        of.sort_by(f64::total_cmp);
-        let end = |share: f64| of[((of.len() - 1) as f64 * share).round() as usize];
-        (end(TAIL), end(1.0 - TAIL))
-    };
     let shrink = central
         .iter()
         .enumerate()
@@ -164,8 +171,16 @@ pub(crate) fn predict(
     Some(Prediction { shrink, wider, of_another_kind, gaps, coefficients })
 }
 
+/// Ends of the interval of entry `k` over the resamplings.
+fn ends(samples: &[Vec<f64>], k: usize) -> (f64, f64) {
+    let mut draws: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+    draws.sort_by(f64::total_cmp);
+    let end = |share: f64| draws[((draws.len() - 1) as f64 * share).round() as usize];
+    (end(TAIL), end(1.0 - TAIL))
+}
+
 /// Squares and rows of a block's residual, `[joint][speed]`.
-type Bins = Vec<[[f64; 2]; BINS]>;
+type Bins = Vec<[[f64; 2]; SPEED_BINS]>;
 
 /// What the full model leaves on the runs looked at, block by block and speed by speed.
 struct Leaves {
@@ -173,11 +188,11 @@ struct Leaves {
     /// Blocks that the sealed run has.
     sealed_blocks: usize,
     /// Share of the sealed run's rows at each speed, by joint.
-    speeds: Vec<[f64; BINS]>,
+    speeds: Vec<[f64; SPEED_BINS]>,
     /// Speed of each row of the sealed run, `[joint][row]`.
     rows: Vec<Vec<usize>>,
     /// ρ by stage, joint and speed.
-    cross: Vec<Vec<[f64; BINS]>>,
+    cross: Vec<Vec<[f64; SPEED_BINS]>>,
     /// Coulomb friction by joint \[N m\].
     friction: Vec<f64>,
 }
@@ -193,15 +208,15 @@ impl Leaves {
         let joints = sealed.run.floor.len();
         let count = |run: &RunColumns<'_>| {
             let whole = run.run.rows() as f64 * run.run.chain.row_period_s / BLOCK_S;
-            (whole as usize).max(LEAST_BLOCKS)
+            (whole as usize).max(MIN_RUN_BLOCKS)
         };
         let mut blocks = Vec::new();
         // Products of what is left with what sets stages apart, and squares of the latter.
-        let mut products = vec![vec![[[0.0; 2]; BINS]; joints]; last + 1];
+        let mut products = vec![vec![[[0.0; 2]; SPEED_BINS]; joints]; last + 1];
         for run in seen {
             let (own, count) = (stages(run), count(run));
             let first = blocks.len();
-            blocks.resize(first + count, vec![[[0.0; 2]; BINS]; joints]);
+            blocks.resize(first + count, vec![[[0.0; 2]; SPEED_BINS]; joints]);
             for j in 0..joints {
                 if run.run.silent[j].is_some() {
                     continue;
@@ -223,11 +238,11 @@ impl Leaves {
         let rows: Vec<Vec<usize>> = (0..joints).map(|j| bins_of(sealed, j)).collect();
         // A joint that does not count on the sealed run leaves nothing on it.
         let share = |(rows, silent): (&Vec<usize>, &Option<LogFault>)| {
-            let mut of = [0.0; BINS];
+            let mut speed_shares = [0.0; SPEED_BINS];
             for bin in rows.iter().filter(|_| silent.is_none()) {
-                of[*bin] += 1.0 / rows.len() as f64;
+                speed_shares[*bin] += 1.0 / rows.len() as f64;
             }
-            of
+            speed_shares
         };
         let speeds = rows.iter().zip(&sealed.run.silent).map(share).collect();
         // Below -1/2 a stage would be better than the full model.
@@ -246,9 +261,9 @@ impl Leaves {
 
     /// How much of the time joints go at speeds on the sealed motion at which they are less often on the runs looked at.
     fn of_another_kind(&self) -> f64 {
-        let joint = |(j, speeds): (usize, &[f64; BINS])| {
+        let joint = |(j, speeds): (usize, &[f64; SPEED_BINS])| {
             let rows = |bin: usize| self.blocks.iter().map(|block| block[j][bin][1]).sum::<f64>();
-            let all: f64 = (0..BINS).map(rows).sum();
+            let all: f64 = (0..SPEED_BINS).map(rows).sum();
             let more = |(bin, share): (usize, &f64)| (share - rows(bin) / all).max(0.0);
             (all > 0.0 && speeds.iter().any(|share| *share > 0.0))
                 .then(|| speeds.iter().enumerate().map(more).sum::<f64>())
@@ -263,29 +278,32 @@ impl Leaves {
         let sum = |j: usize, bin: usize| {
             of.iter().fold([0.0; 2], |s, b| [s[0] + self.blocks[*b][j][bin][0], s[1] + self.blocks[*b][j][bin][1]])
         };
-        let all: Vec<[[f64; 2]; BINS]> =
+        let all: Vec<[[f64; 2]; SPEED_BINS]> =
             (0..self.speeds.len()).map(|j| std::array::from_fn(|bin| sum(j, bin))).collect();
         // Mean square in units of friction's, over all joints that stand: what holds one holds another.
         let standing: [f64; STANDS] = std::array::from_fn(|bin| {
-            let of = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
-            let [square, rows] = of.fold([FEW * held * held, FEW], |[square, rows], (friction, bins)| {
-                // More than friction bears is left by something else.
-                let most = HELD_FROM_TO[1].powi(2) * bins[bin][1];
-                [square + (bins[bin][0] / (friction * friction)).min(most), rows + bins[bin][1]]
-            });
+            let with_friction = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
+            let [square, rows] = with_friction.fold(
+                [PRIOR_ROWS_PER_SPEED * held * held, PRIOR_ROWS_PER_SPEED],
+                |[square, rows], (friction, bins)| {
+                    // More than friction bears is left by something else.
+                    let most = STICTION_SHARE_RANGE[1].powi(2) * bins[bin][1];
+                    [square + (bins[bin][0] / (friction * friction)).min(most), rows + bins[bin][1]]
+                },
+            );
             square / rows
         });
-        let joint = |(j, speeds): (usize, &[f64; BINS])| -> f64 {
+        let joint = |(j, speeds): (usize, &[f64; SPEED_BINS])| -> f64 {
             let bins = &all[j];
             // Few rows at a speed say little: what is left at the next faster one counts as so many more.
-            let fastest = bins.iter().rposition(|[_, rows]| *rows >= FEW).unwrap_or(BINS - 1);
+            let fastest = bins.iter().rposition(|[_, rows]| *rows >= PRIOR_ROWS_PER_SPEED).unwrap_or(SPEED_BINS - 1);
             let at_most = bins[fastest][0] / bins[fastest][1].max(1.0);
             let mut at = at_most;
             let slower = bins[..=fastest].iter().zip(speeds).enumerate().rev().map(|(bin, ([square, rows], share))| {
                 if let Some(standing) = standing.get(bin).filter(|_| self.friction[j] > 0.0) {
                     at = standing * self.friction[j].powi(2);
                 }
-                at = (square + FEW * at) / (rows + FEW);
+                at = (square + PRIOR_ROWS_PER_SPEED * at) / (rows + PRIOR_ROWS_PER_SPEED);
                 share * at
             });
             slower.sum::<f64>() + at_most * speeds[fastest + 1..].iter().sum::<f64>()
@@ -307,7 +325,7 @@ fn bins_of(run: &RunColumns<'_>, j: usize) -> Vec<usize> {
 
 /// Which half decade a speed \[rad/s\] is in.
 fn bin_of(speed: f64) -> usize {
-    ((speed.abs().max(1e-9).log10() + SLOWEST) * 2.0).clamp(0.0, (BINS - 1) as f64) as usize
+    ((speed.abs().max(1e-9).log10() + SLOWEST) * 2.0).clamp(0.0, (SPEED_BINS - 1) as f64) as usize
 }
 
 #[cfg(test)]
@@ -316,10 +334,10 @@ mod tests {
 
     /// One joint of 10 N m that moves with 0.5 N m left, and stands for `stood` rows with 1 N m left; half of the sealed motion it stands.
     fn leaves(stood: f64, friction: f64) -> Leaves {
-        let mut bins = [[0.0; 2]; BINS];
+        let mut bins = [[0.0; 2]; SPEED_BINS];
         bins[0] = [stood, stood];
         bins[6] = [0.25 * 1000.0, 1000.0];
-        let mut speeds = [0.0; BINS];
+        let mut speeds = [0.0; SPEED_BINS];
         (speeds[0], speeds[6]) = (0.5, 0.5);
         Leaves {
             blocks: vec![vec![bins]],

@@ -88,13 +88,14 @@ impl Design {
         for (b, block) in self.blocks.iter().enumerate() {
             let fold = self.background.fold(b);
             for joint in 0..self.joints() {
-                let own = &columns[block.run];
-                if own.iter().all(|column| column[joint].is_none()) {
+                let run_columns = &columns[block.run];
+                if run_columns.iter().all(|column| column[joint].is_none()) {
                     continue;
                 }
                 let root = &self.root[block.run][joint][block.rows.clone()];
-                let of = |column: &Column| Some(weighted(&column[joint].as_ref()?[block.rows.clone()], root));
-                let columns: Vec<Option<Vec<f64>>> = own.iter().map(of).collect();
+                let weighted_rows =
+                    |column: &Column| Some(weighted(&column[joint].as_ref()?[block.rows.clone()], root));
+                let columns: Vec<Option<Vec<f64>>> = run_columns.iter().map(weighted_rows).collect();
                 let at = cells.iter().rposition(|cell| (cell.fold, cell.joint) == (fold, joint)).unwrap_or_else(|| {
                     let (cd, cc) = (DMatrix::zeros(count, self.background.std.len()), DMatrix::zeros(count, count));
                     cells.push(CandidateCell { fold, joint, cd, cc, cy: DVector::zeros(count), cross: Vec::new() });
@@ -116,11 +117,11 @@ impl Design {
                     let Some((_, sum)) = cross.last_mut() else { continue };
                     let root = &self.root[block.run][joint][rows.clone()];
                     let inside = rows.start - block.rows.start..rows.end - block.rows.start;
-                    for (i, own) in stretch.columns.iter().enumerate() {
-                        let own = weighted(&own[joint][local.clone()], root);
+                    for (i, run_columns) in stretch.columns.iter().enumerate() {
+                        let stretch_values = weighted(&run_columns[joint][local.clone()], root);
                         for (c, column) in columns.iter().enumerate() {
                             let Some(column) = column else { continue };
-                            sum[(i, c)] += dot(&own, &column[inside.clone()]);
+                            sum[(i, c)] += dot(&stretch_values, &column[inside.clone()]);
                         }
                     }
                 }
@@ -180,8 +181,8 @@ impl Design {
 /// Rows that a stretch and a block share: of the run, and of the stretch.
 fn overlap(stretch: &Range<usize>, block: &Range<usize>) -> (Range<usize>, Range<usize>) {
     let rows = stretch.start.max(block.start)..stretch.end.min(block.end);
-    let own = rows.start.saturating_sub(stretch.start)..rows.end.saturating_sub(stretch.start);
-    (rows, own)
+    let stretch_rows = rows.start.saturating_sub(stretch.start)..rows.end.saturating_sub(stretch.start);
+    (rows, stretch_rows)
 }
 
 fn weighted(values: &[f64], root: &[f64]) -> Vec<f64> {

@@ -7,7 +7,7 @@ use crate::search::{Candidate, Search, Standing};
 use crate::two_mass::Gear;
 
 /// Steps of each inner value, halved so many times.
-const HALVINGS: usize = 5;
+const REFINEMENT_HALVINGS: usize = 5;
 
 /// A form whose inner values are multiplied by `factors`.
 fn scaled(form: &Form, factors: [f64; 3]) -> Form {
@@ -82,7 +82,7 @@ impl Search<'_> {
             Some(again.unwrap_or((candidate, standing)))
         };
         let best = judge(start.clone())?;
-        Some(climb(best, HALVINGS, |(candidate, _)| &candidate.form, |(_, standing)| standing.gain, judge))
+        Some(climb(best, REFINEMENT_HALVINGS, |(candidate, _)| &candidate.form, |(_, standing)| standing.gain, judge))
     }
 }
 

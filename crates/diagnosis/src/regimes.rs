@@ -1,7 +1,7 @@
 //! Where the gap lies: which joint, doing what.
 
 use crate::design::Prepared;
-use crate::log_check::is_moved;
+use crate::stillness::is_moved;
 
 /// What a joint does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -35,12 +35,12 @@ impl Regime {
 }
 
 /// Time around a change of direction that counts as reversal \[s\].
-const REVERSAL_S: f64 = 0.15;
+const REVERSAL_WINDOW_S: f64 = 0.15;
 /// Share of a joint's top speed below which it is slow, and below which it rests.
 const SLOW: [f64; 2] = [0.1, 0.005];
 
 /// The regime of every row of one joint. What its position does where it never moves for a while is its sensor's noise: it rests.
-pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
+pub(crate) fn classify(run: &Prepared, joint: usize) -> Vec<Regime> {
     if !is_moved(&run.motion, &run.chain, joint) {
         return vec![Regime::Rest; run.rows()];
     }
@@ -49,7 +49,7 @@ pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
     let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let top = speed.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-9);
     let usual = rms(&accel);
-    let near = (REVERSAL_S / run.chain.row_period_s).round().max(1.0) as usize;
+    let near = (REVERSAL_WINDOW_S / run.chain.row_period_s).round().max(1.0) as usize;
     let mut regimes: Vec<Regime> = speed
         .iter()
         .zip(&accel)
@@ -72,4 +72,31 @@ pub(crate) fn of(run: &Prepared, joint: usize) -> Vec<Regime> {
         direction = speed[k].signum();
     }
     regimes
+}
+
+/// Share of the gap in one regime of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// The joint's name.
+    pub joint: String,
+    /// What it does.
+    pub regime: Regime,
+    /// Of the squared gap of all joints.
+    pub share: f64,
+    /// How long it did so \[s\].
+    pub seconds: f64,
+    /// Root mean square of what the model as given leaves there \[N·m\].
+    pub before_nm: f64,
+    /// The same with all causes.
+    pub after_nm: f64,
+}
+
+impl Cell {
+    /// Less time in a regime than this \[s\] says nothing about it.
+    pub const MIN_REGIME_TIME_S: f64 = 0.3;
+
+    /// Whether there are data enough to say anything.
+    pub fn is_known(&self) -> bool {
+        self.seconds >= Cell::MIN_REGIME_TIME_S
+    }
 }

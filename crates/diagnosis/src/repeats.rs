@@ -5,24 +5,14 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::design::Prepared;
+use crate::policy::POLICY;
 use crate::report::Scatter;
 
 /// Length of the stretches that are looked for again \[s\].
-const STRETCH_S: f64 = 3.0;
-/// Some joint goes at least this far in one \[rad\].
-const SPAN: f64 = 0.05;
+const REPEATED_STRETCH_S: f64 = 3.0;
 /// Steps in which the other run is searched, and places of a stretch that are compared first \[rows\].
-const COARSE: usize = 5;
+const COARSE_SEARCH_ROWS: usize = 5;
 const PLACES: usize = 8;
-/// Positions are alike there within this and what a joint goes in one such step \[rad\] ...
-const NEAR: f64 = 0.01;
-/// ... and in the end by this root mean square \[rad\], and this share of a joint's span.
-const ALIKE: f64 = 1e-3;
-const ALIKE_SHARE: f64 = 0.005;
-/// Speed below which friction of a joint is what it pleases \[rad/s\].
-const MOVING: f64 = 0.02;
-/// Time in motion that has to be seen twice before it says anything \[s\].
-const LEAST_S: f64 = 3.0;
 
 /// Rows of one run that come again, and where: rows of the other, as far as they are between two.
 struct Again {
@@ -39,7 +29,7 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn of(run: &'a Prepared) -> Rows<'a> {
+    fn from_run(run: &'a Prepared) -> Rows<'a> {
         let rows = |signals: &Vec<Vec<f64>>| signals.iter().map(|s| run.chain.sample(s)).collect();
         Rows { run, q: rows(&run.motion.q), qd: rows(&run.motion.qd), qdd: rows(&run.motion.qdd) }
     }
@@ -51,7 +41,7 @@ impl<'a> Rows<'a> {
 
 /// Each joint's scatter over all motion that runs have in common or repeat; none where that is too little.
 pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
-    let all: Vec<Rows<'_>> = runs.iter().map(|run| Rows::of(run)).collect();
+    let all: Vec<Rows<'_>> = runs.iter().map(|run| Rows::from_run(run)).collect();
     let joints = runs.first().map_or(0, |run| run.silent.len());
     // Sum of squares, rows.
     let mut sums = vec![(0.0, 0.0); joints];
@@ -69,17 +59,21 @@ pub(crate) fn scatter(runs: &[&Prepared]) -> Vec<Option<Scatter>> {
             }
         }
     }
-    let told = |(square, rows): (f64, f64)| {
+    let scatter = |(square, rows): (f64, f64)| {
         let seconds = rows * period;
         // Both runs have it.
-        (seconds >= LEAST_S).then(|| Scatter { torque: (0.5 * square / rows).sqrt(), seconds, decides: false })
+        (seconds >= POLICY.signal_faults.min_repeated_s).then(|| Scatter {
+            torque: (0.5 * square / rows).sqrt(),
+            seconds,
+            decides: false,
+        })
     };
-    sums.into_iter().map(told).collect()
+    sums.into_iter().map(scatter).collect()
 }
 
 /// Stretches of `one` that are in `other`; of one run what comes later.
 fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
-    let length = (STRETCH_S / one.run.chain.row_period_s) as usize;
+    let length = (REPEATED_STRETCH_S / one.run.chain.row_period_s) as usize;
     let mut found = Vec::new();
     let mut from = 0;
     while from + length < one.len() {
@@ -90,7 +84,7 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
             high - low
         };
         let spans: Vec<f64> = one.q.iter().map(span).collect();
-        if spans.iter().all(|span| *span < SPAN) {
+        if spans.iter().all(|span| *span < POLICY.signal_faults.min_repeated_span_rad) {
             continue;
         }
         let first = if same { rows.end } else { 0 };
@@ -100,7 +94,9 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
         while at < last {
             if near(one, other, rows.start, at, length) {
                 // Rows around it.
-                let around: Vec<usize> = (at.saturating_sub(COARSE).max(first)..(at + COARSE + 1).min(last)).collect();
+                let around: Vec<usize> = (at.saturating_sub(COARSE_SEARCH_ROWS).max(first)
+                    ..(at + COARSE_SEARCH_ROWS + 1).min(last))
+                    .collect();
                 let costs: Vec<f64> = around.iter().map(|at| cost(one, other, &rows, *at)).collect();
                 let least = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
                 let part = match (least.checked_sub(1).map(|k| costs[k]), costs.get(least + 1)) {
@@ -114,7 +110,7 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
                     best = Some((costs[least], place));
                 }
             }
-            at += COARSE;
+            at += COARSE_SEARCH_ROWS;
         }
         let Some((_, place)) = best else { continue };
         let alike = (0..spans.len()).all(|j| {
@@ -122,7 +118,8 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
                 .clone()
                 .map(|k| (one.q[j][k] - between(&other.q[j], place + (k - rows.start) as f64)).powi(2))
                 .sum();
-            (square / length as f64).sqrt() < ALIKE + ALIKE_SHARE * spans[j]
+            (square / length as f64).sqrt()
+                < POLICY.signal_faults.max_repeat_rms_rad + POLICY.signal_faults.max_repeat_rms_share * spans[j]
         });
         if alike {
             found.push(Again { later: place - rows.start as f64, rows });
@@ -132,16 +129,18 @@ fn pairs(one: &Rows<'_>, other: &Rows<'_>, same: bool) -> Vec<Again> {
 }
 
 fn near(one: &Rows<'_>, other: &Rows<'_>, from: usize, at: usize, length: usize) -> bool {
-    let step = COARSE as f64 * one.run.chain.row_period_s;
+    let step = COARSE_SEARCH_ROWS as f64 * one.run.chain.row_period_s;
     (0..=PLACES).all(|p| {
         let k = p * length / PLACES;
-        (0..one.q.len())
-            .all(|j| (one.q[j][from + k] - other.q[j][at + k]).abs() < NEAR + step * one.qd[j][from + k].abs())
+        (0..one.q.len()).all(|j| {
+            (one.q[j][from + k] - other.q[j][at + k]).abs()
+                < POLICY.signal_faults.max_repeat_distance_rad + step * one.qd[j][from + k].abs()
+        })
     })
 }
 
 fn cost(one: &Rows<'_>, other: &Rows<'_>, rows: &Range<usize>, at: usize) -> f64 {
-    let each = rows.clone().step_by(COARSE);
+    let each = rows.clone().step_by(COARSE_SEARCH_ROWS);
     each.map(|k| (0..one.q.len()).map(|j| (one.q[j][k] - other.q[j][at + k - rows.start]).powi(2)).sum::<f64>()).sum()
 }
 
@@ -154,19 +153,19 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     let places: Vec<(usize, f64)> = again
         .iter()
         .flat_map(|a| a.rows.clone().map(|k| (k, k as f64 + a.later)))
-        .filter(|(k, _)| one.qd[j][*k].abs() > MOVING)
+        .filter(|(k, _)| one.qd[j][*k].abs() > POLICY.signal_faults.min_repeated_speed_rad_s)
         .collect();
     let tau = &other.run.tau[j];
-    let own = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();
-    let difference = own(&|k, at| one.run.tau[j][k] - between(tau, at));
-    let mut columns = vec![own(&|_, at| 0.5 * (between(tau, at + 1.0) - between(tau, at - 1.0)))];
+    let sampled = |of: &dyn Fn(usize, f64) -> f64| places.iter().map(|(k, at)| of(*k, *at)).collect::<Vec<f64>>();
+    let difference = sampled(&|k, at| one.run.tau[j][k] - between(tau, at));
+    let mut columns = vec![sampled(&|_, at| 0.5 * (between(tau, at + 1.0) - between(tau, at - 1.0)))];
     for (a, b) in [(&one.q, &other.q), (&one.qd, &other.qd), (&one.qdd, &other.qdd)] {
-        columns.push(own(&|k, at| a[j][k] - between(&b[j], at)));
+        columns.push(sampled(&|k, at| a[j][k] - between(&b[j], at)));
     }
     if load {
         let last = 10 * (one.q.len() - 1);
         let body = one.run.standard[last..last + 10].iter().filter_map(|column| column[j].as_ref());
-        columns.extend(body.map(|column| own(&|k, _| column[k])));
+        columns.extend(body.map(|column| sampled(&|k, _| column[k])));
     }
     columns.retain(|column| column.iter().any(|v| *v != 0.0));
     let (rows, count) = (difference.len(), columns.len());
@@ -178,17 +177,17 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
     let y = DVector::from_vec(difference);
     let mut gram = d.tr_mul(&d);
     (0..count).for_each(|k| gram[(k, k)] += 1e-9);
-    let left = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
+    let residual = &y - &d * Cholesky::new(gram)?.solve(&d.tr_mul(&y));
     let free = rows as f64 / (rows - count) as f64;
-    Some((free * usual(again, &places, left.as_slice()) * rows as f64, rows as f64))
+    Some((free * usual(again, &places, residual.as_slice()) * rows as f64, rows as f64))
 }
 
 /// Mean square over the half of the stretches that differ least. What changed on the way, a load or wear, is in all pairs of a stretch
 /// before it and one after, and no noise.
 fn usual(again: &[Again], places: &[(usize, f64)], left: &[f64]) -> f64 {
     let part = |a: &Again| {
-        let own = places.iter().zip(left).filter(|((k, _), _)| a.rows.contains(k));
-        own.fold((0.0, 0.0), |(square, rows), (_, e)| (square + e * e, rows + 1.0))
+        let stretch_residuals = places.iter().zip(left).filter(|((k, _), _)| a.rows.contains(k));
+        stretch_residuals.fold((0.0, 0.0), |(square, rows), (_, e)| (square + e * e, rows + 1.0))
     };
     let mut parts: Vec<(f64, f64)> = again.iter().map(part).filter(|(_, rows)| *rows > 0.0).collect();
     parts.sort_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)));

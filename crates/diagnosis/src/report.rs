@@ -3,9 +3,9 @@
 use crate::details::Details;
 use crate::effect::Effect;
 use crate::exhibit::Curve;
-use crate::log_check::LogFinding;
-use crate::regimes::Regime;
-use crate::sealed::IN_MOTION;
+use crate::log_fault::LogFinding;
+use crate::policy::POLICY;
+use crate::regimes::Cell;
 
 /// The answer in one word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +88,26 @@ pub struct Cause {
     pub impossible: Option<String>,
 }
 
+impl Cause {
+    /// Something that no step of the sealed run stands for.
+    pub(crate) fn unmeasured(effect: Effect, joints: Vec<String>) -> Cause {
+        Cause {
+            effect,
+            joints,
+            magnitude: Vec::new(),
+            shrink: Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN },
+            share: None,
+            p_value: None,
+            confidence: f64::NAN,
+            indistinguishable_from: Vec::new(),
+            angles: Vec::new(),
+            separating_motion: None,
+            curves: Vec::new(),
+            impossible: None,
+        }
+    }
+}
+
 /// The gap of one joint, relative to its torque.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointGap {
@@ -114,12 +134,12 @@ impl JointGap {
 
     /// Whether there is more than noise in motion, as given or with all causes.
     pub(crate) fn is_open(&self) -> bool {
-        self.in_motion.iter().flatten().any(|times| *times > IN_MOTION)
+        self.in_motion.iter().flatten().any(|times| *times > POLICY.held_out.min_gap_in_motion)
     }
 
     /// Whether more than noise is left in motion with all causes.
     pub(crate) fn is_left(&self) -> bool {
-        self.in_motion.is_some_and(|[_, after]| after > IN_MOTION)
+        self.in_motion.is_some_and(|[_, after]| after > POLICY.held_out.min_gap_in_motion)
     }
 }
 
@@ -132,33 +152,6 @@ pub struct Scatter {
     pub seconds: f64,
     /// Whether it is more than the noise of the torque signal.
     pub decides: bool,
-}
-
-/// Share of the gap in one regime of one joint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
-    /// The joint's name.
-    pub joint: String,
-    /// What it does.
-    pub regime: Regime,
-    /// Of the squared gap of all joints.
-    pub share: f64,
-    /// How long it did so \[s\].
-    pub seconds: f64,
-    /// Root mean square of what the model as given leaves there \[N·m\].
-    pub before_nm: f64,
-    /// The same with all causes.
-    pub after_nm: f64,
-}
-
-impl Cell {
-    /// Less time in a regime than this \[s\] says nothing about it.
-    pub const LEAST_SECONDS: f64 = 0.3;
-
-    /// Whether there are data enough to say anything.
-    pub fn is_known(&self) -> bool {
-        self.seconds >= Cell::LEAST_SECONDS
-    }
 }
 
 /// Which data were used for what.
@@ -199,8 +192,10 @@ impl BetweenRuns {
     }
 
     /// `looked_at_fit`: whether nothing is left on the runs looked at.
-    pub(crate) fn of(refuted: bool, looked_at_fit: bool, sealed: &[JointGap]) -> Option<BetweenRuns> {
-        let open = |at: usize| sealed.iter().any(|gap| gap.in_motion.is_some_and(|times| times[at] > IN_MOTION));
+    pub(crate) fn from_gaps(refuted: bool, looked_at_fit: bool, sealed: &[JointGap]) -> Option<BetweenRuns> {
+        let open = |at: usize| {
+            sealed.iter().any(|gap| gap.in_motion.is_some_and(|times| times[at] > POLICY.held_out.min_gap_in_motion))
+        };
         match (refuted, open(0), open(1)) {
             (true, false, _) => Some(BetweenRuns::SealedAsGiven),
             (_, true, true) if looked_at_fit => Some(BetweenRuns::SealedDiffers),
@@ -338,7 +333,7 @@ mod tests {
             repeats: None,
             in_motion: Some(in_motion),
         };
-        let of = |refuted, fit, times| BetweenRuns::of(refuted, fit, &[joint([1.0, 1.0]), joint(times)]);
+        let of = |refuted, fit, times| BetweenRuns::from_gaps(refuted, fit, &[joint([1.0, 1.0]), joint(times)]);
         assert_eq!(of(false, true, [20.0, 18.0]), Some(BetweenRuns::SealedDiffers));
         assert_eq!(of(true, true, [20.0, 18.0]), Some(BetweenRuns::SealedDiffers), "neither fits there");
         assert_eq!(of(true, true, [1.1, 18.0]), Some(BetweenRuns::SealedAsGiven));

@@ -1,21 +1,10 @@
 //! What is left of each joint's torque, and whether a name may stand on what was taken from it.
 
+use crate::adopted::Adopted;
 use crate::effect::Kind;
 use crate::form::Form;
-use crate::mounting::FELT;
+use crate::policy::POLICY;
 use crate::search::Search;
-use crate::select::Adopted;
-
-/// Least share of a joint's excess over its floor that causes must explain for their names to stand.
-const EXPLAINED: f64 = 0.7;
-/// The same where the form is a simulated gear, delay or bristle, never exact.
-const EXPLAINED_SIMULATED: f64 = 0.5;
-/// The same where more than noise is left: an effect that is in the library leaves little else.
-const EXPLAINED_ABOVE_NOISE: f64 = 0.85;
-/// A residual above this multiple of the noise floor is more than noise; with no cause it is unexplained.
-const UNEXPLAINED: f64 = 4.0;
-/// Everywhere below this multiple nothing is left.
-const AT_FLOOR: f64 = 2.0;
 
 /// Root mean squares by joint, on the runs looked at \[N·m\].
 pub(crate) struct Residue<'a> {
@@ -28,18 +17,18 @@ pub(crate) struct Residue<'a> {
 }
 
 impl<'a> Residue<'a> {
-    pub(crate) fn of(search: &'a Search<'_>) -> Residue<'a> {
+    pub(crate) fn from_search(search: &'a Search<'_>) -> Residue<'a> {
         Residue { first: &search.first_noise, left: &search.noise, floor: &search.floor }
     }
 
     /// Whether more than noise is left on joint `j`.
     pub(crate) fn is_noisy(&self, j: usize) -> bool {
-        self.left[j] > UNEXPLAINED * self.floor[j]
+        self.left[j] > POLICY.adoption.unexplained_floor_ratio * self.floor[j]
     }
 
     /// Whether joint `j` kept more than noise before any effect was adopted.
     pub(crate) fn was_noisy(&self, j: usize) -> bool {
-        self.first[j] > UNEXPLAINED * self.floor[j]
+        self.first[j] > POLICY.adoption.unexplained_floor_ratio * self.floor[j]
     }
 
     pub(crate) fn any_noisy(&self) -> bool {
@@ -55,7 +44,10 @@ impl<'a> Residue<'a> {
 
     /// Whether there is nothing left to explain.
     pub(crate) fn at_floor(&self) -> bool {
-        self.left.iter().zip(self.floor).all(|(left, floor)| *left <= AT_FLOOR * floor)
+        self.left
+            .iter()
+            .zip(self.floor)
+            .all(|(left, floor)| *left <= POLICY.adoption.max_floor_ratio_of_nothing_left * floor)
     }
 
     /// Share of joint `j`'s excess over its floor that was taken.
@@ -77,17 +69,16 @@ impl<'a> Residue<'a> {
             (_, false) if value => f64::NEG_INFINITY,
             // Torque over the angle fits to the noise, or it is another law.
             (_, true) if form.of_angle_alone() => f64::INFINITY,
-            (true, _) => EXPLAINED_SIMULATED,
-            (false, true) => EXPLAINED_ABOVE_NOISE,
+            (true, _) => POLICY.adoption.min_explained_share_simulated,
+            (false, true) => POLICY.adoption.min_explained_share_above_noise,
             // What wrong values took over before is not seen in the residual.
             (false, false) if form.hides() => 0.0,
-            (false, false) => EXPLAINED,
+            (false, false) => POLICY.adoption.min_explained_share,
         };
         match form {
             // It belongs to no joint, and is believed where it took something.
-            Form::Base { .. } => {
-                (0..adopted.shares.len()).all(|j| adopted.shares[j] < FELT || self.explained(j) >= least(j))
-            }
+            Form::Base { .. } => (0..adopted.shares.len())
+                .all(|j| adopted.shares[j] < POLICY.adoption.min_base_share || self.explained(j) >= least(j)),
             _ => form.joints().iter().all(|j| self.explained(*j) >= least(*j)),
         }
     }

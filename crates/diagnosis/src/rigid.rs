@@ -9,16 +9,15 @@ use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::physics::bodies;
+use crate::policy::POLICY;
 use crate::rows::Column;
 
 /// Rows that are looked at, spread over each run.
-const ROWS: usize = 400;
-/// No arm is known better than to this share of its torque; with the signal's noise it is the unit of what is missed.
-const KNOWN: f64 = 0.02;
+pub(crate) const ROWS: usize = 400;
 /// Directions that the motion hardly tells are rounding.
-const ROUNDING: f64 = 1e-6;
+const MOTION_DIRECTION_ROUNDING: f64 = 1e-6;
 /// Columns that are this much smaller than the largest are rounding.
-const NOTHING: f64 = 1e-13;
+const COLUMN_ROUNDING: f64 = 1e-13;
 
 /// Positions, speeds or accelerations, `[joint][sample]`.
 type Signals = Vec<Vec<f64>>;
@@ -32,7 +31,7 @@ pub(crate) struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    pub(crate) fn of(run: &'a Prepared, nominal: &'a Nominal) -> Bodies<'a> {
+    pub(crate) fn from_run(run: &'a Prepared, nominal: &'a Nominal) -> Bodies<'a> {
         let averaged = |signals: &Signals| signals.iter().map(|s| run.chain.averaged(s)).collect();
         let motion = [&run.motion.q, &run.motion.qd, &run.motion.qdd].map(averaged);
         Bodies { run, arm: &nominal.model.arm, links: bodies(&nominal.x, run.tau.len()), motion }
@@ -102,13 +101,14 @@ impl<'a> FreeDrives<'a> {
         let n = nominal.model.arm.dof();
         let joint = |joint: usize| {
             let weights: Vec<Vec<f64>> = runs.iter().map(|run| weights(run, joint)).collect();
-            let of = |c: usize| weighed(&runs, &weights, |run| run.standard[c][joint].as_deref());
-            let columns: Vec<DVector<f64>> = (10 * n..nominal.model.len()).map(of).filter(|c| c.norm() > 0.0).collect();
+            let weighed_column = |c: usize| weighed(&runs, &weights, |run| run.standard[c][joint].as_deref());
+            let columns: Vec<DVector<f64>> =
+                (10 * n..nominal.model.len()).map(weighed_column).filter(|c| c.norm() > 0.0).collect();
             let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
             let rows = weights.iter().map(Vec::len).sum();
             let mut drive = DMatrix::zeros(rows, 0);
             if !columns.is_empty() {
-                drive = range(&DMatrix::from_columns(&columns), ROUNDING).unwrap_or(drive);
+                drive = range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING).unwrap_or(drive);
             }
             Joint { at: joint, weights, drive }
         };
@@ -118,35 +118,39 @@ impl<'a> FreeDrives<'a> {
     }
 
     /// What drives cannot make of a torque, weighed, joint by joint; `torque`: of each run.
-    pub(crate) fn of(&self, torque: &[Column]) -> Vec<DVector<f64>> {
-        let own = |joint: &Joint| {
+    pub(crate) fn without_drives(&self, torque: &[Column]) -> Vec<DVector<f64>> {
+        let without_drive = |joint: &Joint| {
             let at = |run: usize| torque[run][joint.at].as_deref();
             let mut runs = 0..;
             let rows = weighed(&self.runs, &joint.weights, |_| runs.next().and_then(at));
             &rows - &joint.drive * joint.drive.tr_mul(&rows)
         };
-        self.joints.iter().map(own).collect()
+        self.joints.iter().map(without_drive).collect()
     }
 
     /// The measured torque less the effects that the file has.
     pub(crate) fn measured(&self) -> Vec<DVector<f64>> {
         let less = |run: &&Prepared| -> Column {
-            let own = |(j, tau): (usize, &Vec<f64>)| {
+            let without_known = |(j, tau): (usize, &Vec<f64>)| {
                 let known = run.known_rows.get(j);
                 Some(tau.iter().enumerate().map(|(k, tau)| tau - known.map_or(0.0, |rows| rows[k])).collect())
             };
-            run.tau.iter().enumerate().map(own).collect()
+            run.tau.iter().enumerate().map(without_known).collect()
         };
-        self.of(&self.runs.iter().map(less).collect::<Vec<_>>())
+        self.without_drives(&self.runs.iter().map(less).collect::<Vec<_>>())
     }
 
     /// Of what is left of all joints below each other, what a body of link `link` (from 0) of any mass, place and inertia cannot take, root mean
     /// square.
     pub(crate) fn with_body(&self, left: &DVector<f64>, link: usize) -> f64 {
-        let of = |c: usize| joined(&self.of(&self.runs.iter().map(|run| run.standard[c].clone()).collect::<Vec<_>>()));
-        let columns: Vec<DVector<f64>> = (10 * link..10 * (link + 1)).map(of).filter(|c| c.norm() > 0.0).collect();
+        let body_column = |c: usize| {
+            joined(&self.without_drives(&self.runs.iter().map(|run| run.standard[c].clone()).collect::<Vec<_>>()))
+        };
+        let columns: Vec<DVector<f64>> =
+            (10 * link..10 * (link + 1)).map(body_column).filter(|c| c.norm() > 0.0).collect();
         let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
-        let taken = if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), ROUNDING) };
+        let taken =
+            if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING) };
         let rest = taken.map_or_else(|| left.clone(), |range| left - &range * range.tr_mul(left));
         self.size(std::slice::from_ref(&rest))
     }
@@ -162,11 +166,11 @@ impl<'a> FreeDrives<'a> {
 pub(crate) fn range(columns: &DMatrix<f64>, rounding: f64) -> Option<DMatrix<f64>> {
     let size: Vec<f64> = columns.column_iter().map(|c| c.norm()).collect();
     let largest = size.iter().copied().fold(0.0, f64::max);
-    let told: Vec<usize> = (0..size.len()).filter(|k| size[*k] > NOTHING * largest).collect();
-    if told.is_empty() || !largest.is_finite() {
+    let nonzero: Vec<usize> = (0..size.len()).filter(|k| size[*k] > COLUMN_ROUNDING * largest).collect();
+    if nonzero.is_empty() || !largest.is_finite() {
         return None;
     }
-    let mut scaled = columns.select_columns(&told);
+    let mut scaled = columns.select_columns(&nonzero);
     for mut column in scaled.column_iter_mut() {
         column.normalize_mut();
     }
@@ -175,8 +179,8 @@ pub(crate) fn range(columns: &DMatrix<f64>, rounding: f64) -> Option<DMatrix<f64
         return None;
     }
     let least = rounding * svd.singular_values.max();
-    let told: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > least).collect();
-    svd.u.map(|u| u.select_columns(&told))
+    let identifiable: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > least).collect();
+    svd.u.map(|u| u.select_columns(&identifiable))
 }
 
 /// All joints' rows below each other.
@@ -188,7 +192,7 @@ pub(crate) fn joined(joints: &[DVector<f64>]) -> DVector<f64> {
 fn weights(run: &Prepared, j: usize) -> Vec<f64> {
     let (tau, rows) = (&run.tau[j], run.rows());
     let rms = (tau.iter().map(|t| t * t).sum::<f64>() / rows.max(1) as f64).sqrt();
-    let known = run.floor[j].hypot(KNOWN * rms);
+    let known = run.floor[j].hypot(POLICY.screening.rigid_model_error * rms);
     // What a joint that stands holds by friction nobody knows.
     let weight = |k: usize| 1.0 / known.hypot(run.doubt[j][k]).max(f64::MIN_POSITIVE);
     looked_at(rows).map(|k| if run.silent[j].is_none() { weight(k) } else { 0.0 }).collect()
@@ -224,10 +228,10 @@ mod tests {
         let column = |k: usize| DVector::from_fn(40, |row, _| ((row * (k + 3)) as f64).sin());
         let columns =
             [column(0), column(0) + 1e-9 * column(1), 1e-17 * column(2), DVector::zeros(40), 1e-3 * column(3)];
-        let basis = range(&DMatrix::from_columns(&columns), ROUNDING).expect("two directions");
+        let basis = range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING).expect("two directions");
         assert_eq!(basis.ncols(), 2);
         assert!((basis.tr_mul(&basis) - DMatrix::identity(2, 2)).norm() < 1e-12);
-        assert_eq!(range(&DMatrix::zeros(40, 3), ROUNDING), None);
-        assert_eq!(range(&DMatrix::repeat(40, 2, f64::NAN), ROUNDING), None);
+        assert_eq!(range(&DMatrix::zeros(40, 3), MOTION_DIRECTION_ROUNDING), None);
+        assert_eq!(range(&DMatrix::repeat(40, 2, f64::NAN), MOTION_DIRECTION_ROUNDING), None);
     }
 }

@@ -45,15 +45,18 @@ impl Run {
 
     /// A stretch of it by another name. What the joints did before comes after what they do in it.
     pub(crate) fn part(&self, range: Range<usize>, name: String) -> Run {
-        let of = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
+        let cut = |s: &Vec<Vec<f64>>| s.iter().map(|s| s[range.clone()].to_vec()).collect();
         let past = if range.start == 0 {
             self.past.clone()
         } else {
-            Past::after(&self.part(0..range.start, String::new()), 0.0)
+            {
+                let before = self.part(0..range.start, String::new());
+                before.past.followed_by(&before.q, before.period_s, 0.0)
+            }
         };
         let within = self.interpolated.iter().filter(|k| range.contains(k));
         let interpolated = within.map(|k| k - range.start).collect();
-        Run { name, past, interpolated, ..self.each(self.period_s, of) }
+        Run { name, past, interpolated, ..self.each(self.period_s, cut) }
     }
 
     /// With all signals changed alike; samples may be other ones.
@@ -109,7 +112,7 @@ pub(crate) struct Motion {
 
 impl Motion {
     /// Zero-phase low-pass of the positions, then central differences: nothing lags.
-    pub(crate) fn of(run: &Run) -> Motion {
+    pub(crate) fn from_run(run: &Run) -> Motion {
         let smooth = ZeroPhase::new(MOTION_HZ, 4, run.period_s);
         let q: Vec<Vec<f64>> = run
             .q

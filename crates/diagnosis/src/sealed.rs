@@ -2,37 +2,12 @@
 //! it, and that may be most of a gap of which no model knows better: rows are weighed by how sure the direction is.
 
 use crate::design::Prepared;
-use crate::log_check::is_moved;
+use crate::policy::POLICY;
 use crate::stages::Stages;
-
-/// A cause that is missed by less than this share of its own torque does not transfer.
-const TRANSFERS: f64 = 0.3;
-/// One that takes less than this share of what the others leave on its joints is nothing that the run shows. In 75 cases of
-/// another simulator true causes took 0.6 and more; on a measured arm that nothing fits, names took 0.001 to 0.01.
-const NOTICED: f64 = 0.25;
-/// It is plain where it takes this share, and where what is left without it is this many times the noise. All but four of 51 true
-/// ones are; of false ones (signals that were tampered with: drift, slow sensors, coarse steps) the like of these.
-const PLAIN: f64 = 0.8;
-const PLAIN_OVER_NOISE: f64 = 2.0;
-/// What acts on the whole arm and leaves a joint so much more of its torque, as a share, is something else.
-const SPOILT: f64 = 0.1;
-/// With an effect at most this much of the squares in motion that the others leave is left on a joint of it. A delay found on sound
-/// arms whose friction sticks left all of it.
-const HELPED: f64 = 0.9;
-/// Nor does it help a joint of which it takes less than this share of the gap as given: of a gap of 400 times the noise, values that take it
-/// leave some times the noise as they are told of any motion, which an elastic gear fits.
-const SLIGHT: f64 = 0.01;
-/// Where the model as given misses no more than this many times the noise on any joint, nothing is missing. Sound arms: up to 1.9;
-/// arms with a named effect from 2.2 on.
-pub(crate) const SOUND: f64 = 2.0;
-/// More than this many times the noise is a gap in motion: on arms as given it is up to 1.6 times.
-pub(crate) const IN_MOTION: f64 = 4.0;
-
-/// A torque that is off by this share and more is in another scale.
-const SCALE: f64 = 0.1;
+use crate::stillness::is_moved;
 
 /// Faster than this friction has turned over, however softly it does \[rad/s\]: drag is felt there.
-const FAST: f64 = 0.1;
+const MIN_SLIDING_SPEED_RAD_S: f64 = 0.1;
 
 /// The sealed run under the models from the one given to the one with all causes.
 pub(crate) struct Sealed<'a> {
@@ -78,7 +53,7 @@ impl Sealed<'_> {
         sum / f64::max(total, f64::MIN_POSITIVE)
     }
 
-    fn left(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
+    fn residual(&self, stage: usize, j: usize) -> impl Fn(usize) -> f64 {
         let (tau, model) = (&self.stages.tau[j], &self.stages.models[stage][j]);
         // Of a joint that creeps, how softly friction turns over is most of the torque that is missed, and nobody's fault.
         let turned = self.stages.turned.get(j);
@@ -88,7 +63,7 @@ impl Sealed<'_> {
     /// Gap of joint `j` with the model as given and with all causes, over the noise of its torque signal; none where it stands.
     pub(crate) fn in_motion(&self, j: usize) -> Option<[f64; 2]> {
         let floor = self.run.floor[j].max(f64::MIN_POSITIVE);
-        let over = |stage| self.mean_square(j, self.left(stage, j)).sqrt() / floor;
+        let over = |stage| self.mean_square(j, self.residual(stage, j)).sqrt() / floor;
         self.moves(j).then(|| [0, self.whole()].map(over))
     }
 
@@ -99,12 +74,14 @@ impl Sealed<'_> {
             let (tau, model) = (&self.stages.tau[j], &self.stages.models[self.whole()][j]);
             let sum = |of: &dyn Fn(usize) -> f64| (0..tau.len()).map(|row| self.weight(j, row) * of(row)).sum::<f64>();
             let scale = sum(&|row| tau[row] * model[row]) / sum(&|row| model[row].powi(2));
-            let left = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
-            let open = self.in_motion(j).is_some_and(|[_, after]| after > IN_MOTION);
-            let other = scale > 0.0 && !(1.0 - SCALE..1.0 / (1.0 - SCALE)).contains(&scale);
-            (open && other && left <= SOUND * self.run.floor[j]).then_some((j, scale))
+            let rescaled_rms = self.mean_square(j, |row| tau[row] - scale * model[row]).sqrt();
+            let open = self.in_motion(j).is_some_and(|[_, after]| after > POLICY.held_out.min_gap_in_motion);
+            let other = scale > 0.0
+                && !(1.0 - POLICY.held_out.min_scale_error..1.0 / (1.0 - POLICY.held_out.min_scale_error))
+                    .contains(&scale);
+            (open && other && rescaled_rms <= POLICY.held_out.max_sound_gap * self.run.floor[j]).then_some((j, scale))
         };
-        self.heard().filter_map(scale).collect()
+        self.trusted().filter_map(scale).collect()
     }
 
     /// Whether joint `j` moves for a while.
@@ -118,20 +95,20 @@ impl Sealed<'_> {
     }
 
     /// Joints whose torque says something of motion.
-    fn heard(&self) -> impl Iterator<Item = usize> + '_ {
+    fn trusted(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none() && self.moves(*j))
     }
 
     /// Whether the model as given misses no joint in motion by more than a sound one is missed by.
     pub(crate) fn fits_as_given(&self) -> bool {
-        let mut heard = self.heard().filter_map(|j| self.in_motion(j)).peekable();
-        heard.peek().is_some() && heard.all(|[before, _]| before <= SOUND)
+        let mut trusted = self.trusted().filter_map(|j| self.in_motion(j)).peekable();
+        trusted.peek().is_some() && trusted.all(|[before, _]| before <= POLICY.held_out.max_sound_gap)
     }
 
     /// Whether most joints keep more than noise in motion with all causes.
     pub(crate) fn is_mostly_open(&self) -> bool {
-        let times: Vec<[f64; 2]> = self.heard().filter_map(|j| self.in_motion(j)).collect();
-        2 * times.iter().filter(|times| times[1] > IN_MOTION).count() > times.len()
+        let times: Vec<[f64; 2]> = self.trusted().filter_map(|j| self.in_motion(j)).collect();
+        2 * times.iter().filter(|times| times[1] > POLICY.held_out.min_gap_in_motion).count() > times.len()
     }
 
     /// Whether most joints keep more than noise in motion with all causes outside of these stretches \[s\].
@@ -143,18 +120,20 @@ impl Sealed<'_> {
         let floor = |j: usize| self.run.floor[j].max(f64::MIN_POSITIVE);
         let times = |j: usize| {
             let speed = self.run.chain.sample(&self.run.motion.qd[j]);
-            let outside = |row: usize| speed[row].abs() > FAST && !windows.iter().any(|rows| rows.contains(&row));
-            self.mean_square_in(j, outside, self.left(self.whole(), j)).sqrt() / floor(j)
+            let outside = |row: usize| {
+                speed[row].abs() > MIN_SLIDING_SPEED_RAD_S && !windows.iter().any(|rows| rows.contains(&row))
+            };
+            self.mean_square_in(j, outside, self.residual(self.whole(), j)).sqrt() / floor(j)
         };
-        2 * self.heard().filter(|j| times(*j) > IN_MOTION).count() > self.heard().count()
+        2 * self.trusted().filter(|j| times(*j) > POLICY.held_out.min_gap_in_motion).count() > self.trusted().count()
     }
 
     /// Share of the squared gap in motion above the noise that is left with all causes, each joint's torque scaled to rms 1.
     pub(crate) fn left_in_motion(&self) -> f64 {
-        let [before, after] = self.heard().fold([0.0; 2], |sum, j| {
+        let [before, after] = self.trusted().fold([0.0; 2], |sum, j| {
             let torque = self.mean_square(j, |row| self.stages.tau[j][row]).max(f64::MIN_POSITIVE);
             let floor = self.run.floor[j].powi(2);
-            let share = |stage| (self.mean_square(j, self.left(stage, j)) - floor).max(0.0) / torque;
+            let share = |stage| (self.mean_square(j, self.residual(stage, j)) - floor).max(0.0) / torque;
             [sum[0] + share(0), sum[1] + share(self.whole())]
         });
         if before > 0.0 { after / before } else { 0.0 }
@@ -164,12 +143,12 @@ impl Sealed<'_> {
         let mut missed = Missed { by: 0.0, due: 0.0, of: 0.0 };
         for j in joints {
             let unit = self.noise[j].powi(2);
-            let left = self.left(self.whole(), j);
-            let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-            let with = self.mean_square(j, &left);
-            let without = self.mean_square(j, |row| left(row) + own(row));
-            missed.by += (without - with) / unit;
-            missed.due += self.mean_square(j, own) / unit;
+            let residual = self.residual(self.whole(), j);
+            let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+            let square_with = self.mean_square(j, &residual);
+            let without = self.mean_square(j, |row| residual(row) + step_torque(row));
+            missed.by += (without - square_with) / unit;
+            missed.due += self.mean_square(j, step_torque) / unit;
             missed.of += (without - self.run.floor[j].powi(2)).max(0.0) / unit;
         }
         missed
@@ -180,7 +159,7 @@ impl Sealed<'_> {
     /// be worse than none.
     pub(crate) fn misses(&self, k: usize, joints: impl Iterator<Item = usize>) -> bool {
         let missed = self.missed(k, joints);
-        missed.by >= TRANSFERS * missed.due
+        missed.by >= POLICY.held_out.min_transfer_share * missed.due
     }
 
     /// The same of an effect, and whether it takes a part of what the others leave there, or would at the size that this run asks
@@ -190,48 +169,61 @@ impl Sealed<'_> {
         // Of own torque a and what is left without it r: by = 2ar - a², so that the best multiple of a takes (ar)²/a².
         let along = 0.5 * (missed.by + missed.due);
         let takes = if missed.due > 0.0 { along * along / missed.due } else { missed.by };
-        missed.by >= TRANSFERS * missed.due && takes >= NOTICED * missed.of
+        missed.by >= POLICY.held_out.min_transfer_share * missed.due
+            && takes >= POLICY.held_out.min_noticed_share * missed.of
     }
 
     /// Whether step `k` takes some of what the others leave in motion on one of these joints, or as much as would be a gap.
     pub(crate) fn is_helped(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
         let helped = |j: usize| {
-            let with =
-                self.mean_square(j, self.left(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
+            let square_with =
+                self.mean_square(j, self.residual(self.whole(), j)) / self.run.floor[j].powi(2).max(f64::MIN_POSITIVE);
             let without = self.without(k, j).powi(2);
-            let takes = without - with;
-            let slight = self.in_motion(j).is_some_and(|[given, _]| takes < (SLIGHT * given).powi(2));
-            !slight && (with <= HELPED * without || takes > IN_MOTION * IN_MOTION)
+            let takes = without - square_with;
+            let slight = self
+                .in_motion(j)
+                .is_some_and(|[given, _]| takes < (POLICY.held_out.min_taken_gap_share * given).powi(2));
+            !slight
+                && (square_with <= POLICY.held_out.max_helped_share * without
+                    || takes > POLICY.held_out.min_gap_in_motion * POLICY.held_out.min_gap_in_motion)
         };
         joints.any(|j| self.moves(j) && helped(j))
     }
 
     /// What is left of joint `j` in motion without step `k`, over the noise of its torque signal.
     fn without(&self, k: usize, j: usize) -> f64 {
-        let left = self.left(self.whole(), j);
-        let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-        self.mean_square(j, |row| left(row) + own(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
+        let residual = self.residual(self.whole(), j);
+        let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+        self.mean_square(j, |row| residual(row) + step_torque(row)).sqrt() / self.run.floor[j].max(f64::MIN_POSITIVE)
     }
 
     /// Whether its joints, which keep a gap in motion without step `k` and had one as given, come down to what sound ones have.
     pub(crate) fn is_needed(&self, k: usize, mut joints: impl Iterator<Item = usize>) -> bool {
-        let settles = |j| self.in_motion(j).is_some_and(|[given, after]| given > SOUND && after <= SOUND);
-        joints.all(|j| self.without(k, j) > IN_MOTION && settles(j))
+        let settles = |j| {
+            self.in_motion(j).is_some_and(|[given, after]| {
+                given > POLICY.held_out.max_sound_gap && after <= POLICY.held_out.max_sound_gap
+            })
+        };
+        joints.all(|j| self.without(k, j) > POLICY.held_out.min_gap_in_motion && settles(j))
     }
 
     /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.
     pub(crate) fn is_plain(&self, k: usize, mut joints: impl Iterator<Item = usize> + Clone) -> bool {
         let missed = self.missed(k, joints.clone());
-        missed.by >= PLAIN * missed.of && joints.any(|j| self.without(k, j) > PLAIN_OVER_NOISE)
+        missed.by >= POLICY.held_out.min_plain_share * missed.of
+            && joints.any(|j| self.without(k, j) > POLICY.held_out.min_plain_gap)
     }
 
     /// Whether step `k` leaves some joint clearly more than there is without it.
     pub(crate) fn spoils(&self, k: usize) -> bool {
         (0..self.noise.len()).filter(|j| self.run.silent[*j].is_none()).any(|j| {
-            let left = self.left(self.whole(), j);
-            let own = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
-            let [with, without] = [self.mean_square(j, &left), self.mean_square(j, |row| left(row) + own(row))];
-            with.sqrt() > (1.0 + SPOILT) * without.sqrt().max(IN_MOTION * self.run.floor[j])
+            let residual = self.residual(self.whole(), j);
+            let step_torque = |row: usize| self.stages.models[k + 1][j][row] - self.stages.models[k][j][row];
+            let [with, without] =
+                [self.mean_square(j, &residual), self.mean_square(j, |row| residual(row) + step_torque(row))];
+            with.sqrt()
+                > (1.0 + POLICY.held_out.min_spoilt_share)
+                    * without.sqrt().max(POLICY.held_out.min_gap_in_motion * self.run.floor[j])
         })
     }
 

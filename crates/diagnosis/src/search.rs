@@ -1,38 +1,34 @@
 //! Which effects are missing: forward selection by evidence, guarded by a score test and by held-out blocks.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::background::Nominal;
+use crate::base_modes;
 use crate::design::{Design, Prepared, correlation, unknown};
 use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
-use crate::flips::{Flips, Scores};
 use crate::form::Form;
 use crate::library;
 use crate::local::Stretch;
-use crate::log_check;
-use crate::mounting;
 use crate::parallel;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::rows::Column;
-use crate::warming;
-
-/// Prior standard deviation of a free coefficient: it may contribute this share of its joint's torque.
-const FREE: f64 = 0.3;
-/// Of a coefficient that is 1 by the physics.
-const FIXED: f64 = 0.15;
-/// Of a link's scale: a link several times as heavy as drawn is a payload.
-const LINK: f64 = 0.3;
+use crate::stillness;
+use crate::warming_candidates;
 
 /// No torque is told better than this \[N·m\].
 const LEAST_NOISE: f64 = 1e-9;
 /// Nor than this share of its root mean square: weights that are further apart leave no digits to solve the equations with.
 const LEAST_NOISE_SHARE: f64 = 1e-5;
-/// Log evidence that an inner value costs: it was chosen among some twenty.
-const INNER_VALUE: f64 = 3.0;
 /// Times that rows in doubt are weighed anew.
 const REWEIGHINGS: usize = 4;
 /// Noise that changes by less than this share stays.
-const SETTLED: f64 = 0.05;
+const MAX_SETTLED_NOISE_CHANGE: f64 = 0.05;
+
+/// Scores of a candidate, whitened: coefficients x blocks.
+pub(crate) type Scores = DMatrix<f64>;
+/// Makes the scores of a candidate that has its columns; none of one whose scores say nothing.
+pub(crate) type Scoring<'a> = dyn Fn(&Candidate) -> Option<Scores> + Sync + 'a;
 
 /// A candidate with its products.
 #[derive(Clone)]
@@ -51,13 +47,13 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// Log evidence that its inner values cost.
     pub(crate) fn price(&self) -> f64 {
-        INNER_VALUE * self.form.inner_values() as f64
+        POLICY.priors.inner_value_evidence * self.form.inner_values() as f64
     }
 
     /// How many numbers it has, inner values among them.
     pub(crate) fn numbers(&self) -> usize {
-        let own = if self.local.is_empty() { self.belief.mean.len() } else { 0 };
-        own + self.local.iter().map(|s| s.std.len()).sum::<usize>() + self.form.inner_values()
+        let coefficients = if self.local.is_empty() { self.belief.mean.len() } else { 0 };
+        coefficients + self.local.iter().map(|s| s.std.len()).sum::<usize>() + self.form.inner_values()
     }
 }
 
@@ -105,7 +101,7 @@ impl<'a> Search<'a> {
         let extra: Vec<Vec<Column>> = runs
             .iter()
             .map(|r| {
-                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x).beside(&r.known);
+                let physics = Physics::new(&r.run, &r.motion, nominal, &nominal.x).with_known_torque(&r.known);
                 r.unnamed(nominal, &physics)
             })
             .collect();
@@ -114,10 +110,10 @@ impl<'a> Search<'a> {
         let weights: Vec<f64> = torque.iter().map(|t| 1.0 / (0.01 * t * t)).collect();
         // Computed torque has no noise.
         let least = torque.iter().map(|t| LEAST_NOISE_SHARE * t).collect::<Vec<_>>();
-        let heard = |j: usize| runs.iter().filter(move |r| r.silent[j].is_none());
-        let floor = |j: usize| heard(j).map(|r| r.floor[j]).reduce(f64::min).unwrap_or(0.0);
+        let trusted_runs = |j: usize| runs.iter().filter(move |r| r.silent[j].is_none());
+        let floor = |j: usize| trusted_runs(j).map(|r| r.floor[j]).reduce(f64::min).unwrap_or(0.0);
         let floor = (0..n).map(|j| floor(j).max(least[j]).max(LEAST_NOISE)).collect();
-        let moves = (0..n).map(|j| runs.iter().any(|r| log_check::is_moved(&r.motion, &r.chain, j))).collect();
+        let moves = (0..n).map(|j| runs.iter().any(|r| stillness::is_moved(&r.motion, &r.chain, j))).collect();
         let mut search = Search {
             runs,
             nominal,
@@ -139,7 +135,7 @@ impl<'a> Search<'a> {
     }
 
     /// Runs in which the torque of joint `j` says something.
-    pub(crate) fn heard(&self, j: usize) -> impl Iterator<Item = &'a Prepared> + '_ {
+    pub(crate) fn trusted_runs(&self, j: usize) -> impl Iterator<Item = &'a Prepared> + '_ {
         self.runs.iter().copied().filter(move |r| r.silent[j].is_none())
     }
 
@@ -166,7 +162,7 @@ impl<'a> Search<'a> {
             let residuals = self.design.residuals(&solved.x, &solved.stretches);
             for j in 0..self.noise.len() {
                 let records: Vec<&DVector<f64>> = residuals.iter().map(|r| &r[j]).collect();
-                let rows: usize = self.heard(j).map(Prepared::rows).sum();
+                let rows: usize = self.trusted_runs(j).map(Prepared::rows).sum();
                 if rows == 0 {
                     // Nothing is known of it, so nothing is left on it.
                     self.noise[j] = self.floor[j];
@@ -188,7 +184,7 @@ impl<'a> Search<'a> {
             let before = self.noise.clone();
             self.design.weigh_doubt(&self.runs, &before);
             self.weigh()?;
-            if before.iter().zip(&self.noise).all(|(b, n)| (b - n).abs() <= SETTLED * b) {
+            if before.iter().zip(&self.noise).all(|(b, n)| (b - n).abs() <= MAX_SETTLED_NOISE_CHANGE * b) {
                 break;
             }
         }
@@ -251,11 +247,14 @@ impl<'a> Search<'a> {
 
     fn belief(&self, form: &Form, columns: &[Vec<Column>], count: usize) -> Option<Belief> {
         if form.has_fixed_gain() {
-            return Some(Belief { mean: DVector::repeat(count, 1.0), std: DVector::repeat(count, FIXED) });
+            return Some(Belief {
+                mean: DVector::repeat(count, 1.0),
+                std: DVector::repeat(count, POLICY.priors.unit_coefficient),
+            });
         }
         let mut std = DVector::zeros(count);
         if matches!(form, Form::LinkScale { .. }) {
-            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, LINK) });
+            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, POLICY.priors.link_scale) });
         }
         for c in 0..count {
             // A planar arm feels some of a body only; whatever is believed of the rest.
@@ -269,17 +268,17 @@ impl<'a> Search<'a> {
     pub(crate) fn free(&self, columns: &[Vec<Column>], c: usize) -> Option<f64> {
         let mut least = f64::INFINITY;
         for j in 0..self.noise.len() {
-            let own = self.runs.iter().zip(columns).filter(|(r, _)| r.silent[j].is_none());
-            let values = own.filter_map(|(_, own)| own[c][j].as_ref()).flatten();
+            let trusted_columns = self.runs.iter().zip(columns).filter(|(r, _)| r.silent[j].is_none());
+            let values = trusted_columns.filter_map(|(_, trusted_columns)| trusted_columns[c][j].as_ref()).flatten();
             let (square, rows) = values.fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
             if rows == 0 || square == 0.0 {
                 continue;
             }
-            let torque: f64 = self.heard(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
+            let torque: f64 = self.trusted_runs(j).flat_map(|r| &r.tau[j]).map(|t| t * t).sum();
             let ratio = (torque / square).sqrt();
             least = least.min(ratio);
         }
-        least.is_finite().then_some(FREE * least)
+        least.is_finite().then_some(POLICY.priors.coefficient_torque_share * least)
     }
 
     /// Cosine of the angle between the torques of two candidates with their coefficients, after what the background makes of
@@ -306,12 +305,12 @@ impl<'a> Search<'a> {
             }
             let mut from = 0;
             for stretch in &candidate.local {
-                let own = c.rows(from, stretch.std.len()).into_owned();
-                from += own.len();
+                let coefficients = c.rows(from, stretch.std.len()).into_owned();
+                from += coefficients.len();
                 let mut start = self.runs[..stretch.run].iter().map(|r| r.rows()).sum::<usize>() * self.weights.len();
                 for (j, weight) in self.weights.iter().enumerate() {
                     let root = self.design.root(stretch.run, j);
-                    for (k, value) in stretch.rows.clone().zip(stretch.torque(j, &own)) {
+                    for (k, value) in stretch.rows.clone().zip(stretch.torque(j, &coefficients)) {
                         torque[start + k] += value * root[k] * weight.sqrt();
                     }
                     start += root.len();
@@ -362,8 +361,8 @@ impl<'a> Search<'a> {
             solved.iter().filter_map(|(_, s)| s.add_sums(&sums, &candidate.belief)).collect()
         } else {
             let scales: Vec<f64> = solved.iter().map(|(scale, _)| *scale).collect();
-            let with = background.solve_scales(weights, &scales, &candidate.local);
-            with.iter().map(|(_, s)| s.with_stretches(background.local.len())).collect()
+            let solved_with = background.solve_scales(weights, &scales, &candidate.local);
+            solved_with.iter().map(|(_, s)| s.with_stretches(background.local.len())).collect()
         };
         let added = added.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
         Some(Standing { at, gain: added.log_evidence - base - candidate.price(), added })
@@ -384,16 +383,16 @@ impl<'a> Search<'a> {
             let mut added = if local.is_empty() {
                 solved.add(&candidate.cells, &candidate.belief, &self.weights, keep)?
             } else {
-                let with = background.solve_folds(&self.weights, self.scale, local, keep)?;
-                with.with_stretches(background.local.len())
+                let solved_with = background.solve_folds(&self.weights, self.scale, local, keep)?;
+                solved_with.with_stretches(background.local.len())
             };
             if let Some(sums) = &sums {
                 solved.stretches = whole.stretches_beside(&solved.x, None);
                 added.stretches = whole.stretches_beside(&added.x, Some((sums, &added.c)));
             }
             let without = background.fold_errors(fold, &solved);
-            let with = background.fold_errors_with(&candidate.cells, local, fold, &added);
-            gains.push(without.iter().zip(with).map(|(without, with)| without - with).collect());
+            let errors_with = background.fold_errors_with(&candidate.cells, local, fold, &added);
+            gains.push(without.iter().zip(errors_with).map(|(without, errors_with)| without - errors_with).collect());
         }
         Some(gains)
     }
@@ -402,26 +401,27 @@ impl<'a> Search<'a> {
     pub(crate) fn physics(&self) -> Option<Vec<Physics<'a>>> {
         let (_, solved) = self.best()?;
         let x = self.values(&solved.x);
-        let made = |r: &&'a Prepared| Physics::new(&r.run, &r.motion, self.nominal, &x).beside(&r.known);
+        let made = |r: &&'a Prepared| Physics::new(&r.run, &r.motion, self.nominal, &x).with_known_torque(&r.known);
         Some(self.runs.iter().map(made).collect())
     }
 
-    /// Every candidate there is; with their scores where `flips` are to be drawn.
+    /// Every candidate there is; with their scores where there is a `scoring`.
     pub(crate) fn candidates(
         &self,
         physics: &[Physics<'_>],
         orders: &[Vec<f64>],
         bursts: &Bursts,
-        flips: Option<&Flips>,
+        scoring: Option<&Scoring<'_>>,
     ) -> Vec<Candidate> {
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
         let force = |moment| Form::Force { windows: bursts.clone(), moment };
         let force = [false, true].into_iter().filter(|_| new).map(force);
-        let beside = warming::forms(physics).into_iter().chain(mounting::forms(physics)).chain(force);
-        let forms: Vec<Form> = library::forms(physics, orders).into_iter().chain(beside).collect();
+        let further_forms =
+            warming_candidates::forms(physics).into_iter().chain(base_modes::forms(physics)).chain(force);
+        let forms: Vec<Form> = library::forms(physics, orders).into_iter().chain(further_forms).collect();
         let made = |form: &Form| {
             let mut candidate = self.candidate(form.clone(), physics)?;
-            candidate.scores = flips.and_then(|flips| flips.scores(self, &candidate, &candidate.columns));
+            candidate.scores = scoring.and_then(|scoring| scoring(&candidate));
             if !self.keeps_columns {
                 candidate.columns = Vec::new();
             }

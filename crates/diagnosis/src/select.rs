@@ -1,18 +1,17 @@
 //! Forward selection of effects on the runs that may be looked at.
 
-use nalgebra::DVector;
-
+use crate::adopted::{Adopted, Rival, is_full, is_part};
 use crate::another_law;
+use crate::base_evidence;
 use crate::bursts;
 use crate::dragged;
 use crate::effect::{Effect, Kind};
 use crate::evidence::{FOLDS, PRIOR_SCALES};
 use crate::flips::Flips;
 use crate::form::Form;
-use crate::instead::ALONG;
-use crate::mounting;
 use crate::orders;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
 use crate::timing::late::Clock;
@@ -21,78 +20,8 @@ use material::{held_out_shares, is_material};
 
 mod material;
 
-/// Least gain of log evidence that names an effect, and that names a further one.
-pub(crate) const LEAST_GAIN: [f64; 2] = [28.0, 40.0];
-/// A joint whose residual is below this multiple of its noise floor has little left to explain.
-pub(crate) const AT_FLOOR: f64 = 1.2;
-/// Candidates of the best that are refined and held against held-out blocks.
-const SHORT_LIST: usize = 7;
-/// Chance at which one of all candidates may show where nothing is.
-const FALSE_ALARMS: f64 = 0.05;
-/// A rival whose evidence gain is at least this share of the best's may explain the same thing ...
-const RIVAL_SHARE: f64 = 0.8;
-/// ... unless the best is ahead of it by this much log evidence.
-pub(crate) const RIVAL_GAP: f64 = 12.0;
-/// A torque that is cut explains nearly all of its joint's residual: the excess of the command is known exactly.
-const SATURATED: f64 = 0.8;
 /// Times that forms are held against each other, each time at the noise that the best has left.
 const CONTEST_ROUNDS: usize = 4;
-/// Between effects that explain the same, a held-out share this much larger outweighs simplicity.
-const CLEARLY_MORE: f64 = 0.1;
-/// How far the coefficient of a form of fixed gain may be from the 1 that it has by the physics.
-const OFF_GRID: f64 = 0.4;
-/// A delay is wanted at this share of its size at least: true ones were at 0.70 to 0.98, those that another effect left (play, friction that
-/// bends with the speed) at 0.51 to 0.66.
-const LATE_IN_FULL: f64 = 2.0 / 3.0;
-/// An encoder whose centre is off by this much of its radius is none \[rad\].
-const LARGEST_ECCENTRICITY: f64 = 0.02;
-/// Friction over the angle is a wave of at least this share of the level that comes with it.
-const WAVE: f64 = 0.25;
-/// Orders that differ by less than this share are the same.
-const SAME_ORDER: f64 = 0.01;
-/// Most effects in one diagnosis; joints that warm up together count once.
-const MOST: usize = 4;
-
-/// An effect that was adopted.
-#[derive(Clone, Debug)]
-pub(crate) struct Adopted {
-    pub(crate) form: Form,
-    /// Gain of log evidence over the model without it.
-    pub(crate) gain: f64,
-    /// Share of each joint's residual variance that it removed, held out; the largest of them.
-    pub(crate) shares: Vec<f64>,
-    pub(crate) share: f64,
-    /// How often chance alone shows one of the candidates as plainly; none where it was not drawn.
-    pub(crate) p_value: Option<f64>,
-    /// What else explains this about as well.
-    pub(crate) rivals: Vec<Rival>,
-    /// Where its columns begin in the design.
-    pub(crate) place: usize,
-    /// Standard vector that its columns were made with.
-    pub(crate) values: Vec<f64>,
-    /// Joints whose torque it changes.
-    pub(crate) acts_on: Vec<bool>,
-    /// Prior mean of its coefficients.
-    pub(crate) mean: Vec<f64>,
-    /// Whether it is a law of the angle beside which another one has evidence.
-    pub(crate) another_law: bool,
-}
-
-/// What explains the same as an adopted effect.
-#[derive(Clone, Debug)]
-pub(crate) struct Rival {
-    /// As it was refined.
-    pub(crate) form: Form,
-    /// Cosine of the principal angle between the two.
-    pub(crate) cosine: f64,
-}
-
-impl Rival {
-    /// None where the two are so far apart that what explains as much is not the same thing.
-    pub(crate) fn of(form: &Form, cosine: f64) -> Option<Rival> {
-        (cosine >= ALONG).then(|| Rival { form: form.clone(), cosine })
-    }
-}
 
 /// What was adopted, and what was not.
 pub(crate) struct Selected<'a> {
@@ -116,9 +45,20 @@ impl<'a> Selected<'a> {
             let orders = orders::find(&self.physics);
             self.candidates.clear();
             let flips = Flips::new(search)?;
-            self.candidates = search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&flips));
+            self.candidates = {
+                let scoring = |candidate: &Candidate| flips.scores(search, candidate, &candidate.columns);
+                search.candidates(&self.physics, &orders, &bursts::find(search)?, Some(&scoring))
+            };
             say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
-            let found = best(search, &self.candidates, &self.physics, &self.adopted, Some(&flips), true, say)?;
+            let round = Round {
+                search,
+                candidates: &self.candidates,
+                physics: &self.physics,
+                adopted: &self.adopted,
+                flips: Some(&flips),
+                refined: true,
+            };
+            let found = round.best(say)?;
             let Some((candidate, adoption)) = found else {
                 return another_law::mark(search, &self.candidates, &mut self.adopted);
             };
@@ -154,12 +94,6 @@ impl<'a> Selected<'a> {
     }
 }
 
-/// Whether as many effects as may be were adopted.
-pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
-    let warming = adopted.iter().filter(|a| matches!(a.form, Form::Warming { .. })).count();
-    adopted.len() - warming.saturating_sub(1) >= MOST
-}
-
 /// A candidate that is worth a name.
 struct Accepted {
     candidate: Candidate,
@@ -180,284 +114,294 @@ impl Accepted {
 /// A candidate to adopt, if any.
 pub(crate) type Found = Option<(Candidate, Adopted)>;
 
-/// The candidate to adopt next, if any is worth it; inner values as on the grid unless they are to be refined.
-pub(crate) fn best(
-    search: &Search<'_>,
-    candidates: &[Candidate],
-    physics: &[Physics<'_>],
-    adopted: &[Adopted],
-    flips: Option<&Flips>,
-    refined: bool,
-    say: &mut dyn FnMut(&str),
-) -> Option<Found> {
-    let standings = search.rank(candidates)?;
-    let residue = Residue::of(search);
-    let least = LEAST_GAIN[adopted.len().min(1)];
-    // The best of each effect on each joint, refined.
-    let taken: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
-    let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
-    let mut listed: Vec<(Candidate, Standing)> = Vec::new();
-    let mut doubtful: Vec<Form> = Vec::new();
-    let clock = Clock::default();
-    let noisy_beside =
-        |form: &Form| (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j));
-    for standing in &standings {
-        if standing.gain < 0.3 * least || listed.len() == SHORT_LIST {
-            break;
+/// A round of the selection: candidates against the model as it stands.
+pub(crate) struct Round<'a> {
+    pub(crate) search: &'a Search<'a>,
+    pub(crate) candidates: &'a [Candidate],
+    pub(crate) physics: &'a [Physics<'a>],
+    pub(crate) adopted: &'a [Adopted],
+    /// Sign flips of the residual, for the chance of each candidate; none where that is not asked.
+    pub(crate) flips: Option<&'a Flips>,
+    /// Whether inner values are refined; else they stay as on the grid.
+    pub(crate) refined: bool,
+}
+
+/// The best candidates of a round by evidence.
+struct Listed {
+    candidates: Vec<(Candidate, Standing)>,
+    /// Forms of bristles that may be all of the friction beside what else is missing, or not.
+    doubtful: Vec<Form>,
+}
+
+impl Round<'_> {
+    /// The candidate to adopt next, if any is worth it. None where equations have no solution.
+    pub(crate) fn best(&self, say: &mut dyn FnMut(&str)) -> Option<Found> {
+        let clock = Clock::default();
+        let Listed { candidates: listed, doubtful } = self.listed(&clock, say)?;
+        let accepted = self.accepted(listed, say)?;
+        if accepted.is_empty() {
+            return Some(None);
         }
-        let form = &candidates[standing.at].form;
-        // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
-        // this one does too, and that may look so.
-        let bends = form.is_nameless() || matches!(form, Form::OneSided { .. });
-        if bends && noisy_beside(form) {
-            continue;
+        let (near, simplest) = self.simplest(&accepted, say)?;
+        self.adoption(accepted, &near, simplest, &doubtful, &clock).map(Some)
+    }
+
+    /// The best of each effect on each joint, refined, in the order of their evidence.
+    fn listed(&self, clock: &Clock, say: &mut dyn FnMut(&str)) -> Option<Listed> {
+        let Round { search, candidates, physics, adopted, refined, .. } = *self;
+        let standings = search.rank(candidates)?;
+        let residue = Residue::from_search(search);
+        let least = POLICY.adoption.min_gain[adopted.len().min(1)];
+        // The best of each effect on each joint, refined.
+        let taken: Vec<(Effect, Vec<usize>)> = adopted.iter().map(|a| (a.form.effect(), a.form.joints())).collect();
+        let mut seen: Vec<(Effect, Vec<usize>, usize)> = Vec::new();
+        let mut listed: Vec<(Candidate, Standing)> = Vec::new();
+        let mut doubtful: Vec<Form> = Vec::new();
+        let noisy_beside =
+            |form: &Form| (0..search.noise.len()).any(|j| !form.joints().contains(&j) && residue.is_noisy(j));
+        for standing in &standings {
+            if standing.gain < 0.3 * least || listed.len() == POLICY.adoption.max_refined_candidates {
+                break;
+            }
+            let form = &candidates[standing.at].form;
+            // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
+            // this one does too, and that may look so.
+            let bends = form.is_nameless() || matches!(form, Form::OneSided { .. });
+            if bends && noisy_beside(form) {
+                continue;
+            }
+            if self.is_repeated(form) {
+                continue;
+            }
+            let (effect, joints) = (form.effect(), form.joints());
+            let another = self.is_another_mode(form);
+            let key = (effect, joints.clone(), form.kind());
+            if taken.contains(&(effect, joints)) && !another || seen.contains(&key) {
+                continue;
+            }
+            seen.push(key);
+            // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
+            if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > POLICY.adoption.max_gain_error {
+                continue;
+            }
+            let (candidate, standing) = if !refined {
+                (candidates[standing.at].clone(), standing.clone())
+            } else if form.shifts_time() {
+                let Some(sized) = search.late(form, clock, physics)? else { continue };
+                if listed.iter().any(|(other, _)| other.form == sized.0.form) {
+                    continue;
+                }
+                sized
+            } else {
+                search.refine(form, physics)?
+            };
+            let kind = if refined {
+                dragged::kind(search, physics, (&candidate, &standing), say)?
+            } else {
+                dragged::Kind::AsNamed
+            };
+            match kind {
+                dragged::Kind::Beside(beside) if !noisy_beside(&beside.0.form) => listed.push(*beside),
+                dragged::Kind::Of(bristles) => listed.push(*bristles),
+                // As on measured arms: it may be all of the friction beside what else is missing there, or not.
+                dragged::Kind::Beside(_) => {
+                    doubtful.push(candidate.form.clone());
+                    listed.push((candidate, standing));
+                }
+                dragged::Kind::Own => {}
+                dragged::Kind::AsNamed => listed.push((candidate, standing)),
+            }
         }
-        // What repeats with the order of an effect that is there already, or shifts torque in time beside one that does, is
-        // what that one's form misses.
+        listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+        Some(Listed { candidates: listed, doubtful })
+    }
+
+    /// Whether a form repeats with the order of an effect that is there already, or shifts torque in time beside one that does: that is
+    /// what that one's form misses.
+    fn is_repeated(&self, form: &Form) -> bool {
         let again = |a: &Adopted| {
             a.form.shifts_time() && form.shifts_time() || a.form.joints() == form.joints() && same_order(&a.form, form)
         };
-        if adopted.iter().any(again) {
-            continue;
-        }
-        let (effect, joints) = (form.effect(), form.joints());
-        // A base may give way about two axes.
-        let another = match form {
-            Form::Base { mode } => adopted.iter().all(|a| match &a.form {
+        self.adopted.iter().any(again)
+    }
+
+    /// Whether a form is a base that gives way about another axis than those adopted: it may about two.
+    fn is_another_mode(&self, form: &Form) -> bool {
+        match form {
+            Form::Base { mode } => self.adopted.iter().all(|a| match &a.form {
                 Form::Base { mode: before } => mode.is_other(before),
                 _ => true,
             }),
             _ => false,
-        };
-        let key = (effect, joints.clone(), form.kind());
-        if taken.contains(&(effect, joints)) && !another || seen.contains(&key) {
-            continue;
-        }
-        seen.push(key);
-        // On the grid a simulated form may be off by a step; one that is wanted at quite another size is not it.
-        if !refined && form.has_fixed_gain() && (standing.added.c[0] - 1.0).abs() > OFF_GRID {
-            continue;
-        }
-        let (candidate, standing) = if !refined {
-            (candidates[standing.at].clone(), standing.clone())
-        } else if form.shifts_time() {
-            let Some(sized) = search.late(form, &clock, physics)? else { continue };
-            if listed.iter().any(|(other, _)| other.form == sized.0.form) {
-                continue;
-            }
-            sized
-        } else {
-            search.refine(form, physics)?
-        };
-        let kind = if refined {
-            dragged::kind(search, physics, (&candidate, &standing), say)?
-        } else {
-            dragged::Kind::AsNamed
-        };
-        match kind {
-            dragged::Kind::Beside(beside) if !noisy_beside(&beside.0.form) => listed.push(*beside),
-            dragged::Kind::Of(bristles) => listed.push(*bristles),
-            // As on measured arms: it may be all of the friction beside what else is missing there, or not.
-            dragged::Kind::Beside(_) => {
-                doubtful.push(candidate.form.clone());
-                listed.push((candidate, standing));
-            }
-            dragged::Kind::Own => {}
-            dragged::Kind::AsNamed => listed.push((candidate, standing)),
         }
     }
-    listed.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    let p_values = flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
-    let mut accepted: Vec<Accepted> = Vec::new();
-    // Values that are no effect beside what was adopted: a form that is let in because it hides does not stand in for one of these.
-    let mut values: Vec<(Vec<usize>, f64)> = Vec::new();
-    for ((candidate, standing), p_value) in listed.into_iter().zip(p_values) {
-        let shares = held_out_shares(search, &candidate)?;
-        let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        say(&format!(
-            "  {:7.1} {:?} c {:.4?} held-out {shares:.2?} p {}",
-            standing.gain,
-            candidate.form,
-            standing.added.c.as_slice(),
-            p_value.map_or_else(|| "-".to_owned(), |p| format!("{p:.3}"))
-        ));
-        let hides = candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue));
-        let joints = candidate.form.joints();
-        let outdone = values.iter().any(|(on, gain)| *on == joints && *gain > standing.gain + RIVAL_GAP);
-        // Every fold would have to know a force that only its own blocks felt.
-        let material = matches!(candidate.form, Form::Force { .. })
-            || hides && !outdone
-            || is_material(search, (&candidate.form, standing.gain), &shares, adopted);
-        let cut = !matches!(candidate.form, Form::Saturation { .. }) || shares.iter().any(|share| *share >= SATURATED);
-        let shown = match &candidate.form {
-            Form::Base { mode } => mounting::is_felt(&shares) && search.tells_frequency(mode, standing.gain, physics),
-            _ => true,
-        };
-        let plausible = candidate.form.plausible(standing.added.c.as_slice())
-            && !is_mounted_too_badly(search, &candidate.form, standing.added.c.as_slice())
-            && cut
-            && shown
-            && !is_part(&candidate.form, &standing)
-            && !is_level(&candidate.form, standing.added.c.as_slice());
-        // What the values imitate is told by what is believed of them, a torque that is cut by its command.
-        let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
-        let by_chance = by_residual && p_value.is_some_and(|p| p > FALSE_ALARMS);
-        if !material && plausible && !by_chance && candidate.form.effect().kind() == Kind::Value {
-            values.push((joints, standing.gain));
-        }
-        if standing.gain >= least && material && plausible && !by_chance {
-            // Where values have taken it up the residual shows nothing, and its figure says nothing.
-            let p_value = p_value.filter(|p| by_residual || *p <= FALSE_ALARMS);
-            accepted.push(Accepted { candidate, standing, shares, share, p_value });
-        }
-    }
-    if accepted.is_empty() {
-        return Some(None);
-    }
-    // Of those that explain it about as well, the simplest.
-    let top = accepted[0].standing.gain;
-    let near: Vec<usize> = (0..accepted.len())
-        .filter(|i| accepted[*i].standing.gain >= RIVAL_SHARE * top && accepted[*i].standing.gain >= top - RIVAL_GAP)
-        .collect();
-    let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].candidate).collect();
-    let holds = contest(search, &contestants, say)?;
-    let (near, gains): (Vec<usize>, Vec<f64>) =
-        near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
-    // A law of the angle that is no better than a constant is one.
-    let constants: Vec<Vec<usize>> = near.iter().filter_map(|i| accepted[*i].constant_on()).collect();
-    let law = |i: &usize| {
-        let form = &accepted[*i].candidate.form;
-        form.of_angle_alone() && constants.contains(&form.joints())
-    };
-    let (near, gains): (Vec<usize>, Vec<f64>) = near.into_iter().zip(gains).filter(|(i, _)| !law(i)).unzip();
-    let most = near.iter().map(|i| accepted[*i].share).fold(f64::NEG_INFINITY, f64::max);
-    let simplest = near
-        .iter()
-        .copied()
-        .zip(gains)
-        .filter(|(i, _)| accepted[*i].share >= most - CLEARLY_MORE * most.abs().max(1.0))
-        .min_by(|(a, its), (b, others)| {
-            let size = |i: usize| {
-                let candidate = &accepted[i].candidate;
-                (candidate.form.is_nameless(), candidate.numbers())
+
+    /// Those of the listed that are worth a name.
+    fn accepted(&self, listed: Vec<(Candidate, Standing)>, say: &mut dyn FnMut(&str)) -> Option<Vec<Accepted>> {
+        let Round { search, candidates, physics, adopted, flips, .. } = *self;
+        let p_values =
+            flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
+        let residue = Residue::from_search(search);
+        let least = POLICY.adoption.min_gain[adopted.len().min(1)];
+        let mut accepted: Vec<Accepted> = Vec::new();
+        // Values that are no effect beside what was adopted: a form that is let in because it hides does not stand in for one of these.
+        let mut values: Vec<(Vec<usize>, f64)> = Vec::new();
+        for ((candidate, standing), p_value) in listed.into_iter().zip(p_values) {
+            let shares = held_out_shares(search, &candidate)?;
+            let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            say(&format!(
+                "  {:7.1} {:?} c {:.4?} held-out {shares:.2?} p {}",
+                standing.gain,
+                candidate.form,
+                standing.added.c.as_slice(),
+                p_value.map_or_else(|| "-".to_owned(), |p| format!("{p:.3}"))
+            ));
+            let hides = candidate.form.hides() && (adopted.is_empty() || hides_beside(&candidate.form, &residue));
+            let joints = candidate.form.joints();
+            let outdone =
+                values.iter().any(|(on, gain)| *on == joints && *gain > standing.gain + POLICY.adoption.rival_gap);
+            // Every fold would have to know a force that only its own blocks felt.
+            let material = matches!(candidate.form, Form::Force { .. })
+                || hides && !outdone
+                || is_material(search, (&candidate.form, standing.gain), &shares, adopted);
+            let cut = !matches!(candidate.form, Form::Saturation { .. })
+                || shares.iter().any(|share| *share >= POLICY.adoption.min_saturation_share);
+            let shown = match &candidate.form {
+                Form::Base { mode } => {
+                    base_evidence::is_felt(&shares)
+                        && base_evidence::is_frequency_identified(search, mode, standing.gain, physics)
+                }
+                _ => true,
             };
-            size(*a).cmp(&size(*b)).then(others.total_cmp(its)).then(a.cmp(b))
-        })
-        .map_or(0, |(i, _)| i);
-    let mut rivals = Vec::new();
-    // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
-    let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
-    let form = &accepted[simplest].candidate.form;
-    let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale)
-        || doubtful.contains(form)
-        || another_law::cancels(&accepted[simplest].candidate, accepted[simplest].standing.added.c.as_slice());
-    if near.len() > 1 {
-        let solved = search.solved(search.scale)?;
-        let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);
-        for Accepted { candidate: other, standing, .. } in near.iter().map(|i| &accepted[*i]) {
-            if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
-                let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
-                // Of two laws of one joint's angle that explain as much one is true, however they bend.
-                let laws = one.form.of_angle_alone() && other.form.of_angle_alone();
-                let either = laws && one.form.joints() == other.form.joints();
-                rivals.extend(if either {
-                    Some(Rival { form: other.form.clone(), cosine })
-                } else {
-                    Rival::of(&other.form, cosine)
-                });
+            let plausible = self.is_plausible(&candidate, &standing) && cut && shown;
+            // What the values imitate is told by what is believed of them, a torque that is cut by its command.
+            let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
+            let by_chance = by_residual && p_value.is_some_and(|p| p > POLICY.adoption.max_false_alarm_rate);
+            if !material && plausible && !by_chance && candidate.form.effect().kind() == Kind::Value {
+                values.push((joints, standing.gain));
+            }
+            if standing.gain >= least && material && plausible && !by_chance {
+                // Where values have taken it up the residual shows nothing, and its figure says nothing.
+                let p_value = p_value.filter(|p| by_residual || *p <= POLICY.adoption.max_false_alarm_rate);
+                accepted.push(Accepted { candidate, standing, shares, share, p_value });
             }
         }
-    }
-    let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
-    if candidate.form.shifts_time() && rivals.iter().all(|rival: &Rival| !rival.form.shifts_time()) {
-        rivals.extend(search.other_kind_of_late((&candidate, &standing), &clock, physics));
-    }
-    let adoption = Adopted {
-        shares,
-        share,
-        p_value,
-        rivals,
-        another_law,
-        ..Adopted::new(search, &candidate, physics, standing.gain)?
-    };
-    Some(Some((candidate, adoption)))
-}
-
-impl Adopted {
-    /// Its coefficients where the background is solved as `x`.
-    pub(crate) fn coefficients(&self, x: &DVector<f64>) -> Vec<f64> {
-        self.mean.iter().enumerate().map(|(k, mean)| x[self.place + k] + mean).collect()
+        Some(accepted)
     }
 
-    /// Effects of the rivals, each once, and the angle between it and this one \[rad\].
-    pub(crate) fn class(&self) -> Vec<(Effect, f64)> {
-        let mut class: Vec<(Effect, f64)> = Vec::new();
-        for rival in &self.rivals {
-            if class.iter().all(|(effect, _)| *effect != rival.form.effect()) {
-                class.push((rival.form.effect(), rival.cosine.clamp(0.0, 1.0).acos()));
+    /// Whether an effect can be so.
+    fn is_plausible(&self, candidate: &Candidate, standing: &Standing) -> bool {
+        let (form, c) = (&candidate.form, standing.added.c.as_slice());
+        form.plausible(c)
+            && !is_mounted_too_badly(self.search, form, c)
+            && !is_part(form, standing)
+            && !is_level(form, c)
+    }
+
+    /// Places of those that explain about as much as the best, and of the simplest of them.
+    fn simplest(&self, accepted: &[Accepted], say: &mut dyn FnMut(&str)) -> Option<(Vec<usize>, usize)> {
+        // Of those that explain it about as well, the simplest.
+        let top = accepted[0].standing.gain;
+        let near: Vec<usize> = (0..accepted.len())
+            .filter(|i| {
+                accepted[*i].standing.gain >= POLICY.adoption.min_rival_gain_share * top
+                    && accepted[*i].standing.gain >= top - POLICY.adoption.rival_gap
+            })
+            .collect();
+        let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].candidate).collect();
+        let holds = contest(self.search, &contestants, say)?;
+        let (near, gains): (Vec<usize>, Vec<f64>) =
+            near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
+        // A law of the angle that is no better than a constant is one.
+        let constants: Vec<Vec<usize>> = near.iter().filter_map(|i| accepted[*i].constant_on()).collect();
+        let law = |i: &usize| {
+            let form = &accepted[*i].candidate.form;
+            form.of_angle_alone() && constants.contains(&form.joints())
+        };
+        let (near, gains): (Vec<usize>, Vec<f64>) = near.into_iter().zip(gains).filter(|(i, _)| !law(i)).unzip();
+        let most = near.iter().map(|i| accepted[*i].share).fold(f64::NEG_INFINITY, f64::max);
+        let simplest = near
+            .iter()
+            .copied()
+            .zip(gains)
+            .filter(|(i, _)| {
+                accepted[*i].share >= most - POLICY.adoption.min_share_over_simplicity * most.abs().max(1.0)
+            })
+            .min_by(|(a, its), (b, others)| {
+                let size = |i: usize| {
+                    let candidate = &accepted[i].candidate;
+                    (candidate.form.is_nameless(), candidate.numbers())
+                };
+                size(*a).cmp(&size(*b)).then(others.total_cmp(its)).then(a.cmp(b))
+            })
+            .map_or(0, |(i, _)| i);
+        Some((near, simplest))
+    }
+
+    /// The effect to adopt of the accepted at `near`, with what else explains the same.
+    fn adoption(
+        &self,
+        mut accepted: Vec<Accepted>,
+        near: &[usize],
+        simplest: usize,
+        doubtful: &[Form],
+        clock: &Clock,
+    ) -> Option<(Candidate, Adopted)> {
+        let Round { search, physics, .. } = *self;
+        let mut rivals = Vec::new();
+        // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
+        let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
+        let form = &accepted[simplest].candidate.form;
+        let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale)
+            || doubtful.contains(form)
+            || another_law::cancels(&accepted[simplest].candidate, accepted[simplest].standing.added.c.as_slice());
+        if near.len() > 1 {
+            let solved = search.solved(search.scale)?;
+            let (one, its) = (&accepted[simplest].candidate, &accepted[simplest].standing);
+            for Accepted { candidate: other, standing, .. } in near.iter().map(|i| &accepted[*i]) {
+                if other.form.effect() != one.form.effect() && !other.form.is_nameless() {
+                    let cosine = search.cosine(&solved, (one, &its.added.c), (other, &standing.added.c))?;
+                    // Of two laws of one joint's angle that explain as much one is true, however they bend.
+                    let laws = one.form.of_angle_alone() && other.form.of_angle_alone();
+                    let either = laws && one.form.joints() == other.form.joints();
+                    rivals.extend(if either {
+                        Some(Rival { form: other.form.clone(), cosine })
+                    } else {
+                        Rival::if_confounded(&other.form, cosine)
+                    });
+                }
             }
         }
-        class
-    }
-
-    /// A form by itself.
-    #[cfg(test)]
-    pub(crate) fn alone(form: Form) -> Adopted {
-        Adopted {
-            form,
-            gain: 100.0,
-            shares: Vec::new(),
-            share: 0.9,
-            p_value: None,
-            rivals: Vec::new(),
-            place: 0,
-            values: Vec::new(),
-            acts_on: Vec::new(),
-            mean: Vec::new(),
-            another_law: false,
+        let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
+        if candidate.form.shifts_time() && rivals.iter().all(|rival: &Rival| !rival.form.shifts_time()) {
+            rivals.extend(search.other_kind_of_late((&candidate, &standing), clock, physics));
         }
-    }
-
-    /// A candidate without rivals, before it is added to the model.
-    pub(crate) fn new(
-        search: &Search<'_>,
-        candidate: &Candidate,
-        physics: &[Physics<'_>],
-        gain: f64,
-    ) -> Option<Adopted> {
-        let joints = search.noise.len();
-        Some(Adopted {
-            form: candidate.form.clone(),
-            gain,
-            shares: vec![0.0; joints],
-            share: 0.0,
-            p_value: None,
-            rivals: Vec::new(),
-            place: search.design.background.len(),
-            values: candidate.form.made_with(physics.first()?).to_vec(),
-            acts_on: (0..joints)
-                .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
-                .collect(),
-            mean: candidate.belief.mean.iter().copied().collect(),
-            another_law: false,
-        })
+        let adoption = Adopted {
+            shares,
+            share,
+            p_value,
+            rivals,
+            another_law,
+            ..Adopted::new(search, &candidate, physics, standing.gain)?
+        };
+        Some((candidate, adoption))
     }
 }
 
 /// Whether an encoder is off as none is. Over a whole turn it may be all the same; over a part of one it is a scale of the position, or a zero.
 fn is_mounted_too_badly(search: &Search<'_>, form: &Form, c: &[f64]) -> bool {
     matches!(*form, Form::Eccentricity { joint }
-        if c[0].hypot(c[1]) > LARGEST_ECCENTRICITY && another_law::range(search, joint) < std::f64::consts::PI)
+        if c[0].hypot(c[1]) > POLICY.adoption.max_eccentricity_rad && another_law::range(search, joint) < std::f64::consts::PI)
 }
 
 /// Whether friction over the angle is but its level: what slow motion says of a wrong Coulomb friction, with a wave of any order beside it.
 fn is_level(form: &Form, c: &[f64]) -> bool {
-    matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < WAVE * c[2].abs()
+    matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < POLICY.adoption.min_friction_wave * c[2].abs()
 }
 
 /// Whether two forms repeat with the same order of the angle.
 fn same_order(a: &Form, b: &Form) -> bool {
-    matches!((a.order(), b.order()), (Some(a), Some(b)) if (a - b).abs() <= SAME_ORDER * a)
+    matches!((a.order(), b.order()), (Some(a), Some(b)) if (a - b).abs() <= POLICY.adoption.max_order_difference * a)
 }
 
 /// Whether a form that wrong values look like may be named beside another effect: only where little else is left that it may
@@ -467,16 +411,6 @@ fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
         _ if form.shifts_time() => !residue.any_noisy(),
         _ => form.effect().kind() == Kind::Structure && residue.at_floor(),
     }
-}
-
-/// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
-pub(crate) fn is_part(form: &Form, standing: &Standing) -> bool {
-    let least = match form {
-        Form::TwoMass { .. } => 1.0 - OFF_GRID,
-        Form::Delay { .. } => LATE_IN_FULL,
-        _ => return false,
-    };
-    standing.added.c[0] < least
 }
 
 /// Gain of each of the forms that explain about as much at the noise that the best of them leaves; none of those that do not
@@ -507,8 +441,8 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         let errors: Vec<Vec<f64>> =
             (0..FOLDS).map(|fold| background.fold_errors_with(cells, local, fold, &best.added)).collect();
         for (j, noise) in noise.iter_mut().enumerate() {
-            let left: f64 = errors.iter().map(|fold| fold[j]).sum();
-            *noise = (left / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
+            let square: f64 = errors.iter().map(|fold| fold[j]).sum();
+            *noise = (square / rows[j].max(1.0)).max(0.0).sqrt().max(search.floor[j]).max(1e-9);
             weights[j] = 1.0 / (noise.powi(2) * search.correlations[j]);
         }
     }
@@ -517,12 +451,14 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         holds[standing.at] = Some(standing.gain);
     }
     let joints = forms[best.at].form.joints();
-    if joints.is_empty() || joints.iter().any(|j| noise[*j] > AT_FLOOR * search.floor[*j]) {
+    if joints.is_empty()
+        || joints.iter().any(|j| noise[*j] > POLICY.adoption.max_floor_ratio_of_little_left * search.floor[*j])
+    {
         return Some(holds);
     }
     for standing in &standings {
         let behind = best.gain - standing.gain;
-        if behind > RIVAL_GAP {
+        if behind > POLICY.adoption.rival_gap {
             holds[standing.at] = None;
             say(&format!("  {:?} leaves more than noise: {behind:.0} behind", forms[standing.at].form));
         }
@@ -533,21 +469,6 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::Added;
-
-    fn standing(c: f64) -> Standing {
-        let none = || DVector::zeros(0);
-        let added = Added { c: DVector::repeat(1, c), x: none(), stretches: Vec::new(), log_evidence: 0.0 };
-        Standing { at: 0, gain: 50.0, added }
-    }
-
-    /// Play that a gear's form leaves is a delay of half its size; bristles have a level that may be anything.
-    #[test]
-    fn a_delay_is_wanted_in_full() {
-        let delay = Form::Delay { seconds: 0.006 };
-        assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
-        assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
-    }
 
     /// Of a sound arm's slow log: 0.28 N m at 165 cycles a turn about a level that was 2.2 N m off.
     #[test]

@@ -24,7 +24,7 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
             "the same motion with nothing at the flange: what it carries and the last link are one body".to_owned(),
         );
     }
-    let of = |effect: Effect| match effect {
+    let motion_of = |effect: Effect| match effect {
         Effect::StribeckFriction | Effect::ViscousNonlinearity => {
             "constant speeds from very slow to fast, each in both directions"
         }
@@ -52,10 +52,10 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
         Effect::JointCoupling => "each of the two joints alone at constant speed",
         _ => "each joint alone, slow and fast, over its whole range",
     };
-    let mut motions: Vec<&str> = vec![of(effect)];
+    let mut motions: Vec<&str> = vec![motion_of(effect)];
     for rival in rivals {
-        if !motions.contains(&of(*rival)) {
-            motions.push(of(*rival));
+        if !motions.contains(&motion_of(*rival)) {
+            motions.push(motion_of(*rival));
         }
     }
     Some(motions.join("; "))

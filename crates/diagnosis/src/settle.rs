@@ -5,13 +5,15 @@
 //! come down to what holds, such rows count for little, and the other one is asked again. It is put in the first one's place for that:
 //! what a wrong law leaves is noise as well.
 
+use crate::adopted::Adopted;
 use crate::effect::Kind;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search};
-use crate::select::{AT_FLOOR, Adopted, RIVAL_GAP, Selected};
+use crate::select::Selected;
 
 /// Share of what is believed of a coefficient that holds it at nothing.
-const NOTHING: f64 = 1e-6;
+const HELD_COEFFICIENT_SHARE: f64 = 1e-6;
 
 impl<'a> Selected<'a> {
     /// Holds the last effect against its rivals: those that are clearly behind are none, one that is clearly ahead takes its place.
@@ -51,43 +53,48 @@ impl<'a> Selected<'a> {
         rival: &Form,
         say: &mut dyn FnMut(&str),
     ) -> Option<bool> {
-        let own = self.adopted.last()?.clone();
-        let noise = |search: &Search<'_>| own.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
-        let is_down =
-            |search: &Search<'_>| own.form.joints().iter().all(|j| search.noise[*j] <= AT_FLOOR * search.floor[*j]);
+        let adopted = self.adopted.last()?.clone();
+        let noise = |search: &Search<'_>| adopted.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
+        let is_down = |search: &Search<'_>| {
+            adopted
+                .form
+                .joints()
+                .iter()
+                .all(|j| search.noise[*j] <= POLICY.adoption.max_floor_ratio_of_little_left * search.floor[*j])
+        };
         let with_own = noise(search);
-        let [mine, its] = self.both(search, [&own.form, rival])?;
+        let [mine, its] = self.both(search, [&adopted.form, rival])?;
         let (mut ahead, mut down) = (mine.1 - its.1, is_down(search));
         let adoption = Adopted::new(search, &its.0, &self.physics, its.1)?;
-        let adoption = Adopted { place: own.place, ..adoption };
+        let adoption = Adopted { place: adopted.place, ..adoption };
         // With the other one in its place.
-        search.design.give_up(&own.mean);
+        search.design.give_up(&adopted.mean);
         if let Some(physics) = search.extend(&its.0, &adoption.mean) {
             if noise(search) < with_own {
                 self.adopted.pop();
                 self.adopted.push(adoption.clone());
                 let before = std::mem::replace(&mut self.physics, physics);
-                if let Some([mine, its]) = self.both(search, [&own.form, rival]) {
+                if let Some([mine, its]) = self.both(search, [&adopted.form, rival]) {
                     (ahead, down) = (mine.1 - its.1, is_down(search));
                 }
                 self.adopted.pop();
-                if down && -ahead > RIVAL_GAP {
-                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, own.form, -ahead));
-                    let rivals = own.rivals.into_iter().filter(|r| r.form != *rival).collect();
-                    let (shares, share, p_value) = (own.shares, own.share, own.p_value);
+                if down && -ahead > POLICY.adoption.rival_gap {
+                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, adopted.form, -ahead));
+                    let rivals = adopted.rivals.into_iter().filter(|r| r.form != *rival).collect();
+                    let (shares, share, p_value) = (adopted.shares, adopted.share, adopted.p_value);
                     self.adopted.push(Adopted { shares, share, p_value, rivals, ..adoption });
                     return Some(true);
                 }
-                self.adopted.push(own.clone());
+                self.adopted.push(adopted.clone());
                 self.physics = before;
             }
             search.design.give_up(&adoption.mean);
         }
-        if search.extend(candidate, &own.mean).is_none() {
+        if search.extend(candidate, &adopted.mean).is_none() {
             self.adopted.pop();
             return None;
         }
-        if down && ahead > RIVAL_GAP {
+        if down && ahead > POLICY.adoption.rival_gap {
             say(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
             self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);
         }
@@ -99,7 +106,7 @@ impl<'a> Selected<'a> {
         let last = self.adopted.last()?;
         let free = search.design.background.std.clone();
         let columns = last.place..free.len();
-        search.design.background.std.rows_mut(columns.start, columns.len()).scale_mut(NOTHING);
+        search.design.background.std.rows_mut(columns.start, columns.len()).scale_mut(HELD_COEFFICIENT_SHARE);
         let scales = search.scales();
         let gain = |form: &Form| {
             let (candidate, standing) = search.refine_over(form, &self.physics, &scales)?;

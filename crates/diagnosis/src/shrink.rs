@@ -2,19 +2,13 @@
 
 use crate::effect::Effect;
 use crate::gap::Gap;
+use crate::policy::POLICY;
 use crate::predict::Prediction;
 use crate::report::Shrink;
 use crate::stages::Stages;
 
-/// A model that misses the sealed run this many times more than the one as given was fitted to something else.
-const RUNAWAY: f64 = 2.0;
-/// So was one that keeps less than this share of the least that its causes promised together, where that was this share of the gap.
-/// (One cause alone may: what two of them share is given to either.)
-const KEPT: f64 = 0.1;
-const PROMISED: f64 = 0.1;
-
 /// Shrink by step `k`, which adds `effect`. `seen`: the runs looked at; `gaps`: the sealed one's.
-pub(crate) fn of(effect: Effect, k: usize, prediction: &Prediction, seen: &[Stages], gaps: &[Gap]) -> Shrink {
+pub(crate) fn estimate(effect: Effect, k: usize, prediction: &Prediction, seen: &[Stages], gaps: &[Gap]) -> Shrink {
     let (predicted, low, high) = if effect == Effect::TorqueSaturation {
         // As before, if the command is cut as often again.
         let before = on_runs(seen, k);
@@ -30,12 +24,13 @@ pub(crate) fn is_refuted(gaps: &[Gap], shrinks: &[Shrink]) -> bool {
     let Some((before, after)) = gaps.first().zip(gaps.last()) else { return false };
     let promised = 1.0 - shrinks.iter().map(|s| 1.0 - s.low.max(0.0)).product::<f64>();
     let came = 1.0 - after.all / before.all;
-    promised > PROMISED && came < KEPT * promised || after.all > RUNAWAY * before.all
+    promised > POLICY.held_out.min_promise && came < POLICY.held_out.min_kept_promise_share * promised
+        || after.all > POLICY.held_out.max_refuted_gap_ratio * before.all
 }
 
 /// Whether a gap is so far above the noise that it is one.
 pub(crate) fn is_plain(gap: f64, floor: f64) -> bool {
-    gap > RUNAWAY * floor
+    gap > POLICY.held_out.max_refuted_gap_ratio * floor
 }
 
 fn on_runs(seen: &[Stages], k: usize) -> f64 {

@@ -4,32 +4,9 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::log_check::LogFault;
+use crate::log_fault::LogFault;
+use crate::policy::POLICY;
 use crate::run::Run;
-
-/// Time that a spike lasts at most \[s\], in whole samples up to so many.
-const SPIKE_S: f64 = 0.003;
-const SPIKE_SAMPLES: usize = 3;
-/// A spike stands out of the median around it by this share of the signal's range, or by so many ranges where the log is too slow
-/// to show how torque comes and goes ...
-const OUTSTANDING: f64 = 0.5;
-const FAR_OUTSTANDING: f64 = 2.0;
-/// ... and by this many times what is usual.
-const UNUSUAL: f64 = 20.0;
-/// More spikes than this share of the samples are no spikes.
-const FEW: f64 = 0.01;
-/// A position jumps where it goes this many times as far in a sample as it does in all but a thousandth of them ...
-const JUMP: f64 = 10.0;
-/// ... and at least this far \[rad\].
-const LEAST_JUMP: f64 = 5e-3;
-/// Samples after which a glitch has come back.
-const GLITCH: usize = 5;
-/// All channels repeat for this long while the arm moves: the log stood still, not the arm \[s\].
-const FROZEN_S: f64 = 0.015;
-/// Steps from sample to sample in that time, at least.
-const FROZEN_SAMPLES: usize = 5;
-/// Speed before it from which no joint stops at once \[rad/s\].
-const MOVES: f64 = 0.02;
 
 /// Mends what can be mended and cuts what cannot.
 pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
@@ -62,17 +39,19 @@ pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
         for at in jumps {
             let q = &mut run.q[j];
             let turns = ((q[at] - q[at - 1]) / TAU).round();
-            if turns != 0.0 && (q[at] - q[at - 1] - turns * TAU).abs() < LEAST_JUMP.max(0.1) {
+            if turns != 0.0 && (q[at] - q[at - 1] - turns * TAU).abs() < POLICY.signal_faults.min_jump_rad.max(0.1) {
                 q[at..].iter_mut().for_each(|q| *q -= turns * TAU);
                 wraps += 1;
                 continue;
             }
             let jump = q[at] - q[at - 1];
             let usual = |to: usize| (q[to] - q[at - 1]).abs() < 0.2 * jump.abs();
-            if jump.abs() < LEAST_JUMP {
+            if jump.abs() < POLICY.signal_faults.min_jump_rad {
                 continue; // The way back of a glitch that is mended by now.
             }
-            if let Some(back) = (at + 1..(at + 1 + GLITCH).min(samples)).find(|to| usual(*to)) {
+            if let Some(back) =
+                (at + 1..(at + 1 + POLICY.signal_faults.max_glitch_samples).min(samples)).find(|to| usual(*to))
+            {
                 let (from, to) = (q[at - 1], q[back]);
                 let span = (back + 1 - at) as f64;
                 for k in at..back {
@@ -96,34 +75,29 @@ pub(crate) fn mend(run: Run) -> (Run, Vec<(usize, LogFault)>) {
 
 /// The run at the rate at which these signals of it come, where each value is held for so many samples; of which joints, and how many.
 fn at_own_rate(run: &Run, signals: &[Vec<f64>]) -> Option<(Vec<usize>, usize, Run)> {
-    let held: Vec<Option<(usize, usize)>> = signals.iter().map(|q| held(q)).collect();
-    let (first, every) = held.iter().flatten().copied().next()?;
-    let joints = (0..held.len()).filter(|j| held[*j].is_some()).collect();
+    let holds: Vec<Option<(usize, usize)>> = signals.iter().map(|q| hold_period(q)).collect();
+    let (first, every) = holds.iter().flatten().copied().next()?;
+    let joints = (0..holds.len()).filter(|j| holds[*j].is_some()).collect();
     // Of one clock, or of none.
     let other = |h: &(usize, usize)| h.1 != every || h.0 % every != first % every;
-    if held.iter().flatten().any(other) {
+    if holds.iter().flatten().any(other) {
         return None;
     }
-    let of =
+    let decimated =
         |s: &Vec<Vec<f64>>| s.iter().map(|s| s.iter().skip(first % every).step_by(every).copied().collect()).collect();
-    Some((joints, every, run.each(every as f64 * run.period_s, of)))
+    Some((joints, every, run.each(every as f64 * run.period_s, decimated)))
 }
 
 /// Where a signal changes and after how many samples it changes again, if it is held for as many each time.
-fn held(q: &[f64]) -> Option<(usize, usize)> {
-    /// Changes that tell, and the share of them that has to agree.
-    const ENOUGH: usize = 200;
-    const NEARLY_ALL: f64 = 0.9;
-    /// In steps of the encoder: what is slower holds a step by itself.
-    const FAST: f64 = 3.0;
-    let least = FAST * resolution(q);
+fn hold_period(q: &[f64]) -> Option<(usize, usize)> {
+    let least = POLICY.signal_faults.min_change_in_steps * resolution(q);
     let changes: Vec<usize> = (1..q.len()).filter(|k| (q[*k] - q[*k - 1]).abs() > least).collect();
     let mut spans: Vec<usize> = changes.windows(2).map(|w| w[1] - w[0]).collect();
     spans.sort_unstable();
     let every = *spans.get(spans.len() / 2)?;
     let (agree, first) = (spans.iter().filter(|s| **s == every).count(), *changes.first()?);
-    let plain = agree as f64 >= NEARLY_ALL * spans.len() as f64;
-    (every > 1 && spans.len() >= ENOUGH && plain).then_some((first, every))
+    let plain = agree as f64 >= POLICY.signal_faults.min_held_share * spans.len() as f64;
+    (every > 1 && spans.len() >= POLICY.signal_faults.min_held_changes && plain).then_some((first, every))
 }
 
 /// The longest stretch between cuts.
@@ -141,7 +115,8 @@ fn longest(run: Run, mut cuts: Vec<Range<usize>>) -> Run {
 /// Replaces samples that stand out by the median around them: how many, and the farthest one's size. None if none does, or so
 /// many that they are the signal.
 fn mend_spikes(x: &mut [f64], period_s: f64) -> Option<(usize, f64)> {
-    let half = ((SPIKE_S / period_s) as usize).clamp(1, SPIKE_SAMPLES);
+    let half =
+        ((POLICY.signal_faults.max_spike_s / period_s) as usize).clamp(1, POLICY.signal_faults.max_spike_samples);
     if x.len() < 100 * half {
         return None;
     }
@@ -149,10 +124,17 @@ fn mend_spikes(x: &mut [f64], period_s: f64) -> Option<(usize, f64)> {
     let off: Vec<f64> = x.iter().zip(&usual).map(|(x, m)| (x - m).abs()).collect();
     let range =
         usual.iter().fold(f64::NEG_INFINITY, |m, x| m.max(*x)) - usual.iter().fold(f64::INFINITY, |m, x| m.min(*x));
-    let outstanding = if half < SPIKE_SAMPLES { FAR_OUTSTANDING } else { OUTSTANDING };
-    let limit = f64::max(outstanding * range, UNUSUAL * quantile(&off, 0.5) / 0.6745);
+    let outstanding = if half < POLICY.signal_faults.max_spike_samples {
+        POLICY.signal_faults.min_spike_share_slow
+    } else {
+        POLICY.signal_faults.min_spike_share
+    };
+    let limit = f64::max(outstanding * range, POLICY.signal_faults.min_spike_ratio * quantile(&off, 0.5) / 0.6745);
     let outside: Vec<usize> = (0..x.len()).filter(|k| off[*k] > limit).collect();
-    if limit <= 0.0 || outside.is_empty() || outside.len() as f64 > FEW * x.len() as f64 {
+    if limit <= 0.0
+        || outside.is_empty()
+        || outside.len() as f64 > POLICY.signal_faults.max_spike_samples_share * x.len() as f64
+    {
         return None;
     }
     let farthest = outside.iter().map(|k| x[*k]).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
@@ -181,14 +163,16 @@ fn quantile(x: &[f64], share: f64) -> f64 {
 /// Samples to which a position jumps; what is cut out anyway is nobody's jump.
 fn jumps(q: &[f64], cuts: &[Range<usize>]) -> Vec<usize> {
     let steps: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-    let limit = f64::max(LEAST_JUMP, JUMP * quantile(&steps, 0.999));
+    let limit =
+        f64::max(POLICY.signal_faults.min_jump_rad, POLICY.signal_faults.min_jump_ratio * quantile(&steps, 0.999));
     let cut = |k: &usize| cuts.iter().any(|cut| cut.start <= *k && *k <= cut.end);
     (1..q.len()).filter(|k| steps[*k - 1] > limit && !cut(k)).collect()
 }
 
 /// Stretches over which every channel repeats itself though a joint moved before, and that joint.
 fn frozen(run: &Run) -> Vec<(usize, Range<usize>)> {
-    let least = FROZEN_SAMPLES.max((FROZEN_S / run.period_s).ceil() as usize);
+    let least =
+        POLICY.signal_faults.min_frozen_samples.max((POLICY.signal_faults.min_frozen_s / run.period_s).ceil() as usize);
     let channels = || run.q.iter().chain(&run.tau);
     let repeats: Vec<bool> = (1..run.len()).map(|k| channels().all(|c| c[k] == c[k - 1])).collect();
     let (mut at, mut found) = (0, Vec::new());
@@ -203,7 +187,11 @@ fn frozen(run: &Run) -> Vec<(usize, Range<usize>)> {
             f64::min((q[from - 1] - q[from - 2]).abs(), (q[from - 2] - q[from - 3]).abs()) / run.period_s
         };
         let fastest = run.q.iter().map(speed).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-        found.extend(fastest.filter(|(_, speed)| *speed > MOVES).map(|(j, _)| (j, from..to)));
+        found.extend(
+            fastest
+                .filter(|(_, speed)| *speed > POLICY.signal_faults.min_speed_before_frozen_rad_s)
+                .map(|(j, _)| (j, from..to)),
+        );
     }
     found
 }
@@ -221,24 +209,24 @@ pub(crate) fn white_noise_without(x: &[f64], interpolated: &[usize]) -> f64 {
 /// Standard deviation of what a position's steps or noise add to it \[rad\].
 pub(crate) fn position_noise(q: &[f64], period_s: f64) -> f64 {
     /// Below this rate motion itself has what white noise has \[s\].
-    const SLOW: f64 = 0.0021;
+    const MAX_WHITE_NOISE_PERIOD_S: f64 = 0.0021;
     let steps = resolution(q) / 12.0_f64.sqrt();
-    if period_s > SLOW { steps } else { steps.max(white_noise(q)) }
+    if period_s > MAX_WHITE_NOISE_PERIOD_S { steps } else { steps.max(white_noise(q)) }
 }
 
 /// The step of which all changes of a position are multiples \[rad\]; 0 without one.
 pub(crate) fn resolution(q: &[f64]) -> f64 {
     /// Smaller steps are those of the numbers themselves.
-    const LEAST: f64 = 1e-7;
+    const MIN_RESOLUTION: f64 = 1e-7;
     /// How near to a multiple, in steps; and of how many changes.
-    const NEAR: f64 = 0.02;
-    const NEARLY_ALL: f64 = 0.99;
-    let changes: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > LEAST).collect();
+    const MAX_MULTIPLE_ERROR: f64 = 0.02;
+    const MIN_MULTIPLE_SHARE: f64 = 0.99;
+    let changes: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > MIN_RESOLUTION).collect();
     let step = changes.iter().copied().fold(f64::INFINITY, f64::min);
     // Far multiples tell nothing: the step is not known so well.
     let near: Vec<f64> = changes.iter().map(|d| d / step).filter(|m| *m < 30.0).collect();
-    let whole = near.iter().filter(|m| (*m - m.round()).abs() < NEAR).count();
-    let enough = near.len() >= 20 && whole as f64 >= NEARLY_ALL * near.len() as f64;
+    let whole = near.iter().filter(|m| (*m - m.round()).abs() < MAX_MULTIPLE_ERROR).count();
+    let enough = near.len() >= 20 && whole as f64 >= MIN_MULTIPLE_SHARE * near.len() as f64;
     if step.is_finite() && enough { step } else { 0.0 }
 }
 
@@ -354,6 +342,6 @@ mod tests {
         assert!((resolution(&coarse) / 1e-4 - 1.0).abs() < 1e-6);
         assert!((position_noise(&coarse, 2.2 * PERIOD_S) / 2.887e-5 - 1.0).abs() < 1e-3);
         // Steps alone are no positions that are held.
-        assert_eq!(held(&coarse), None);
+        assert_eq!(hold_period(&coarse), None);
     }
 }

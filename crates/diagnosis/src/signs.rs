@@ -4,26 +4,15 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::background::{Nominal, standard_columns};
 use crate::design::Prepared;
-use crate::log_check::{LogFault, is_still};
+use crate::log_fault::LogFault;
+use crate::policy::POLICY;
+use crate::rigid;
 use crate::rows::Column;
 use crate::run::Motion;
+use crate::stillness::is_still;
 
-/// Rows that are looked at, spread over the run.
-const ROWS: usize = 400;
-/// No rigid arm is known better than to this share of the torque; with the signal's noise it is the unit of what is missed.
-const KNOWN: f64 = 0.02;
-/// Where nothing else says so, an arm that misses no more than this has no sign wrong: no reason to look.
-const FITS: f64 = 1.5;
-/// Nor has one that misses more than this share of it with a position turned, ...
-const FAR_BETTER: f64 = 0.5;
-/// ... or than this share of it with the joint's torque turned instead. A torque that is mirrored at every joint looks like neither.
-const THAN_TORQUE: f64 = 0.6;
-/// Where torque runs against motion one of the two is wrong: the position if it is better by so much ...
-const BETTER: f64 = 0.97;
-/// ... and what is left then is next to nothing: what the arm has and the model lacks may look better with any sign.
-const GOOD: f64 = 2.0;
 /// Columns weaker than this share of their size beside the others are rounding.
-const ROUNDING: f64 = 1e-8;
+const PROJECTED_COLUMN_ROUNDING: f64 = 1e-8;
 
 /// Joints whose position has the wrong sign.
 pub(crate) fn of_positions(run: &Prepared, nominal: &Nominal) -> Vec<(usize, LogFault)> {
@@ -31,12 +20,19 @@ pub(crate) fn of_positions(run: &Prepared, nominal: &Nominal) -> Vec<(usize, Log
     let as_logged = arm.missed(None, None);
     let signs = |j: usize| matches!(run.silent[j], Some(LogFault::Sign(_) | LogFault::Opposite(_)));
     let sound = |j: usize| run.silent[j].is_none() && !is_still(&run.motion, j);
-    let joints: Vec<usize> = (0..run.silent.len()).filter(|j| signs(*j) || as_logged > FITS && sound(*j)).collect();
+    let joints: Vec<usize> = (0..run.silent.len())
+        .filter(|j| signs(*j) || as_logged > POLICY.screening.max_fitting_residual && sound(*j))
+        .collect();
     let found = |j: &usize| {
         let turned = arm.missed(Some(*j), None);
-        let [than_logged, than_torque] = if signs(*j) { [BETTER; 2] } else { [FAR_BETTER, THAN_TORQUE] };
-        let better =
-            turned < GOOD && turned < than_logged * as_logged && turned < than_torque * arm.missed(None, Some(*j));
+        let [than_logged, than_torque] = if signs(*j) {
+            [POLICY.screening.max_flipped_residual_share; 2]
+        } else {
+            [POLICY.screening.max_turned_residual_share, POLICY.screening.max_turned_over_torque]
+        };
+        let better = turned < POLICY.screening.max_flipped_residual
+            && turned < than_logged * as_logged
+            && turned < than_torque * arm.missed(None, Some(*j));
         better.then_some((*j, LogFault::PositionSign { as_logged, turned }))
     };
     let mut found: Vec<(usize, LogFault)> = joints.iter().filter_map(found).collect();
@@ -71,28 +67,28 @@ struct Turned<'a> {
 impl Turned<'_> {
     /// What a rigid arm with friction misses of the torque of all joints at best, in units of what is known of it.
     fn missed(&self, position: Option<usize>, torque: Option<usize>) -> f64 {
-        let heard: Vec<usize> =
+        let trusted: Vec<usize> =
             (0..self.run.tau.len()).filter(|j| !matches!(self.run.silent[*j], Some(LogFault::Silent { .. }))).collect();
-        let own;
+        let flipped_columns;
         let columns = match position {
             Some(j) => {
                 let mut motion = self.run.motion.clone();
                 flip(&mut motion, j);
-                own = standard_columns(&self.nominal.model, &motion, &self.run.chain);
-                &own
+                flipped_columns = standard_columns(&self.nominal.model, &motion, &self.run.chain);
+                &flipped_columns
             }
             None => &self.run.standard,
         };
         let own_angle = self.of_angle();
         let columns: Vec<&Column> = columns.iter().chain(&own_angle).collect();
         let rows = self.run.rows();
-        let used: Vec<usize> = (0..rows).step_by((rows / ROWS).max(1)).collect();
-        let mut y = DMatrix::zeros(used.len() * heard.len(), columns.len());
-        let mut b = DVector::zeros(used.len() * heard.len());
-        for (block, j) in heard.iter().enumerate() {
+        let used: Vec<usize> = (0..rows).step_by((rows / rigid::ROWS).max(1)).collect();
+        let mut y = DMatrix::zeros(used.len() * trusted.len(), columns.len());
+        let mut b = DVector::zeros(used.len() * trusted.len());
+        for (block, j) in trusted.iter().enumerate() {
             let tau = &self.run.tau[*j];
             let rms = (tau.iter().map(|t| t * t).sum::<f64>() / rows.max(1) as f64).sqrt();
-            let known = self.run.floor[*j].hypot(KNOWN * rms);
+            let known = self.run.floor[*j].hypot(POLICY.screening.rigid_model_error * rms);
             let sign = if torque == Some(*j) { -1.0 } else { 1.0 };
             for (row, k) in used.iter().enumerate() {
                 let at = block * used.len() + row;
@@ -107,7 +103,7 @@ impl Turned<'_> {
             }
         }
         let count = b.len().max(1) as f64;
-        left(y, &b) / count.sqrt()
+        residual_norm(y, &b) / count.sqrt()
     }
 
     /// Springs and counterbalances, which many arms have: the same whatever the sign.
@@ -132,7 +128,7 @@ fn flip(motion: &mut Motion, j: usize) {
 }
 
 /// Norm of what is left of `b` by the columns of `y`.
-fn left(mut y: DMatrix<f64>, b: &DVector<f64>) -> f64 {
+fn residual_norm(mut y: DMatrix<f64>, b: &DVector<f64>) -> f64 {
     for mut column in y.column_iter_mut() {
         let size = column.norm();
         if size > 0.0 {
@@ -141,7 +137,7 @@ fn left(mut y: DMatrix<f64>, b: &DVector<f64>) -> f64 {
     }
     let mut normal = y.tr_mul(&y);
     for c in 0..normal.ncols() {
-        normal[(c, c)] += ROUNDING;
+        normal[(c, c)] += PROJECTED_COLUMN_ROUNDING;
     }
     let x = Cholesky::new(normal).map(|root| root.solve(&y.tr_mul(b)));
     x.map_or(b.norm(), |x| (b - y * x).norm())

@@ -1,46 +1,40 @@
 //! Torque channels that say nothing although their joints move: dead ones, and those that hold only noise.
 
-use crate::design::Prepared;
-use crate::log_check::{LogFault, STILL, is_moved, is_still};
+use crate::log_fault::LogFault;
+use crate::policy::POLICY;
 use crate::rows::Chain;
 use crate::run::{Motion, Run};
 use crate::signals;
+use crate::stillness::{is_moved, is_still};
 
-/// A channel that varies by less than this share of what friction and rotor of its moving joint take by the file ...
-const CARRIES: f64 = 1e-3;
-/// ... and that does not follow the direction of motion by more than this correlation says nothing: a file may give far too
-/// much friction, but a joint that has less of it still shows that.
-const FOLLOWS: f64 = 0.3;
-/// A channel that varies by no more than so many times its noise has nothing else, and says nothing ...
-const ONLY_NOISE: f64 = 1.2;
-/// ... where that is no more than this share of what is due.
-const FAR_LESS: f64 = 0.2;
-/// A joint turns one way where its direction is so much on average; its level is what the drive takes by the file within these factors.
-const ONE_WAY: f64 = 0.9;
 const AS_DUE: std::ops::Range<f64> = 0.2..5.0;
 
 impl LogFault {
     /// Of a joint in motion whose torque varies by `carries` \[N·m\] and follows the direction of motion with the correlation
     /// `follows`, where friction and rotor take `due` by the file.
     pub fn of_silence(carries: f64, due: f64, follows: f64) -> Option<LogFault> {
-        (carries < CARRIES * due && follows.abs() <= FOLLOWS).then_some(LogFault::Silent { carries, due })
+        (carries < POLICY.screening.max_silent_share * due && follows.abs() <= POLICY.screening.max_silent_correlation)
+            .then_some(LogFault::Silent { carries, due })
     }
 
     /// The same of one that varies by `noise` \[N·m\], all but nothing else, where that is far less than is due.
     fn of_noise(carries: f64, noise: f64, due: f64, follows: f64) -> Option<LogFault> {
-        let alone = carries < ONLY_NOISE * noise && carries < FAR_LESS * due && follows.abs() <= FOLLOWS;
+        let alone = carries < POLICY.screening.max_silent_noise_ratio * noise
+            && carries < POLICY.screening.max_noise_share * due
+            && follows.abs() <= POLICY.screening.max_silent_correlation;
         alone.then_some(LogFault::Silent { carries, due })
     }
 }
 
 /// The fault of joint `j`'s torque rows if they say nothing although the joint moves: neither as much as the least that its
 /// drive takes, nor in the direction of its motion. What bodies take may cancel, so it does not count.
-pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
+pub(crate) fn detect(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f64], j: usize) -> Option<LogFault> {
     let (n, speed, accel) = (motion.joints(), chain.sample(&motion.qd[j]), chain.sample(&motion.qdd[j]));
     if !is_moved(motion, chain, j) {
         return None;
     }
-    let moving: Vec<usize> = (0..tau.len()).filter(|k| speed[*k].abs() > STILL).collect();
+    let moving: Vec<usize> =
+        (0..tau.len()).filter(|k| speed[*k].abs() > POLICY.signal_faults.max_still_speed_rad_s).collect();
     let rows = moving.len() as f64;
     let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
     let drive = |k: usize| {
@@ -54,7 +48,7 @@ pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f
     let stuck = varies <= 1e-9 * carries;
     // A joint that turns one way at an even speed has a drive that takes an even torque: a level of about that size is heard.
     let expected = mean(&drive);
-    let one_way = turn.abs() > ONE_WAY && expected != 0.0;
+    let one_way = turn.abs() > POLICY.screening.min_one_way_share && expected != 0.0;
     if !stuck && one_way && AS_DUE.contains(&(level / expected)) {
         return None;
     }
@@ -65,26 +59,13 @@ pub(crate) fn of(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x: &[f
 
 /// Whether the run has a channel that says nothing and no other joint moves: then it says nothing of any joint.
 pub(crate) fn is_mute(run: &Run, x: &[f64]) -> bool {
-    let (motion, chain) = (Motion::of(run), Chain::new(run.period_s));
+    let (motion, chain) = (Motion::from_run(run), Chain::new(run.period_s));
     let moving: Vec<usize> = (0..run.joints()).filter(|j| !is_still(&motion, *j)).collect();
     let silent = |j: &usize| {
         let noise = signals::white_noise_without(&run.tau[*j], &run.interpolated) * chain.white_gain();
-        of(&chain.apply(&run.tau[*j]), noise, &motion, &chain, x, *j).is_some()
+        detect(&chain.apply(&run.tau[*j]), noise, &motion, &chain, x, *j).is_some()
     };
     !moving.is_empty() && moving.iter().all(silent)
-}
-
-/// A channel that says nothing whenever its joint moves says nothing where it stands either.
-pub(crate) fn silence_dead(runs: &mut [&mut Prepared], mute: &[Prepared]) {
-    for j in 0..runs.first().map_or(0, |run| run.silent.len()) {
-        let all = || runs.iter().map(|run| &**run).chain(mute);
-        let fault = all().find_map(|run| run.silent[j]);
-        if fault.is_some() && all().all(|run| run.silent[j].is_some() || is_still(&run.motion, j)) {
-            for run in runs.iter_mut() {
-                run.silent[j] = fault;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -100,7 +81,7 @@ mod tests {
         let chain = Chain::new(1e-3);
         let tau: Vec<f64> = (0..motion.len()).map(|k| tau(1e-3 * k as f64, motion.qd[0][k])).collect();
         let x = [vec![0.0; 10], vec![0.1, friction, friction, 0.0]].concat();
-        of(&chain.apply(&tau), 0.0, &motion, &chain, &x, 0)
+        detect(&chain.apply(&tau), 0.0, &motion, &chain, &x, 0)
     }
 
     #[test]
@@ -135,7 +116,7 @@ mod tests {
             };
             let chain = Chain::new(1e-3);
             let tau: Vec<f64> = (0..n).map(|k| level + 0.01 * (300.0 * 1e-3 * f64::from(k)).sin()).collect();
-            of(&chain.apply(&tau), 0.0, &motion, &chain, &[vec![0.0; 10], vec![0.1, 1.0, 1.0, 0.0]].concat(), 0)
+            detect(&chain.apply(&tau), 0.0, &motion, &chain, &[vec![0.0; 10], vec![0.1, 1.0, 1.0, 0.0]].concat(), 0)
         };
         assert_eq!(even(1.7), None);
         assert!(even(0.0).is_some() && even(-1.7).is_some());

@@ -3,16 +3,17 @@
 
 use nalgebra::DVector;
 
+use crate::adopted::Adopted;
 use crate::contact::numbers;
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
 use crate::form::Form;
 use crate::possible::{self, Impossible};
 use crate::procedure::{Procedure, Step};
-use crate::report::{Cause, Diagnosis, Shrink, Verdict};
+use crate::report::{Cause, Diagnosis, Verdict};
 use crate::search::Search;
-use crate::select::Adopted;
-use crate::values::{Group, Wrong};
+use crate::value_group::Group;
+use crate::values::Wrong;
 
 /// What stands.
 pub(crate) struct Sized {
@@ -46,28 +47,29 @@ impl Procedure<'_> {
         steps: &[Step],
         upheld: &[bool],
     ) -> Option<Sized> {
-        let with = |stands: bool| steps.iter().zip(upheld).filter(move |(_, u)| **u == stands).map(|(step, _)| step);
-        for adopted in with(false).flat_map(|step| &step.adopted) {
+        let steps_that =
+            |stands: bool| steps.iter().zip(upheld).filter(move |(_, u)| **u == stands).map(|(step, _)| step);
+        for adopted in steps_that(false).flat_map(|step| &step.adopted) {
             search.design.forget(&adopted.form, adopted.place, &adopted.mean);
         }
-        let mut held: Vec<usize> =
-            (0..wrong.groups.len()).filter(|at| with(false).any(|step| has(step, &wrong.groups[*at]))).collect();
-        let mut standing: Vec<Step> = with(true).cloned().collect();
+        let mut held_groups: Vec<usize> =
+            (0..wrong.groups.len()).filter(|at| steps_that(false).any(|step| has(step, &wrong.groups[*at]))).collect();
+        let mut standing: Vec<Step> = steps_that(true).cloned().collect();
         let mut refused: Vec<Refused> = Vec::new();
         let frozen = !report.other_arm.is_empty();
         let solved = loop {
-            let solved = wrong.held(search, &held, frozen)?;
+            let solved = wrong.solve_held(search, &held_groups, frozen)?;
             let before = refused.len();
             refused.extend(self.refuse_effects(search, &mut standing, &solved));
-            refused.extend(self.refuse_values(wrong, &mut held, &mut standing, &solved));
+            refused.extend(self.refuse_values(wrong, &mut held_groups, &mut standing, &solved));
             if refused.len() == before {
                 break solved;
             }
         };
         let names = self.names();
         for (cause, step) in report.causes.iter_mut().zip(&standing) {
-            let told = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
-            cause.magnitude = self.magnitude(search, &told, &solved);
+            let confirmed = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
+            cause.magnitude = self.magnitude(search, &confirmed, &solved);
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);
@@ -81,7 +83,7 @@ impl Procedure<'_> {
         }
         let named = standing.iter().flat_map(|step| step.columns.iter().copied()).collect();
         let effects = standing.into_iter().flat_map(|step| step.adopted).collect();
-        Some(Sized { held, frozen, named, effects, x: solved.x })
+        Some(Sized { held: held_groups, frozen, named, effects, x: solved.x })
     }
 
     /// Takes effects from `standing` whose size no arm has, and their columns from the design.
@@ -156,12 +158,12 @@ impl Procedure<'_> {
             }
         }
         // Contact has no columns of its own.
-        let left = |k: usize| {
+        let is_kept = |k: usize| {
             let nothing = standing[k].columns.is_empty() && standing[k].adopted.is_empty();
             !nothing || refused.iter().all(|r| r.cause != k)
         };
-        let mut left = (0..standing.len()).map(left);
-        report.causes.retain(|_| left.next() == Some(true));
+        let mut kept_causes = (0..standing.len()).map(is_kept);
+        report.causes.retain(|_| kept_causes.next() == Some(true));
     }
 
     /// Sizes of all that a step adds as it was `solved`.
@@ -169,11 +171,13 @@ impl Procedure<'_> {
         let (model, x) = (&self.nominal.model, &solved.x);
         let standard = self.standard(std::slice::from_ref(step), solved);
         // Of a body's ten values some are in no joint's torque and stay as given.
-        let own = step.columns.iter().filter(|c| self.nominal.x.get(**c).is_some_and(|given| *given != standard[**c]));
+        let changed_columns =
+            step.columns.iter().filter(|c| self.nominal.x.get(**c).is_some_and(|given| *given != standard[**c]));
         // Next to nothing is nothing.
         let least = |c: usize| if possible::is_drive(model.parameters[c]) { 0.0 } else { f64::NEG_INFINITY };
         let value = |c: &usize| standard[*c].max(least(*c));
-        let mut sizes: Vec<(String, f64)> = own.map(|c| (model.parameters[*c].name(&model.arm), value(c))).collect();
+        let mut sizes: Vec<(String, f64)> =
+            changed_columns.map(|c| (model.parameters[*c].name(&model.arm), value(c))).collect();
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
             let mut c: Vec<f64> = match adopted.form {
@@ -217,25 +221,7 @@ fn has(step: &Step, group: &Group) -> bool {
 pub(crate) fn hint(effect: Effect, joints: Vec<String>, what: &[Impossible]) -> Cause {
     Cause {
         magnitude: what.iter().map(|what| (what.name.clone(), what.value)).collect(),
-        impossible: Some(possible::said(what)),
-        ..unmeasured(effect, joints)
-    }
-}
-
-/// Something that no step of the sealed run stands for.
-pub(crate) fn unmeasured(effect: Effect, joints: Vec<String>) -> Cause {
-    Cause {
-        effect,
-        joints,
-        magnitude: Vec::new(),
-        shrink: Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN },
-        share: None,
-        p_value: None,
-        confidence: f64::NAN,
-        indistinguishable_from: Vec::new(),
-        angles: Vec::new(),
-        separating_motion: None,
-        curves: Vec::new(),
-        impossible: None,
+        impossible: Some(possible::text(what)),
+        ..Cause::unmeasured(effect, joints)
     }
 }

@@ -25,9 +25,9 @@ impl Stages {
         let less =
             |(tau, turned): (&Vec<f64>, &Vec<f64>)| tau.iter().zip(turned).map(|(tau, turned)| tau - turned).collect();
         let sliding: Vec<Vec<f64>> = self.tau.iter().zip(&self.turned).map(less).collect();
-        let own: Vec<Gap> = gaps(&self.tau);
-        let beside = if sliding.is_empty() { own.clone() } else { gaps(&sliding) };
-        [own, beside]
+        let all_rows: Vec<Gap> = gaps(&self.tau);
+        let without_turns = if sliding.is_empty() { all_rows.clone() } else { gaps(&sliding) };
+        [all_rows, without_turns]
     }
 }
 
@@ -42,8 +42,8 @@ pub(crate) type Steps = Vec<Vec<usize>>;
 
 impl RunColumns<'_> {
     fn column(&self, c: usize) -> &Column {
-        let own = &self.run.standard;
-        own.get(c).unwrap_or_else(|| &self.extra[c - own.len()])
+        let model_columns = &self.run.standard;
+        model_columns.get(c).unwrap_or_else(|| &self.extra[c - model_columns.len()])
     }
 
     /// Torque of the nominal model, then with each step's columns added. `means` are the prior means that the design took

@@ -4,22 +4,11 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::possible;
-use crate::select::Adopted;
-
-/// A body or rotor that is off by more than so many of its usual errors is not that of the file. Of measured arms with files of
-/// their own this is met on three of six joints at most; with another arm's on four of six.
-const FAR_OFF: f64 = 8.0;
-/// So many joints at least, and two thirds of those that can be heard.
-const JOINTS: usize = 3;
-
-/// A rotor that comes out at less than this share of the file's is none that the torque moves.
-const NO_ROTOR: f64 = 0.15;
-
-/// A model that misses so many times a joint's torque is of a stronger arm.
-const SEVERAL: f64 = 2.0;
 
 /// Joints whose body or rotor is far off or came out as none that can be (`impossible`; on two joints at most of a measured or sound arm, on
 /// all six with another arm's file), where that is most of them. `heard`: joints whose torque is believed. Friction and torque
@@ -31,34 +20,38 @@ pub(crate) fn joints(
     impossible: &[usize],
     heard: &[usize],
 ) -> Option<Vec<usize>> {
-    let own = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
-    let values = possible::standard(nominal, x, own);
+    let without_payload = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
+    let values = possible::standard(nominal, x, without_payload);
     let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
-    let of = |is: &dyn Fn(Parameter) -> bool| -> f64 {
+    let distance = |is: &dyn Fn(Parameter) -> bool| -> f64 {
         let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));
         all.map(|(at, _)| off(at)).sum::<f64>().sqrt()
     };
     let rotor = |j: usize| nominal.model.parameters.iter().position(|p| *p == Parameter::RotorInertia(j));
-    let is_none =
-        |j: &usize| rotor(*j).is_some_and(|at| nominal.x[at] > 0.0 && values[at].abs() < NO_ROTOR * nominal.x[at]);
+    let is_none = |j: &usize| {
+        rotor(*j)
+            .is_some_and(|at| nominal.x[at] > 0.0 && values[at].abs() < POLICY.held_out.min_rotor_share * nominal.x[at])
+    };
     // Torque behind the gears has no rotors, whosever the arm: then bodies alone say whose it is.
     let behind_gears = heard.len() > 1 && heard.iter().all(is_none);
     let far = |j: &usize| {
-        let body = of(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
+        let body = distance(&|p| matches!(p, Parameter::Link { link, .. } if link == *j));
         if behind_gears {
-            return body > FAR_OFF;
+            return body > POLICY.held_out.max_usual_errors;
         }
-        impossible.contains(j) || body.max(of(&|p| p == Parameter::RotorInertia(*j))) > FAR_OFF
+        impossible.contains(j)
+            || body.max(distance(&|p| p == Parameter::RotorInertia(*j))) > POLICY.held_out.max_usual_errors
     };
     let joints: Vec<usize> = heard.iter().copied().filter(far).collect();
-    (joints.len() >= JOINTS && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
+    (joints.len() >= POLICY.plausibility.min_strange_joints && 3 * joints.len() >= 2 * heard.len()).then_some(joints)
 }
 
 /// Joints of which the model as given misses several times the torque that they have, where that is most of them: friction and loads that no
 /// file has leave all of it at most, some more where they have the other sign (1.05 on measured arms whose friction was left out).
 /// Of several that are heard, and where no values of drives bring all of them down to `fitted`: friction of a file may be far too large.
 pub(crate) fn far_too_strong(as_given: &[f64], fitted: &[bool], heard: &[usize]) -> Option<Vec<usize>> {
-    let joints: Vec<usize> = heard.iter().copied().filter(|j| as_given[*j] > SEVERAL).collect();
+    let joints: Vec<usize> =
+        heard.iter().copied().filter(|j| as_given[*j] > POLICY.held_out.max_torque_ratio).collect();
     let open = heard.iter().any(|j| !fitted[*j]);
     (open && heard.len() > 1 && 2 * joints.len() > heard.len()).then_some(joints)
 }

@@ -2,13 +2,8 @@
 
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::log_check::is_still;
-
-/// What a torque misses of the model's of the other joint, as a share of the torque, at most ...
-const FITS: f64 = 0.5;
-/// ... and as a share of what it misses of its own joint's; of both joints together, the product.
-const BETTER: f64 = 0.5;
-const BOTH_BETTER: f64 = 0.1;
+use crate::policy::POLICY;
+use crate::stillness::is_still;
 
 /// Pairs of joints whose torques are each other's by the model as given.
 pub(crate) fn pairs(run: &Prepared, nominal: &Nominal) -> Vec<(usize, usize)> {
@@ -17,17 +12,19 @@ pub(crate) fn pairs(run: &Prepared, nominal: &Nominal) -> Vec<(usize, usize)> {
     let missed = |measured: usize, as_of: usize| {
         let (tau, model) = (&run.tau[measured], &model[as_of]);
         let square: f64 = tau.iter().map(|t| t * t).sum();
-        let left: f64 = tau.iter().zip(model).map(|(t, m)| (t - m).powi(2)).sum();
-        (left / square.max(f64::MIN_POSITIVE)).sqrt()
+        let residual_square: f64 = tau.iter().zip(model).map(|(t, m)| (t - m).powi(2)).sum();
+        (residual_square / square.max(f64::MIN_POSITIVE)).sqrt()
     };
     // Of the other joint, and that over its own.
     let other = |a: usize, b: usize| (missed(a, b), missed(a, b) / missed(a, a).max(f64::MIN_POSITIVE));
     let swapped = |(a, b): &(usize, usize)| {
         let [(one, one_better), (two, two_better)] = [other(*a, *b), other(*b, *a)];
-        one.max(two) < FITS && one_better.max(two_better) < BETTER && one_better * two_better < BOTH_BETTER
+        one.max(two) < POLICY.screening.max_residual_of_other
+            && one_better.max(two_better) < POLICY.screening.max_residual_over_own
+            && one_better * two_better < POLICY.screening.max_residual_product
     };
-    let with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
-    moving.iter().flat_map(with).filter(swapped).collect()
+    let pairs_with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
+    moving.iter().flat_map(pairs_with).filter(swapped).collect()
 }
 
 /// Torque of the model as given on joint `j`, its effects included.

@@ -16,36 +16,17 @@ pub(crate) use behind::SLOW_HZ;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::design::{Prepared, correlation};
+use crate::policy::POLICY;
 
 /// Moves in time that are tried \[s\], either way, and the step between them.
 const FARTHEST_S: f64 = 0.05;
 const STEP_S: f64 = 1e-3;
-/// Torque is late where it is so by more than this \[s\], and than the part of a sample that is free in every fit, ...
-const LEAST_S: f64 = 1e-3;
-const FREE_SAMPLES: f64 = 0.5;
-/// ... by so many standard deviations.
-const SURE: f64 = 4.0;
-/// A joint tells where moving its torque changes what is left by so much, in units of its noise squared.
-const TELLS: f64 = 16.0;
-/// It agrees where its own best move is the arm's but for this share of it.
-const AGREES: f64 = 0.4;
-/// Where rows far from reversals do not tell, torque is late only if it is so by the same time at most joints, but for this share: a clock has one
-/// time, and how softly friction turns over has each joint's own (bristles of 20 to 60 µrad made all rows 1.6 to 2.1 ms late, joints by a quarter apart).
-const ONE_CLOCK: f64 = 0.1;
-/// Joints that must agree.
-const LEAST_JOINTS: usize = 2;
-/// Share of what is left on all joints that the move must take.
-const LEAST_SHARE: f64 = 0.02;
-/// A low-pass is one where undoing it leaves at most this share of what a mere move leaves, and where it is slower than this \[s\]: to
-/// the model filter a faster one is a move.
-const FILTER_SHARE: f64 = 0.8;
-const LEAST_FILTER_S: f64 = 0.005;
 /// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
-const MOVING: f64 = 0.05;
+const MIN_TIMING_SPEED_RAD_S: f64 = 0.05;
 const MOVING_SHARE: f64 = 0.5;
 /// Rows as close as this to slower ones \[s\] feel through the filters how friction turns over: that of bristles of 0.2 mrad does so 28 ms late,
 /// and all rows then say that torque is 3.5 ms late.
-const REVERSAL_S: f64 = 0.1;
+const FRICTION_TURN_MEMORY_S: f64 = 0.1;
 /// The same where filters are slower.
 const CLEAR_S: f64 = 0.2;
 /// Rows that a joint has to have for each of its columns, and that are enough of any.
@@ -118,7 +99,7 @@ pub(crate) struct Pooled {
 
 impl Pooled {
     /// Of runs that say something; none where there are none. Runs are of one arm, so the surer of them say more. `least` counts \[s\].
-    fn of<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
+    fn from_timings<'t>(runs: impl Iterator<Item = &'t Timing> + Clone, least: f64) -> Option<Pooled> {
         let others = runs.clone().count().checked_sub(1)?;
         let of_arm = runs.clone().any(|run| !run.is_of_few());
         let weight = |run: &Timing| run.sigma.powi(-2);
@@ -132,20 +113,20 @@ impl Pooled {
 
     /// By how much at most \[s\]. Runs that differ are no reason to allow more: a name that is not there is worse than one that is missed.
     fn most(&self) -> f64 {
-        self.behind + SURE * self.sigma
+        self.behind + POLICY.timing.min_sigmas * self.sigma
     }
 
     /// Whether it surely is, by so much that it counts.
     fn is_sure(&self) -> bool {
-        self.of_arm && self.behind - SURE * self.apart > self.least
+        self.of_arm && self.behind - POLICY.timing.min_sigmas * self.apart > self.least
     }
 }
 
 fn parts(timings: impl Iterator<Item = (usize, Timing)>) -> Vec<Part> {
-    let of = |(run, timing): (usize, Timing)| {
+    let joint_parts = |(run, timing): (usize, Timing)| {
         timing.joints.into_iter().map(move |t| Part { run, joint: t.joint, rows: t.rows, weight: t.weight })
     };
-    timings.flat_map(of).collect()
+    timings.flat_map(joint_parts).collect()
 }
 
 /// Rows of one joint in one run.
@@ -158,10 +139,13 @@ pub(crate) struct Part {
 }
 
 impl Early {
-    pub(crate) fn of(runs: &[&Prepared]) -> Early {
-        let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::of(run)).collect();
-        let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-        let pooled = Pooled::of(timings.iter().flatten(), runs.iter().map(|run| least(run)).fold(LEAST_S, f64::max));
+    pub(crate) fn from_runs(runs: &[&Prepared]) -> Early {
+        let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::from_run(run)).collect();
+        let least = |run: &Prepared| POLICY.timing.min_delay_s.max(POLICY.timing.free_samples * run.run.period_s);
+        let pooled = Pooled::from_timings(
+            timings.iter().flatten(),
+            runs.iter().map(|run| least(run)).fold(POLICY.timing.min_delay_s, f64::max),
+        );
         let timings: Option<Vec<Timing>> = timings.into_iter().collect();
         let Some(timings) = timings else {
             return Early { pooled, sure: None, parts: Vec::new() };
@@ -179,28 +163,33 @@ impl Early {
 impl Timing {
     /// Of all rows in which joints turn, unless those far from any reversal are against it, or have less than half of it: what they say is less, and
     /// true.
-    fn of(run: &Prepared) -> Option<Timing> {
+    fn from_run(run: &Prepared) -> Option<Timing> {
         let all = Self::within(run, 0.0);
-        let Some(clear) = Self::within(run, REVERSAL_S) else { return all };
-        let half = |all: &Timing| all.late.abs() < LEAST_S || clear.late / all.late > 0.5;
-        let told = |all: &Timing| {
+        let Some(clear) = Self::within(run, FRICTION_TURN_MEMORY_S) else { return all };
+        let half = |all: &Timing| all.late.abs() < POLICY.timing.min_delay_s || clear.late / all.late > 0.5;
+        let agrees_apart = |all: &Timing| {
             // Joints that do not agree say nothing of the arm, whichever rows they have.
-            let arm = all.late > LEAST_S && all.is_agreed(AGREES);
-            !arm || clear.is_agreed(AGREES) || all.is_agreed(ONE_CLOCK)
+            let arm = all.late > POLICY.timing.min_delay_s && all.is_agreed(POLICY.timing.max_disagreement);
+            !arm || clear.is_agreed(POLICY.timing.max_disagreement)
+                || all.is_agreed(POLICY.timing.max_clock_disagreement)
         };
-        let near =
-            |all: &Timing| (all.late - clear.late).abs() < SURE * clear.sigma + 0.5 * LEAST_S && half(all) && told(all);
+        let near = |all: &Timing| {
+            (all.late - clear.late).abs() < POLICY.timing.min_sigmas * clear.sigma + 0.5 * POLICY.timing.min_delay_s
+                && half(all)
+                && agrees_apart(all)
+        };
         // Behind a slow filter they are late as well, by another time.
-        let filtered =
-            |all: &Timing| clear.late > 0.5 * all.late && all.late > SURE * all.sigma && all.filter().is_some();
+        let filtered = |all: &Timing| {
+            clear.late > 0.5 * all.late && all.late > POLICY.timing.min_sigmas * all.sigma && all.filter().is_some()
+        };
         let agrees = |all: &Timing| near(all) || filtered(all);
         Some(all.filter(agrees).unwrap_or(clear))
     }
 
     fn within(run: &Prepared, clear_s: f64) -> Option<Timing> {
         let moves = moves();
-        let heard = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
-        let joints: Vec<JointTiming> = heard.filter_map(|j| JointTiming::of(run, j, &moves, clear_s)).collect();
+        let trusted = (0..run.silent.len()).filter(|j| run.silent[*j].is_none());
+        let joints: Vec<JointTiming> = trusted.filter_map(|j| JointTiming::from_run(run, j, &moves, clear_s)).collect();
         let all: Vec<f64> = (0..moves.len()).map(|k| joints.iter().map(|t| t.weight * t.moved[k]).sum()).collect();
         let (late, bend) = lowest(&moves, &all)?;
         Some(Timing { late, sigma: (2.0 / bend).sqrt(), joints })
@@ -213,39 +202,41 @@ impl Timing {
 
     /// Whether the arm as a whole is later or earlier by more than `least` \[s\].
     fn is_off(&self, least: f64) -> bool {
-        let left = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
-        self.late.abs() - SURE * self.sigma > least
-            && self.is_agreed(AGREES)
-            && left(self.late) < (1.0 - LEAST_SHARE) * left(0.0)
+        let weighed_square = |late: f64| self.joints.iter().map(|t| t.weight * t.moved[nearest(late)]).sum::<f64>();
+        self.late.abs() - POLICY.timing.min_sigmas * self.sigma > least
+            && self.is_agreed(POLICY.timing.max_disagreement)
+            && weighed_square(self.late) < (1.0 - POLICY.timing.min_residual_share) * weighed_square(0.0)
     }
 
     /// Whether the joints that tell agree but for this share of the time, and are not too few.
     fn is_agreed(&self, share: f64) -> bool {
-        let tells = || self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS);
+        let informative = || self.joints.iter().filter(|t| t.gain(self.late).abs() > POLICY.timing.min_joint_evidence);
         let agrees = |t: &&JointTiming| t.gain(self.late) > 0.0 && (t.late - self.late).abs() < share * self.late.abs();
-        let agree = tells().filter(agrees).count();
-        agree >= LEAST_JOINTS && 2 * agree > tells().count()
+        let agree = informative().filter(agrees).count();
+        agree >= POLICY.timing.min_joints && 2 * agree > informative().count()
     }
 
     /// Whether too few joints turn in it to say anything of the arm.
     fn is_of_few(&self) -> bool {
-        self.joints.iter().filter(|t| t.gain(self.late).abs() > TELLS).count() < LEAST_JOINTS
+        self.joints.iter().filter(|t| t.gain(self.late).abs() > POLICY.timing.min_joint_evidence).count()
+            < POLICY.timing.min_joints
     }
 
     /// Whether it is late by about the same time as another run.
     fn is_along(&self, other: &Timing) -> bool {
-        (self.late - other.late).abs() < AGREES * other.late.abs()
+        (self.late - other.late).abs() < POLICY.timing.max_disagreement * other.late.abs()
     }
 
     /// Time constant \[s\] of the low-pass that explains better why torque is late than a clock does.
     fn filter(&self) -> Option<f64> {
         let all = |of: &dyn Fn(&JointTiming) -> f64| self.joints.iter().map(|t| t.weight * of(t)).sum::<f64>();
         let times: Vec<f64> = moves().into_iter().filter(|s| *s > -0.5 * STEP_S).collect();
-        let left: Vec<f64> = (0..times.len()).map(|k| all(&|t| t.unfiltered[k])).collect();
-        let (seconds, _) = lowest(&times, &left)?;
-        let undone = left[(seconds / STEP_S).round() as usize];
+        let unfiltered: Vec<f64> = (0..times.len()).map(|k| all(&|t| t.unfiltered[k])).collect();
+        let (seconds, _) = lowest(&times, &unfiltered)?;
+        let undone = unfiltered[(seconds / STEP_S).round() as usize];
         let moved = all(&|t| t.moved[nearest(self.late)]);
-        (seconds > LEAST_FILTER_S && undone < FILTER_SHARE * moved).then_some(seconds)
+        (seconds > POLICY.timing.min_filter_s && undone < POLICY.timing.max_filter_residual_share * moved)
+            .then_some(seconds)
     }
 
     /// Whether less is left with torque moved by that much than as it is.
@@ -255,8 +246,8 @@ impl Timing {
 }
 
 impl JointTiming {
-    fn of(run: &Prepared, j: usize, moves: &[f64], clear_s: f64) -> Option<JointTiming> {
-        let equations = Equations::of(run, j, clear_s)?;
+    fn from_run(run: &Prepared, j: usize, moves: &[f64], clear_s: f64) -> Option<JointTiming> {
+        let equations = Equations::new(run, j, clear_s)?;
         let tau = run.chain.apply_later(&run.run.tau[j], moves);
         let now = nearest(0.0);
         let torque = |c: usize, k: usize| tau[c][k] - run.known_rows.get(j).map_or(0.0, |known| known[k]);
@@ -267,7 +258,7 @@ impl JointTiming {
         let z = DMatrix::from_fn(rows.len(), moves.len() - now, |r, c| {
             torque(now, rows[r]) + moves[now + c] * rate(rows[r])
         });
-        let (moved, unfiltered) = (equations.left(&y)?, equations.left(&z)?);
+        let (moved, unfiltered) = (equations.residual_squares(&y)?, equations.residual_squares(&z)?);
         let (late, bend) = lowest(moves, &moved)?;
         let after = equations.residual(y.column(nearest(late)).into_owned());
         let variance = after.norm_squared() / rows.len() as f64;
@@ -306,32 +297,35 @@ struct Equations {
 
 impl Equations {
     /// In rows that are so far from any in which it does not \[s\].
-    fn of(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
+    fn new(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
         let speed = run.chain.sample(&run.motion.qd[j]);
         let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
-        let least = MOVING.min(MOVING_SHARE * usual).max(run.blur[j]);
+        let least = MIN_TIMING_SPEED_RAD_S.min(MOVING_SHARE * usual).max(run.blur[j]);
         let moving: Vec<bool> = speed.iter().map(|v| v.abs() > least).collect();
         let reach = (clear_s / run.chain.row_period_s).round() as usize;
         let clear = |k: &usize| moving[k.saturating_sub(reach)..(k + reach + 1).min(moving.len())].iter().all(|m| *m);
         let rows: Vec<usize> = (0..run.rows()).filter(clear).take(MOST_ROWS).collect();
         let size = |column: &Vec<f64>| rows.iter().map(|k| column[*k].powi(2)).sum::<f64>().sqrt();
-        let own = run.standard.iter().filter_map(|column| column[j].as_ref());
-        let own: Vec<(&Vec<f64>, f64)> = own.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
-        if own.is_empty() || rows.len() < ROWS_PER_COLUMN * own.len() {
+        let joint_columns = run.standard.iter().filter_map(|column| column[j].as_ref());
+        let joint_columns: Vec<(&Vec<f64>, f64)> =
+            joint_columns.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
+        if joint_columns.is_empty() || rows.len() < ROWS_PER_COLUMN * joint_columns.len() {
             return None;
         }
-        let d = DMatrix::from_fn(rows.len(), own.len(), |r, c| own[c].0[rows[r]] / own[c].1);
+        let d =
+            DMatrix::from_fn(rows.len(), joint_columns.len(), |r, c| joint_columns[c].0[rows[r]] / joint_columns[c].1);
         let mut gram = d.tr_mul(&d);
         (0..gram.nrows()).for_each(|k| gram[(k, k)] += RIDGE);
         Some(Equations { factor: Cholesky::new(gram)?, d, rows })
     }
 
     /// Sums of squares that are left of each of several right-hand sides.
-    fn left(&self, y: &DMatrix<f64>) -> Option<Vec<f64>> {
+    fn residual_squares(&self, y: &DMatrix<f64>) -> Option<Vec<f64>> {
         let forward = self.factor.l_dirty().solve_lower_triangular(&self.d.tr_mul(y))?;
-        let left = y.column_iter().zip(forward.column_iter()).map(|(y, f)| y.norm_squared() - f.norm_squared());
+        let residual_squares =
+            y.column_iter().zip(forward.column_iter()).map(|(y, f)| y.norm_squared() - f.norm_squared());
         // Of torque that the model tells exactly only rounding is left.
-        Some(left.map(|left| left.max(0.0)).collect())
+        Some(residual_squares.map(|residual_squares| residual_squares.max(0.0)).collect())
     }
 
     fn residual(&self, y: DVector<f64>) -> DVector<f64> {
@@ -396,7 +390,7 @@ mod tests {
         let run = |[late, sigma]: &[f64; 2]| Timing { sigma: 1e-3 * sigma, ..timing(6, 1e-3 * late) };
         let pooled = |runs: &[[f64; 2]]| {
             let runs: Vec<Timing> = runs.iter().map(run).collect();
-            Pooled::of(runs.iter(), LEAST_S).expect("runs")
+            Pooled::from_timings(runs.iter(), POLICY.timing.min_delay_s).expect("runs")
         };
         for (runs, ms) in [
             ([[-0.66, 0.38], [1.64, 0.64]], 4.7),
@@ -418,7 +412,7 @@ mod tests {
         assert!(!measured.is_against(18.8e-3, true) && measured.is_against(18.8e-3, false));
         assert!((size.seconds - 5.9e-3).abs() < 1e-12);
         // Who says nothing has no say.
-        assert!(Pooled::of([].iter(), LEAST_S).is_none());
+        assert!(Pooled::from_timings([].iter(), POLICY.timing.min_delay_s).is_none());
     }
 
     /// A practice log moved by 5 ms, and a simulated arm whose bristles bend 20 to 60 µrad.
@@ -429,22 +423,25 @@ mod tests {
             Timing { late: 1e-3 * ms, sigma: 1e-4, joints }
         };
         let clock = arm(4.7, [4.8, 4.7, 4.7, 4.7, 4.6, 5.6]);
-        assert!(clock.is_agreed(ONE_CLOCK));
+        assert!(clock.is_agreed(POLICY.timing.max_clock_disagreement));
         let bristles = arm(1.86, [2.3, 2.6, 2.0, 1.7, 1.6, 2.0]);
-        assert!(bristles.is_agreed(AGREES) && !bristles.is_agreed(ONE_CLOCK));
+        assert!(
+            bristles.is_agreed(POLICY.timing.max_disagreement)
+                && !bristles.is_agreed(POLICY.timing.max_clock_disagreement)
+        );
     }
 
     #[test]
     fn runs_that_differ_are_not_sure_together() {
         let pooled = |runs: [(f64, f64); 2]| {
             let runs = runs.map(|(late, sigma)| Timing { sigma, ..timing(6, late) });
-            Pooled::of(runs.iter(), LEAST_S).expect("runs")
+            Pooled::from_timings(runs.iter(), POLICY.timing.min_delay_s).expect("runs")
         };
         let agree = pooled([(-4e-3, 1e-4), (-4.1e-3, 1e-4)]);
         assert!((agree.apart - 1e-4 / 2f64.sqrt()).abs() < 1e-9 && agree.size().is_some());
         let of_one = [timing(1, -4e-3), timing(1, -4.1e-3)];
         assert!(
-            Pooled::of(of_one.iter(), LEAST_S).expect("runs").size().is_none(),
+            Pooled::from_timings(of_one.iter(), POLICY.timing.min_delay_s).expect("runs").size().is_none(),
             "one joint's time is not the arm's"
         );
         // 11.8 deviations apart, with one degree of freedom.
@@ -456,7 +453,7 @@ mod tests {
     fn a_run_of_one_joint_may_not_be_against_the_others() {
         let sure = |runs: &[(usize, f64)]| {
             let runs: Vec<Timing> = runs.iter().map(|(joints, late)| timing(*joints, *late)).collect();
-            are_sure(runs.iter().map(|run| (run, LEAST_S)))
+            are_sure(runs.iter().map(|run| (run, POLICY.timing.min_delay_s)))
         };
         assert!(sure(&[(6, -0.012), (6, -0.0121)]) && sure(&[(1, -0.0131), (6, -0.012)]));
         assert!(!sure(&[(1, -0.012)]), "of the arm it says nothing");

@@ -8,10 +8,8 @@ use nalgebra::{Matrix2, Vector2};
 use crate::background::Nominal;
 use crate::contact::Pull;
 use crate::design::Prepared;
+use crate::policy::POLICY;
 
-/// Share of the squares of what is missed that drag explains. (Simulated on five arms: 0.57 to 0.98; of pushes, those against the motion
-/// included, 0.22 at the most.)
-const EXPLAINED: f64 = 0.4;
 /// Speed at which a drag is told \[m/s\].
 const TOLD_M_S: f64 = 1.0;
 
@@ -66,5 +64,5 @@ pub(crate) fn drag(run: &Prepared, nominal: &Nominal, missed: impl Fn(usize, usi
     }
     let c = dd.try_inverse()? * dr;
     let (force, explained) = (c[0] * TOLD_M_S + c[1] * TOLD_M_S * TOLD_M_S, dr.dot(&c) / rr);
-    (force > 0.0 && explained > EXPLAINED).then_some(Drag { force, explained })
+    (force > 0.0 && explained > POLICY.held_out.min_drag_share).then_some(Drag { force, explained })
 }

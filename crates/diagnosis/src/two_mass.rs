@@ -8,6 +8,7 @@
 //! ```
 
 use crate::physics::Physics;
+use crate::policy::POLICY;
 
 /// A gear between motor and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,12 +22,9 @@ pub(crate) struct Gear {
 }
 
 /// Angle of the free oscillation that one step of the integration may cover \[rad\].
-const STEP_ANGLE: f64 = 0.25;
+const MAX_GEAR_STEP_PHASE_RAD: f64 = 0.25;
 /// Most steps in a sample: stiffer gears are rigid at the rate of the log.
 const MOST_STEPS: f64 = 16.0;
-
-/// No gear twists further and is still one \[rad\].
-const LARGEST_TWIST: f64 = 0.5;
 
 /// Full-rate column of the torque change that a gear causes; nothing on all joints for one that no arm can have.
 pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Option<Vec<f64>>> {
@@ -37,7 +35,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
     let damping = 2.0 * gear.damping * (gear.stiffness * mean.max(1e-9)).sqrt();
     let half = 0.5 * gear.gap;
     let angle = period * (gear.stiffness / mean.max(1e-9)).sqrt();
-    let steps = (angle / STEP_ANGLE).ceil().clamp(1.0, MOST_STEPS) as usize;
+    let steps = (angle / MAX_GEAR_STEP_PHASE_RAD).ceil().clamp(1.0, MOST_STEPS) as usize;
     let h = period / steps as f64;
     let spring = |delta: f64, speed: f64| {
         let stretch = delta - delta.clamp(-half, half);
@@ -54,7 +52,7 @@ pub(crate) fn column(physics: &Physics<'_>, joint: usize, gear: Gear) -> Vec<Opt
         let accel_of =
             |delta: f64, speed: f64, load: f64| (spring(delta, speed) - load - gradient[k] * delta) / inertia;
         // Softer than gravity the link falls over: there is no such arm.
-        if delta.abs() > LARGEST_TWIST + half || delta.is_nan() {
+        if delta.abs() > POLICY.plausibility.max_gear_twist_rad + half || delta.is_nan() {
             return vec![None; physics.joints()];
         }
         deltas[k] = delta;
@@ -102,8 +100,8 @@ mod tests {
         let q: Vec<f64> = (0..6000).map(|k| 0.3 * (omega * f64::from(k) * 1e-3).sin()).collect();
         let tau = vec![vec![0.0; q.len()]];
         let run = Run { name: String::new(), period_s: 1e-3, tau, q: vec![q], ..Run::default() };
-        let nominal = Nominal::new(&model, &x, &Typical::of(std::slice::from_ref(&run), 1));
-        let motion = Motion::of(&run);
+        let nominal = Nominal::new(&model, &x, &Typical::from_runs(std::slice::from_ref(&run), 1));
+        let motion = Motion::from_run(&run);
         let physics = Physics::new(&run, &motion, &nominal, &nominal.x);
         let column = column(&physics, 0, gear).remove(0).expect("the joint itself changes");
         (physics.rigid[0].clone(), column)

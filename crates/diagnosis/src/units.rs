@@ -3,12 +3,10 @@
 
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::log_check::{LogFault, STILL, is_moved, of_file};
-
-/// A joint's torque in one run is so many times that in another, ...
-const ANOTHER: f64 = 20.0;
-/// ... where its speed and the torque by the file are not as much as so many times what they are there.
-const ALIKE: f64 = 4.0;
+use crate::log_check::of_file;
+use crate::log_fault::LogFault;
+use crate::policy::POLICY;
+use crate::stillness::is_moved;
 
 /// Root mean squares of a joint's rows in motion.
 #[derive(Clone, Copy, Debug)]
@@ -22,20 +20,23 @@ struct Size {
 }
 
 impl Size {
-    fn of(run: &Prepared, nominal: &Nominal, j: usize) -> Option<Size> {
+    fn from_run(run: &Prepared, nominal: &Nominal, j: usize) -> Option<Size> {
         if run.silent[j].is_some() || !is_moved(&run.motion, &run.chain, j) {
             return None;
         }
         let speed = run.chain.sample(&run.motion.qd[j]);
-        let moving: Vec<usize> = (0..run.rows()).filter(|k| speed[*k].abs() > STILL).collect();
+        let moving: Vec<usize> =
+            (0..run.rows()).filter(|k| speed[*k].abs() > POLICY.signal_faults.max_still_speed_rad_s).collect();
         let rms = |rows: &[f64]| (moving.iter().map(|k| rows[*k].powi(2)).sum::<f64>() / moving.len() as f64).sqrt();
         Some(Size { torque: rms(&run.tau[j]), file: rms(&of_file(run, nominal, j)), speed: rms(&speed) })
     }
 
     fn is_of_another_unit(self, other: Size) -> bool {
         let times = |a: f64, b: f64| (a / b).max(b / a);
-        let alike = |a: f64, b: f64| times(a, b) < ALIKE;
-        times(self.torque, other.torque) > ANOTHER && alike(self.speed, other.speed) && alike(self.file, other.file)
+        let alike = |a: f64, b: f64| times(a, b) < POLICY.screening.max_use_ratio;
+        times(self.torque, other.torque) > POLICY.screening.min_ratio_between_runs
+            && alike(self.speed, other.speed)
+            && alike(self.file, other.file)
     }
 
     /// Torque over that by the file.
@@ -47,7 +48,7 @@ impl Size {
 /// Torque in another unit than in another run counts nowhere, in the run in which it is further from the file's.
 pub(crate) fn distrust(runs: &mut [&mut Prepared], nominal: &Nominal) {
     for j in 0..nominal.model.arm.dof() {
-        let sizes: Vec<Option<Size>> = runs.iter().map(|run| Size::of(run, nominal, j)).collect();
+        let sizes: Vec<Option<Size>> = runs.iter().map(|run| Size::from_run(run, nominal, j)).collect();
         for (run, scale) in runs.iter_mut().zip(strange(&sizes)) {
             run.silent[j] = run.silent[j].or(scale.map(LogFault::Scale));
         }
@@ -56,14 +57,14 @@ pub(crate) fn distrust(runs: &mut [&mut Prepared], nominal: &Nominal) {
 
 /// Scale of each size that is of another unit than some other one, and further from the file.
 fn strange(sizes: &[Option<Size>]) -> Vec<Option<f64>> {
-    let of = |size: &Option<Size>| {
+    let foreign_scale = |size: &Option<Size>| {
         let size = (*size)?;
         let off = |s: Size| s.scale().ln().abs();
         let others = sizes.iter().flatten();
         let further = others.filter(|other| size.is_of_another_unit(**other)).any(|other| off(size) > off(*other));
         further.then(|| size.scale())
     };
-    sizes.iter().map(of).collect()
+    sizes.iter().map(foreign_scale).collect()
 }
 
 #[cfg(test)]

@@ -7,16 +7,12 @@
 use nalgebra::DVector;
 
 use crate::effect::Effect;
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{BetweenRuns, Diagnosis, Verdict};
 use crate::residue::Residue;
 use crate::search::Search;
 use crate::values;
-
-/// Units of noise squared, for each value of the model, by which runs may be missed more with values that they share than with their own. Of a
-/// third simulator's slow logs before fast ones, of arms with 84 values: sound arms 37 to 130, with an effect that both runs have 45 to 376,
-/// with friction or a load that changed in between 1197 to 2954 (and 31 where the load was less than the noise).
-const SHARED: f64 = 6.0;
 
 impl Procedure<'_> {
     /// Where the runs looked at fit to their noise and the sealed one does not: whether values that can be fit all of them; then nothing was
@@ -27,10 +23,10 @@ impl Procedure<'_> {
         }
         let runs = self.look.iter().chain([self.sealed]).collect();
         let mut together = Search::new(runs, self.nominal)?;
-        if !Residue::of(&together).at_floor() {
+        if !Residue::from_search(&together).at_floor() {
             return Some(false);
         }
-        if self.loss(&together)? > SHARED * self.nominal.x.len() as f64 {
+        if self.loss(&together)? > POLICY.adoption.max_shared_value_cost * self.nominal.x.len() as f64 {
             return Some(false);
         }
         let wrong = values::wrong(&mut together, &[])?;

@@ -13,6 +13,7 @@ use crate::effect::Effect;
 use crate::form::AXES;
 use crate::gap::Gap;
 use crate::opened::share_left;
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
 use crate::rigid::{Bodies, FreeDrives, joined};
@@ -21,35 +22,10 @@ use crate::sealed::Sealed;
 use crate::stages::{RunColumns, Stages};
 use crate::zero::{self, Zero};
 
-/// A smaller tilt than this is told with all else that may be wrong \[rad\].
-const LEAST: f64 = 0.6;
-/// So is a smaller angle of a zero \[rad\].
-const LEAST_ZERO: f64 = 0.2;
 /// Bodies may be heavier or lighter than the file's: size of the vector found over that of the file's.
 const SIZE: [f64; 2] = [0.5, 2.0];
-/// Arms are mounted along an axis of their base, or are not: nearer than this it is the axis \[rad\].
-const AXIS: f64 = 0.26;
-/// What is missed with gravity along it, drives free, as a share of what is missed as given, at most, on the runs looked at and on the sealed
-/// one: wrong values of bodies leave up to half.
-const BETTER: f64 = 0.6;
-/// The same of a zero, of which there are many more; with no more than this gravity is sure.
-const FAR_BETTER: f64 = 0.4;
-/// The same of a zero against the zero of every other joint.
-const NO_OTHER: f64 = 0.7;
-/// What misses no more than this in units of what is known of the torque is no reason to look.
-const FITS: f64 = 1.5;
-/// What misses no more than so many times what the other does is not told from it; ...
-const ALIKE: f64 = 1.5;
-/// ... and as good as the same is what misses so much: then it is gravity, of which no joint of its own has to be believed.
-const SAME: f64 = 1.05;
-/// A joint is worse where its gap in motion grows by this share of its torque. With two zeros off, gravity upside down left half of the whole and
-/// added 0.8 and more to one joint; where it hangs, wrong values and elastic gears add 0.02.
-const WORSE: f64 = 0.1;
 /// Parts of the runs looked at from which the interval of the shrink comes.
 const PARTS: usize = 8;
-/// How sure the name is, and where another is not told from it or much is left.
-const CONFIDENCE: f64 = 0.97;
-const UNSURE: f64 = 0.58;
 
 /// What is otherwise.
 #[derive(Clone, Copy)]
@@ -70,16 +46,16 @@ impl Otherwise {
     /// What may be missed with it of what is missed as given.
     fn better(&self) -> f64 {
         match self {
-            Otherwise::Gravity(_) => BETTER,
-            Otherwise::Zero(_) => FAR_BETTER,
+            Otherwise::Gravity(_) => POLICY.screening.max_gravity_residual_share,
+            Otherwise::Zero(_) => POLICY.screening.max_zero_residual_share,
         }
     }
 
     /// What it adds to a run's torque as given.
     fn more(&self, run: &Prepared, nominal: &Nominal) -> Column {
-        let bodies = Bodies::of(run, nominal);
+        let bodies = Bodies::from_run(run, nominal);
         let sum = |parts: &[(f64, Column)]| -> Column {
-            let own = |j: usize| {
+            let joint_column = |j: usize| {
                 let mut rows = vec![0.0; run.rows()];
                 for (factor, column) in parts {
                     let values = column[j].iter().flatten();
@@ -87,7 +63,7 @@ impl Otherwise {
                 }
                 Some(rows)
             };
-            (0..run.tau.len()).map(own).collect()
+            (0..run.tau.len()).map(joint_column).collect()
         };
         match self {
             Otherwise::Gravity(gravity) => {
@@ -107,11 +83,11 @@ impl Otherwise {
 
     /// The model as given, then with it.
     fn stages(&self, run: &Prepared, nominal: &Nominal) -> Stages {
-        let own = nominal.x.len();
+        let model_columns = nominal.x.len();
         let columns = RunColumns { run, extra: vec![self.more(run, nominal)] };
-        let mut x = DVector::zeros(own + 1);
-        x[own] = 1.0;
-        columns.stages(&nominal.x, &vec![vec![own]], &x, &vec![0.0; own + 1])
+        let mut x = DVector::zeros(model_columns + 1);
+        x[model_columns] = 1.0;
+        columns.stages(&nominal.x, &vec![vec![model_columns]], &x, &vec![0.0; model_columns + 1])
     }
 
     fn magnitude(&self, given: &Vector3<f64>) -> Vec<(String, f64)> {
@@ -141,18 +117,18 @@ struct Looked<'a> {
 impl<'a> Looked<'a> {
     fn at(look: &'a [Prepared], nominal: &'a Nominal) -> Looked<'a> {
         let free = FreeDrives::new(look, nominal);
-        let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
+        let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::from_run(run, nominal)).collect();
         let measured = free.measured();
         let given = Vector3::from(nominal.model.arm.gravity);
         let mut looked =
             Looked { left: joined(&measured), weight: DMatrix::zeros(0, 0), measured, given, free, bodies };
-        looked.left -= looked.of(&|run| run.as_given());
-        looked.weight = DMatrix::from_columns(&AXES.map(|axis| looked.of(&|run| run.weight(axis))));
+        looked.left -= looked.without_drives(&|run| run.as_given());
+        looked.weight = DMatrix::from_columns(&AXES.map(|axis| looked.without_drives(&|run| run.weight(axis))));
         looked
     }
 
-    fn of(&self, torque: &dyn Fn(&Bodies<'_>) -> Column) -> DVector<f64> {
-        joined(&self.free.of(&self.bodies.iter().map(torque).collect::<Vec<_>>()))
+    fn without_drives(&self, torque: &dyn Fn(&Bodies<'_>) -> Column) -> DVector<f64> {
+        joined(&self.free.without_drives(&self.bodies.iter().map(torque).collect::<Vec<_>>()))
     }
 
     /// Root mean square in units of what is known of the torque.
@@ -173,7 +149,8 @@ impl<'a> Looked<'a> {
         match told {
             Otherwise::Gravity(gravity) => &self.weight * DVector::from_column_slice((gravity - self.given).as_slice()),
             Otherwise::Zero(zero) => {
-                self.of(&|run| run.turned(zero.joint, zero.angle)) - self.of(&|run| run.as_given())
+                self.without_drives(&|run| run.turned(zero.joint, zero.angle))
+                    - self.without_drives(&|run| run.as_given())
             }
         }
     }
@@ -183,11 +160,11 @@ impl<'a> Looked<'a> {
         let more = self.weight.clone().svd_unordered(true, true).solve(&self.left, 1e-9 * self.weight.norm()).ok()?;
         let free = self.given + Vector3::from_column_slice(more.as_slice());
         let size = free.norm() / self.given.norm();
-        if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < LEAST {
+        if !(SIZE[0]..=SIZE[1]).contains(&size) || free.angle(&self.given) < POLICY.screening.min_tilt_rad {
             return None;
         }
         let axes = AXES.map(Vector3::from).into_iter().flat_map(|axis| [axis, -axis]);
-        let axis = axes.into_iter().find(|axis| axis.angle(&free) < AXIS);
+        let axis = axes.into_iter().find(|axis| axis.angle(&free) < POLICY.screening.max_axis_error_rad);
         let turned = axis.unwrap_or_else(|| free.normalize()) * self.given.norm();
         Some((Otherwise::Gravity(turned), self.with_gravity(&turned)))
     }
@@ -196,10 +173,13 @@ impl<'a> Looked<'a> {
     fn zero(&self) -> Option<(Otherwise, f64)> {
         let zeros = zero::all(&self.free, &self.bodies, &self.measured);
         let [first, others @ ..] = &zeros[..] else { return None };
-        let no_other = others.first().is_none_or(|second| first.missed < NO_OTHER * second.missed);
+        let no_other =
+            others.first().is_none_or(|second| first.missed < POLICY.plausibility.max_other_zero_ratio * second.missed);
         // A tool that is mounted turned, or a body that stands elsewhere, is no zero; of the last joint nothing tells the two apart.
-        let no_body = || self.free.with_body(&self.left, first.joint) > ALIKE * first.missed;
-        (first.angle.abs() >= LEAST_ZERO && no_other && no_body()).then_some((Otherwise::Zero(*first), first.missed))
+        let no_body =
+            || self.free.with_body(&self.left, first.joint) > POLICY.screening.max_rival_residual_ratio * first.missed;
+        (first.angle.abs() >= POLICY.screening.min_zero_rad && no_other && no_body())
+            .then_some((Otherwise::Zero(*first), first.missed))
     }
 }
 
@@ -209,23 +189,26 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
     let Procedure { nominal, look, .. } = *procedure;
     let looked = Looked::at(look, nominal);
     let as_given = looked.as_given();
-    if as_given <= FITS {
+    if as_given <= POLICY.screening.max_fitting_residual {
         return None;
     }
     let found = [looked.gravity(), looked.zero()];
     let better = found.into_iter().flatten().filter(|(told, missed)| *missed < told.better() * as_given);
     let mut better: Vec<(Otherwise, f64)> = better.collect();
     if let [(_, gravity), (_, zero)] = better[..]
-        && zero * SAME < gravity
+        && zero * POLICY.screening.max_equal_residual_ratio < gravity
     {
         better.reverse();
     }
     let (told, missed) = *better.first()?;
     let change = looked.change(&told);
-    let alike = better[1..].iter().filter(|(_, other)| *other < ALIKE * missed).map(|(other, _)| {
-        let cosine = change.normalize().dot(&looked.change(other).normalize());
-        (other.effect(), cosine.clamp(-1.0, 1.0).acos())
-    });
+    let alike = better[1..]
+        .iter()
+        .filter(|(_, other)| *other < POLICY.screening.max_rival_residual_ratio * missed)
+        .map(|(other, _)| {
+            let cosine = change.normalize().dot(&looked.change(other).normalize());
+            (other.effect(), cosine.clamp(-1.0, 1.0).acos())
+        });
     let alike: Vec<(Effect, f64)> = alike.collect();
     tell(procedure, told, missed / as_given, alike).inspect(|found| {
         say(match found.causes[0].effect {
@@ -258,11 +241,15 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
     let grows = |gap: &JointGap| gap.in_motion.map_or(0.0, |[a, b]| (b - a) * gap.noise_floor);
     let measured = 1.0 - after.all / before.all;
     let unseen = Looked::at(std::slice::from_ref(sealed), nominal);
-    let left = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
-    if low <= 0.0 || measured <= 0.0 || left > told.better() || per_joint.iter().any(|gap| grows(gap) > WORSE) {
+    let gap_share = unseen.size(&unseen.left - unseen.change(&told)) / unseen.as_given().max(f64::MIN_POSITIVE);
+    if low <= 0.0
+        || measured <= 0.0
+        || gap_share > told.better()
+        || per_joint.iter().any(|gap| grows(gap) > POLICY.screening.max_gap_growth)
+    {
         return None;
     }
-    let sure = alike.is_empty() && share.max(left) < FAR_BETTER;
+    let sure = alike.is_empty() && share.max(gap_share) < POLICY.screening.max_zero_residual_share;
     let joints = match told {
         Otherwise::Gravity(_) => Vec::new(),
         Otherwise::Zero(zero) => vec![names[zero.joint].clone()],
@@ -274,7 +261,7 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
         shrink: Shrink { predicted, low, high, measured },
         share: Some(1.0),
         p_value: None,
-        confidence: if sure { CONFIDENCE } else { UNSURE },
+        confidence: if sure { POLICY.confidence.mounting } else { POLICY.confidence.mounting_unsure },
         angles: alike.iter().map(|(_, angle)| *angle).collect(),
         indistinguishable_from: alike.into_iter().map(|(effect, _)| effect).collect(),
         separating_motion: None,

@@ -3,46 +3,16 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
+use crate::adopted::Adopted;
 use crate::effect::Effect;
 use crate::evidence::Solved;
-use crate::form::Form;
+use crate::policy::POLICY;
 use crate::possible::{self, Impossible};
 use crate::search::Search;
-use crate::select::Adopted;
+use crate::value_group::Group;
 
-/// A group may be fixed at its nominal value when that costs less log evidence than this.
-pub(crate) const WORTH: f64 = 4.0;
-/// What is left to a group that is fixed, as a share of its usual error.
-const FIXED: f64 = 0.03;
 /// The same of one that is to stay as it is. Less than this and the equations lose their digits.
 const FROZEN: f64 = 1e-4;
-/// What a free group may be wrong by, at least, as a share of its usual error: where most values are right their common
-/// scale is small, and the one that is not would look impossible by it.
-const FREE: f64 = 1.0;
-
-/// Parameters that stand or fall together.
-#[derive(Clone, Debug)]
-pub(crate) struct Group {
-    pub(crate) effect: Effect,
-    pub(crate) joint: usize,
-    pub(crate) columns: Vec<usize>,
-}
-
-impl Group {
-    /// The form that has the same torque, as far as one has.
-    pub(crate) fn form(&self) -> Option<Form> {
-        let joint = self.joint;
-        match self.effect {
-            Effect::LinkInertia => Some(Form::LinkScale { link: joint }),
-            Effect::RotorInertia => Some(Form::RotorInertia { joint }),
-            Effect::CoulombFriction => Some(Form::Coulomb { joint }),
-            Effect::ViscousFriction => Some(Form::Viscous { joint }),
-            Effect::LoadDependentFriction => Some(Form::Load { joint }),
-            Effect::ViscousNonlinearity => Some(Form::ViscousNonlinearity { joint }),
-            _ => None,
-        }
-    }
-}
 
 fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
@@ -91,9 +61,11 @@ struct Widths {
 }
 
 impl Widths {
-    fn with(&self, free: &[Group], held: &[Group]) -> DVector<f64> {
+    fn std_with(&self, free: &[Group], held: &[Group]) -> DVector<f64> {
         let mut std = self.usual.clone();
-        for (groups, width) in [(free, FREE.max(self.scale)), (held, FIXED)] {
+        for (groups, width) in
+            [(free, POLICY.priors.min_free_group_share.max(self.scale)), (held, POLICY.priors.fixed_group_share)]
+        {
             // The solver multiplies by the scale where it applies; the width here is whole.
             let each = groups.iter().flat_map(|g| &g.columns);
             each.for_each(|c| std[*c] *= if self.scaled[*c] { width / self.scale } else { width.min(1.0) });
@@ -106,17 +78,17 @@ impl Wrong {
     /// The background solved with the wrong groups free, but for those at `dropped`, which are held as the others.
     pub(crate) fn without(&self, search: &mut Search<'_>, dropped: &[usize]) -> Option<Solved> {
         let (free, dropped) = self.split(dropped);
-        let held: Vec<Group> = self.held.iter().cloned().chain(dropped).collect();
-        self.solved(search, self.widths.with(&free, &held))
+        let held_groups: Vec<Group> = self.held.iter().cloned().chain(dropped).collect();
+        self.solved(search, self.widths.std_with(&free, &held_groups))
     }
 
     /// The same; `frozen`: those at `dropped` and impossible ones exactly as given, however much they would take.
-    pub(crate) fn held(&self, search: &mut Search<'_>, dropped: &[usize], frozen: bool) -> Option<Solved> {
+    pub(crate) fn solve_held(&self, search: &mut Search<'_>, dropped: &[usize], frozen: bool) -> Option<Solved> {
         if !frozen {
             return self.without(search, dropped);
         }
         let (free, dropped) = self.split(dropped);
-        let mut std = self.widths.with(&free, &self.held);
+        let mut std = self.widths.std_with(&free, &self.held);
         let impossible = self.impossible.iter().flat_map(|(group, _)| &group.columns);
         for c in dropped.iter().flat_map(|group| &group.columns).chain(impossible) {
             std[*c] = self.widths.usual[*c] * FROZEN;
@@ -154,11 +126,12 @@ pub(crate) fn wrong(search: &mut Search<'_>, adopted: &[Adopted]) -> Option<Wron
     let mut impossible: Vec<(Group, Impossible)> = Vec::new();
     loop {
         let (free, held) = chosen(search, &widths, &impossible)?;
-        search.design.background.std = widths.with(&free, &held);
+        search.design.background.std = widths.std_with(&free, &held);
         let solved = search.solved(scale)?;
         let standard = possible::standard(search.nominal, &solved.x, adopted);
-        let of = |group: &Group| possible::of_group(group, search.nominal, &standard, adopted);
-        let found: Vec<(Group, Impossible)> = free.iter().filter_map(|g| Some((g.clone(), of(g)?))).collect();
+        let impossible_value = |group: &Group| possible::of_group(group, search.nominal, &standard, adopted);
+        let found: Vec<(Group, Impossible)> =
+            free.iter().filter_map(|g| Some((g.clone(), impossible_value(g)?))).collect();
         if found.is_empty() {
             search.scale = scale;
             return Some(Wrong { groups: free, held, impossible, widths });
@@ -176,7 +149,7 @@ fn chosen(
     let (mut held, mut free): (Vec<Group>, Vec<Group>) =
         groups(search).into_iter().partition(|g| impossible.iter().any(|(other, _)| other.columns == g.columns));
     let evidence = |search: &mut Search<'_>, free: &[Group], held: &[Group]| {
-        search.design.background.std = widths.with(free, held);
+        search.design.background.std = widths.std_with(free, held);
         Some(search.solved(widths.scale)?.log_evidence)
     };
     let mut now = evidence(search, &free, &held)?;
@@ -192,7 +165,7 @@ fn chosen(
             }
         }
         let (without, at) = best?;
-        if without < now - WORTH {
+        if without < now - POLICY.adoption.min_group_evidence {
             break;
         }
         now = now.max(without);

@@ -7,8 +7,8 @@
 use std::f64::consts::TAU;
 
 use crate::design::Prepared;
-use crate::report::Cell;
-use crate::sealed::IN_MOTION;
+use crate::policy::POLICY;
+use crate::regimes::Cell;
 use crate::stages::Stages;
 
 /// Ways to divide the rows of a joint.
@@ -91,9 +91,9 @@ const STANDS: (f64, f64) = (0.005, 1e-3);
 /// Bands of frequency \[Hz\].
 const BANDS: [f64; 2] = [1.0, 5.0];
 /// Length of a segment of the spectrum \[s\]: five periods of the lowest bound.
-const SEGMENT_S: f64 = 5.12;
+const VIEW_SEGMENT_S: f64 = 5.12;
 /// Residuals are correlated over a quarter of a second: rows this far apart \[s\] count as seen anew ...
-const STRETCH_S: f64 = 0.5;
+const INDEPENDENT_ROWS_S: f64 = 0.5;
 /// ... and a cell of fewer such stretches says nothing.
 const LEAST_STRETCHES: usize = 6;
 /// A load or torque that changes by less than this many times the noise is not divided, nor a range of less \[rad\].
@@ -158,11 +158,12 @@ pub struct Views {
 
 /// Of the sealed run. `load[joint][row]`: torque of the bodies; `noise`: what the model with its values refitted leaves of each
 /// joint's torque \[N·m\], to measure doubt about friction by.
-pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f64], names: &[String]) -> Views {
+pub(crate) fn tabulate(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f64], names: &[String]) -> Views {
     let (given, full) = (&stages.models[0], &stages.models[stages.models.len() - 1]);
-    let left = |j: usize, model: &[f64]| -> Vec<f64> { stages.tau[j].iter().zip(model).map(|(t, m)| t - m).collect() };
-    let heard: Vec<usize> = (0..names.len()).filter(|j| run.silent[*j].is_none()).collect();
-    let joints: Vec<Joint> = heard
+    let residual =
+        |j: usize, model: &[f64]| -> Vec<f64> { stages.tau[j].iter().zip(model).map(|(t, m)| t - m).collect() };
+    let trusted: Vec<usize> = (0..names.len()).filter(|j| run.silent[*j].is_none()).collect();
+    let joints: Vec<Joint> = trusted
         .iter()
         .map(|&j| {
             let speed = run.chain.sample(&run.motion.qd[j]);
@@ -170,8 +171,8 @@ pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f6
             let stands = (STANDS.0 * top).max(STANDS.1).max(run.blur[j]);
             let back = (BACK.0 * run.position_noise[j]).max(BACK.1);
             Joint {
-                before: left(j, &given[j]),
-                after: left(j, &full[j]),
+                before: residual(j, &given[j]),
+                after: residual(j, &full[j]),
                 floor: run.floor[j],
                 row_s: run.chain.row_period_s,
                 highest_hz: run.chain.cutoff_hz(),
@@ -188,7 +189,7 @@ pub(crate) fn of(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise: &[f6
     let gaps: Vec<f64> = joints.iter().map(|j| square(&j.before) / square(&j.tau).max(f64::MIN_POSITIVE)).collect();
     let total = gaps.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let mut views = Views::default();
-    for ((joint, j), gap) in joints.iter().zip(heard).zip(gaps) {
+    for ((joint, j), gap) in joints.iter().zip(trusted).zip(gaps) {
         for axis in Axis::ALL {
             let parts = joint.parts(axis);
             let uneven = contrast(axis, &parts, joint.floor).filter(|_| gap >= WORTH_TELLING * total);
@@ -309,7 +310,7 @@ impl Joint {
     }
 
     fn part(&self, is_in: impl Fn(usize) -> bool, ends: Option<[f64; 2]>) -> Part {
-        let length = (STRETCH_S / self.row_s).round().max(1.0) as usize;
+        let length = (INDEPENDENT_ROWS_S / self.row_s).round().max(1.0) as usize;
         let count = self.before.len();
         // Rows and sums of squares by stretch.
         let mut sums: Vec<[f64; 4]> = Vec::new();
@@ -332,7 +333,7 @@ impl Joint {
             ends,
             rows: rows as usize,
             stretches: sums.len(),
-            known: sums.len() >= LEAST_STRETCHES && rows * self.row_s >= Cell::LEAST_SECONDS,
+            known: sums.len() >= LEAST_STRETCHES && rows * self.row_s >= Cell::MIN_REGIME_TIME_S,
             before: mean,
             after: after / f64::max(rows, 1.0),
             torque: torque / f64::max(rows, 1.0),
@@ -344,7 +345,7 @@ impl Joint {
     fn bands(&self) -> Vec<Part> {
         let whole = self.part(|_| true, None);
         let [before, after] = [&self.before, &self.after].map(|x| shares(x, self.row_s));
-        let long = self.before.len() as f64 * self.row_s >= SEGMENT_S;
+        let long = self.before.len() as f64 * self.row_s >= VIEW_SEGMENT_S;
         let bounds = [0.0, BANDS[0], BANDS[1], 0.5 / self.row_s];
         (0..3)
             .map(|b| Part {
@@ -365,7 +366,7 @@ fn square(x: &[f64]) -> f64 {
 /// Shares of the power below, between and above [`BANDS`]: Hann windows, half overlapped (Welch 1967). What is above comes by
 /// Parseval's theorem from the rest, so that only low frequencies are looked up.
 fn shares(x: &[f64], row_s: f64) -> [f64; 3] {
-    let n = ((SEGMENT_S / row_s).round() as usize).min(x.len());
+    let n = ((VIEW_SEGMENT_S / row_s).round() as usize).min(x.len());
     if n < 16 {
         return [0.0; 3];
     }
@@ -406,7 +407,8 @@ fn contrast(axis: Axis, parts: &[Part], floor: f64) -> Option<(usize, usize, f64
     let due =
         if axis == Axis::Torque { (more.torque / less.torque.max(f64::MIN_POSITIVE)).sqrt().max(1.0) } else { 1.0 };
     let sure = (ratio / due).ln() - DEVIATIONS * unsure > CONTRAST.ln();
-    (most != least && sure && more.before.sqrt() > IN_MOTION * floor).then_some((most, least, ratio))
+    (most != least && sure && more.before.sqrt() > POLICY.held_out.min_gap_in_motion * floor)
+        .then_some((most, least, ratio))
 }
 
 /// Way since the joint last turned back by more than `back` \[rad\]; steps and noise of a position are no reversals. Before the

@@ -8,24 +8,12 @@ use nalgebra::DVector;
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::AXES;
-use crate::log_check::{LogFault, is_still};
+use crate::log_fault::LogFault;
 use crate::parallel;
+use crate::policy::POLICY;
 use crate::rigid::{Bodies, FreeDrives, joined};
 use crate::rows::Column;
-
-/// What misses no more than this in units of what is known of the torque is no reason to look.
-const FITS: f64 = 1.5;
-/// Gravity weighs on a joint where it is so many times what is known of the torque; ...
-const WEIGHS: f64 = 3.0;
-/// ... on this many joints at least, since one alone may be balanced, ...
-const ON_JOINTS: usize = 2;
-/// ... and the torque carries none of it where it carries this share at most on each, or so much that it is hardly known.
-const NONE: f64 = 0.25;
-/// What is missed with it, as a share of what is missed as given, at most.
-const BETTER: f64 = 0.4;
-/// The same of two joints exchanged, and of that against any other two.
-const FAR_BETTER: f64 = 0.25;
-const NO_OTHER: f64 = 0.7;
+use crate::stillness::is_still;
 
 /// Marks joints of runs whose signals are wrong together, and says why nothing is evaluated; none where nothing is.
 pub(crate) fn spoilt(look: &mut [Prepared], sealed: &mut Prepared, nominal: &Nominal) -> Option<String> {
@@ -40,41 +28,49 @@ pub(crate) fn spoilt(look: &mut [Prepared], sealed: &mut Prepared, nominal: &Nom
 
 fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>, &'static str)> {
     let free = FreeDrives::new(look, nominal);
-    let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::of(run, nominal)).collect();
-    let of = |torque: &dyn Fn(&Bodies<'_>) -> Column| -> Vec<DVector<f64>> {
-        free.of(&bodies.iter().map(torque).collect::<Vec<_>>())
+    let bodies: Vec<Bodies<'_>> = look.iter().map(|run| Bodies::from_run(run, nominal)).collect();
+    let without_drives = |torque: &dyn Fn(&Bodies<'_>) -> Column| -> Vec<DVector<f64>> {
+        free.without_drives(&bodies.iter().map(torque).collect::<Vec<_>>())
     };
     let measured = free.measured();
     let less =
         |torque: &[DVector<f64>]| -> Vec<DVector<f64>> { measured.iter().zip(torque).map(|(m, t)| m - t).collect() };
-    let given = of(&|run| run.as_given());
-    let left = less(&given);
-    let as_given = free.size(&left);
-    if as_given <= FITS {
+    let given = without_drives(&|run| run.as_given());
+    let residual = less(&given);
+    let as_given = free.size(&residual);
+    if as_given <= POLICY.screening.max_fitting_residual {
         return None;
     }
     // Gravity of the file, and what is left without it.
-    let axes = AXES.map(|axis| of(&|run| run.weight(axis)));
+    let axes = AXES.map(|axis| without_drives(&|run| run.weight(axis)));
     let vector = nominal.model.arm.gravity;
     let gravity = |j: usize| -> DVector<f64> { axes.iter().zip(vector).map(|(axis, g)| g * &axis[j]).sum() };
-    let gravity: Vec<DVector<f64>> = (0..left.len()).map(gravity).collect();
-    let without: Vec<DVector<f64>> = left.iter().zip(&gravity).map(|(left, gravity)| left + gravity).collect();
+    let gravity: Vec<DVector<f64>> = (0..residual.len()).map(gravity).collect();
+    let without: Vec<DVector<f64>> =
+        residual.iter().zip(&gravity).map(|(residual, gravity)| residual + gravity).collect();
     let size = |j: usize| gravity[j].norm() / (gravity[j].len().max(1) as f64).sqrt();
     let share = |j: usize| gravity[j].dot(&without[j]) / gravity[j].norm_squared();
-    let shares: Vec<(usize, f64)> = (0..left.len()).filter(|j| size(*j) > WEIGHS).map(|j| (j, share(j))).collect();
-    let none = shares.len() >= ON_JOINTS && shares.iter().all(|(j, share)| share.abs() < NONE.max(FITS / size(*j)));
+    let shares: Vec<(usize, f64)> =
+        (0..residual.len()).filter(|j| size(*j) > POLICY.screening.min_gravity).map(|j| (j, share(j))).collect();
+    let none = shares.len() >= POLICY.screening.min_gravity_joints
+        && shares.iter().all(|(j, share)| {
+            share.abs() < POLICY.screening.max_gravity_share.max(POLICY.screening.max_fitting_residual / size(*j))
+        });
     // What was taken out leaves each joint as much; a force from outside pulls at one this way, at another that way.
-    let doubt = shares.iter().map(|(j, _)| 2.0 * FITS / size(*j)).fold(NONE, f64::max);
+    let doubt = shares
+        .iter()
+        .map(|(j, _)| 2.0 * POLICY.screening.max_fitting_residual / size(*j))
+        .fold(POLICY.screening.max_gravity_share, f64::max);
     let spread = |fold: fn(f64, f64) -> f64| shares.iter().map(|(_, share)| *share).reduce(fold).unwrap_or_default();
     let alike = spread(f64::max) - spread(f64::min) < doubt;
     // Bodies that are all far lighter than the file's have as little gravity, and as little inertia.
     let beyond = |torque: &[DVector<f64>], share_of: &[DVector<f64>]| {
-        let (torque, of) = (joined(torque), joined(share_of));
-        let share = of.dot(&torque) / of.norm_squared().max(f64::MIN_POSITIVE);
-        free.size(&[torque - share * of])
+        let (torque, without_drives) = (joined(torque), joined(share_of));
+        let share = without_drives.dot(&torque) / without_drives.norm_squared().max(f64::MIN_POSITIVE);
+        free.size(&[torque - share * without_drives])
     };
     let lighter = beyond(&measured, &given) < beyond(&without, &gravity);
-    if none && alike && !lighter && free.size(&without) < BETTER * as_given {
+    if none && alike && !lighter && free.size(&without) < POLICY.screening.max_weightless_residual_share * as_given {
         let faults = shares.into_iter().map(|(j, share)| (j, LogFault::Weightless(share))).collect();
         return Some((
             faults,
@@ -83,15 +79,15 @@ fn found(look: &[Prepared], nominal: &Nominal) -> Option<(Vec<(usize, LogFault)>
         ));
     }
     let moves = |j: &usize| look.iter().any(|run| !is_still(&run.motion, *j));
-    let moving: Vec<usize> = (0..left.len()).filter(moves).collect();
-    let with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
-    let pairs: Vec<(usize, usize)> = moving.iter().flat_map(with).collect();
-    let sizes = parallel::map(&pairs, |(a, b)| free.size(&less(&of(&|run| run.exchanged(*a, *b)))));
+    let moving: Vec<usize> = (0..residual.len()).filter(moves).collect();
+    let pairs_with = |a: &usize| moving.iter().filter(|b| **b > *a).map(|b| (*a, *b)).collect::<Vec<_>>();
+    let pairs: Vec<(usize, usize)> = moving.iter().flat_map(pairs_with).collect();
+    let sizes = parallel::map(&pairs, |(a, b)| free.size(&less(&without_drives(&|run| run.exchanged(*a, *b)))));
     let mut sized: Vec<(f64, (usize, usize))> = sizes.into_iter().zip(pairs).collect();
     sized.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (least, (a, b)) = *sized.first()?;
-    let no_other = sized.get(1).is_none_or(|second| least < NO_OTHER * second.0);
-    (least < FAR_BETTER * as_given && no_other).then(|| {
+    let no_other = sized.get(1).is_none_or(|second| least < POLICY.plausibility.max_other_pair_ratio * second.0);
+    (least < POLICY.screening.max_exchanged_residual_share * as_given && no_other).then(|| {
         (
             vec![(a, LogFault::Exchanged(b)), (b, LogFault::Exchanged(a))],
             "two joints are exchanged: the torque of the other joints fits another motion",

@@ -7,20 +7,15 @@
 use rivet_dynamics::{BaseSet, KnownEffect, Model};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project, project_torque};
 
+use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::form::Form;
 use crate::parts::Told;
+use crate::policy::POLICY;
 use crate::rows::Column;
-use crate::select::Adopted;
-use crate::warming;
+use crate::warming_candidates;
 
-/// A gap that is larger by less is the same.
-const WORSE: f64 = 1.05;
-/// What leaves no more than this of the squared gap, on average over joints, is written even where a joint is further ...
-const WORTH: f64 = 0.5;
-/// ... from the runs by no more than this factor: without them all other joints would be.
-const SPOILT: f64 = 1.25;
 /// Groups of drive values of a joint in the standard vector: rotor inertia, viscous, Coulomb, offset.
 const DRIVE: std::ops::Range<usize> = 10..14;
 
@@ -155,10 +150,16 @@ impl Draft<'_> {
 
     fn effects_with(&self, values: &[f64]) -> Vec<KnownEffect> {
         let mut effects = self.effects.to_vec();
-        let own = self.nominal.model.effects().list().len();
+        let nominal_effects = self.nominal.model.effects().list().len();
         for Adopted { form, values: fitted, .. } in self.adopted {
             if let Form::Warming { .. } = form {
-                warming::in_watts_of(form, &mut effects[own..], self.model.arm.dof(), fitted, values);
+                warming_candidates::in_watts_of(
+                    form,
+                    &mut effects[nominal_effects..],
+                    self.model.arm.dof(),
+                    fitted,
+                    values,
+                );
             }
         }
         effects
@@ -166,52 +167,52 @@ impl Draft<'_> {
 
     /// Root mean square that is left on each joint by `values` and `effects`, where it can be heard \[N·m\].
     pub(crate) fn gaps(&self, values: &[f64], effects: &[KnownEffect]) -> Vec<Option<f64>> {
-        let told = Told { runs: self.runs, model: self.model, columns: self.columns.clone(), values };
-        self.left(&told, effects)
+        let predicted = Told { runs: self.runs, model: self.model, columns: self.columns.clone(), values };
+        self.joint_rms(&predicted, effects)
     }
 
     /// The same of the model as given.
     pub(crate) fn gaps_as_given(&self) -> Vec<Option<f64>> {
         let columns = self.runs.iter().map(|run| &run.standard).collect();
         let nominal = self.nominal;
-        let told = Told { runs: self.runs, model: &nominal.model, columns, values: &nominal.x };
-        self.left(&told, nominal.model.effects().list())
+        let predicted = Told { runs: self.runs, model: &nominal.model, columns, values: &nominal.x };
+        self.joint_rms(&predicted, nominal.model.effects().list())
     }
 
-    fn left(&self, told: &Told<'_>, effects: &[KnownEffect]) -> Vec<Option<f64>> {
+    fn joint_rms(&self, told: &Told<'_>, effects: &[KnownEffect]) -> Vec<Option<f64>> {
         let mut torque = told.torque(|c| told.values[c]);
         for part in told.effects(effects) {
             for (to, part) in torque.iter_mut().zip(&part.torque) {
                 to.iter_mut().zip(part).for_each(|(to, v)| *to += v);
             }
         }
-        let of = |(j, torque): (usize, &Vec<f64>)| {
+        let joint_rms = |(j, torque): (usize, &Vec<f64>)| {
             let (mut square, mut rows, mut from) = (0.0, 0usize, 0);
             for run in self.runs {
-                let own = &torque[from..from + run.rows()];
+                let run_torque = &torque[from..from + run.rows()];
                 from += run.rows();
                 if run.silent[j].is_none() && !self.kept.unheard.contains(&j) {
-                    square += run.tau[j].iter().zip(own).map(|(tau, model)| (tau - model).powi(2)).sum::<f64>();
+                    square += run.tau[j].iter().zip(run_torque).map(|(tau, model)| (tau - model).powi(2)).sum::<f64>();
                     rows += run.rows();
                 }
             }
             (rows > 0).then(|| (square / rows as f64).sqrt())
         };
-        torque.iter().enumerate().map(of).collect()
+        torque.iter().enumerate().map(joint_rms).collect()
     }
 }
 
 /// Joints on which `gaps` are larger than `before`.
 pub(crate) fn worse(gaps: &[Option<f64>], before: &[Option<f64>]) -> Vec<usize> {
-    let is = |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > WORSE * before);
+    let is = |j: &usize| matches!((gaps[*j], before[*j]), (Some(gap), Some(before)) if gap > POLICY.plausibility.max_equal_gap_ratio * before);
     (0..gaps.len()).filter(is).collect()
 }
 
 /// Whether gaps are so much smaller than `before` that a joint may have a larger one.
 fn is_worth(gaps: &[Option<f64>], before: &[Option<f64>]) -> bool {
-    let heard = gaps.iter().zip(before).filter(|(gap, before)| gap.is_some() && before.is_some()).count();
-    let spoilt = |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > SPOILT * before);
-    relative(gaps, before) <= WORTH * heard as f64 && !(0..gaps.len()).any(spoilt)
+    let judged = gaps.iter().zip(before).filter(|(gap, before)| gap.is_some() && before.is_some()).count();
+    let spoilt = |j: usize| matches!((gaps[j], before[j]), (Some(gap), Some(before)) if gap > POLICY.plausibility.max_written_joint_ratio * before);
+    relative(gaps, before) <= POLICY.plausibility.max_written_gap_share * judged as f64 && !(0..gaps.len()).any(spoilt)
 }
 
 /// Sum of the squares of gaps in parts of those before.

@@ -15,6 +15,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use nalgebra::{DMatrix, DVector};
 
 use crate::parallel;
+use crate::policy::POLICY;
 use crate::rigid::{Bodies, FreeDrives};
 use crate::rows::Column;
 
@@ -22,10 +23,6 @@ use crate::rows::Column;
 const NODES: usize = 5;
 /// Angles that are tried, over the circle.
 const STEPS: usize = 720;
-/// Zeros are off by quarter turns, or are not: nearer than this it is one \[rad\] ...
-const NEAR: f64 = 0.05;
-/// ... where that misses hardly more.
-const AS_GOOD: f64 = 1.1;
 
 /// One joint's zero elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,20 +45,21 @@ pub(crate) fn all(free: &FreeDrives<'_>, bodies: &[Bodies<'_>], measured: &[DVec
 fn best(free: &FreeDrives<'_>, bodies: &[Bodies<'_>], measured: &[DVector<f64>], joint: usize) -> Zero {
     let node = |m: usize| {
         let turned: Vec<Column> = bodies.iter().map(|run| run.turned(joint, TAU * m as f64 / NODES as f64)).collect();
-        free.of(&turned)
+        free.without_drives(&turned)
     };
     let signals: Vec<Vec<DVector<f64>>> = std::iter::once(measured.to_vec()).chain((0..NODES).map(node)).collect();
     let product = |a: usize, b: usize| signals[a].iter().zip(&signals[b]).map(|(a, b)| a.dot(b)).sum::<f64>();
     let products = DMatrix::from_fn(NODES + 1, NODES + 1, product);
     let unit = free.size(measured).powi(2) / products[(0, 0)].max(f64::MIN_POSITIVE);
     let missed = |angle: f64| {
-        let of = DVector::from_fn(NODES + 1, |k, _| if k == 0 { 1.0 } else { -share(angle, k - 1) });
-        (unit * of.dot(&(&products * &of)).max(0.0)).sqrt()
+        let weights = DVector::from_fn(NODES + 1, |k, _| if k == 0 { 1.0 } else { -share(angle, k - 1) });
+        (unit * weights.dot(&(&products * &weights)).max(0.0)).sqrt()
     };
     let angles = (0..STEPS).map(|k| TAU * k as f64 / STEPS as f64 - PI);
     let angle = angles.min_by(|a, b| missed(*a).total_cmp(&missed(*b))).unwrap_or(0.0);
     let quarter = (angle / FRAC_PI_2).round() * FRAC_PI_2;
-    let is_quarter = (angle - quarter).abs() < NEAR && missed(quarter) <= AS_GOOD * missed(angle);
+    let is_quarter = (angle - quarter).abs() < POLICY.screening.max_quarter_turn_error_rad
+        && missed(quarter) <= POLICY.screening.max_quarter_turn_residual_ratio * missed(angle);
     let angle = if is_quarter { quarter } else { angle };
     // Half a turn back is half a turn on.
     let angle = if angle <= -PI { angle + TAU } else { angle };

@@ -16,12 +16,13 @@
 
 use crate::eigen::SymmetricEigen;
 use crate::kernels::{Part, add_products};
-use crate::linear::{Lu, axpy, dot};
+use crate::linear::{axpy, dot};
+use crate::lu::Lu;
 use crate::scales::{LaneScratch, Scales, Whitening, workload};
 use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Parameter, Workspace};
 
 /// Eigenvalues below this share of the largest are rounding of the sums.
-const ROUNDING: f64 = 1e-13;
+const EIGENVALUE_ROUNDING: f64 = 1e-13;
 /// A direction moves only while `vᵀMv / vᵀSv` lies between this and its inverse: else its instruments describe another motion.
 const RELEVANCE: f64 = 0.3;
 /// A column that makes less than this share of its workload's torque on a standing arm makes none.
@@ -62,7 +63,7 @@ impl Member {
     /// Friction, rotor and offset of joint `j`, what of them is in the base.
     #[must_use]
     pub fn drive(model: &Model, base: &BaseSet, j: usize) -> Member {
-        let own = |i: &usize| {
+        let is_of_joint = |i: &usize| {
             matches!(
                 base.parameter(model, *i),
                 Parameter::RotorInertia(k)
@@ -73,7 +74,7 @@ impl Member {
                 | Parameter::ViscousQuadratic(k) if k == j
             )
         };
-        Member { name: format!("drive {}", j + 1), columns: (0..base.len()).filter(own).collect() }
+        Member { name: format!("drive {}", j + 1), columns: (0..base.len()).filter(is_of_joint).collect() }
     }
 
     /// All `n` parameters.
@@ -243,8 +244,8 @@ impl Bank {
         let mean = |left: &dyn Fn(usize) -> f64| (0..p).map(|j| left(j).powi(2)).sum::<f64>() / p as f64;
         let add = |sum: &mut f64, square: f64| *sum = if full { square } else { *sum + square };
         for member in &mut self.members {
-            let left = |j: usize| tau[j] / self.noise[j] - dot(&z[j * n..(j + 1) * n], &member.candidate);
-            add(&mut member.squares[self.block], mean(&left));
+            let candidate_residual = |j: usize| tau[j] / self.noise[j] - dot(&z[j * n..(j + 1) * n], &member.candidate);
+            add(&mut member.squares[self.block], mean(&candidate_residual));
         }
         let off = |j: usize| dot(&d[j * n..(j + 1) * n], &self.x) - dot(&z[j * n..(j + 1) * n], &self.x);
         add(&mut self.squares[self.block], mean(&off));
@@ -292,9 +293,9 @@ impl Bank {
         }
         let margin = self.settings.margin;
         let best = self.evidence().fold(f64::INFINITY, f64::min);
-        let left = |k: usize| self.evidence().nth(k).map_or(f64::INFINITY, |evidence| evidence - best);
-        let within = |most: f64| (0..self.members.len()).find(|&k| left(k) <= most);
-        let next = within(0.5 * margin).filter(|&k| k < self.chosen || left(self.chosen) > margin);
+        let evidence_gap = |k: usize| self.evidence().nth(k).map_or(f64::INFINITY, |evidence| evidence - best);
+        let within = |most: f64| (0..self.members.len()).find(|&k| evidence_gap(k) <= most);
+        let next = within(0.5 * margin).filter(|&k| k < self.chosen || evidence_gap(self.chosen) > margin);
         if let Some(next) = next.filter(|&k| k != self.chosen) {
             self.chosen = next;
             self.since = 0;
@@ -337,7 +338,8 @@ impl Equations {
                 *out = columns.iter().zip(v).map(|(&j, v)| m[i * n + j] * v).sum();
             }
             let ratio = dot(v, mapped) / values[k];
-            if values[k] > threshold.max(ROUNDING * largest) && ratio > RELEVANCE && ratio < 1.0 / RELEVANCE {
+            if values[k] > threshold.max(EIGENVALUE_ROUNDING * largest) && ratio > RELEVANCE && ratio < 1.0 / RELEVANCE
+            {
                 self.active.push(k);
             }
         }

@@ -219,8 +219,8 @@ pub fn project(
         return Ok(near);
     }
     // Deviations that say nothing (few rows, weak instruments) leave the set anywhere: then torque counts beside them.
-    let told = information + as_torque(base, reference, TOLERATED_PERCENT);
-    let nearer = nearest(model, base, values, &told, nominal, reference).ok();
+    let regularised = information + as_torque(base, reference, TOLERATED_PERCENT);
+    let nearer = nearest(model, base, values, &regularised, nominal, reference).ok();
     Ok(nearer.filter(|nearer| nearer.torque_percent < near.torque_percent).unwrap_or(near))
 }
 

@@ -16,7 +16,7 @@ enum Stage {
 }
 
 /// QL needs 1.7 rounds an eigenvalue on average; EISPACK gives up after 30.
-const MOST_ROUNDS: usize = 50;
+const MAX_QL_ROUNDS: usize = 50;
 
 /// Decomposition `A = V·Λ·Vᵀ` of a matrix whose size is fixed at construction.
 #[derive(Clone, Debug)]
@@ -195,7 +195,7 @@ impl SymmetricEigen {
             self.stage = Stage::Iterate { l: l + 1, rounds: 0 };
             return n;
         }
-        if rounds >= MOST_ROUNDS || !e[l].is_finite() || !d[l].is_finite() {
+        if rounds >= MAX_QL_ROUNDS || !e[l].is_finite() || !d[l].is_finite() {
             self.converged = false;
             self.stage = Stage::Done;
             return n;

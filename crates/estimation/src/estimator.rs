@@ -39,7 +39,7 @@ use witnesses::Witnesses;
 
 /// A parameter whose nominal value makes less than this share of the workload's torque has a prior as if it made it:
 /// zero is not known exactly.
-const PRIOR_TORQUE_SHARE: f64 = 0.05;
+const MIN_PRIOR_WORKLOAD_SHARE: f64 = 0.05;
 /// What is not identified yet moves when the window knows it better than this share of the prior's width. Far from 1: a
 /// direction mixes many parameters, and if each were let in as soon as it beats the prior, their errors would add up
 /// to a torque as uncertain as the prior's. 0.3 lets the first second of a real log (6R, delayed instruments) spoil the
@@ -82,6 +82,27 @@ pub struct EstimatorSettings {
     pub change_row_s: Option<f64>,
     /// Updates that make a block of scores: longer than residuals stay correlated, and several in the window.
     pub block: usize,
+}
+
+#[cfg(test)]
+impl EstimatorSettings {
+    /// Recursive instrumental variables for white rows of unit noise, a hundred in the window.
+    pub(crate) fn whitened(supervision: Supervision) -> EstimatorSettings {
+        EstimatorSettings {
+            kind: EstimatorKind::Riv,
+            forgetting: 0.99,
+            deviation: None,
+            supervision,
+            prior: Prior { relative_std: 1.0 },
+            noise_known: true,
+            noise_memory: 100.0,
+            outlier: f64::INFINITY,
+            residual_memory: 100.0,
+            correlation: Correlation { factor: 1.0, neighbour: 0.0 },
+            change_row_s: None,
+            block: 20,
+        }
+    }
 }
 
 /// Correlation of the residuals of one joint. Rows of white noise are correlated by the model filter; what real
@@ -177,7 +198,7 @@ impl Estimator {
     #[must_use]
     pub fn new(nominal: &[f64], scales: &Scales, settings: &EstimatorSettings) -> Estimator {
         let (n, p) = (nominal.len(), scales.torque_noise.len());
-        let least = PRIOR_TORQUE_SHARE * scales.torque;
+        let least = MIN_PRIOR_WORKLOAD_SHARE * scales.torque;
         let relative = settings.prior.relative_std;
         let unknown = |i: usize| scales.unknown.get(i).copied().unwrap_or(0.0);
         let width = |(i, (x, c)): (usize, (&f64, &f64))| relative * (x * c).abs().max(unknown(i) * c).max(least);
@@ -338,9 +359,9 @@ impl Estimator {
             times(rows, &self.values, &mut torques[..share.len()]);
         }
         for j in (0..share.len()).filter(|&j| share[j] > 0.0) {
-            let own = j * n..(j + 1) * n;
+            let joint_row = j * n..(j + 1) * n;
             let off = rows.weight[j] * (torques[0][j] - torques[1][j]);
-            self.comparison.add(j, [&rows.d[own.clone()], &rows.z[own]], rows.tau[j], off);
+            self.comparison.add(j, [&rows.d[joint_row.clone()], &rows.z[joint_row]], rows.tau[j], off);
         }
     }
 

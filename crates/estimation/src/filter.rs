@@ -76,7 +76,7 @@ pub fn neighbour_correlation(response: &[f64], decimation: usize) -> f64 {
 const SILENCE: f64 = 1e-200;
 /// One channel in so many is looked at each sample. No filter sinks from there to 1e-308 in that time: its
 /// poles would have to lie within 1e-6 of the origin.
-const PARTS: usize = 16;
+const UNDERFLOW_CHECK_PARTS: usize = 16;
 
 /// The same filter over many channels, direct form II transposed.
 #[derive(Clone, Debug)]
@@ -124,7 +124,7 @@ impl Bank {
     /// Filters samples of all channels that follow each other, in place and in either order of time: what
     /// [`step`](Self::step) makes of one after the other.
     pub(crate) fn pass(&mut self, samples: &mut [f64], order: Order) {
-        let length = TOGETHER * self.channels;
+        let length = FILTER_CHUNK * self.channels;
         match order {
             Order::Forwards => samples.chunks_mut(length).for_each(|few| self.pass_few::<false>(few)),
             Order::Backwards => samples.rchunks_mut(length).for_each(|few| self.pass_few::<true>(few)),
@@ -163,14 +163,14 @@ impl Bank {
     fn quieten(&mut self) {
         let n = self.channels;
         // All states of a channel at once: one that is left would wake the others.
-        let size = n.div_ceil(PARTS);
+        let size = n.div_ceil(UNDERFLOW_CHECK_PARTS);
         let part = n.min(self.part * size)..n.min((self.part + 1) * size);
         for states in self.state.chunks_exact_mut(n) {
             for s in &mut states[part.clone()] {
                 *s = if s.abs() < SILENCE { 0.0 } else { *s };
             }
         }
-        self.part = (self.part + 1) % PARTS;
+        self.part = (self.part + 1) % UNDERFLOW_CHECK_PARTS;
     }
 }
 
@@ -194,7 +194,7 @@ pub(crate) enum Order {
 
 /// So many samples go through a section before the next section, and so many channels through all of them before the next
 /// channels: states then stay in registers and samples in the first cache.
-pub(crate) const TOGETHER: usize = 4;
+pub(crate) const FILTER_CHUNK: usize = 4;
 const ABREAST: usize = 8;
 
 /// One section over all channels of a few samples.

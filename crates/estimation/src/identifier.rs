@@ -28,7 +28,7 @@ pub const LARGEST_EFFORT: f64 = 1e6;
 /// A position that changes at more than this many times the joint's speed limit is a jump of the reading.
 const JUMP: f64 = 10.0;
 /// Speed limit of a joint that states none \[rad/s\].
-pub(crate) const DEFAULT_SPEED: f64 = 10.0;
+pub(crate) const DEFAULT_SPEED_LIMIT_RAD_S: f64 = 10.0;
 /// Rows reach the estimator once the filters have run for this many periods of the cut-off: until then the first
 /// sample's noise weighs too much. (The equation holds from the first sample on.)
 pub(crate) const SETTLING: f64 = 1.0;
@@ -39,7 +39,7 @@ pub(crate) const SETTLING: f64 = 1.0;
 /// border behind a filter that rings chooses those by just that noise, against which instruments do not help.
 const STEEP: i32 = 4;
 /// Less is nothing.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_MOVING_SHARE: f64 = 0.01;
 /// Memory of the running noise estimate, as a share of the window, and its limits \[s\].
 const NOISE_MEMORY: (f64, f64, f64) = (0.25, 0.5, 5.0);
 /// Rows further off than this many sigmas lose weight: impacts, sticking, glitches. White noise gets there once in two
@@ -159,7 +159,7 @@ impl Identifier {
             block: (block_s / row).round().max(LEAST_BLOCK) as usize,
         };
         let speed = |joint: &rivet_dynamics::Joint| {
-            if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
+            if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED_LIMIT_RAD_S }
         };
         // Torques, and which joints move, go through the same filter as the rows.
         let measured = RowFilter::new(&model, &base, over_rows, 2 * dof);
@@ -513,7 +513,7 @@ impl Identifier {
 /// How much a row counts of which the filter let through `moving` from a moving joint.
 fn counts(moving: f64) -> f64 {
     let share = moving.clamp(0.0, 1.0).powi(STEEP);
-    if share < LEAST_SHARE { 0.0 } else { share }
+    if share < MIN_MOVING_SHARE { 0.0 } else { share }
 }
 
 /// Whether the filters of one go on with the other: the closed loop's model, once identified, moves the setpoint by no more

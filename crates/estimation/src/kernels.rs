@@ -353,9 +353,9 @@ fn add_wide<const WIDTH: usize, const ROWS: usize>(
 ) -> usize {
     let groups = m[from..].as_chunks_mut::<WIDTH>().0;
     let end = from + groups.len() * WIDTH;
-    let mut own: [&[[f64; WIDTH]]; ROWS] = [&[]; ROWS];
+    let mut row_blocks: [&[[f64; WIDTH]]; ROWS] = [&[]; ROWS];
     for r in 0..ROWS {
-        own[r] = &rows[r][from..end].as_chunks::<WIDTH>().0[..groups.len()];
+        row_blocks[r] = &rows[r][from..end].as_chunks::<WIDTH>().0[..groups.len()];
     }
     for (g, m) in groups.iter_mut().enumerate() {
         let mut sum = [0.0; WIDTH];
@@ -363,7 +363,7 @@ fn add_wide<const WIDTH: usize, const ROWS: usize>(
             sum[i] = lambda * m[i];
         }
         for r in 0..ROWS {
-            let (z, d) = (zs[r], &own[r][g]);
+            let (z, d) = (zs[r], &row_blocks[r][g]);
             for i in 0..WIDTH {
                 sum[i] += z * d[i];
             }

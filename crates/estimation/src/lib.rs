@@ -29,6 +29,7 @@ pub mod filter;
 mod identifier;
 mod kernels;
 mod linear;
+mod lu;
 mod memory;
 mod noise;
 mod observer;

@@ -9,11 +9,11 @@ use crate::memory::Carry;
 
 /// A residual counts at most as this many sigmas: a collision must not teach the estimator that the arm is noisy. A
 /// level that has really risen is followed at about 7 % a row.
-const LARGEST: f64 = 3.0;
+const MAX_RESIDUAL_SIGMAS: f64 = 3.0;
 /// The first guess counts as this many rows.
 const GUESS_ROWS: f64 = 20.0;
 /// Estimated sigmas stay above this share of the first guess: noise-free data must not make weights infinite.
-const LEAST_SHARE: f64 = 1e-3;
+const MIN_SIGMA_SHARE: f64 = 1e-3;
 /// Neither does the level fall below this in thresholds: they would take rounding for information.
 const LEAST_LEVEL: f64 = 1e-4;
 
@@ -31,7 +31,7 @@ impl Variance {
 
     fn add(&mut self, square: f64, memory: f64) {
         self.rows = (self.rows + 1.0).min(memory);
-        self.value += (square.min(LARGEST * LARGEST * self.value) - self.value) / self.rows;
+        self.value += (square.min(MAX_RESIDUAL_SIGMAS * MAX_RESIDUAL_SIGMAS * self.value) - self.value) / self.rows;
     }
 }
 
@@ -107,7 +107,7 @@ impl Noise {
 
     /// Takes in the residual of row `j` \[N·m\].
     pub(crate) fn add(&mut self, j: usize, residual: f64) {
-        let now = (residual / self.sigma[j]).clamp(-LARGEST, LARGEST);
+        let now = (residual / self.sigma[j]).clamp(-MAX_RESIDUAL_SIGMAS, MAX_RESIDUAL_SIGMAS);
         self.product[j] += (now * self.before[j] - self.product[j]) / self.memory;
         self.before[j] = now;
         if self.fixed {
@@ -115,7 +115,7 @@ impl Noise {
             self.level.add((residual / self.sigma[j]).powi(2), self.memory);
             return;
         }
-        let least = (LEAST_SHARE * self.guess[j]).powi(2);
+        let least = (MIN_SIGMA_SHARE * self.guess[j]).powi(2);
         self.rows[j].add(residual * residual, self.memory);
         self.rows[j].value = self.rows[j].value.max(least);
         self.sigma[j] = self.rows[j].value.sqrt();

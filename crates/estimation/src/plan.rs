@@ -16,7 +16,7 @@ const LEAST: [f64; 2] = [4e-6, 4e-4];
 /// What a window keeps of the counts before it.
 const KEEPS: f64 = 0.95;
 /// Windows that must have said something, and the share of them that missed the way: a jump is one window.
-const TOLD: f64 = 1.9;
+const MIN_SIGNIFICANT_WINDOWS: f64 = 1.9;
 const BROKEN: f64 = 0.5;
 
 /// Two integrals of one joint beside what they should give over a window: velocity beside position, acceleration beside velocity.
@@ -42,15 +42,15 @@ impl Track {
 
     /// Ends a window; of position and velocity, whether it said anything and whether the way was missed.
     fn close(&mut self) -> [[bool; 2]; 2] {
-        let of = |k: usize| {
+        let judge_order = |k: usize| {
             let way = self.last[k] - self.first[k];
             let off = (way - self.integral[k]).powi(2);
-            let told = off.max(way * way) > LEAST[k];
-            [told, told && off > MISSED * way * way]
+            let is_significant = off.max(way * way) > LEAST[k];
+            [is_significant, is_significant && off > MISSED * way * way]
         };
-        let said = [of(0), of(1)];
+        let orders = [judge_order(0), judge_order(1)];
         self.begin(self.last);
-        said
+        orders
     }
 }
 
@@ -74,7 +74,7 @@ impl Counts {
     }
 
     fn is_broken(&self) -> bool {
-        (0..2).any(|k| self.told[k] >= TOLD && self.missed[k] > BROKEN * self.told[k])
+        (0..2).any(|k| self.told[k] >= MIN_SIGNIFICANT_WINDOWS && self.missed[k] > BROKEN * self.told[k])
     }
 }
 

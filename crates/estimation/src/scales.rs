@@ -13,7 +13,7 @@ use rivet_dynamics::{BaseSet, JointKind, LINK_PARAMETERS, Model, Parameter, Work
 const STATES: usize = 300;
 /// Share of the joint's speed limit that the workload uses, and the limit where none is given \[rad/s\].
 const SPEED_SHARE: f64 = 0.5;
-const DEFAULT_SPEED: f64 = 2.0;
+const WORKLOAD_SPEED_LIMIT_RAD_S: f64 = 2.0;
 /// Time in which a joint of the workload reaches its speed \[s\].
 const RISE_TIME: f64 = 0.3;
 /// First guess of the torque residual, as a share of the workload's torque.
@@ -266,7 +266,7 @@ impl Whitening {
 }
 
 fn speed_limit(joint: &rivet_dynamics::Joint) -> f64 {
-    if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { DEFAULT_SPEED }
+    if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { WORKLOAD_SPEED_LIMIT_RAD_S }
 }
 
 /// The states of the reference workload: positions, speeds, accelerations.

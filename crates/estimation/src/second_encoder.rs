@@ -11,7 +11,7 @@ use crate::settings::Settings;
 /// What of the motion counts \[s\]: as the mean over so long.
 const SECONDS: f64 = 2.0;
 /// A joint is judged from this standard deviation of its position on \[rad\].
-const MOVES: f64 = 3e-3;
+const MIN_JUDGED_STD_RAD: f64 = 3e-3;
 /// The encoders do not see the same joint where their difference, less its mean, is beyond this share of the motion, both as
 /// standard deviations. It is 1 where the second sees nothing.
 const DIFFERS: f64 = 0.5;
@@ -47,7 +47,7 @@ impl Pair {
         self.position.push(own, share);
         self.difference.push(second - own, share);
         let motion = self.position.variance;
-        if motion > MOVES * MOVES {
+        if motion > MIN_JUDGED_STD_RAD * MIN_JUDGED_STD_RAD {
             self.same = Some(self.difference.variance <= DIFFERS * DIFFERS * motion);
         }
     }

@@ -485,27 +485,3 @@ pub(crate) fn per_joint(
     }
     Err(SettingsError { setting, value: format!("{values:?}"), rule: format!("it needs {dof} values in {unit}") })
 }
-
-#[cfg(test)]
-pub(crate) mod tests {
-    use super::{EstimatorKind, Prior, Supervision};
-    use crate::estimator::{Correlation, EstimatorSettings};
-
-    /// Recursive instrumental variables for white rows of unit noise, a hundred in the window.
-    pub(crate) fn whitened(supervision: Supervision) -> EstimatorSettings {
-        EstimatorSettings {
-            kind: EstimatorKind::Riv,
-            forgetting: 0.99,
-            deviation: None,
-            supervision,
-            prior: Prior { relative_std: 1.0 },
-            noise_known: true,
-            noise_memory: 100.0,
-            outlier: f64::INFINITY,
-            residual_memory: 100.0,
-            correlation: Correlation { factor: 1.0, neighbour: 0.0 },
-            change_row_s: None,
-            block: 20,
-        }
-    }
-}

@@ -66,15 +66,15 @@ impl RowFilter {
         let n = base.len();
         // At most eight rows of a hundred columns.
         let places = |e: Entry| (e.standard as u16, (e.joint * n + e.column) as u16);
-        RowFilter::of(structural_entries(model, base).into_iter().map(places).collect(), filter, extra)
+        RowFilter::over(structural_entries(model, base).into_iter().map(places).collect(), filter, extra)
     }
 
     /// One more of the same rows, without further channels.
     pub(crate) fn another(&self, filter: Option<&Butterworth>) -> RowFilter {
-        RowFilter::of(Arc::clone(&self.entries), filter, 0)
+        RowFilter::over(Arc::clone(&self.entries), filter, 0)
     }
 
-    fn of(entries: Arc<[(u16, u16)]>, filter: Option<&Butterworth>, extra: usize) -> RowFilter {
+    fn over(entries: Arc<[(u16, u16)]>, filter: Option<&Butterworth>, extra: usize) -> RowFilter {
         let count = entries.len() + extra;
         let bank = filter.map(|filter| Bank::new(filter.clone(), count));
         RowFilter { entries, extra, bank, channels: vec![0.0; count], age: 0 }

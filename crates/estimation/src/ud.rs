@@ -272,7 +272,8 @@ fn four(block: &mut [f64], w: usize) -> [&mut [f64]; BLOCK] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::{Lu, tests::Random};
+    use crate::linear::tests::Random;
+    use crate::lu::Lu;
 
     /// UD against the weighted normal equations with the prior: P⁻¹ = λᴺP₀⁻¹ + Σ λ^(N−i) d·dᵀ.
     #[test]

@@ -7,7 +7,7 @@ use crate::document::{Document, Format, FormatItem};
 impl Document {
     /// Of the motion that would tell a cause from its rivals, the one that was found for these runs and is expected to tell; `names`: of the joints.
     pub fn tells_motions(&mut self, patch: &Patch, names: &[String]) {
-        for motion in patch.motions.iter().filter(|motion| motion.tells()) {
+        for motion in patch.motions.iter().filter(|motion| motion.is_conclusive()) {
             let joints: Vec<&String> = motion.joints.iter().map(|j| &names[*j]).collect();
             let of = |cause: &&mut crate::Cause| {
                 cause.effect == motion.effect.name() && cause.joints.iter().eq(joints.iter().copied())

@@ -1,6 +1,7 @@
 //! `cargo xtask`: what is done with the workspace as a whole.
 
 mod fuzz;
+mod golden;
 mod install;
 
 use clap::{Parser, Subcommand};
@@ -18,11 +19,14 @@ enum Command {
     Install(install::Args),
     /// Searches for bytes that break something, steered by coverage (libFuzzer)
     Fuzz(fuzz::Args),
+    /// Hashes diagnoses and exports of a fixed set of cases, or compares them with the stored hashes (--check)
+    Golden(golden::Args),
 }
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().command {
         Command::Install(args) => install::run(&args),
         Command::Fuzz(args) => fuzz::run(&args),
+        Command::Golden(args) => golden::run(&args),
     }
 }

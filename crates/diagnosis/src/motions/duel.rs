@@ -12,7 +12,7 @@ use crate::rows::{Chain, Column};
 use super::Class;
 
 /// Steps of inner values of an imitation, halved so many times.
-const HALVINGS: usize = 3;
+const IMITATION_HALVINGS: usize = 3;
 
 /// The model's columns along one motion, in units of each joint's noise.
 pub(super) struct Record<'a> {
@@ -109,8 +109,8 @@ impl Sums {
     /// What is left of the torque when values and form do their best, and the form's coefficients.
     fn solve(&self, columns: usize) -> Option<(f64, Vec<f64>)> {
         let x = Cholesky::new(self.gram.clone())?.solve(&self.product);
-        let left = self.square - self.product.dot(&x);
-        Some((left, x.rows(x.len() - columns, columns).iter().copied().collect()))
+        let residual_square = self.square - self.product.dot(&x);
+        Some((residual_square, x.rows(x.len() - columns, columns).iter().copied().collect()))
     }
 }
 
@@ -173,15 +173,15 @@ impl<'a> Duel<'a> {
     }
 
     /// Twice the log evidence that a motion is expected to give against every imitation as it stands in the library, and which does best.
-    pub(super) fn with(&self, record: &Record<'_>, physics: &Physics<'_>) -> Option<(f64, Form)> {
+    pub(super) fn separation(&self, record: &Record<'_>, physics: &Physics<'_>) -> Option<(f64, Form)> {
         let torque = record.torque(&self.truth.0, &self.truth.1, physics);
-        let left = parallel::map(&self.imitations, |(form, sums)| {
+        let residual_squares = parallel::map(&self.imitations, |(form, sums)| {
             let mut sums = sums.clone();
             sums.add(record, &record.columns(form, physics), &torque);
             Some((sums.solve(form.coefficients())?.0, form.clone()))
         });
-        let (left, form) = left.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some((left - self.left, form))
+        let (residual_squares, form) = residual_squares.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((residual_squares - self.left, form))
     }
 
     /// The same against `form` with the inner values at which it imitates best.
@@ -190,10 +190,10 @@ impl<'a> Duel<'a> {
         let judge = |form: Form| {
             let mut sums = self.over_logs(&form);
             sums.add(record, &record.columns(&form, physics), &torque);
-            let left = sums.solve(form.coefficients())?.0;
-            Some((form, left))
+            let residual_square = sums.solve(form.coefficients())?.0;
+            Some((form, residual_square))
         };
-        let best = climb(judge(form)?, HALVINGS, |(form, _)| form, |(_, left)| -left, judge);
+        let best = climb(judge(form)?, IMITATION_HALVINGS, |(form, _)| form, |(_, left)| -left, judge);
         Some(best.1 - self.left)
     }
 }

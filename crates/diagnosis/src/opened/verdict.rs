@@ -1,11 +1,11 @@
 //! Which verdict it is.
 
 use crate::effect::Kind;
+use crate::policy::POLICY;
 use crate::procedure::Step;
 use crate::report::{Cause, JointGap, Verdict};
-use crate::sealed::SOUND;
 
-use super::{Judge, MOST_LEFT};
+use super::Judge;
 
 /// The verdict where what was fitted holds; `causes`: those upheld, those withdrawn.
 pub(super) fn verdict(
@@ -29,7 +29,9 @@ pub(super) fn verdict(
         (0, true) if left_over => Verdict::Unexplained,
         // Taken up, but by nothing that has a name.
         (0, _) if nameless => Verdict::Unexplained,
-        (0, _) if left_over && (withdrawn_structure || unexplained_share > MOST_LEFT) => Verdict::Unexplained,
+        (0, _) if left_over && (withdrawn_structure || unexplained_share > POLICY.held_out.max_share_left) => {
+            Verdict::Unexplained
+        }
         // One joint that keeps a gap while the others come down to their noise has something that nobody named.
         (0, _) if per_joint.iter().enumerate().any(|(j, gap)| gap.is_left() && judge.residue.is_nameless(j)) => {
             Verdict::Unexplained
@@ -43,7 +45,9 @@ pub(super) fn verdict(
         (0, true) => Verdict::NoGap,
         // Nor are values that fit what was looked at and leave most of the gap where it counts.
         (0, false)
-            if judge.residue.at_floor() && unexplained_share > MOST_LEFT && per_joint.iter().any(JointGap::is_left) =>
+            if judge.residue.at_floor()
+                && unexplained_share > POLICY.held_out.max_share_left
+                && per_joint.iter().any(JointGap::is_left) =>
         {
             Verdict::Unexplained
         }
@@ -58,15 +62,18 @@ pub(super) fn verdict(
 /// that nothing is wrong.) Where most joints keep more, as on measured arms, the signal's noise is no measure; nor is it where torque differs by more
 /// when a motion is repeated: coloured noise, of which sound arms kept 2.1 to 2.3 times what the `signal` [N·m] shows.
 fn keeps_more(per_joint: &[JointGap], signal: &[f64]) -> bool {
-    let own = |gap: &JointGap, signal: f64| {
+    let repeatability = |gap: &JointGap, signal: f64| {
         gap.repeats.map_or(1.0, |scatter| (scatter.torque / signal.max(f64::MIN_POSITIVE)).max(1.0))
     };
-    let left =
-        per_joint.iter().zip(signal).filter_map(|(gap, s)| gap.in_motion.map(|[_, after]| (after, own(gap, *s))));
-    let left: Vec<(f64, f64)> = left.collect();
+    let residuals = per_joint
+        .iter()
+        .zip(signal)
+        .filter_map(|(gap, s)| gap.in_motion.map(|[_, after]| (after, repeatability(gap, *s))));
+    let residuals: Vec<(f64, f64)> = residuals.collect();
     // It excuses joints, and accuses none.
-    let more = left.iter().filter(|(times, _)| *times > SOUND).count();
-    2 * more <= left.len() && left.iter().any(|(times, own)| *times > SOUND * own)
+    let more = residuals.iter().filter(|(times, _)| *times > POLICY.held_out.max_sound_gap).count();
+    2 * more <= residuals.len()
+        && residuals.iter().any(|(times, repeatability)| *times > POLICY.held_out.max_sound_gap * repeatability)
 }
 
 #[cfg(test)]

@@ -1,23 +1,10 @@
 //! How much of a joint an effect has to take to be worth a name.
 
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::search::{Candidate, Search};
 
-use super::{AT_FLOOR, Adopted};
-
-/// Least share of a joint's residual variance, held out, that makes a structural effect material.
-const MATERIAL: f64 = 0.1;
-/// The same on a joint that is near its floor: a sound arm's friction near standstill takes up to a sixth there.
-const MATERIAL_AT_FLOOR: f64 = 0.3;
-/// The same where its evidence is overwhelming: what friction near standstill takes on a sound arm is not as plain.
-const MATERIAL_IF_PLAIN: f64 = 0.15;
-/// Gain of log evidence that is overwhelming.
-const PLAIN: f64 = 100.0;
-/// Least share of the variance a joint began with, for a further effect.
-const MATERIAL_OF_FIRST: f64 = 0.02;
-/// The same on joints where the torque of a simulated gear, delay or bristle is in use already: such forms are never
-/// exact, and what they miss is not another effect.
-const MATERIAL_BESIDE_SIMULATED: f64 = 0.12;
+use crate::adopted::Adopted;
 
 /// Share of each joint's residual variance that a candidate removes on blocks it was not fitted to.
 pub(super) fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Option<Vec<f64>> {
@@ -33,8 +20,8 @@ pub(super) fn held_out_shares(search: &Search<'_>, candidate: &Candidate) -> Opt
 /// Share of a joint near its floor that makes an effect material.
 fn least_at_floor(form: &Form, gain: f64) -> f64 {
     // An order is taken where the residual has most of it, and evidence is no measure of that.
-    let plain = gain >= PLAIN && form.order().is_none();
-    if plain { MATERIAL_IF_PLAIN } else { MATERIAL_AT_FLOOR }
+    let plain = gain >= POLICY.adoption.overwhelming_gain && form.order().is_none();
+    if plain { POLICY.adoption.min_material_share_if_plain } else { POLICY.adoption.min_material_share_at_floor }
 }
 
 /// Whether a form of which a joint is relieved by these `shares`, held out, is worth a name beside what was adopted.
@@ -46,14 +33,15 @@ pub(super) fn is_material(
 ) -> bool {
     let at_floor = least_at_floor(form, gain);
     (0..shares.len()).any(|j| {
-        let left = search.noise[j].powi(2);
+        let residual_variance = search.noise[j].powi(2);
         let simulated = adopted.iter().any(|a| a.form.is_simulated() && a.acts_on[j]);
-        let of_first = if simulated { MATERIAL_BESIDE_SIMULATED } else { MATERIAL_OF_FIRST };
-        let enough = adopted.is_empty() || shares[j] * left >= of_first * search.first_noise[j].powi(2);
+        let of_first =
+            if simulated { POLICY.adoption.min_share_beside_simulated } else { POLICY.adoption.min_share_of_first };
+        let enough = adopted.is_empty() || shares[j] * residual_variance >= of_first * search.first_noise[j].powi(2);
         // A command that is cut explains the noise of the torque by itself.
         let little = !form.has_fixed_gain() && shares[j] >= at_floor;
-        let above = search.noise[j] > AT_FLOOR * search.floor[j] || little;
-        shares[j] >= MATERIAL && above && enough
+        let above = search.noise[j] > POLICY.adoption.max_floor_ratio_of_little_left * search.floor[j] || little;
+        shares[j] >= POLICY.adoption.min_material_share && above && enough
     })
 }
 

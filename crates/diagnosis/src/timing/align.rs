@@ -1,16 +1,10 @@
 //! Torque that comes after the motion is moved, or not believed.
 
-use super::{FREE_SAMPLES, JointTiming, LEAST_S, SURE, TELLS, Timing};
+use super::{JointTiming, Timing};
 use crate::background::Nominal;
 use crate::design::Prepared;
-use crate::log_check::{LogFault, LogFinding};
-
-/// One channel by itself is late where the move takes this share of what is left and leaves so many times the noise at most: an
-/// elastic gear or bristles look late as well, but not as exactly.
-const ALONE_SHARE: f64 = 0.8;
-const ALONE_LEAVES: f64 = 2.0;
-/// Runs agree on it within this \[s\].
-const ALIKE_S: f64 = 1e-3;
+use crate::log_fault::{LogFault, LogFinding};
+use crate::policy::POLICY;
 
 /// What is to be done with the torque of one run.
 #[derive(Clone, PartialEq)]
@@ -24,7 +18,7 @@ enum Remedy {
 
 /// Moves torque that surely comes after the motion, and says so; torque that a slow filter went over is not believed.
 pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn FnMut(&str)) -> Vec<LogFinding> {
-    let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::of(run)).collect();
+    let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::from_run(run)).collect();
     for (run, timing) in runs.iter().zip(&timings) {
         let Some(timing) = timing else { continue };
         let [late, sigma] = [timing.late, timing.sigma].map(|s| 1e3 * s);
@@ -39,8 +33,8 @@ pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn
                 run.silent.iter_mut().for_each(|silent| *silent = silent.or(Some(LogFault::Filtered(seconds))));
             }
             Remedy::Move(late) => {
-                let heard = |j: &usize| late[*j] > 0.0 && run.silent[*j].is_none();
-                found.extend((0..late.len()).filter(heard).map(|j| LogFinding {
+                let is_moved = |j: &usize| late[*j] > 0.0 && run.silent[*j].is_none();
+                found.extend((0..late.len()).filter(is_moved).map(|j| LogFinding {
                     run: run.run.name.clone(),
                     joint: nominal.model.arm.joints[j].name.clone(),
                     fault: LogFault::Late(late[j]),
@@ -55,14 +49,14 @@ pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn
 }
 
 fn remedies(runs: &[&mut Prepared], timings: &[Option<Timing>], joints: usize) -> Vec<Remedy> {
-    let least = |run: &Prepared| LEAST_S.max(FREE_SAMPLES * run.run.period_s);
-    let own = |(run, timing): (&&mut Prepared, &Option<Timing>)| match timing {
+    let least = |run: &Prepared| POLICY.timing.min_delay_s.max(POLICY.timing.free_samples * run.run.period_s);
+    let run_remedy = |(run, timing): (&&mut Prepared, &Option<Timing>)| match timing {
         Some(timing) if timing.is_sure(least(run)) => {
             timing.filter().map_or_else(|| Remedy::Move(vec![timing.late; joints]), Remedy::Filter)
         }
         _ => Remedy::None,
     };
-    let mut remedies: Vec<Remedy> = runs.iter().zip(timings).map(own).collect();
+    let mut remedies: Vec<Remedy> = runs.iter().zip(timings).map(run_remedy).collect();
     // Several runs of one arm are logged alike: what cannot tell by itself, and is not against it, follows the first that can.
     if let Some(first) = remedies.iter().position(|r| *r != Remedy::None) {
         let (usual, late) = (remedies[first].clone(), timings[first].as_ref().map_or(0.0, |t| t.late));
@@ -84,18 +78,18 @@ fn alone<'a>(
     j: usize,
     least: impl Fn(&Prepared) -> f64,
 ) -> Option<f64> {
-    let own = |timing: &'a Option<Timing>| timing.as_ref()?.joints.iter().find(|t| t.joint == j);
-    let told: Vec<(&Prepared, &JointTiming)> =
-        runs.iter().zip(timings).filter_map(|(run, timing)| Some((&**run, own(timing)?))).collect();
+    let joint_timing = |timing: &'a Option<Timing>| timing.as_ref()?.joints.iter().find(|t| t.joint == j);
+    let timed: Vec<(&Prepared, &JointTiming)> =
+        runs.iter().zip(timings).filter_map(|(run, timing)| Some((&**run, joint_timing(timing)?))).collect();
     let is_sure = |(run, t): &&(&Prepared, &JointTiming)| {
-        t.late - SURE * t.sigma > least(run)
-            && t.gain(t.late) > TELLS
-            && t.share(t.late) > ALONE_SHARE
-            && t.rms < ALONE_LEAVES * run.floor[j]
+        t.late - POLICY.timing.min_sigmas * t.sigma > least(run)
+            && t.gain(t.late) > POLICY.timing.min_joint_evidence
+            && t.share(t.late) > POLICY.timing.min_single_share
+            && t.rms < POLICY.timing.max_single_floor_ratio * run.floor[j]
     };
-    let sure: Vec<f64> = told.iter().filter(is_sure).map(|(_, t)| t.late).collect();
+    let sure: Vec<f64> = timed.iter().filter(is_sure).map(|(_, t)| t.late).collect();
     let late = sure.iter().sum::<f64>() / sure.len() as f64;
-    let against = |t: &JointTiming| t.gain(late) < -TELLS;
-    let alike = !sure.is_empty() && sure.iter().all(|s| (s - late).abs() < ALIKE_S);
-    (alike && !told.iter().any(|(_, t)| against(t))).then_some(late)
+    let against = |t: &JointTiming| t.gain(late) < -POLICY.timing.min_joint_evidence;
+    let alike = !sure.is_empty() && sure.iter().all(|s| (s - late).abs() < POLICY.timing.max_run_difference_s);
+    (alike && !timed.iter().any(|(_, t)| against(t))).then_some(late)
 }

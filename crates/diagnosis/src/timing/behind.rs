@@ -21,11 +21,9 @@ use crate::physics::Physics;
 use crate::rows::Column;
 
 /// Fits, each with the model's torque of the one before.
-const FITS: usize = 5;
+const TORQUE_REFITS: usize = 5;
 /// Delay and lag are told apart below this \[Hz\]: further up is the noise of accelerations, of which a lag wants the rate.
 pub(crate) const SLOW_HZ: f64 = 8.0;
-/// Columns of size 1 that are as alike as this are one.
-const RIDGE: f64 = 1e-9;
 
 /// By how much the arm follows its torque late.
 pub(crate) struct Behind {
@@ -38,20 +36,20 @@ pub(crate) struct Behind {
 
 impl Behind {
     /// None where not all runs are sure that all of the arm is, or where neither makes sense.
-    pub(crate) fn of(runs: &[&Prepared], nominal: &Nominal, early: &Early) -> Option<Behind> {
+    pub(crate) fn fit(runs: &[&Prepared], nominal: &Nominal, early: &Early) -> Option<Behind> {
         let start = early.sure?;
-        let of = |runs: &[&Prepared], parts: &[Part]| {
+        let fits = |runs: &[&Prepared], parts: &[Part]| {
             let rows = Rows::new(runs, nominal, parts);
             let values = rows.with_torque_moved(-start)?;
             let delay = rows.fitted(Form::Delay { seconds: start }, values.clone())?;
             Some((delay, rows.fitted(Form::Lag { stands: false }, values)?))
         };
-        let ((delay, _), (lag, _)) = of(runs, &early.parts)?;
+        let ((delay, _), (lag, _)) = fits(runs, &early.parts)?;
         // A reversal that is yet to come through the filters looks like a delay: a lag would need a pulse there, which no controller makes.
         let slow: Vec<Prepared> = runs.iter().map(|run| run.up_to(SLOW_HZ, nominal)).collect();
         let slow: Vec<&Prepared> = slow.iter().collect();
         let ahead =
-            of(&slow, &super::clear(&slow)).map_or(0.0, |((_, by_delay), (_, by_lag))| 0.5 * (by_lag - by_delay));
+            fits(&slow, &super::clear(&slow)).map_or(0.0, |((_, by_delay), (_, by_lag))| 0.5 * (by_lag - by_delay));
         Some(Behind { delay, lag, ahead })
     }
 }
@@ -70,7 +68,7 @@ impl<'a> Rows<'a> {
         let count = runs.first().map_or(0, |run| run.standard.len());
         let mut gram = DMatrix::zeros(count, count);
         for part in parts {
-            let columns = own(runs[part.run], part);
+            let columns = columns_of(runs[part.run], part);
             for (a, x) in &columns {
                 for (b, y) in columns.iter().filter(|(b, _)| b <= a) {
                     gram[(*a, *b)] += part.product(x, y);
@@ -82,10 +80,10 @@ impl<'a> Rows<'a> {
     }
 
     /// Products of the columns with a signal, which is `[part][row]`.
-    fn with(&self, signal: &[Vec<f64>]) -> DVector<f64> {
+    fn products(&self, signal: &[Vec<f64>]) -> DVector<f64> {
         let mut products = DVector::zeros(self.gram.nrows());
         for (part, signal) in self.parts.iter().zip(signal) {
-            for (c, x) in own(self.runs[part.run], part) {
+            for (c, x) in columns_of(self.runs[part.run], part) {
                 products[c] += part.product(x, signal);
             }
         }
@@ -98,7 +96,7 @@ impl<'a> Rows<'a> {
 
     /// Measured torque less that of known effects, as rows of it `seconds` later.
     fn torque(&self, seconds: f64) -> Vec<Vec<f64>> {
-        let of = |part: &Part| {
+        let torque_of_part = |part: &Part| {
             let run = self.runs[part.run];
             let mut tau = run.chain.apply_later(&run.run.tau[part.joint], &[seconds]).remove(0);
             if let Some(known) = run.known_rows.get(part.joint) {
@@ -106,34 +104,34 @@ impl<'a> Rows<'a> {
             }
             tau
         };
-        self.parts.iter().map(of).collect()
+        self.parts.iter().map(torque_of_part).collect()
     }
 
     /// Standard vector by torque that is moved in time.
     fn with_torque_moved(&self, seconds: f64) -> Option<Vec<f64>> {
-        let (x, _) = solved(&self.gram, &self.with(&self.torque(seconds)))?;
+        let (x, _) = solved(&self.gram, &self.products(&self.torque(seconds)))?;
         Some(x.iter().copied().collect())
     }
 
     /// Size of a delay or lag beside all values, and the weighted sum of squares that is left.
     fn fitted(&self, mut form: Form, mut values: Vec<f64>) -> Option<(f64, f64)> {
         let tau = self.torque(0.0);
-        let (products, square) = (self.with(&tau), self.dot(&tau, &tau));
+        let (products, square) = (self.products(&tau), self.dot(&tau, &tau));
         let count = self.gram.nrows();
         let mut found = None;
-        for _ in 0..FITS {
+        for _ in 0..TORQUE_REFITS {
             let made = |run: &&Prepared| -> Option<Column> {
                 run.columns(&form, &Physics::new(&run.run, &run.motion, self.nominal, &values)).pop()
             };
             let columns: Vec<Column> = self.runs.iter().map(made).collect::<Option<_>>()?;
-            let own: Vec<Vec<f64>> =
+            let candidate: Vec<Vec<f64>> =
                 self.parts.iter().map(|part| columns[part.run][part.joint].clone()).collect::<Option<_>>()?;
             let mut gram = self.gram.clone().resize(count + 1, count + 1, 0.0);
-            let beside = self.with(&own);
-            gram.view_mut((count, 0), (1, count)).copy_from(&beside.transpose());
-            gram.view_mut((0, count), (count, 1)).copy_from(&beside);
-            gram[(count, count)] = self.dot(&own, &own);
-            let right = products.clone().push(self.dot(&own, &tau));
+            let cross = self.products(&candidate);
+            gram.view_mut((count, 0), (1, count)).copy_from(&cross.transpose());
+            gram.view_mut((0, count), (count, 1)).copy_from(&cross);
+            gram[(count, count)] = self.dot(&candidate, &candidate);
+            let right = products.clone().push(self.dot(&candidate, &tau));
             let (x, explained) = solved(&gram, &right)?;
             let c = x[count];
             if !(c > 0.0 && c.is_finite()) {
@@ -160,7 +158,7 @@ impl Part {
 }
 
 /// Columns that a joint feels, with their places.
-fn own<'a>(run: &'a Prepared, part: &Part) -> Vec<(usize, &'a Vec<f64>)> {
+fn columns_of<'a>(run: &'a Prepared, part: &Part) -> Vec<(usize, &'a Vec<f64>)> {
     run.standard.iter().enumerate().filter_map(|(c, column)| Some((c, column[part.joint].as_ref()?))).collect()
 }
 
@@ -168,7 +166,7 @@ fn own<'a>(run: &'a Prepared, part: &Part) -> Vec<(usize, &'a Vec<f64>)> {
 fn solved(gram: &DMatrix<f64>, right: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
     let scale = gram.diagonal().map(|square| if square > 0.0 { square.sqrt().recip() } else { 0.0 });
     let mut scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |a, b| gram[(a, b)] * scale[a] * scale[b]);
-    (0..scaled.nrows()).for_each(|k| scaled[(k, k)] += if scale[k] > 0.0 { RIDGE } else { 1.0 });
+    (0..scaled.nrows()).for_each(|k| scaled[(k, k)] += if scale[k] > 0.0 { super::RIDGE } else { 1.0 });
     let right = right.component_mul(&scale);
     let x = Cholesky::new(scaled)?.solve(&right);
     let explained = x.dot(&right);

@@ -9,21 +9,14 @@ use nalgebra::DVector;
 
 use super::behind::Behind;
 use super::{Early, Pooled};
+use crate::adopted::{Adopted, Rival, is_part};
 use crate::evidence::Belief;
-use crate::form::{Form, HELD};
+use crate::form::{Form, HOLD_DELAY_SAMPLES};
 use crate::physics::Physics;
+use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search, Standing};
-use crate::select::{Adopted, RIVAL_GAP, Rival, is_part};
 
-/// How surely it is as large as rows in motion have it, as a share of that.
-const SIZED: f64 = 0.02;
-/// A size is none where rows in motion surely allow less than this share of it. A joint that truly sticks has torque ahead of motion wherever it
-/// breaks away, which looks like a delay of 3 to 8 ms: by rows in motion those of sound arms were at most 0.7 of it, true ones all of it.
-const ALLOWED: f64 = 0.75;
-/// The same where a joint keeps several times its noise, as on measured arms: what else is missing there moves the time of these rows as well, and what a
-/// size of theirs left was the elastic gears of two joints.
-const ALLOWED_BESIDE_MORE: f64 = 0.2;
 /// Times that what was adopted is made anew.
 const MADE_AGAIN: usize = 3;
 
@@ -39,10 +32,10 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    fn told(&self, search: &Search<'_>) -> &(Option<Pooled>, Option<Behind>) {
+    fn estimates(&self, search: &Search<'_>) -> &(Option<Pooled>, Option<Behind>) {
         self.told.get_or_init(|| {
-            let early = Early::of(&search.runs);
-            let behind = Behind::of(&search.runs, search.nominal, &early);
+            let early = Early::from_runs(&search.runs);
+            let behind = Behind::fit(&search.runs, search.nominal, &early);
             (early.pooled, behind)
         })
     }
@@ -51,7 +44,8 @@ impl Clock {
 impl Pooled {
     /// Whether these rows are against `seconds`; `noisy`: a joint keeps several times its noise.
     pub(super) fn is_against(&self, seconds: f64, noisy: bool) -> bool {
-        self.most() < seconds * if noisy { ALLOWED_BESIDE_MORE } else { ALLOWED }
+        self.most()
+            < seconds * if noisy { POLICY.timing.min_allowed_share_open } else { POLICY.timing.min_allowed_share }
     }
 
     /// What rows in motion have, where they are sure that there is something.
@@ -71,14 +65,14 @@ impl Behind {
     /// Whether what is there is the other of the two for sure.
     fn rules_out(&self, form: &Form) -> bool {
         match form {
-            Form::Delay { .. } => self.ahead < -RIVAL_GAP,
-            _ => self.ahead > RIVAL_GAP,
+            Form::Delay { .. } => self.ahead < -POLICY.adoption.rival_gap,
+            _ => self.ahead > POLICY.adoption.rival_gap,
         }
     }
 
     fn size(&self, form: &Form) -> Size {
         let seconds = if let Form::Delay { .. } = form { self.delay } else { self.lag };
-        Size { seconds, std: SIZED * seconds }
+        Size { seconds, std: POLICY.timing.max_size_error * seconds }
     }
 }
 
@@ -88,8 +82,8 @@ fn other(form: &Form) -> Form {
 }
 
 /// Time by which a command that stands for its sample is late beside a lag \[s\]; a delay has it in its own.
-fn held(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
-    Some(if let Form::Lag { stands: true } = form { HELD * physics.first()?.period_s() } else { 0.0 })
+fn hold_delay_s(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
+    Some(if let Form::Lag { stands: true } = form { HOLD_DELAY_SAMPLES * physics.first()?.period_s() } else { 0.0 })
 }
 
 impl<'a> Search<'a> {
@@ -122,7 +116,7 @@ impl<'a> Search<'a> {
     /// where rows in motion are against that size, or a delay is wanted in part only, of the size that they have, if they are sure of one.
     /// `Some(None)`: no size makes sense; `None`: the equations have no solution.
     pub(crate) fn late(&self, form: &Form, clock: &Clock, physics: &[Physics<'_>]) -> Option<Sized> {
-        match clock.told(self) {
+        match clock.estimates(self) {
             (_, Some(behind)) => {
                 let form = if behind.rules_out(form) { other(form) } else { form.clone() };
                 Some(self.of_size(&form, behind.size(&form), physics))
@@ -133,10 +127,12 @@ impl<'a> Search<'a> {
                 let c = standing.added.c[0];
                 let seconds = match candidate.form {
                     Form::Delay { seconds } => seconds * c,
-                    _ => c + held(form, physics)?,
+                    _ => c + hold_delay_s(form, physics)?,
                 };
                 // A part of a longer delay is a lag's curve, and no size.
-                if !pooled.is_against(seconds, Residue::of(self).any_noisy()) && !is_part(&candidate.form, &standing) {
+                if !pooled.is_against(seconds, Residue::from_search(self).any_noisy())
+                    && !is_part(&candidate.form, &standing)
+                {
                     return Some(Some((candidate, standing)));
                 }
                 Some(pooled.size().and_then(|size| self.of_size(form, size, physics)))
@@ -153,7 +149,7 @@ impl<'a> Search<'a> {
         let mut candidate = self.candidate(sized, physics)?;
         let (mean, unit) = match candidate.form {
             Form::Delay { seconds } => (1.0, seconds),
-            _ => (size.seconds - held(form, physics)?, 1.0),
+            _ => (size.seconds - hold_delay_s(form, physics)?, 1.0),
         };
         candidate.belief = Belief { mean: DVector::repeat(1, mean), std: DVector::repeat(1, size.std / unit) };
         let standing = self.standing(0, &candidate, &self.scales())?;
@@ -171,7 +167,7 @@ impl<'a> Search<'a> {
             Form::Delay { .. } => Form::Delay { seconds: its.added.c[0] },
             lag => lag,
         };
-        let (other, standing) = match &clock.told(self).1 {
+        let (other, standing) = match &clock.estimates(self).1 {
             Some(behind) if behind.rules_out(&other) => return None,
             // Rows in motion that have no size tell nothing of the kind: the two stay one class.
             _ => match self.late(&other, clock, physics)? {

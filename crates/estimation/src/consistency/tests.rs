@@ -125,8 +125,8 @@ impl Robot {
     fn changed(&self, random: &mut Random) -> Vec<f64> {
         let mut x = self.nominal.clone();
         for body in x[..6 * LINK_PARAMETERS].chunks_exact_mut(LINK_PARAMETERS) {
-            let own: LinkParameters = (&*body).try_into().expect("ten entries");
-            let p = pseudo_inertia(&own);
+            let link: LinkParameters = (&*body).try_into().expect("ten entries");
+            let p = pseudo_inertia(&link);
             let p = DMatrix::from_fn(4, 4, |i, k| p[i][k]);
             let a = DMatrix::from_fn(4, 4, |i, k| {
                 f64::from(u8::from(i == k)) + if i == 3 && k < 3 { 0.0 } else { 0.1 * random.normal() }

@@ -94,9 +94,9 @@ impl Comparison {
     /// Takes in the row of joint `j`, weighted: regressor and instruments as the UD filter has them, and its torque. `off`
     /// is r, weighted.
     pub(super) fn add(&mut self, j: usize, [d, z]: [&[f64]; 2], tau: f64, off: f64) {
-        let own = j * self.n..(j + 1) * self.n;
-        axpy(off, d, &mut self.regressor[own.clone()]);
-        axpy(off, z, &mut self.instruments[own]);
+        let joint_row = j * self.n..(j + 1) * self.n;
+        axpy(off, d, &mut self.regressor[joint_row.clone()]);
+        axpy(off, z, &mut self.instruments[joint_row]);
         self.square[j] += off * off;
         self.noise[j] += off * off;
         self.torque[j] += off * tau;
@@ -157,7 +157,7 @@ impl Comparison {
     /// what is left of it with instruments, `xᵀ·E{(d−d*)·d*ᵀ}`, columns times the scaled parameters `x`. NaN without rows,
     /// infinite where nothing is left.
     pub(super) fn ratio(&self, j: usize, x: impl Iterator<Item = f64>) -> f64 {
-        let own = &self.instruments[j * self.n..(j + 1) * self.n];
-        self.square[j] / own.iter().zip(x).map(|(z, x)| (z * x).abs()).fold(0.0, f64::max)
+        let mean_instruments = &self.instruments[j * self.n..(j + 1) * self.n];
+        self.square[j] / mean_instruments.iter().zip(x).map(|(z, x)| (z * x).abs()).fold(0.0, f64::max)
     }
 }

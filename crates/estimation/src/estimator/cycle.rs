@@ -9,14 +9,15 @@ mod work;
 
 use super::{Directions, PRIOR_CAUTION};
 use crate::kernels::times_chosen;
-use crate::linear::{Budget, Lu, axpy, compress, dot};
+use crate::linear::{Budget, axpy, compress, dot};
+use crate::lu::Lu;
 use crate::memory::Carry;
 use crate::report::Verdict;
 use crate::scales::Whitening;
 use crate::supervision::{Judge, Tracked};
 
 /// How often a cycle may find that it promised too much; then it holds everything.
-const MOST_ROUNDS: usize = 4;
+const MAX_SELECTION_ROUNDS: usize = 4;
 /// A direction that moves may be this much more uncertain than its threshold says: the hysteresis of the verification.
 const VARIANCE_SLACK: f64 = 2.0;
 
@@ -260,9 +261,9 @@ impl Cycle {
         let mapped = &mut self.scratch[..self.index.len()];
         let mut i = row;
         while i < n && !budget.is_spent() {
-            let own = &mut self.m[i * n..(i + 1) * n];
-            times_chosen(scheme.vectors(), &self.index, own, mapped);
-            own[..mapped.len()].copy_from_slice(mapped);
+            let matrix_row = &mut self.m[i * n..(i + 1) * n];
+            times_chosen(scheme.vectors(), &self.index, matrix_row, mapped);
+            matrix_row[..mapped.len()].copy_from_slice(mapped);
             budget.charge(n * mapped.len() + n);
             i += 1;
         }
@@ -366,7 +367,7 @@ impl Cycle {
         if matches!(self.judge, Judge::Off) {
             return size;
         }
-        if self.lu.is_singular() || self.rounds >= MOST_ROUNDS {
+        if self.lu.is_singular() || self.rounds >= MAX_SELECTION_ROUNDS {
             // Nothing can be promised.
             self.index.clear();
             self.active.fill(false);
@@ -503,15 +504,15 @@ impl Cycle {
         for (share, &k) in step.iter().zip(index.iter()) {
             add(*share, k, covector);
         }
-        let mut held = |unseen: &[f64], widths: &[f64]| -> f64 {
+        let mut prior_variance = |unseen: &[f64], widths: &[f64]| -> f64 {
             match whitening {
                 Some(whitening) => whitening.covector(unseen, scratch),
                 None => scratch.copy_from_slice(unseen),
             }
             scratch.iter().zip(widths).map(|(h, w)| (h * w).powi(2)).sum()
         };
-        let [held, taken] = if vectors.is_some() || active[i] {
-            let taken = held(unseen, width);
+        let [prior_variance, taken] = if vectors.is_some() || active[i] {
+            let taken = prior_variance(unseen, width);
             // Where all move, nothing is held.
             if size < n {
                 for (c, row) in covector.iter().zip(m.chunks_exact(n)) {
@@ -521,10 +522,10 @@ impl Cycle {
                     add(-along(unseen, k), k, unseen);
                 }
             }
-            [held(unseen, stated), taken]
+            [prior_variance(unseen, stated), taken]
         } else {
             [f64::INFINITY; 2]
         };
-        [self.variance * self.spread(&self.step[..size]), held, taken]
+        [self.variance * self.spread(&self.step[..size]), prior_variance, taken]
     }
 }

@@ -15,7 +15,7 @@ use crate::linear::{axpy, dot_short, packed};
 use crate::memory::Carry;
 
 /// Single precision holds no more.
-const LARGEST: f64 = 1e36;
+const MAX_SCORE_SUM: f64 = 1e36;
 /// What is believed before any block counts as this many.
 const PRIOR_BLOCKS: f64 = 4.0;
 
@@ -110,9 +110,9 @@ impl LongRun {
         let keep = std::mem::replace(&mut self.kept, 1.0);
         for i in 0..self.n {
             let row = &mut self.sum[packed(i)];
-            let own = self.score[i];
+            let score = self.score[i];
             for (sum, other) in row.iter_mut().zip(&self.score) {
-                *sum = (keep * f64::from(*sum) + own * other).clamp(-LARGEST, LARGEST) as f32;
+                *sum = (keep * f64::from(*sum) + score * other).clamp(-MAX_SCORE_SUM, MAX_SCORE_SUM) as f32;
             }
         }
         self.score.fill(0.0);
@@ -153,10 +153,10 @@ mod tests {
             sums.advance(1.0);
         }
         let white = f64::from(count);
-        let of = |p: [f64; 2]| sums.variance(&p, f64::from(count), white) / white;
+        let variance_ratio = |p: [f64; 2]| sums.variance(&p, f64::from(count), white) / white;
         // 1000 blocks: 4.5 % sampling error; blocks of 100 rows miss 4 % of the long-run variance of 9.
-        assert!((of([1.0, 0.0]) / 9.0 - 1.0).abs() < 0.15, "{}", of([1.0, 0.0]));
-        assert!((of([0.0, 1.0]) - 1.0).abs() < 0.15, "{}", of([0.0, 1.0]));
-        assert!((of([1.0, 1.0]) / 10.0 - 1.0).abs() < 0.15, "{}", of([1.0, 1.0]));
+        assert!((variance_ratio([1.0, 0.0]) / 9.0 - 1.0).abs() < 0.15, "{}", variance_ratio([1.0, 0.0]));
+        assert!((variance_ratio([0.0, 1.0]) - 1.0).abs() < 0.15, "{}", variance_ratio([0.0, 1.0]));
+        assert!((variance_ratio([1.0, 1.0]) / 10.0 - 1.0).abs() < 0.15, "{}", variance_ratio([1.0, 1.0]));
     }
 }

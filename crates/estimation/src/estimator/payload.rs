@@ -21,7 +21,7 @@ const INDEPENDENT: f64 = 1e-6;
 /// time with a value that was held looks like a change as well.
 const KNOWN_SHARE: f64 = 0.9;
 /// A load may move a direction by this many tolerances; more is as likely, but not known to be possible.
-const LARGEST: f64 = 100.0;
+const MAX_PAYLOAD_TOLERANCES: f64 = 100.0;
 
 /// What a load at the last link may change.
 #[derive(Clone, Debug)]
@@ -54,9 +54,9 @@ impl Payload {
                     axpy(-dot(p, &v), p, &mut v);
                 }
             }
-            let left = dot(&v, &v).sqrt();
-            if left > INDEPENDENT * whole {
-                basis.extend(v.iter().map(|x| x / left));
+            let remainder_norm = dot(&v, &v).sqrt();
+            if remainder_norm > INDEPENDENT * whole {
+                basis.extend(v.iter().map(|x| x / remainder_norm));
             }
         }
         let touched = (0..n).map(|i| columns.iter().any(|column| column[i] != 0.0)).collect();
@@ -76,8 +76,9 @@ impl Payload {
 
     /// How many of the parameters that a load changes are known.
     fn known(&self, state: &[ParameterState]) -> usize {
-        let of = |(touched, state): &(&bool, &ParameterState)| **touched && **state != ParameterState::Unidentified;
-        self.touched.iter().zip(state).filter(of).count()
+        let is_known =
+            |(touched, state): &(&bool, &ParameterState)| **touched && **state != ParameterState::Unidentified;
+        self.touched.iter().zip(state).filter(is_known).count()
     }
 
     /// Nothing is left to eliminate.
@@ -134,7 +135,7 @@ impl Estimator {
 
     /// Eliminates one direction. Order n²; real-time safe.
     pub(super) fn unload(&mut self) {
-        let known = self.row_variance() / (LARGEST * self.cycle.tolerance()).powi(2);
+        let known = self.row_variance() / (MAX_PAYLOAD_TOLERANCES * self.cycle.tolerance()).powi(2);
         let n = self.n;
         let Some(payload) = &mut self.payload else { return };
         let [p, mp, pm, sp] = self.cycle.room();
@@ -245,7 +246,7 @@ mod tests {
         assert_eq!(basis.len(), 2 * N, "the third column is the sum of the others");
         let basis: Vec<f64> = basis.iter().map(|x| f64::from(*x)).collect();
         let p = DMatrix::from_row_slice(2, N, &basis).transpose();
-        let known = estimator.row_variance() / (LARGEST * estimator.cycle.tolerance()).powi(2);
+        let known = estimator.row_variance() / (MAX_PAYLOAD_TOLERANCES * estimator.cycle.tolerance()).powi(2);
         let inner = p.transpose() * &m * &p + DMatrix::identity(2, 2) * known;
         let l = DMatrix::identity(N, N) - &m * &p * inner.try_inverse().expect("excited") * p.transpose();
         assert!(estimator.forget_load());

@@ -32,7 +32,7 @@ const SLACK: f64 = 1.5;
 /// that changed meanwhile were (manutec, staged workload: a seventh of the oracle's efficiency); bursts leave thousands of times.
 const REFUTED: f64 = 9.0;
 /// Entries are kept in single precision.
-const LARGEST: f64 = 1e18;
+const MAX_STORED_ENTRY: f64 = 1e18;
 /// Rows that recent residuals are the mean of.
 const RECENT: f64 = 30.0;
 
@@ -238,6 +238,6 @@ fn longest(window: f64) -> u64 {
 
 fn copy(out: &mut [f32], from: &[f64]) {
     for (out, x) in out.iter_mut().zip(from) {
-        *out = x.clamp(-LARGEST, LARGEST) as f32;
+        *out = x.clamp(-MAX_STORED_ENTRY, MAX_STORED_ENTRY) as f32;
     }
 }

@@ -18,7 +18,7 @@ use super::rows::Rows;
 use super::sums::{Equations, Normal};
 
 /// Of what ones alone would tell of a constant, what is left beside the model's columns where rounding or the prior is all that is.
-const TOLD: f64 = 1e-6;
+const MIN_INFORMATION_SHARE: f64 = 1e-6;
 
 /// A constant torque of one joint that is not in the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct Constant {
 }
 
 /// Rounds of weighing rows by what is left beside the constants of the round before.
-const ROUNDS: usize = 3;
+const REWEIGHTING_ROUNDS: usize = 3;
 
 /// Constant torque per joint beside the columns of the rows, all joints at once; none of a joint that never moves or whose
 /// constant is the same to the rows as what the model has.
@@ -54,20 +54,24 @@ pub fn constant_torque(
     // The fit's own noise has the constant in it, and its colour.
     let mut weights: Vec<f64> = fit.noise.iter().map(|s| if s.is_nan() { 0.0 } else { 1.0 / (s * s) }).collect();
     let mut found = vec![None; joints.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..REWEIGHTING_ROUNDS {
         let solution = Solution::new(&joints, &weights, &x0, (prior, equations.most()), Method::LeastSquares)?;
-        let Some(Beside { constants, x }) = beside(&ones, &weights, &solution) else {
+        let Some(Beside { constants, x }) = fit_constants(&ones, &weights, &solution) else {
             return Ok(vec![None; joints.len()]);
         };
         for j in (0..joints.len()).filter(|j| joints[*j].count > 0.0) {
             let constant = constants[j].map_or(0.0, |c| c.torque);
-            let of = |(rows, residuals): (&Rows, Vec<f64>)| -> Vec<f64> {
+            let without_constant = |(rows, residuals): (&Rows, Vec<f64>)| -> Vec<f64> {
                 let rows = &rows.joints[j];
                 let less = |(row, e): (usize, f64)| e - constant * rows.weight(row, fit.trust[j]).sqrt();
                 residuals.into_iter().enumerate().map(less).collect()
             };
-            let residuals: Vec<Vec<f64>> =
-                equations.rows.iter().zip(equations.weighed_residuals(j, &x, fit.trust[j])).map(of).collect();
+            let residuals: Vec<Vec<f64>> = equations
+                .rows
+                .iter()
+                .zip(equations.weighed_residuals(j, &x, fit.trust[j]))
+                .map(without_constant)
+                .collect();
             let square: f64 = residuals.iter().flatten().map(|e| e * e).sum();
             let variance = (square / joints[j].count).max(f64::MIN_POSITIVE);
             weights[j] = 1.0 / (variance * rows_per_independent_row(&residuals));
@@ -111,23 +115,25 @@ struct Beside {
 }
 
 /// None where rounding leaves no solution.
-fn beside(ones: &[Ones], weights: &[f64], solution: &Solution) -> Option<Beside> {
+fn fit_constants(ones: &[Ones], weights: &[f64], solution: &Solution) -> Option<Beside> {
     let (n, k) = (ones.len(), solution.x.len());
     let cross = DMatrix::from_fn(k, n, |i, j| weights[j] * solution.scale[i] * ones[j].d[i]);
-    let own = DVector::from_fn(n, |j, _| weights[j] * ones[j].count);
-    let mut left = DVector::from_fn(n, |j, _| weights[j] * (ones[j].tau - ones[j].d.dot(&solution.x)));
+    let solo_information = DVector::from_fn(n, |j, _| weights[j] * ones[j].count);
+    let mut score = DVector::from_fn(n, |j, _| weights[j] * (ones[j].tau - ones[j].d.dot(&solution.x)));
     let taken = &solution.inverse * &cross;
-    let mut information = DMatrix::from_diagonal(&own) - cross.transpose() * &taken;
-    let told: Vec<bool> = (0..n).map(|j| information[(j, j)] > TOLD * own[j]).collect();
-    for j in (0..n).filter(|j| !told[*j]) {
+    let mut information = DMatrix::from_diagonal(&solo_information) - cross.transpose() * &taken;
+    let is_identifiable: Vec<bool> =
+        (0..n).map(|j| information[(j, j)] > MIN_INFORMATION_SHARE * solo_information[j]).collect();
+    for j in (0..n).filter(|j| !is_identifiable[*j]) {
         information.row_mut(j).fill(0.0);
         information.column_mut(j).fill(0.0);
         information[(j, j)] = 1.0;
-        left[j] = 0.0;
+        score[j] = 0.0;
     }
     let covariance = information.cholesky()?.inverse();
-    let torque = &covariance * left;
-    let constant = |j: usize| told[j].then(|| Constant { torque: torque[j], std: covariance[(j, j)].sqrt() });
+    let torque = &covariance * score;
+    let constant =
+        |j: usize| is_identifiable[j].then(|| Constant { torque: torque[j], std: covariance[(j, j)].sqrt() });
     let x = &solution.x - (taken * &torque).component_mul(&solution.scale);
     Some(Beside { constants: (0..n).map(constant).collect(), x: x.as_slice().to_vec() })
 }
@@ -189,7 +195,7 @@ mod tests {
         rows[0].joints[0].d.iter_mut().skip(4).step_by(5).for_each(|d| *d = 0.0);
         let equations = Equations::new(&rows);
         let fit = fit(&equations, &x, 1e6, Method::LeastSquares).expect("solved");
-        let told = constant_torque(&equations, &x, 1e6, &fit).expect("told");
-        assert!(told[0].is_some() && told[1].is_none(), "{told:?}");
+        let constants = constant_torque(&equations, &x, 1e6, &fit).expect("told");
+        assert!(constants[0].is_some() && constants[1].is_none(), "{constants:?}");
     }
 }

@@ -97,7 +97,7 @@ fn block_sums(
             continue;
         }
         any = true;
-        let (zd, _, zt) = stretch.left(method);
+        let (zd, _, zt) = stretch.projection(method);
         joint.spread(zd, *w, &mut left);
         let x: Vec<f64> = joint.columns.iter().map(|c| whole.x[*c]).collect();
         for ((row, zt), c) in zd.chunks_exact(x.len()).zip(zt).zip(&joint.columns) {
@@ -105,14 +105,14 @@ fn block_sums(
         }
     }
     let scale = whole.scale;
-    let left = DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]);
+    let scaled = DMatrix::from_fn(k, k, |i, j| left[(i, j)] * scale[i] * scale[j]);
     let score = score.component_mul(scale);
-    let led = |lead: &DMatrix<f64>| (lead * &left, lead * &score);
+    let led = |lead: &DMatrix<f64>| (lead * &scaled, lead * &score);
     any.then(|| {
-        let (mut left, mut score) = whole.lead.map_or_else(|| (left.clone(), score.clone()), led);
+        let (mut scaled, mut score) = whole.lead.map_or_else(|| (scaled.clone(), score.clone()), led);
         if let Some(held) = whole.held {
-            held.take_out(&mut left, &mut score);
+            held.take_out(&mut scaled, &mut score);
         }
-        (left, score)
+        (scaled, score)
     })
 }

@@ -23,7 +23,7 @@ use super::sums::{Equations, JointSums, Normal, Stretch};
 use crate::linear::axpy;
 
 /// How often the torque is taken back and the rest fitted, and how often at most it is taken back anew from where that led.
-const ROUNDS: usize = 3;
+const DELAY_ROUNDS: usize = 3;
 const STARTS: usize = 3;
 /// Beyond this the second order is no longer exact enough \[s\].
 const NEAR_S: f64 = STEP_S;
@@ -95,21 +95,21 @@ pub fn torque_delay(
     let start = DVector::from_iterator(k + n, nominal.iter().copied().chain(none));
     let (weights, mut late) = (&coarse.weights, coarse.late_s.clone());
     let sums = equations.trusting(&found.trust);
-    let of = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s, found.trust[j]);
-    let mut rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| of(j, late[j])).collect();
+    let rates_at = |j: usize, late_s: f64| rates(equations, j, &coarse.values, late_s, found.trust[j]);
+    let mut rates: Vec<Vec<Rates>> = (0..n).into_par_iter().map(|j| rates_at(j, late[j])).collect();
     let (mut more, mut std) = (vec![0.0_f64; n], vec![0.0; n]);
     for begun in 1..=STARTS {
-        for round in 1..=ROUNDS {
-            let of = |j: usize| {
+        for round in 1..=DELAY_ROUNDS {
+            let widened = |j: usize| {
                 let joint = widen(&sums[j], &rates[j], k + j, more[j]);
                 let normal = Normal::new(&joint, k + n, Method::Instrumental);
                 (joint, normal)
             };
-            let (joints, normals): (Vec<JointSums>, Vec<Normal>) = (0..n).into_par_iter().map(of).unzip();
+            let (joints, normals): (Vec<JointSums>, Vec<Normal>) = (0..n).into_par_iter().map(widened).unzip();
             let solution = Solution::new(&normals, weights, &start, (prior, equations.most()), Method::Instrumental)?;
             let next = |(j, more): (usize, &mut f64)| *more = (*more + solution.x[k + j]).clamp(-APART_S, APART_S);
             more.iter_mut().enumerate().for_each(next);
-            if round == ROUNDS {
+            if round == DELAY_ROUNDS {
                 let covariance = solution.long_run_covariance(&joints, weights, Method::Instrumental);
                 std.copy_from_slice(&solution.certainty(&covariance).0[k..]);
             }
@@ -120,17 +120,18 @@ pub fn torque_delay(
         }
         for j in far {
             late[j] += std::mem::take(&mut more[j]);
-            rates[j] = of(j, late[j]);
+            rates[j] = rates_at(j, late[j]);
         }
     }
-    let of = |j: usize| {
+    let delay_of_joint = |j: usize| {
         let seconds = late[j] + more[j];
         let apart = (seconds - coarse.late_s[j]).abs();
         // Whatever is not a number is no delay either.
-        let told = std[j] < LEAST_CERTAIN_S && apart < APART_S.max(APART_STD * std[j]) && more[j].abs() < APART_S;
-        Delay { seconds, std: std[j], doubt: coarse.doubt[j].or((!told).then_some(DelayDoubt::NotTold)) }
+        let is_identified =
+            std[j] < LEAST_CERTAIN_S && apart < APART_S.max(APART_STD * std[j]) && more[j].abs() < APART_S;
+        Delay { seconds, std: std[j], doubt: coarse.doubt[j].or((!is_identified).then_some(DelayDoubt::NotTold)) }
     };
-    Ok((0..n).map(of).collect())
+    Ok((0..n).map(delay_of_joint).collect())
 }
 
 /// Products of a stretch's rows with τ, r = τ̇, b = τ̈ and the instrument e; the first three as long after the row as the
@@ -183,14 +184,14 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
     let rate = |with: &[f64; 4]| with[1] + late * with[2];
     let rates_of = |[_, r, b, _]: &[Vec<f64>; 4]| -> Vec<f64> { r.iter().zip(b).map(|(r, b)| r + late * b).collect() };
     let torques_of = |[t, r, b, _]: &[Vec<f64>; 4], added: f64| -> Vec<f64> {
-        let own = t.iter().zip(r).zip(b).map(|((t, r), b)| t + late * r + square * b);
-        own.chain([-added]).collect()
+        let model_products = t.iter().zip(r).zip(b).map(|((t, r), b)| t + late * r + square * b);
+        model_products.chain([-added]).collect()
     };
     let bordered = |m: &[f64], right: &[f64], below: &[f64], corner: f64| -> Vec<f64> {
         let row = |i: usize| m[i * n..(i + 1) * n].iter().copied().chain([-right[i]]);
         (0..n).flat_map(row).chain(below.iter().map(|x| -x)).chain([corner]).collect()
     };
-    let of = |(sums, rates): (&Stretch, &Rates)| {
+    let widened = |(sums, rates): (&Stretch, &Rates)| {
         let (dr, zr) = (rates_of(&rates.d), rates_of(&rates.z));
         let [by_torque, by_rate, by_bend, by_expected] = &rates.own;
         Stretch {
@@ -204,7 +205,7 @@ fn widen(joint: &JointSums, rates: &[Rates], place: usize, late: f64) -> JointSu
         }
     };
     let columns = joint.columns.iter().copied().chain([place]).collect();
-    JointSums { columns, stretches: joint.stretches.iter().zip(rates).map(of).collect() }
+    JointSums { columns, stretches: joint.stretches.iter().zip(rates).map(widened).collect() }
 }
 
 /// Rate of the model's torque, from the rows before and after where both are there, else zero: an instrument need not be

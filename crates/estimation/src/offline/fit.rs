@@ -16,10 +16,10 @@ use crate::linear::dot;
 /// second solution of the same equations, far from any that the data would choose. So the data choose first.
 const WHITE_ROUNDS: usize = 2;
 /// Rounds with the colour of that residual.
-const ROUNDS: usize = 4;
+const COLOURED_ROUNDS: usize = 4;
 /// A parameter whose nominal value is small or zero counts as large as the value that alone makes this share of the
 /// torque of some joint.
-const PRIOR_TORQUE_SHARE: f64 = 0.005;
+const MIN_PRIOR_JOINT_SHARE: f64 = 0.005;
 /// The same of a value of exactly 0 that one joint alone has, its drive's: one that nobody gave, as friction of a file that has none.
 /// (A body's zeros are symmetries, and on ten seconds of an arm that has them they are needed.)
 const ZERO_TORQUE_SHARE: f64 = 0.05;
@@ -27,7 +27,7 @@ const ZERO_TORQUE_SHARE: f64 = 0.05;
 const RANK_TOLERANCE: f64 = 1e-7;
 
 /// A column of less than this share of the largest is rounding of nothing.
-const ROUNDING: f64 = 1e-12;
+const COLUMN_ROUNDING: f64 = 1e-12;
 
 /// Which equations are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,9 +118,21 @@ pub fn fit(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Metho
     let covariance = (0..k * k).map(|at| scaled[(at / k, at % k)] * scale[at / k] * scale[at % k]).collect();
     let (rank, condition) = solution.conditioning();
     let values = solution.x.as_slice().to_vec();
-    let beside = (0..noise.len()).map(|j| equations.share_beside(j)).collect();
+    let share_beside_stops = (0..noise.len()).map(|j| equations.share_beside(j)).collect();
     let undetermined = solution.held.as_ref().map_or_else(Vec::new, Undetermined::directions);
-    Ok(Fit { values, std, covariance, determined, noise, correlation, beside, trust, rank, condition, undetermined })
+    Ok(Fit {
+        values,
+        std,
+        covariance,
+        determined,
+        noise,
+        correlation,
+        beside: share_beside_stops,
+        trust,
+        rank,
+        condition,
+        undetermined,
+    })
 }
 
 /// The values of [`fit`] alone, for a part of the work.
@@ -178,7 +190,7 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
             round(false)?;
         }
         let mut solved = round(true)?;
-        for _ in 1..ROUNDS {
+        for _ in 1..COLOURED_ROUNDS {
             solved = round(true)?;
         }
         let (solution, weights) = solved;
@@ -186,14 +198,14 @@ fn weigh(equations: &Equations<'_>, nominal: &[f64], prior: f64, method: Method)
     };
     // All rows alike first: what that leaves of those beside a stop says what they count in the fit that stays.
     let alike = turn(vec![1.0; n], WHITE_ROUNDS)?;
-    let of = |j: usize| {
+    let stop_trust = |j: usize| {
         if !moves[j] {
             return 1.0;
         }
         let residuals = equations.weighed_residuals(j, alike.solution.x.as_slice(), 1.0);
         trust::trust(rows.iter().map(|r| &r.joints[j]), &residuals, alike.correlation[j])
     };
-    let trust: Vec<f64> = (0..n).map(of).collect();
+    let trust: Vec<f64> = (0..n).map(stop_trust).collect();
     let found = if trust.iter().all(|trust| *trust == 1.0) { alike } else { turn(trust, 0)? };
     Ok(Weighed { solution: found.solution.hold(&x0), ..found })
 }
@@ -207,11 +219,11 @@ pub fn residual_percent(rows: &[Rows], x: &[f64]) -> Vec<f64> {
 /// `[‖τ - D x‖², ‖τ‖²]` over all rows, per joint.
 pub fn residual_squares(rows: &[Rows], x: &[f64]) -> Vec<[f64; 2]> {
     let n = rows.first().map_or(0, |r| r.joints.len());
-    let of = |j: usize| {
+    let squares_of_joint = |j: usize| {
         let error: f64 = rows.iter().flat_map(|r| r.joints[j].residual(x)).map(|e| e * e).sum();
         [error, rows.iter().flat_map(|r| &r.joints[j].tau).map(|t| t * t).sum()]
     };
-    (0..n).map(of).collect()
+    (0..n).map(squares_of_joint).collect()
 }
 
 /// What an error of each parameter of the size `size` does to torque: its rms over these rows, as a share of the rms
@@ -290,14 +302,14 @@ impl Solution {
         }
         let size = DVector::from_fn(k, |i, _| dd[(i, i)].sqrt());
         let strongest = size.max().max(f64::MIN_POSITIVE);
-        let touched = |i: usize| size[i] > ROUNDING * strongest;
+        let touched = |i: usize| size[i] > COLUMN_ROUNDING * strongest;
         let of_one = |i: usize| joints.iter().filter(|joint| joint.dd[(i, i)] > 0.0).count() == 1;
         let width = DVector::from_fn(k, |i, _| {
             let alone = |joint: &Normal| (joint.torque_square / joint.dd[(i, i)]).sqrt();
             let least = joints.iter().map(alone).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
             let share = match touched(i) {
                 true if least.is_finite() && x0[i] == 0.0 && of_one(i) => ZERO_TORQUE_SHARE * least,
-                true if least.is_finite() => PRIOR_TORQUE_SHARE * least,
+                true if least.is_finite() => MIN_PRIOR_JOINT_SHARE * least,
                 // A value of 0 that no row has anything to do with: one unit is as good as another.
                 false if x0[i] == 0.0 => 1.0,
                 _ => 0.0,
@@ -341,12 +353,12 @@ impl Solution {
 
     /// Leaves the directions at the prior mean `x0` that the rows do not determine.
     pub(super) fn hold(mut self, x0: &DVector<f64>) -> Solution {
-        let held = Undetermined::new(&self.inverse, &self.prior);
-        held.hold(&mut self.left, &mut self.inverse);
+        let undetermined = Undetermined::new(&self.inverse, &self.prior);
+        undetermined.hold(&mut self.left, &mut self.inverse);
         let mut scaled = self.x.component_div(&self.scale);
-        held.keep_mean(&mut scaled, &x0.component_div(&self.scale));
+        undetermined.keep_mean(&mut scaled, &x0.component_div(&self.scale));
         self.x = scaled.component_mul(&self.scale);
-        self.held = Some(held);
+        self.held = Some(undetermined);
         self
     }
 
@@ -392,8 +404,9 @@ fn lead(zz: &DMatrix<f64>, zd: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let k = zz.nrows();
     let scale = zz.diagonal().map(|square| if square > 0.0 { 1.0 / square.sqrt() } else { 1.0 });
     let rounding = 4.0 * k as f64 * f64::EPSILON;
-    let own = DMatrix::from_fn(k, k, |i, j| zz[(i, j)] * scale[i] * scale[j] + if i == j { rounding } else { 0.0 });
-    let mut lead = own.cholesky()?.solve(&DMatrix::from_fn(k, k, |i, j| scale[i] * zd[(i, j)]));
+    let instrument_gram =
+        DMatrix::from_fn(k, k, |i, j| zz[(i, j)] * scale[i] * scale[j] + if i == j { rounding } else { 0.0 });
+    let mut lead = instrument_gram.cholesky()?.solve(&DMatrix::from_fn(k, k, |i, j| scale[i] * zd[(i, j)]));
     lead.row_iter_mut().zip(scale.iter()).for_each(|(mut row, scale)| row *= *scale);
     Some(lead.transpose())
 }

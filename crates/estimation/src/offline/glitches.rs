@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 use crate::dropout::LONGEST;
-use crate::identifier::{DEFAULT_SPEED, LARGEST_EFFORT};
+use crate::identifier::{DEFAULT_SPEED_LIMIT_RAD_S, LARGEST_EFFORT};
 
 /// No drive accelerates a joint faster than this, even in a collision \[rad/s²\].
 const LARGEST_ACCELERATION: f64 = 500.0;
@@ -22,7 +22,7 @@ const ENCODER_STEPS: f64 = 4.0;
 /// Nor does it go faster than this many times its speed limit.
 const FASTER: f64 = 4.0;
 /// A position that was held for longer than this many times the usual stood still; how long it stood is no time for a way.
-const HELD: f64 = 2.0;
+const MAX_HOLD_OVER_MEDIAN: f64 = 2.0;
 /// Up to this many times as long the joint may also have gone on behind it.
 const WENT_ON: f64 = 10.0;
 /// A joint that went on while its position was held is not more than so many times as far as at the speed before.
@@ -84,7 +84,11 @@ fn steps(t: &[f64], q: &[f64]) -> Vec<Step> {
     }
     let mut spans: Vec<f64> = steps.iter().map(|s| s.seconds).collect();
     let middle = spans.len() / 2;
-    let usual = if spans.is_empty() { 0.0 } else { HELD * *spans.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    let usual = if spans.is_empty() {
+        0.0
+    } else {
+        MAX_HOLD_OVER_MEDIAN * *spans.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
     for step in &mut steps {
         let most = usual.max(t[step.row] - t[step.row - 1]);
         step.longest = step.seconds.min(WENT_ON * most);
@@ -119,7 +123,7 @@ pub fn dropouts(tau: &[Vec<f64>]) -> Vec<std::ops::Range<usize>> {
 /// Tells the rows of `q` that jumped, and gives it without whole turns. Where a position does not come back the longer side
 /// is believed.
 pub fn unwrap<'a>(t: &[f64], q: &'a [f64], reach: Reach) -> (Jumps, Cow<'a, [f64]>) {
-    let speed = if reach.speed.is_finite() && reach.speed > 0.0 { reach.speed } else { DEFAULT_SPEED };
+    let speed = if reach.speed.is_finite() && reach.speed > 0.0 { reach.speed } else { DEFAULT_SPEED_LIMIT_RAD_S };
     let steps = steps(t, q);
     let off = unexpected(&steps, speed);
     let least = |step: &Step| {

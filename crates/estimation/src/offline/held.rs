@@ -6,7 +6,7 @@ use super::fit::{Determined, Fit};
 use super::rows::{JointRows, Rows};
 
 /// Standard deviation of a value that is not asked for, in its unit: a number above zero for those who divide by it.
-const HELD: f64 = 1e-6;
+const FIXED_VALUE_STD: f64 = 1e-6;
 
 impl Rows {
     /// Takes base columns out, each with the value that it is held at: a fit of these rows leaves those as they are, and has to explain
@@ -54,12 +54,12 @@ impl Fit {
     pub fn hold(&mut self, held: &[(usize, f64)]) {
         let k = self.values.len();
         for &(c, value) in held {
-            (self.values[c], self.std[c], self.determined[c]) = (value, HELD, Determined::ByBound);
+            (self.values[c], self.std[c], self.determined[c]) = (value, FIXED_VALUE_STD, Determined::ByBound);
             for i in 0..k {
                 self.covariance[c * k + i] = 0.0;
                 self.covariance[i * k + c] = 0.0;
             }
-            self.covariance[c * k + c] = HELD * HELD;
+            self.covariance[c * k + c] = FIXED_VALUE_STD * FIXED_VALUE_STD;
         }
     }
 }

@@ -89,9 +89,9 @@ fn deviation(inner: &[f64], around: &[f64], block: usize) -> f64 {
 /// The lags to delay instruments by: where a joint's motion does not tell its own, the median of those that do, 0 without any. One loop
 /// drives all joints of most arms, and what is far off correlates less than what is off by a little.
 pub(super) fn believed(found: &[Lag], period_s: f64) -> Vec<Lag> {
-    let mut told: Vec<f64> = found.iter().filter(|lag| lag.told).map(|lag| lag.seconds).collect();
-    told.sort_by(f64::total_cmp);
-    let usual = told.get(told.len() / 2).copied().unwrap_or(0.0);
+    let mut lags_s: Vec<f64> = found.iter().filter(|lag| lag.told).map(|lag| lag.seconds).collect();
+    lags_s.sort_by(f64::total_cmp);
+    let usual = lags_s.get(lags_s.len() / 2).copied().unwrap_or(0.0);
     let believed = |lag: &Lag| {
         let samples = if lag.told { lag.seconds } else { usual } / period_s;
         Lag { seconds: (samples * period_s * 1e9).round() / 1e9, ..*lag }
@@ -170,11 +170,11 @@ mod tests {
         let (mut errors, mut variances) = (0.0, 0.0);
         for _ in 0..200 {
             let mut rest = 0.0;
-            let of = |k: i32| {
+            let delayed_sample = |k: i32| {
                 rest = 0.99 * rest + 0.003 * random.normal();
                 wave(f64::from(k) - 10.0) + rest
             };
-            let actual: Vec<f64> = (0..4000).map(of).collect();
+            let actual: Vec<f64> = (0..4000).map(delayed_sample).collect();
             let found = lag(&actual, &commanded, 0.001);
             errors += (found.seconds - 0.01).powi(2);
             variances += found.std_s.powi(2);

@@ -13,7 +13,7 @@ use rivet_dynamics::{BaseSet, Model, Slip, State, Workspace};
 
 use super::record::Trajectory;
 use super::zero_phase::ZeroPhase;
-use crate::filter::{Bank, Order, TOGETHER};
+use crate::filter::{Bank, FILTER_CHUNK, Order};
 use crate::signals::structural_entries;
 
 /// Samples of a block, as a multiple of those that the backward pass needs to forget its start.
@@ -95,8 +95,14 @@ pub(super) fn filtered_rows(
             let mut from = 0;
             for (span, share) in spans.iter().zip(&mut shares) {
                 let until = used.partition_point(|k| k + source.padding - late < span.end);
-                let own = rows.split_off_mut(..(until - from) * width).unwrap_or_default();
-                share.push(Wanted { channels: channels(lane), late, used: &used[from..until], rows: own, left: 0 });
+                let span_rows = rows.split_off_mut(..(until - from) * width).unwrap_or_default();
+                share.push(Wanted {
+                    channels: channels(lane),
+                    late,
+                    used: &used[from..until],
+                    rows: span_rows,
+                    left: 0,
+                });
                 from = until;
             }
         }
@@ -189,7 +195,7 @@ impl<'a> Source<'a> {
         buffer.resize(most.max(span.start - begin) * width, 0.0);
         self.begin(begin);
         self.forwards(&mut forwards, begin, &mut buffer[..(span.start - begin) * width]);
-        let mut few = vec![0.0; TOGETHER * width];
+        let mut few = vec![0.0; FILTER_CHUNK * width];
         let (mut first, mut filled) = (span.start, 0);
         while first < span.end {
             let (next, now) = (first + filled, most.min(end - first));
@@ -198,7 +204,7 @@ impl<'a> Source<'a> {
             let done = if first + filled == end { span.end - first } else { block };
             let (own, later) = buffer[..filled * width].split_at_mut(done * width);
             backwards.restart();
-            for samples in later.rchunks(TOGETHER * width) {
+            for samples in later.rchunks(FILTER_CHUNK * width) {
                 few[..samples.len()].copy_from_slice(samples);
                 backwards.pass(&mut few[..samples.len()], Order::Backwards);
             }
@@ -206,7 +212,7 @@ impl<'a> Source<'a> {
             for wanted in &mut wanted {
                 wanted.begin(at, self.padding);
             }
-            for samples in own.rchunks(TOGETHER * width) {
+            for samples in own.rchunks(FILTER_CHUNK * width) {
                 let few = &mut few[..samples.len()];
                 few.copy_from_slice(samples);
                 backwards.pass(few, Order::Backwards);
@@ -224,7 +230,7 @@ impl<'a> Source<'a> {
     fn forwards(&mut self, bank: &mut Bank, from: usize, samples: &mut [f64]) {
         let width = self.width();
         let mut at = from;
-        for few in samples.chunks_mut(TOGETHER * width) {
+        for few in samples.chunks_mut(FILTER_CHUNK * width) {
             for sample in few.chunks_exact_mut(width) {
                 self.sample(at, sample);
                 at += 1;

@@ -93,7 +93,7 @@ impl Trajectory {
 
 /// `f` of every sample with those before and after it; at the ends, of their neighbours.
 fn differences(signals: &[Vec<f64>], f: impl Fn(f64, f64, f64) -> f64 + Sync) -> Vec<Vec<f64>> {
-    let of = |q: &Vec<f64>| {
+    let filtered = |q: &Vec<f64>| {
         if q.len() < 3 {
             return vec![0.0; q.len()];
         }
@@ -104,7 +104,7 @@ fn differences(signals: &[Vec<f64>], f: impl Fn(f64, f64, f64) -> f64 + Sync) ->
         all.push(all[all.len() - 1]);
         all
     };
-    signals.par_iter().map(of).collect()
+    signals.par_iter().map(filtered).collect()
 }
 
 pub(super) fn check(what: &'static str, signals: &[Vec<f64>], joints: usize, rows: usize) -> Result<(), OfflineError> {

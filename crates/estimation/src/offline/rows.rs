@@ -58,17 +58,17 @@ pub(super) struct JointRows {
 
 impl JointRows {
     /// Values of the joint's columns among all of them.
-    fn own(&self, x: &[f64]) -> Vec<f64> {
+    fn joint_values(&self, x: &[f64]) -> Vec<f64> {
         self.columns.iter().map(|c| x[*c]).collect()
     }
 
     /// Torque of the base parameters `x`, row by row \[N m\].
     pub(super) fn torque(&self, x: &[f64]) -> Vec<f64> {
-        let own = self.own(x);
-        if own.is_empty() {
+        let values = self.joint_values(x);
+        if values.is_empty() {
             return vec![0.0; self.tau.len()];
         }
-        self.d.chunks_exact(own.len()).map(|d| dot(d, &own)).collect()
+        self.d.chunks_exact(values.len()).map(|d| dot(d, &values)).collect()
     }
 
     /// Weight of row `row` if those beside a stop have `trust` and the others 1.
@@ -116,13 +116,13 @@ struct Instruments {
 
 impl Instruments {
     /// Of a record of an arm with `n` joints whose measured motion is sound.
-    fn of(settings: &OfflineSettings, record: &Record, n: usize) -> Result<Instruments, OfflineError> {
+    fn from_record(settings: &OfflineSettings, record: &Record, n: usize) -> Result<Instruments, OfflineError> {
         let rows = record.measured.len();
         match (settings.instrument, &record.desired) {
             (InstrumentSource::Desired, Some(desired)) => {
                 desired.check(n, rows)?;
-                let of = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
-                let lags = believed(&(0..n).into_par_iter().map(of).collect::<Vec<_>>(), record.period_s);
+                let lag_of_joint = |j: usize| lag(&record.measured.qd[j], &desired.qd[j], record.period_s);
+                let lags = believed(&(0..n).into_par_iter().map(lag_of_joint).collect::<Vec<_>>(), record.period_s);
                 let samples: Vec<f64> = lags.iter().map(|lag| lag.seconds / record.period_s).collect();
                 Ok(Instruments { motion: Some(delayed(desired, &samples)), delay: 0, lags })
             }
@@ -191,8 +191,10 @@ impl Rows {
         let speed = || filter.of_all(&record.measured.qd);
         let stops = || beside_stop(model, settings, record, &filter);
         // What stands still has no tracking lag either, so that is said first.
-        let ((torque, stops), (speed, instruments)) =
-            rayon::join(|| rayon::join(torque, stops), || rayon::join(speed, || Instruments::of(settings, record, n)));
+        let ((torque, stops), (speed, instruments)) = rayon::join(
+            || rayon::join(torque, stops),
+            || rayon::join(speed, || Instruments::from_record(settings, record, n)),
+        );
         let moving = moving_range(&speed, &settings.dead_zone, filter.edge())
             .ok_or(OfflineError::NoMotion { rows, edge: filter.edge() })?;
         let Instruments { motion: instrument, delay, lags } = instruments?;
@@ -221,8 +223,8 @@ impl Rows {
             let place = std::mem::take(&mut places[j]);
             result.left_out.push(1.0 - used.len() as f64 / kept.len().max(1) as f64);
             let tau = used.iter().map(|k| torque[j][*k]).collect();
-            let beside = used.iter().map(|k| stops[j][*k]).collect();
-            result.joints.push(JointRows { columns, d, z, tau, place, beside });
+            let beside_stop = used.iter().map(|k| stops[j][*k]).collect();
+            result.joints.push(JointRows { columns, d, z, tau, place, beside: beside_stop });
         }
         result.torque = Arc::new(FilteredTorque { joints: torque, period_s: record.period_s });
         Ok(result)
@@ -313,20 +315,20 @@ fn most(model: &Model, base: &BaseSet) -> Arc<[Range]> {
     let length = |t: [f64; 3]| t.iter().map(|t| t * t).sum::<f64>().sqrt();
     let far = model.arm.joints.iter().map(|joint| length(joint.translation)).sum::<f64>();
     let known = mass > 0.0 && far > 0.0;
-    let own = |parameter: Parameter| match parameter {
+    let bound = |parameter: Parameter| match parameter {
         Parameter::Link { entry: 0, .. } if known => mass,
         Parameter::Link { entry: 1..=3, .. } if known => mass * far,
         Parameter::Link { .. } if known => mass * far * far,
         _ => f64::INFINITY,
     };
     // What was regrouped into it may have a large factor, as where two axes all but meet.
-    let of = |i: usize| {
+    let base_bound = |i: usize| {
         let more = base.regrouping(i).into_iter().map(|(k, factor)| (model.parameters[k], factor.abs()));
-        let more = more.filter(|(_, factor)| *factor > 0.0).map(|(parameter, factor)| factor * own(parameter));
-        own(base.parameter(model, i)) + more.sum::<f64>()
+        let more = more.filter(|(_, factor)| *factor > 0.0).map(|(parameter, factor)| factor * bound(parameter));
+        bound(base.parameter(model, i)) + more.sum::<f64>()
     };
     let unknown = base.std_from_standard(model.unknown_bodies());
-    unknown.into_iter().enumerate().map(|(i, unknown)| Range { most: of(i), unknown }).collect()
+    unknown.into_iter().enumerate().map(|(i, unknown)| Range { most: base_bound(i), unknown }).collect()
 }
 
 /// Measured torque less the effects of known size that the model has beside its parameters.

@@ -28,7 +28,7 @@ pub struct TorqueSense {
 /// vary, and one of a few has any sign.)
 pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], pieces: &[&Rows]) -> Vec<Option<TorqueSense>> {
     let parameters: Vec<Parameter> = (0..base.len()).map(|i| base.parameter(model, i)).collect();
-    let of = |j: usize| {
+    let sense_of_joint = |j: usize| {
         if let [whole] = pieces {
             return (whole.count(j) > 0).then(|| sense(j, &whole.joints[j], &parameters, nominal));
         }
@@ -40,12 +40,12 @@ pub fn torque_sense(model: &Model, base: &BaseSet, nominal: &[f64], pieces: &[&R
         }
         (!all.tau.is_empty()).then(|| sense(j, &all, &parameters, nominal))
     };
-    (0..model.arm.dof()).map(of).collect()
+    (0..model.arm.dof()).map(sense_of_joint).collect()
 }
 
 /// Joints that turn one way only in nearly all of their rows: what a constant torque does there, Coulomb friction does as well.
 pub fn one_way(model: &Model, base: &BaseSet, rows: &[Rows]) -> Vec<bool> {
-    let of = |j: usize| {
+    let turns_one_way = |j: usize| {
         let coulomb = (0..base.len()).find(|i| base.parameter(model, *i) == Parameter::Coulomb(j));
         let mut turns = [0_usize; 2];
         for rows in rows.iter().map(|record| &record.joints[j]) {
@@ -55,7 +55,7 @@ pub fn one_way(model: &Model, base: &BaseSet, rows: &[Rows]) -> Vec<bool> {
         let [back, forth] = turns.map(|count| count as f64);
         back + forth > 0.0 && back.min(forth) < ONE_WAY * (back + forth)
     };
-    (0..model.arm.dof()).map(of).collect()
+    (0..model.arm.dof()).map(turns_one_way).collect()
 }
 
 /// Share of the rows the other way below which these are those of a joint that comes to rest.
@@ -74,9 +74,9 @@ fn sense(j: usize, rows: &JointRows, parameters: &[Parameter], nominal: &[f64]) 
     let drive: Vec<f64> = {
         let is_drive =
             |p: Parameter| [Parameter::RotorInertia(j), Parameter::Viscous(j), Parameter::Coulomb(j)].contains(&p);
-        let own = |i: usize| if is_drive(parameters[i]) { nominal[i].abs() } else { 0.0 };
-        let own: Vec<f64> = rows.columns.iter().map(|c| own(*c)).collect();
-        rows.d.chunks_exact(k.max(1)).map(|row| dot(row, &own)).collect()
+        let drive_value = |i: usize| if is_drive(parameters[i]) { nominal[i].abs() } else { 0.0 };
+        let drive_values: Vec<f64> = rows.columns.iter().map(|c| drive_value(*c)).collect();
+        rows.d.chunks_exact(k.max(1)).map(|row| dot(row, &drive_values)).collect()
     };
     let centred = |x: &[f64]| -> Vec<f64> {
         let mean = x.iter().sum::<f64>() / count;
@@ -110,8 +110,10 @@ pub fn giving_friction(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) 
             let Some(at) = rows.columns.iter().position(|c| *c == viscous) else { continue };
             for (row, tau) in rows.d.chunks_exact(rows.columns.len()).zip(&rows.tau) {
                 for (c, d) in rows.columns.iter().zip(row) {
-                    let of = base.parameter(model, *c);
-                    if [Parameter::Viscous(j), Parameter::Coulomb(j), Parameter::ViscousQuadratic(j)].contains(&of) {
+                    let parameter = base.parameter(model, *c);
+                    if [Parameter::Viscous(j), Parameter::Coulomb(j), Parameter::ViscousQuadratic(j)]
+                        .contains(&parameter)
+                    {
                         power[*c] += d * row[at];
                     }
                 }
@@ -142,8 +144,8 @@ pub fn friction_share(model: &Model, base: &BaseSet, fit: &Fit, rows: &[Rows]) -
         let dry = [Parameter::Coulomb(j), Parameter::CouplingCoulomb, Parameter::LoadFriction(j)];
         let (mut rubs, mut all) = (0.0, 0.0);
         for rows in rows.iter().map(|r| &r.joints[j]) {
-            let of = |c: &usize| if dry.contains(&base.parameter(model, *c)) { fit.values[*c] } else { 0.0 };
-            let values: Vec<f64> = rows.columns.iter().map(of).collect();
+            let dry_value = |c: &usize| if dry.contains(&base.parameter(model, *c)) { fit.values[*c] } else { 0.0 };
+            let values: Vec<f64> = rows.columns.iter().map(dry_value).collect();
             if values.is_empty() {
                 continue;
             }

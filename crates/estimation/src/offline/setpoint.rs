@@ -7,7 +7,7 @@ use super::record::Trajectory;
 use crate::plan::is_broken;
 
 /// A joint moves from this standard deviation of its position on \[rad\]: less is sag and noise of a joint that stands.
-const MOVES: f64 = 0.01;
+const MIN_MOVING_STD_RAD: f64 = 0.01;
 /// The arm does not follow where the tracking error, less its mean and the tracking lag, is beyond this share of the motion,
 /// both as standard deviations. Without a plan it is 1; a loop that follows leaves some percent.
 const FOLLOWS: f64 = 0.5;
@@ -18,7 +18,7 @@ pub fn unfollowed(measured: &Trajectory, desired: &Trajectory, period_s: f64) ->
     let joints = measured.q.len().min(desired.q.len());
     let strays = |j: &usize| {
         let (q, plan) = (&measured.q[*j], &desired.q[*j]);
-        if q.len() != plan.len() || deviation(q.iter().copied()) < MOVES {
+        if q.len() != plan.len() || deviation(q.iter().copied()) < MIN_MOVING_STD_RAD {
             return false;
         }
         let late = (lag(&measured.qd[*j], &desired.qd[*j], period_s).seconds / period_s).round() as isize;
@@ -53,9 +53,9 @@ mod tests {
     /// A joint that moves, one that sags under it, one that moves with a constant lag of 0.2 s and an offset.
     fn motion() -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let wave = |t: f64| 0.5 * (1.3 * t).sin() + 0.3 * (3.1 * t).cos();
-        let of = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..3000).map(|k| f(f64::from(k) * PERIOD)).collect() };
-        let q = vec![of(&wave), of(&|t| 0.004 * wave(t)), of(&|t| wave(t - 0.2))];
-        let plan = vec![of(&wave), of(&|_| 0.0), of(&|t| 0.1 + wave(t))];
+        let sampled = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..3000).map(|k| f(f64::from(k) * PERIOD)).collect() };
+        let q = vec![sampled(&wave), sampled(&|t| 0.004 * wave(t)), sampled(&|t| wave(t - 0.2))];
+        let plan = vec![sampled(&wave), sampled(&|_| 0.0), sampled(&|t| 0.1 + wave(t))];
         (q, plan)
     }
 

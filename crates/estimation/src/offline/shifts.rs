@@ -27,7 +27,7 @@ pub(super) const STEP_S: f64 = 0.008;
 const STEPS: usize = (REACH_S / STEP_S) as usize;
 const COUNT: usize = 2 * STEPS + 1;
 /// So many rows of a joint, evenly spread, say enough: the search costs as much for any length of a log.
-const MOST_ROWS: usize = 2000;
+const MAX_SEARCH_ROWS: usize = 2000;
 /// Joints are taken in turn at most so often; every turn lowers J.
 const TURNS: usize = 12;
 /// There is a delay where J rises by this beside it (5 standard deviations: the best of many is looked for) ...
@@ -35,7 +35,7 @@ const LEAST_RISE: f64 = 25.0;
 /// ... it is told from another by this (3 standard deviations) ...
 const LEAST_DIFFERENCE: f64 = 9.0;
 /// ... and both by this share of what the best one leaves: the model is no better than that.
-const LEAST_SHARE: f64 = 0.03;
+const MIN_DIFFERENCE_SHARE: f64 = 0.03;
 /// The bottom between grid points is known to this share of what J rises to.
 const GRID_SHARE: f64 = 0.02;
 
@@ -70,7 +70,7 @@ impl Shifts {
     fn new(equations: &Equations<'_>, j: usize, trust: f64) -> Shifts {
         let width = equations.joints[j].columns.len();
         let rows = equations.joints[j].count();
-        let stride = (rows as usize).div_ceil(MOST_ROWS).max(1);
+        let stride = (rows as usize).div_ceil(MAX_SEARCH_ROWS).max(1);
         let mut sums = Shifts {
             dt: vec![vec![0.0; width]; COUNT],
             tt: vec![0.0; COUNT],
@@ -125,24 +125,25 @@ impl Evidence<'_> {
     }
 
     /// J less what no delay changes.
-    fn left(&self, steps: &[usize], b: &DVector<f64>) -> f64 {
-        let own: f64 = steps.iter().enumerate().map(|(j, step)| self.weights[j] * self.shifts[j].tt[*step]).sum();
-        own - b.dot(&(&self.solution.inverse * b))
+    fn objective(&self, steps: &[usize], b: &DVector<f64>) -> f64 {
+        let torque_square: f64 =
+            steps.iter().enumerate().map(|(j, step)| self.weights[j] * self.shifts[j].tt[*step]).sum();
+        torque_square - b.dot(&(&self.solution.inverse * b))
     }
 
     /// J along the delays of one joint, those of the others fixed.
     fn along(&self, j: usize, steps: &[usize]) -> Vec<f64> {
         let mut others = self.total(steps);
         self.right(j, steps[j], &mut others, -1.0);
-        let of = |step: usize| {
+        let objective_at = |step: usize| {
             let mut steps = steps.to_vec();
             steps[j] = step;
             let mut b = others.clone();
             self.right(j, step, &mut b, 1.0);
-            self.left(&steps, &b)
+            self.objective(&steps, &b)
         };
         // Few at a time would take longer to be shared out than to be done.
-        (0..COUNT).into_par_iter().with_min_len(COUNT / 4).map(of).collect()
+        (0..COUNT).into_par_iter().with_min_len(COUNT / 4).map(objective_at).collect()
     }
 
     fn values(&self, steps: &[usize]) -> DVector<f64> {
@@ -152,10 +153,14 @@ impl Evidence<'_> {
     /// `‖τ(T) − D x‖²` of one joint over its rows.
     fn square(&self, j: usize, step: usize, x: &DVector<f64>) -> f64 {
         let joint = &self.joints[j];
-        let own: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
-        let bent: f64 =
-            self.shifts[j].dd.chunks_exact(own.len().max(1)).zip(&own).map(|(row, x)| x * dot(row, &own)).sum();
-        (self.shifts[j].tt[step] - 2.0 * dot(&self.shifts[j].dt[step], &own) + bent).max(0.0)
+        let values: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
+        let bent: f64 = self.shifts[j]
+            .dd
+            .chunks_exact(values.len().max(1))
+            .zip(&values)
+            .map(|(row, x)| x * dot(row, &values))
+            .sum();
+        (self.shifts[j].tt[step] - 2.0 * dot(&self.shifts[j].dt[step], &values) + bent).max(0.0)
     }
 }
 
@@ -196,7 +201,7 @@ pub(super) fn search(
         let before = steps.clone();
         if turn == 0 {
             // A delay that all joints share is found first: one joint alone would have to leave the others.
-            let together = |step: usize| evidence.left(&vec![step; n], &evidence.total(&vec![step; n]));
+            let together = |step: usize| evidence.objective(&vec![step; n], &evidence.total(&vec![step; n]));
             steps.fill(least(&(0..COUNT).map(together).collect::<Vec<_>>()));
         }
         for j in 0..n {
@@ -241,7 +246,7 @@ fn bottom(left: &[f64], at: usize) -> (f64, f64) {
 
 /// Why the best of these delays is none: J along them, and the joint's independent rows.
 fn doubt(left: &[f64], best: usize, free: f64) -> Option<DelayDoubt> {
-    let least = LEAST_SHARE * free;
+    let least = MIN_DIFFERENCE_SHARE * free;
     let highest = left.iter().fold(0.0_f64, |m, l| m.max(l - left[best]));
     if highest < LEAST_RISE.max(least) {
         return Some(DelayDoubt::NotTold);
@@ -250,11 +255,11 @@ fn doubt(left: &[f64], best: usize, free: f64) -> Option<DelayDoubt> {
         return Some(DelayDoubt::OutOfReach);
     }
     // The other's bottom is known as well as parabolas are; it counts where there is a worse delay in between.
-    let told = LEAST_DIFFERENCE.max(least).max(GRID_SHARE * highest);
+    let significant_rise = LEAST_DIFFERENCE.max(least).max(GRID_SHARE * highest);
     let rise = |at: usize| bottom(left, at).1 - bottom(left, best).1;
-    let apart = |at: usize| (best.min(at)..best.max(at)).any(|between| left[between] - left[best] >= told);
+    let apart = |at: usize| (best.min(at)..best.max(at)).any(|between| left[between] - left[best] >= significant_rise);
     let lowest = |at: &usize| (at.saturating_sub(1)..=(at + 1).min(COUNT - 1)).all(|k| left[k] >= left[*at]);
-    let other = (0..COUNT).filter(lowest).filter(|at| rise(*at) < told && apart(*at));
+    let other = (0..COUNT).filter(lowest).filter(|at| rise(*at) < significant_rise && apart(*at));
     let other = other.min_by(|a, b| rise(*a).total_cmp(&rise(*b)))?;
     Some(DelayDoubt::Two { either_s: bottom(left, best).0, or_s: bottom(left, other).0 })
 }
@@ -275,20 +280,20 @@ mod tests {
 
     #[test]
     fn one_clear_valley_is_an_answer_and_anything_else_is_not() {
-        let of = |left: &[f64]| doubt(left, least(left), 100.0);
+        let doubt_of = |left: &[f64]| doubt(left, least(left), 100.0);
         let late = |left: &[f64]| bottom(left, least(left)).0;
         let one = valleys(0.021, 1.0, 500.0, 0.0);
-        assert_eq!(of(&one), None);
+        assert_eq!(doubt_of(&one), None);
         assert!((late(&one) - 0.021).abs() < 1e-4, "{}", late(&one));
         // A motion that repeats: 21 ms is 101 ms and -59 ms as well, off the grid or on it.
         for (late_s, deeper) in [(0.021, 0.0), (0.024, 0.0), (0.021, 5.0)] {
             assert!(
-                matches!(of(&valleys(late_s, 0.08, 500.0, deeper)), Some(DelayDoubt::Two { .. })),
+                matches!(doubt_of(&valleys(late_s, 0.08, 500.0, deeper)), Some(DelayDoubt::Two { .. })),
                 "{late_s} {deeper}"
             );
         }
-        assert_eq!(of(&valleys(0.021, 0.08, 500.0, 100.0)), None, "the others are clearly worse");
-        assert_eq!(of(&valleys(0.021, 1.0, 3.0, 0.0)), Some(DelayDoubt::NotTold));
-        assert_eq!(of(&valleys(0.15, 1.0, 500.0, 0.0)), Some(DelayDoubt::OutOfReach));
+        assert_eq!(doubt_of(&valleys(0.021, 0.08, 500.0, 100.0)), None, "the others are clearly worse");
+        assert_eq!(doubt_of(&valleys(0.021, 1.0, 3.0, 0.0)), Some(DelayDoubt::NotTold));
+        assert_eq!(doubt_of(&valleys(0.15, 1.0, 500.0, 0.0)), Some(DelayDoubt::OutOfReach));
     }
 }

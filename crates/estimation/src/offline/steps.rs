@@ -44,8 +44,8 @@ pub fn position_step(q: &[f64]) -> Option<f64> {
         countable.iter().fold((0.0, 0.0), |(length, steps), d| (length + d, steps + (d / smallest).round()));
     let step = length / steps;
     // An even speed has increments alike as well: steps are sometimes none, or two.
-    let held = q.windows(2).any(|w| w[1] == w[0]);
-    if !held && countable.iter().all(|d| (d / step).round() <= 1.0) {
+    let repeats = q.windows(2).any(|w| w[1] == w[0]);
+    if !repeats && countable.iter().all(|d| (d / step).round() <= 1.0) {
         return None;
     }
     let whole = countable.iter().filter(|d| (*d / step - (*d / step).round()).abs() < OFF).count();

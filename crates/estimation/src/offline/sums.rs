@@ -103,36 +103,36 @@ impl<'a> Equations<'a> {
         let length = STRETCH_S.min(seconds / LEAST_STRETCHES);
         let columns = |j: usize| rows.first().map_or_else(Vec::new, |r| r.joints[j].columns.clone());
         let all = |j: usize| {
-            let of = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::new(&r.joints[j], range));
-            JointSums { columns: columns(j), stretches: rows.iter().flat_map(of).collect() }
+            let stretch = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::new(&r.joints[j], range));
+            JointSums { columns: columns(j), stretches: rows.iter().flat_map(stretch).collect() }
         };
-        let beside = |j: usize| {
-            let of = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::beside_stops(&r.joints[j], range));
+        let stop_sums = |j: usize| {
+            let stretch = |r: &'a Rows| ranges(r, j, length).map(|range| Stretch::beside_stops(&r.joints[j], range));
             let any = rows.iter().any(|r| r.joints[j].beside.contains(&true));
-            let stretches = if any { rows.iter().flat_map(of).collect() } else { Vec::new() };
+            let stretches = if any { rows.iter().flat_map(stretch).collect() } else { Vec::new() };
             JointSums { columns: columns(j), stretches }
         };
         let brief = brief(rows);
         let none = |j: usize| {
-            let of = |r: &'a Rows| ranges(r, j, length).map(|_| Stretch::new(&r.joints[j], 0..0));
-            JointSums { columns: columns(j), stretches: rows.iter().flat_map(of).collect() }
+            let empty_stretch = |r: &'a Rows| ranges(r, j, length).map(|_| Stretch::new(&r.joints[j], 0..0));
+            JointSums { columns: columns(j), stretches: rows.iter().flat_map(empty_stretch).collect() }
         };
-        let of = |j: usize| if brief.contains(&j) { (none(j), none(j)) } else { (all(j), beside(j)) };
-        let (joints, beside) = (0..n).into_par_iter().map(of).unzip();
-        Equations { rows, joints, beside, length }
+        let sums_of_joint = |j: usize| if brief.contains(&j) { (none(j), none(j)) } else { (all(j), stop_sums(j)) };
+        let (joints, stop_sums) = (0..n).into_par_iter().map(sums_of_joint).unzip();
+        Equations { rows, joints, beside: stop_sums, length }
     }
 
     /// The sums with rows beside a stop counting by `trust`, joint by joint. Counts stay: a row that counts less has a
     /// residual that is larger by as much, so that weighed it varies like any other.
     pub(super) fn trusting(&self, trust: &[f64]) -> Vec<JointSums> {
-        let of = |((all, beside), trust): ((&JointSums, &JointSums), &f64)| {
+        let weighted = |((all, beside), trust): ((&JointSums, &JointSums), &f64)| {
             let mut sums = all.clone();
             if *trust < 1.0 {
                 sums.stretches.iter_mut().zip(&beside.stretches).for_each(|(sums, part)| sums.add(*trust - 1.0, part));
             }
             sums
         };
-        self.joints.iter().zip(&self.beside).zip(trust).map(of).collect()
+        self.joints.iter().zip(&self.beside).zip(trust).map(weighted).collect()
     }
 
     /// Share of a joint's rows that are beside a stop.
@@ -147,22 +147,23 @@ impl<'a> Equations<'a> {
 
     /// Residuals of parameters `x` over the rows of joint `j`, record by record, times the root of what a row counts.
     pub(super) fn weighed_residuals(&self, j: usize, x: &[f64], trust: f64) -> Vec<Vec<f64>> {
-        let of = |rows: &JointRows| -> Vec<f64> {
+        let weighed = |rows: &JointRows| -> Vec<f64> {
             let weighed = |(row, e): (usize, f64)| rows.weight(row, trust).sqrt() * e;
             rows.residual(x).into_iter().enumerate().map(weighed).collect()
         };
-        self.rows.iter().map(|record| of(&record.joints[j])).collect()
+        self.rows.iter().map(|record| weighed(&record.joints[j])).collect()
     }
 
     /// Residual of parameters `x` over all rows, per joint: `100 ‖τ - D x‖ / ‖τ‖` \[%\], to about 1e-4 %.
     pub fn residual_percent(&self, x: &[f64]) -> Vec<f64> {
-        let of = |joint: &JointSums| {
-            let own: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
+        let percent = |joint: &JointSums| {
+            let values: Vec<f64> = joint.columns.iter().map(|c| x[*c]).collect();
             let (dd, dt, tt) = (joint.total(|s| &s.dd), joint.total(|s| &s.dt), joint.torque_square());
-            let bent: f64 = dd.chunks_exact(own.len().max(1)).zip(&own).map(|(row, x)| x * dot(row, &own)).sum();
-            100.0 * ((tt - 2.0 * dot(&dt, &own) + bent).max(0.0) / tt.max(f64::MIN_POSITIVE)).sqrt()
+            let bent: f64 =
+                dd.chunks_exact(values.len().max(1)).zip(&values).map(|(row, x)| x * dot(row, &values)).sum();
+            100.0 * ((tt - 2.0 * dot(&dt, &values) + bent).max(0.0) / tt.max(f64::MIN_POSITIVE)).sqrt()
         };
-        self.joints.iter().map(of).collect()
+        self.joints.iter().map(percent).collect()
     }
 
     /// What is known of each parameter before any row.
@@ -247,7 +248,7 @@ impl Stretch {
     }
 
     /// The side that is multiplied from the left: instruments, or the regressor itself.
-    pub(super) fn left(&self, method: Method) -> (&[f64], &[f64], &[f64]) {
+    pub(super) fn projection(&self, method: Method) -> (&[f64], &[f64], &[f64]) {
         match method {
             Method::Instrumental => (&self.zd, &self.zz, &self.zt),
             Method::LeastSquares => (&self.dd, &self.dd, &self.dt),
@@ -275,13 +276,13 @@ impl Normal {
             all
         };
         let mut zt = DVector::zeros(k);
-        joint.columns.iter().zip(joint.total(|s| s.left(method).2)).for_each(|(c, x)| zt[*c] = x);
+        joint.columns.iter().zip(joint.total(|s| s.projection(method).2)).for_each(|(c, x)| zt[*c] = x);
         Normal {
             count: joint.count(),
             torque_square: joint.torque_square(),
             dd: matrix(joint.total(|s| &s.dd)),
-            zd: matrix(joint.total(|s| s.left(method).0)),
-            zz: matrix(joint.total(|s| s.left(method).1)),
+            zd: matrix(joint.total(|s| s.projection(method).0)),
+            zz: matrix(joint.total(|s| s.projection(method).1)),
             zt,
         }
     }

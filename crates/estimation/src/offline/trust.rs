@@ -56,8 +56,8 @@ pub(super) fn beside_stop(
     let share = |j: usize| (0..samples).map(|k| f64::from(u8::from(stands(j, k)))).collect();
     let shares: Vec<Vec<f64>> = (0..n).into_par_iter().map(share).collect();
     // The filter rings: a little less than none is as much of a stop as a little more.
-    let beside = |shares: &Vec<f64>| shares.iter().map(|share| share.abs() > STUCK).collect();
-    filter.of_all(&shares).iter().map(beside).collect()
+    let is_beside = |shares: &Vec<f64>| shares.iter().map(|share| share.abs() > STUCK).collect();
+    filter.of_all(&shares).iter().map(is_beside).collect()
 }
 
 /// Weight of a joint's rows beside a stop, its ordinary rows having 1.

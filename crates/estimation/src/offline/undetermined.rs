@@ -13,7 +13,7 @@ const MIN_INFORMATION: f64 = 0.1;
 const MAX_SWEEPS: usize = 30;
 
 /// Deviations of the prior that are rounding.
-const ROUNDING: f64 = 1e-12;
+const PRIOR_UNIT_ROUNDING: f64 = 1e-12;
 
 /// Directions that the rows do not determine, in scaled columns.
 pub(super) struct Undetermined {
@@ -68,7 +68,7 @@ impl Undetermined {
             u.axpy(-v.dot(&u), &v, 1.0);
         }
         // What only these directions have is the mean to the last bit.
-        let rounding = |u: f64| if u.abs() < ROUNDING { 0.0 } else { u };
+        let rounding = |u: f64| if u.abs() < PRIOR_UNIT_ROUNDING { 0.0 } else { u };
         *x = mean + u.map(rounding).component_div(&self.root);
     }
 

@@ -86,18 +86,18 @@ impl ZeroPhase {
         let pad = self.padding(n);
         // Samples of all records side by side, a few at a time: beside the records there is room for no more than those and the last
         // ones beyond their end.
-        let mut few = [[0.0; LANES]; TOGETHER];
+        let mut few = [[0.0; LANES]; ZERO_PHASE_CHUNK];
         let mut passes = Passes::new(&self.sections);
-        for from in (0..pad).step_by(TOGETHER) {
-            let few = &mut few[..TOGETHER.min(pad - from)];
+        for from in (0..pad).step_by(ZERO_PHASE_CHUNK) {
+            let few = &mut few[..ZERO_PHASE_CHUNK.min(pad - from)];
             for (k, lanes) in (from..).zip(&mut *few) {
                 lanes.iter_mut().zip(&signals).for_each(|(lane, x)| *lane = 2.0 * x[0] - x[pad - k]);
             }
             passes.run(few, Order::Forwards);
         }
         let mut filtered: Vec<Vec<f64>> = signals.iter().map(|x| Vec::with_capacity(x.len())).collect();
-        for from in (0..n).step_by(TOGETHER) {
-            let few = &mut few[..TOGETHER.min(n - from)];
+        for from in (0..n).step_by(ZERO_PHASE_CHUNK) {
+            let few = &mut few[..ZERO_PHASE_CHUNK.min(n - from)];
             for (lane, x) in signals.iter().enumerate() {
                 few.iter_mut().zip(&x[from..]).for_each(|(lanes, x)| lanes[lane] = *x);
             }
@@ -113,8 +113,8 @@ impl ZeroPhase {
         passes.run(&mut beyond, Order::Forwards);
         let mut passes = Passes::new(&self.sections);
         passes.run(&mut beyond, Order::Backwards);
-        for from in (0..n).step_by(TOGETHER).rev() {
-            let few = &mut few[..TOGETHER.min(n - from)];
+        for from in (0..n).step_by(ZERO_PHASE_CHUNK).rev() {
+            let few = &mut few[..ZERO_PHASE_CHUNK.min(n - from)];
             for (lane, x) in filtered.iter().enumerate() {
                 few.iter_mut().zip(&x[from..]).for_each(|(lanes, x)| lanes[lane] = *x);
             }
@@ -128,7 +128,7 @@ impl ZeroPhase {
 }
 
 /// So many samples are filtered at a time.
-const TOGETHER: usize = 256;
+const ZERO_PHASE_CHUNK: usize = 256;
 
 /// A pass in one direction over samples that come in pieces: transposed direct form II, every section started as if the first value that it
 /// sees had always been there.

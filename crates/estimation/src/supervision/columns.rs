@@ -1,7 +1,8 @@
 //! The paper's own scheme (3.2.3): single columns, pairs of columns, then trace and condition of what is left.
 
 use super::Known;
-use crate::linear::{Lu, dot, items_per_step};
+use crate::linear::{dot, items_per_step};
+use crate::lu::Lu;
 use crate::report::Verdict;
 use crate::settings::ColumnsSettings;
 

@@ -8,9 +8,9 @@ use crate::report::Verdict;
 use crate::settings::EigenSettings;
 
 /// Eigenvalues below this share of the largest are rounding of the sums.
-const ROUNDING: f64 = 1e-13;
+const EIGENVALUE_ROUNDING: f64 = 1e-13;
 /// Entries of remembered directions are whole numbers of this part of 1.
-const PARTS: f64 = 32767.0;
+const FIXED_POINT_ONE: f64 = 32767.0;
 
 #[derive(Clone, Copy, Debug)]
 enum Stage {
@@ -122,13 +122,13 @@ impl Directions {
                 let cost = n * n / 2 + 2 * n;
                 let k = n.min(row + budget.begun(cost));
                 for from in (row..k).step_by(4) {
-                    let own = from..k.min(from + 4);
+                    let group = from..k.min(from + 4);
                     let vectors = self.eigen.vectors().chunks_exact(n);
                     let mut directions: [&[f64]; 4] = [&[]; 4];
-                    directions.iter_mut().zip(vectors.skip(from).take(own.len())).for_each(|(to, v)| *to = v);
-                    let directions = &directions[..own.len()];
+                    directions.iter_mut().zip(vectors.skip(from).take(group.len())).for_each(|(to, v)| *to = v);
+                    let directions = &directions[..group.len()];
                     let [variances] = self.covectors.variances(directions, known.whitening, [known.belief]);
-                    for (belief, variance) in self.belief[own].iter_mut().zip(variances) {
+                    for (belief, variance) in self.belief[group].iter_mut().zip(variances) {
                         *belief = variance.max(self.settings.tolerance.powi(2));
                     }
                 }
@@ -146,7 +146,7 @@ impl Directions {
                     if value > self.settings.hysteresis * threshold && value <= threshold {
                         let v = &self.eigen.vectors()[k * n..(k + 1) * n];
                         let history = self.history.chunks_exact(n).take(self.history_count);
-                        let share: f64 = history.map(|old| (dot_short(old, v) / PARTS).powi(2)).sum();
+                        let share: f64 = history.map(|old| (dot_short(old, v) / FIXED_POINT_ONE).powi(2)).sum();
                         // All of them together are a basis.
                         moved_share = if self.history_stood { 1.0 - share } else { share };
                         budget.charge(self.history_count * n);
@@ -172,7 +172,7 @@ impl Directions {
         for (k, active) in active.iter_mut().enumerate() {
             let threshold = variance / self.belief[k];
             let threshold = if self.moved_share[k] > 0.5 { self.settings.hysteresis * threshold } else { threshold };
-            *active = values[k] > threshold && values[k] > ROUNDING * largest;
+            *active = values[k] > threshold && values[k] > EIGENVALUE_ROUNDING * largest;
             if *active {
                 smallest = smallest.min(values[k]);
                 count += 1;
@@ -197,7 +197,7 @@ impl Directions {
         let chosen =
             self.eigen.vectors().chunks_exact(n).zip(active).filter(|(_, active)| **active != self.history_stood);
         for (out, (v, _)) in self.history.chunks_exact_mut(n).zip(chosen) {
-            out.iter_mut().zip(v).for_each(|(out, v)| *out = (*v * PARTS).round() as i16);
+            out.iter_mut().zip(v).for_each(|(out, v)| *out = (*v * FIXED_POINT_ONE).round() as i16);
         }
     }
 }

@@ -25,7 +25,7 @@ use elimination::Elimination;
 use judgement::{Diagonal, Share, share};
 
 /// Information below this share of the largest is rounding of sums that have been rotated many times.
-const ROUNDING: f64 = 1e-12;
+const ROTATED_SUM_ROUNDING: f64 = 1e-12;
 /// A direction that moves may be this much more uncertain than its threshold says.
 const VARIANCE_SLACK: f64 = 2.0;
 /// A step in which a direction is this much more uncertain than it may be is not taken at all.
@@ -49,7 +49,7 @@ const LONGEST_WAIT: u32 = 64;
 const STEPS: f64 = 1000.0;
 /// Rows from step to step at most, and where nothing is forgotten. Further apart, rounds of rotations do not follow what comes in:
 /// with 64, a window of an hour and a row every 20 ms one parameter of 58 moved in 50 s of motion, with 5 46.
-const MOST_ROWS: f64 = 5.0;
+const MAX_STEP_ROWS: f64 = 5.0;
 /// Where more come in this time \[s\], as many as do, up to twice as many: with as many rounds a row, five or eight at 1 kHz identify the same.
 const MOST_S: f64 = 0.008;
 const ROWS_FOR_EVER: f64 = 1.0;
@@ -112,7 +112,8 @@ pub(crate) struct Tracked {
 impl Tracked {
     /// For n parameters, p rows at a time, the weight `lambda` of the past and the time from row to row \[s\], where that is known.
     pub(crate) fn new(n: usize, p: usize, settings: TrackedSettings, lambda: f64, row_s: Option<f64>) -> Tracked {
-        let most = row_s.map_or(MOST_ROWS, |row_s| (MOST_S / row_s).round().clamp(MOST_ROWS, 2.0 * MOST_ROWS));
+        let most =
+            row_s.map_or(MAX_STEP_ROWS, |row_s| (MOST_S / row_s).round().clamp(MAX_STEP_ROWS, 2.0 * MAX_STEP_ROWS));
         let rows = if lambda < 1.0 { 1.0 / ((1.0 - lambda) * STEPS) } else { ROWS_FOR_EVER };
         let basis = Rotations::new(n, p);
         let stride = basis.stride();
@@ -210,7 +211,7 @@ impl Tracked {
         let periods = if self.has_another_period() { self.interval - 1 } else { 1 };
         let [rows, pending, since, periods] = [self.rows, self.pending, self.since, periods].map(u64::from);
         // Further apart, as many turns a row.
-        let most = self.settings.rounds as u64 * rows.max(MOST_ROWS as u64) / MOST_ROWS as u64;
+        let most = self.settings.rounds as u64 * rows.max(MAX_STEP_ROWS as u64) / MAX_STEP_ROWS as u64;
         let due = (most * ((pending - 1) * periods + since.min(periods))).div_ceil(rows * periods).min(most);
         while u64::from(self.rounds) < due {
             self.round();
@@ -296,9 +297,9 @@ impl Tracked {
     /// What is known along the next `count` directions.
     fn weigh(&mut self, known: Known<'_>, count: usize) {
         let (n, least) = (self.n, self.settings.tolerance.powi(2));
-        let mut left = count.min(n);
-        while left > 0 {
-            let some = left.min(4);
+        let mut remaining = count.min(n);
+        while remaining > 0 {
+            let some = remaining.min(4);
             let places: [usize; 4] = std::array::from_fn(|i| (self.next + i) % n);
             let directions = places.map(|k| self.basis.direction(k));
             let known_by = [known.belief, known.width];
@@ -307,7 +308,7 @@ impl Tracked {
                 (self.directions[k].allowed, self.directions[k].width) = (belief.max(least), width);
             }
             self.next = (self.next + some) % n;
-            left -= some;
+            remaining -= some;
         }
     }
 
@@ -317,15 +318,15 @@ impl Tracked {
     fn judge(&mut self, variance: f64, rows: u32) {
         let n = self.n;
         self.basis.mirror();
-        let of = |k: usize| self.basis.diagonal(k);
-        let held = |k: usize| if self.directions[k].active { 0.0 } else { self.directions[k].width };
-        let largest = self.diagonal.set(n, of, held);
+        let diagonal = |k: usize| self.basis.diagonal(k);
+        let resting_width = |k: usize| if self.directions[k].active { 0.0 } else { self.directions[k].width };
+        let largest = self.diagonal.set(n, diagonal, resting_width);
         for k in 0..n {
-            let own = self.diagonal.value(k);
+            let marginal = self.diagonal.value(k);
             let Share { place, stronger, held } = share(self.basis.information(k), &self.diagonal, k, n);
             self.order[place] = k;
-            let information = if self.settings.deflation { own - stronger } else { own };
-            let ratio = self.basis.cross(k)[k] / own;
+            let information = if self.settings.deflation { marginal - stronger } else { marginal };
+            let ratio = self.basis.cross(k)[k] / marginal;
             let relevance = self.settings.relevance;
             let relevant = ratio > relevance && (relevance == 0.0 || ratio < 1.0 / relevance);
             let direction = &mut self.directions[k];
@@ -335,8 +336,8 @@ impl Tracked {
                 (variance / direction.allowed, LAG_SLACK)
             };
             direction.rest = direction.rest.saturating_sub(rows);
-            let identified = information > threshold && own > ROUNDING * largest;
-            let apart = !self.settings.deflation || held <= owed * direction.allowed * own * own;
+            let identified = information > threshold && marginal > ROTATED_SUM_ROUNDING * largest;
+            let apart = !self.settings.deflation || held <= owed * direction.allowed * marginal * marginal;
             let active = identified && apart && relevant && direction.rest == 0;
             if direction.active && !active {
                 direction.rest = self.settings.dwell;
@@ -360,10 +361,10 @@ impl Tracked {
         self.elimination.load(&self.order, &self.active, self.basis.all_cross(), &self.residual);
         for place in 0..n {
             let k = self.order[place];
-            let own = variance * self.diagonal.value(k);
+            let solo_variance = variance * self.diagonal.value(k);
             let direction = &mut self.directions[k];
             let pivot = self.elimination.pivot(place);
-            let kept = pivot > 0.0 && own <= VARIANCE_SLACK * direction.allowed * pivot * pivot;
+            let kept = pivot > 0.0 && solo_variance <= VARIANCE_SLACK * direction.allowed * pivot * pivot;
             if direction.active && !kept {
                 direction.active = false;
                 direction.strike(self.settings.dwell);
@@ -379,8 +380,8 @@ impl Tracked {
         for place in (0..self.n).rev() {
             let k = self.order[place];
             let direction = &self.directions[k];
-            let own = if direction.active { variance * self.diagonal.value(k) } else { 0.0 };
-            let total = self.elimination.back_substitute(place, own);
+            let solo_variance = if direction.active { variance * self.diagonal.value(k) } else { 0.0 };
+            let total = self.elimination.back_substitute(place, solo_variance);
             sound &= !direction.active || total <= CANCEL * direction.allowed;
         }
         sound
@@ -399,12 +400,12 @@ impl Tracked {
     fn report(&self, active: &mut [bool], verdict: &mut Verdict) {
         let (mut trace, mut largest, mut smallest, mut count) = (0.0, 0.0_f64, f64::INFINITY, 0);
         for (k, out) in active.iter_mut().enumerate() {
-            let own = self.diagonal.value(k);
+            let information = self.diagonal.value(k);
             *out = self.active[k];
-            trace += own;
-            largest = largest.max(own);
+            trace += information;
+            largest = largest.max(information);
             if self.active[k] {
-                smallest = smallest.min(own);
+                smallest = smallest.min(information);
                 count += 1;
             }
         }

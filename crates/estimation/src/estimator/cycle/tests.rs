@@ -1,23 +1,22 @@
 //! What a step costs.
 
-use super::super::Estimator;
+use super::super::{Estimator, EstimatorSettings};
 use super::Stage;
 use crate::linear::{STEP_WORK, tests::Random};
 use crate::operations::counted;
 use crate::report::Instrument;
 use crate::scales::Scales;
-use crate::settings::tests::whitened;
 use crate::settings::{EigenSettings, Supervision};
 
 /// Parameters and joints of an arm of six axes.
-const N: usize = 61;
-const P: usize = 6;
+const SIX_AXIS_PARAMETERS: usize = 61;
+const SIX_AXIS_JOINTS: usize = 6;
 /// What a step may do beyond `STEP_WORK`: the last thing that it began, at most a standard deviation.
-const LAST: usize = 8 * N * N;
+const LAST: usize = 8 * SIX_AXIS_PARAMETERS * SIX_AXIS_PARAMETERS;
 
 fn estimator() -> Estimator {
-    let settings = whitened(Supervision::Eigen(EigenSettings::default()));
-    Estimator::new(&[1.0; N], &Scales::unit(P, N), &settings)
+    let settings = EstimatorSettings::whitened(Supervision::Eigen(EigenSettings::default()));
+    Estimator::new(&[1.0; SIX_AXIS_PARAMETERS], &Scales::unit(SIX_AXIS_JOINTS, SIX_AXIS_PARAMETERS), &settings)
 }
 
 /// With a row before every step, whatever the rows say: no step costs more than its bound, and a cycle has ended after 30.
@@ -25,21 +24,23 @@ fn estimator() -> Estimator {
 #[test]
 fn no_step_of_the_eigen_scheme_exceeds_its_bound() {
     for (name, size, columns, against) in [
-        ("rich motion", 1.0, N, 0.0),
-        ("standstill", 0.0, N, 0.0),
+        ("rich motion", 1.0, SIX_AXIS_PARAMETERS, 0.0),
+        ("standstill", 0.0, SIX_AXIS_PARAMETERS, 0.0),
         ("few columns", 1e-3, 5, 0.0),
-        ("small", 1e-100, N, 0.0),
-        ("large", 1e50, N, 0.0),
-        ("noisy instruments", 1.0, N, 1.5),
+        ("small", 1e-100, SIX_AXIS_PARAMETERS, 0.0),
+        ("large", 1e50, SIX_AXIS_PARAMETERS, 0.0),
+        ("noisy instruments", 1.0, SIX_AXIS_PARAMETERS, 1.5),
     ] {
         let mut random = Random(92);
         let mut estimator = estimator();
         let (mut most, mut steps, mut longest, mut cycles) = (0, 0, 0, 0);
         for _ in 0..600 {
-            let d: Vec<f64> = (0..P * N).map(|i| if i % N < columns { size * random.normal() } else { 0.0 }).collect();
+            let d: Vec<f64> = (0..SIX_AXIS_JOINTS * SIX_AXIS_PARAMETERS)
+                .map(|i| if i % SIX_AXIS_PARAMETERS < columns { size * random.normal() } else { 0.0 })
+                .collect();
             let z: Vec<f64> = d.iter().map(|d| d + against * size * random.normal()).collect();
-            let tau: Vec<f64> = (0..P).map(|_| size * random.normal()).collect();
-            estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[1.0; P]).expect("sound rows");
+            let tau: Vec<f64> = (0..SIX_AXIS_JOINTS).map(|_| size * random.normal()).collect();
+            estimator.update(&d, Some((&z, Instrument::Setpoint)), &tau, &[1.0; SIX_AXIS_JOINTS]).expect("sound rows");
             most = most.max(counted(|| estimator.work())[0]);
             steps += 1;
             if estimator.cycle.stage == Stage::Idle {

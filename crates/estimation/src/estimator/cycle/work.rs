@@ -20,7 +20,7 @@ const MOST_HELD: f64 = 1.0;
 /// residual of its wrist then rose to eight times that of the nominal parameters.
 const MOST_DECISIONS: f64 = 300.0;
 /// Rows that a decision waits for, at most, however long the window.
-const MOST_ROWS: f64 = 25.0;
+const MAX_DECISION_ROWS: f64 = 25.0;
 
 impl Estimator {
     /// Does one step of the slow work: about 10⁵ multiply-adds. Call it once a period. Real-time safe.
@@ -58,7 +58,7 @@ impl Estimator {
         // With nothing forgotten this is the limit; where forgetting varies, that of now counts.
         let forgotten = (1.0 - self.lambda).max(0.0);
         let least = match self.cycle.judge {
-            Judge::Directions(_) => (1.0 / (forgotten * MOST_DECISIONS)).min(MOST_ROWS),
+            Judge::Directions(_) => (1.0 / (forgotten * MOST_DECISIONS)).min(MAX_DECISION_ROWS),
             _ => 0.0,
         };
         self.cycle.fresh && f64::from(self.cycle.rows) >= least

@@ -39,12 +39,12 @@ impl Elimination {
         let stride = self.stride;
         for (place, (out, &k)) in self.lu.chunks_exact_mut(stride).zip(order).enumerate() {
             let row = &matrix[k * stride..(k + 1) * stride];
-            let own = f64::from(u8::from(active[k]));
+            let is_active = f64::from(u8::from(active[k]));
             for (out, &l) in out.iter_mut().zip(order) {
-                *out = if active[l] { own * row[l] } else { 0.0 };
+                *out = if active[l] { is_active * row[l] } else { 0.0 };
             }
             out[place] = if active[k] { out[place] } else { 1.0 };
-            self.step[place] = own * right[k];
+            self.step[place] = is_active * right[k];
         }
     }
 

@@ -25,9 +25,10 @@ impl Diagonal {
     pub(super) fn set(&mut self, n: usize, value: impl Fn(usize) -> f64, held: impl Fn(usize) -> f64) -> f64 {
         let mut largest = 0.0_f64;
         for k in 0..n {
-            let own = value(k);
-            (self.value[k], self.inverse[k], self.held[k]) = (own, 1.0 / own.max(f64::MIN_POSITIVE), held(k));
-            largest = largest.max(own);
+            let information = value(k);
+            (self.value[k], self.inverse[k], self.held[k]) =
+                (information, 1.0 / information.max(f64::MIN_POSITIVE), held(k));
+            largest = largest.max(information);
         }
         largest
     }
@@ -51,7 +52,7 @@ pub(super) struct Share {
 /// Share of direction k, whose row of the information is `row`.
 #[multiversion(targets("x86_64+avx+avx2"))]
 pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Share {
-    let own = diagonal.value[k];
+    let information = diagonal.value[k];
     multiply_adds(3 * row.len());
     let [mut stronger, mut held, mut above, mut same] = [[0.0; LANES]; 4];
     let blocks = row.as_chunks::<LANES>().0.iter().zip(diagonal.value.as_chunks::<LANES>().0);
@@ -59,9 +60,9 @@ pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Sha
     for ((e, value), (inverse, width)) in blocks.zip(others) {
         for i in 0..LANES {
             let square = e[i] * e[i];
-            let more = value[i] > own;
+            let more = value[i] > information;
             above[i] += if more { 1.0 } else { 0.0 };
-            same[i] += if value[i] == own { 1.0 } else { 0.0 };
+            same[i] += if value[i] == information { 1.0 } else { 0.0 };
             stronger[i] += if more { square * inverse[i] } else { 0.0 };
             held[i] += square * width[i];
         }
@@ -69,7 +70,7 @@ pub(super) fn share(row: &[f64], diagonal: &Diagonal, k: usize, n: usize) -> Sha
     let total = |x: [f64; LANES]| (x[0] + x[2]) + (x[1] + x[3]);
     // Equal ones are rare but for zeros, of which there is nothing to share.
     let before = if total(same) > 1.0 { k } else { 0 };
-    let equal = diagonal.value[..before].iter().filter(|value| **value == own).count();
+    let equal = diagonal.value[..before].iter().filter(|value| **value == information).count();
     Share {
         place: (total(above) as usize + equal).min(n - 1),
         stronger: total(stronger),
@@ -119,8 +120,8 @@ mod tests {
                 let others = || (0..n).filter(|j| *j != k);
                 let stronger: f64 =
                     others().filter(|j| values[*j] > values[k]).map(|j| row[j].powi(2) / values[j]).sum();
-                let held: f64 = others().map(|j| row[j].powi(2) * widths[j]).sum();
-                assert!((share.stronger - stronger).abs() < 1e-12 && (share.held - held).abs() < 1e-12);
+                let resting_variance: f64 = others().map(|j| row[j].powi(2) * widths[j]).sum();
+                assert!((share.stronger - stronger).abs() < 1e-12 && (share.held - resting_variance).abs() < 1e-12);
                 assert!(!std::mem::replace(&mut seen[share.place], true), "two at one place");
             }
         }

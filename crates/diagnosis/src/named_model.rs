@@ -4,21 +4,17 @@ use crate::design::turn_columns;
 use crate::effect::Kind;
 use crate::gap::Gap;
 use crate::opened::{creeping_share, share_left};
+use crate::policy::POLICY;
 use crate::procedure::Procedure;
 use crate::report::{Diagnosis, Verdict};
 use crate::sealed::Sealed;
 use crate::sizes::Sized;
 use crate::stages::{RunColumns, Stages};
 
-/// Where no more than this share of the gap is left beside wrong values, they are the answer whatever else was tried, unless a joint keeps it, ...
-const NEARLY_ALL: f64 = 0.05;
-/// ... or no more than this on an arm whose joints mostly stay above their noise, as on measured ones: there something is always left.
-const MOST: f64 = 0.25;
-
 impl Procedure<'_> {
     /// The sealed run under the model as given and with what is named; `noise`: as [`Sealed::noise`]. `means`: those that the design
     /// takes out of coefficients.
-    pub(crate) fn told(
+    pub(crate) fn apply_named_model(
         &self,
         report: &mut Diagnosis,
         hidden: &RunColumns<'_>,
@@ -32,8 +28,8 @@ impl Procedure<'_> {
         // How softly friction turns over is in no model that is handed on.
         let turns = turn_columns(self.nominal);
         let stands = |c: &usize| {
-            let of = |place: usize, len: usize| (place..place + len).contains(c);
-            *c < turns.start || *c >= turns.end && sized.effects.iter().any(|a| of(a.place, a.mean.len()))
+            let within = |place: usize, len: usize| (place..place + len).contains(c);
+            *c < turns.start || *c >= turns.end && sized.effects.iter().any(|a| within(a.place, a.mean.len()))
         };
         let columns: Vec<usize> = (0..means.len()).filter(stands).collect();
         let stages = hidden.stages_turned(&self.nominal.x, &vec![columns], &sized.x, means, turns);
@@ -48,7 +44,11 @@ impl Procedure<'_> {
         report.creeping_share = creeping_share(&stages);
         report.unexplained_share = share_left(&before, &after, report.noise_floor);
         let values = !report.causes.is_empty() && report.causes.iter().all(|c| c.effect.kind() == Kind::Value);
-        let most = if sealed.is_mostly_open() { MOST } else { NEARLY_ALL };
+        let most = if sealed.is_mostly_open() {
+            POLICY.held_out.max_gap_share_beside_values_open
+        } else {
+            POLICY.held_out.max_gap_share_beside_values
+        };
         if report.verdict == Verdict::Unexplained
             && values
             && report.unexplained_share <= most
