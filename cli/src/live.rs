@@ -9,8 +9,8 @@ use rivet_ipc_schema::{Bus, BusConfig, JointState, OneSource, RobotName};
 use rivet_logs::write_columns;
 use rivet_realtime::{Shutdown, now_ns};
 
-use crate::exit::Fault;
-use crate::progress::Progress;
+use rivet_analysis::fault::Fault;
+use rivet_analysis::progress::Progress;
 
 /// Time between two looks at the bus: the ring holds a thousand samples.
 const TURN: Duration = Duration::from_millis(5);

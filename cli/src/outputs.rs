@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 
-use crate::exit::Fault;
+use rivet_analysis::fault::Fault;
 
 /// What a command reads and what it writes.
 pub(crate) struct Outputs<'a> {

@@ -177,7 +177,7 @@ fn play(
 ) -> Result<Received> {
     let mut received = Received::default();
     let begin = Instant::now();
-    let mut progress = crate::progress::Progress::new("replaying", recording.len());
+    let mut progress = rivet_analysis::progress::Progress::new("replaying", recording.len());
     for k in 0..recording.len() {
         let period = recording.period(k);
         if let Speed::Factor(factor) = speed {

@@ -1,13 +1,13 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
-use crate::channels::doubted;
-use crate::coarse::{TorqueSteps, torque_steps};
-use crate::evidence::{self, Distrust};
-use crate::exit::Fault;
-use crate::reading;
-use crate::runs::{hole_s, not_derived, read_log, short_name};
 use crate::table::number;
 use anyhow::{Context, Result};
+use rivet_analysis::coarse::{TorqueSteps, torque_steps};
+use rivet_analysis::doubts::doubted;
+use rivet_analysis::evidence::{self, Distrust};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::reading;
+use rivet_analysis::runs::{hole_s, not_derived, read_log, short_name};
 use rivet_config::Robot;
 use rivet_dynamics::Joint;
 use rivet_estimation::offline::{Trajectory, position_step, unfollowed};

@@ -1,15 +1,15 @@
 //! What an on-line run identified, for people and for programs.
 
 use crate::as_found::{AsFound, as_found};
-use crate::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
-use crate::doubts::{missing_more, unexplained};
-use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
-use crate::exit::Fault;
-use crate::kinematics::{another_arm, misread};
-use crate::reading::READING_NAME;
-use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
+use rivet_analysis::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
+use rivet_analysis::doubts::{missing_more, unexplained};
+use rivet_analysis::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::kinematics::{another_arm, misread};
+use rivet_analysis::reading::READING_NAME;
+use rivet_analysis::runs;
 use rivet_config::{Differentiator, EstimatorKind, Instruments, Robot};
 use rivet_dynamics::{Parameter, ParameterGroup};
 use rivet_estimation::offline::Bias;

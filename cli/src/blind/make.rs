@@ -15,8 +15,8 @@ use rivet_simulation::two_mass::Recording;
 use rivet_studies::blind::{Case, PERIOD_S, case};
 use serde_json::{Value, json};
 
-use crate::passport::sha256;
 use crate::table::show;
+use rivet_analysis::passport::sha256;
 
 /// Arms of which cases are made when no robot file is named.
 const ARMS: [&str; 3] = ["ur10e", "staubli-tx40", "manutec-r3"];

@@ -7,11 +7,11 @@ mod table;
 mod tracking;
 
 use crate::children::Children;
-use crate::exit::Fault;
 use crate::table::show;
 use anyhow::{Context, Result, bail};
 use hidden::Hidden;
 use reference::Reference;
+use rivet_analysis::fault::Fault;
 use rivet_config::Robot;
 use rivet_files::Draft;
 use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};

@@ -6,7 +6,7 @@ use rivet_config::Robot;
 use rivet_estimation::consistency::project;
 use rivet_estimation::offline::{Equations, Rows, fit, residual_squares};
 
-use super::{WEAKER_PRIOR, bounded, method};
+use crate::fit::{WEAKER_PRIOR, bounded, method};
 
 /// Parts of a single log.
 pub(crate) const STRETCHES: usize = 4;

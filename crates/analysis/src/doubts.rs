@@ -1,19 +1,42 @@
 //! What a fit cannot have told, by the rows it was made of and what it leaves of them: too little motion, a constant, another arm
 //! half-way, torque that no value explains.
 
+use anyhow::Result;
 use rivet_config::Robot;
 use rivet_estimation::consistency::{FAR_PERCENT, Projection};
 use rivet_estimation::offline::{self, Constant, Equations, Fit, OfflineError, Parts, Rows, constant_torque, one_way};
+use rivet_logs::Log;
 
-use crate::evidence::{BRIEF_NAME, Distrust, STILL_NAME, UNEXPLAINED_NAME};
+use crate::channels;
+use crate::evidence::{self, BRIEF_NAME, Distrust, STILL_NAME, UNEXPLAINED_NAME};
+use crate::rows;
+use crate::runs;
 use crate::table::number;
 
 /// Of a joint's torque, what the fit may leave \[%\] and still be said to explain some of it, and to explain it.
 const EXPLAINS_NOTHING: f64 = 90.0;
 const EXPLAINS: f64 = 70.0;
 
+/// Torque channels of a log that cannot be believed, by themselves and by the model as given, whatever is learnt from them later.
+pub fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
+    let of = |(j, text): (usize, String)| {
+        let joint = Some(robot.model.arm.joints[j].name.clone());
+        Distrust { log: None, joint, name: "torque_constant", text }
+    };
+    let mut found: Vec<Distrust> = channels::constant(robot, log)?.into_iter().map(of).collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    found = channels::clipped(robot, log)?;
+    // A log without rows, as where nothing moves, says nothing here; what learns from it says why.
+    if let Ok(taken) = rows::rows_without_plan(robot, log) {
+        found.extend(evidence::of_torque(robot, taken.rows.iter().map(|rows| (runs::short_name(&log.path), rows))));
+    }
+    Ok(found)
+}
+
 /// Joints of whose torque the fit leaves most, given what it leaves of each \[%\].
-pub(crate) fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
+pub fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
     let is_it = "is it the torque of this joint, and of this motion?";
     let of = |(name, left): (&String, &f64)| Distrust {
         log: None,
@@ -114,7 +137,7 @@ const WORSE: f64 = 1.5;
 const WORSE_BY: f64 = 2.0;
 
 /// Joints of whose torque values miss more than those of the robot file do, with both \[%\].
-pub(crate) fn missing_more(names: &[String], nominal: &[f64], found: &[f64]) -> Vec<String> {
+pub fn missing_more(names: &[String], nominal: &[f64], found: &[f64]) -> Vec<String> {
     let is = |j: &usize| found[*j] > (WORSE * nominal[*j]).max(nominal[*j] + WORSE_BY);
     (0..names.len()).filter(is).map(|j| format!("{} {:.0} for {:.0} %", names[j], found[j], nominal[j])).collect()
 }

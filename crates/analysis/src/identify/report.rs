@@ -1,4 +1,4 @@
-//! What `rivet identify` found, for people and as JSON.
+//! An identification as text and as JSON.
 
 use std::path::Path;
 
@@ -6,11 +6,12 @@ use rivet_config::{EstimatorKind, Instruments, Robot};
 use rivet_estimation::offline::{Determined, InstrumentSource, Lag, Rows};
 use serde_json::{Value, json};
 
-use super::open_keys::OpenKeys;
-use super::{Findings, Run};
+use super::Findings;
 use crate::delays;
 use crate::evidence::{self, Compared, Largest};
+use crate::open_keys::OpenKeys;
 use crate::refine::{Refined, law_json};
+use crate::rows::Run;
 use crate::runs;
 use crate::table::{Table, number, paragraph};
 

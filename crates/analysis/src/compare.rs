@@ -6,7 +6,7 @@ use rivet_estimation::offline::{Determined, Fit, Rows, torque_percent};
 use serde_json::{Value, json};
 
 use crate::evidence::{self, Distrust};
-use crate::exit::Fault;
+use crate::fault::Fault;
 use crate::table::{Table, number, paragraph};
 
 /// The interval of a difference, in its standard deviations.

@@ -8,15 +8,37 @@ use rivet_estimation::Settings;
 use rivet_estimation::offline::{InstrumentSource, Method, OfflineError, OfflineSettings, Rows, unfollowed};
 use rivet_logs::Log;
 
-use super::{Run, Taken, method};
 use crate::channels;
 use crate::clock;
-use crate::coarse::{coarse, slow};
-use crate::evidence;
-use crate::exit::Fault;
+use crate::coarse::{TorqueSteps, coarse, slow};
+use crate::evidence::{self, Distrust};
+use crate::fault::Fault;
+use crate::fit::method;
 use crate::glitches::{JUMP_NAME, screen};
 use crate::jitter;
-use crate::runs;
+use crate::runs::{self, Piece};
+
+/// What is taken of logs.
+#[derive(Default)]
+pub(crate) struct Taken {
+    /// Stretches, and the rows of each.
+    pub(crate) runs: Vec<Run>,
+    pub(crate) rows: Vec<Rows>,
+    /// What stands for the contents of each log.
+    pub(crate) contents: Vec<u64>,
+    /// Readings that were not taken.
+    pub(crate) distrusts: Vec<Distrust>,
+    /// Torques in steps.
+    pub(crate) torque_steps: Vec<TorqueSteps>,
+}
+
+/// One stretch of a log.
+pub(crate) struct Run {
+    pub(crate) piece: Piece,
+    pub(crate) source: InstrumentSource,
+    /// Joints (from 0) that do not follow the log's desired motion.
+    pub(crate) unfollowed: Vec<usize>,
+}
 
 /// The stretches of a log and their rows.
 pub(crate) fn rows_of(robot: &Robot, log: &Log) -> Result<Taken> {

@@ -11,23 +11,24 @@ use rivet_estimation::offline::{Bias, Fit, Rows, giving_friction, torque_sense};
 use rivet_logs::ResampleReport;
 use serde_json::{Value, json};
 
+use crate::session;
 use crate::table::{number, paragraph};
 
 /// Below this probability, chance is no explanation.
 const SIGNIFICANT: f64 = 0.01;
 
 /// What the run says of its comparison beside the numbers.
-pub(crate) struct Compared {
+pub struct Compared {
     /// What an on-line differentiator may do to it, and the remedy; none where derivatives are central differences.
-    pub(crate) distorts: Option<&'static str>,
+    pub distorts: Option<&'static str>,
     /// Why ratios per joint are not known, where they are not.
-    pub(crate) without_ratio: &'static str,
+    pub without_ratio: &'static str,
     /// The largest difference of the two, where there is one to tell.
-    pub(crate) largest: Option<Largest>,
+    pub largest: Option<Largest>,
 }
 
 /// The parameter that least squares and instruments differ most in.
-pub(crate) struct Largest {
+pub struct Largest {
     name: String,
     /// How many of its standard deviations.
     deviations: f64,
@@ -35,19 +36,21 @@ pub(crate) struct Largest {
 
 impl Largest {
     /// Of values by instruments, by least squares and standard deviations, of those that count.
-    pub(crate) fn new(robot: &Robot, [iv, ls, std]: [&[f64]; 3], counts: impl Fn(usize) -> bool) -> Option<Largest> {
+    pub fn new(robot: &Robot, [iv, ls, std]: [&[f64]; 3], counts: impl Fn(usize) -> bool) -> Option<Largest> {
         let of = |i: usize| (i, (iv[i] - ls[i]).abs() / std[i].max(f64::MIN_POSITIVE));
         let known = (0..iv.len()).filter(|i| counts(*i)).map(of).filter(|(_, size)| size.is_finite());
         let (at, deviations) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(Largest { name: robot.base.name(&robot.model, at), deviations })
     }
 
-    pub(crate) fn json(&self) -> Value {
+    /// The parameter as JSON.
+    pub fn json(&self) -> Value {
         json!({"parameter": self.name, "standard_deviations": self.deviations})
     }
 }
 
-pub(crate) const OF_DELAYED: &str = "not known with delayed instruments, which differ from the regressor by motion";
+/// Why the ratio of instruments to regressor is not known.
+pub const OF_DELAYED: &str = "not known with delayed instruments, which differ from the regressor by motion";
 
 /// What the comparison of least squares and instruments comes to.
 #[derive(Clone, Copy, PartialEq)]
@@ -88,7 +91,7 @@ impl Verdict {
 }
 
 /// Three lines on bias, for people.
-pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
+pub fn bias_text(bias: &Bias, compared: &Compared) -> String {
     let p = if bias.p_value < 1e-12 { "p < 1e-12".to_owned() } else { format!("p = {}", number(bias.p_value, 2)) };
     let meaning = match Verdict::new(bias, compared) {
         Verdict::Nothing => "regressor and instruments are the same: nothing to compare".to_owned(),
@@ -133,7 +136,8 @@ pub(crate) fn bias_text(bias: &Bias, compared: &Compared) -> String {
     paragraph("bias of LS: ", &statistic) + &size + &paragraph("bias of IV: ", &ratio)
 }
 
-pub(crate) fn bias_json(bias: &Bias, compared: &Compared) -> Value {
+/// The comparison of least squares and instruments as JSON.
+pub fn bias_json(bias: &Bias, compared: &Compared) -> Value {
     // An infinite ratio, of instruments equal to the regressor, is null in JSON.
     json!({
         "hausman": bias.hausman,
@@ -206,7 +210,7 @@ const UNEVEN: f64 = 0.02;
 const FROZEN_ROWS: f64 = 4.5;
 
 /// For how many periods of the daemon a position of the log is held on average, where that looks frozen to it.
-pub(crate) fn held_rows(report: &ResampleReport, period_s: f64) -> Option<f64> {
+pub fn held_rows(report: &ResampleReport, period_s: f64) -> Option<f64> {
     let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
     let rows = report.median_step_s / (1.0 - share).max(0.01) / period_s;
     (share > UNEVEN && rows >= FROZEN_ROWS).then_some(rows)
@@ -266,21 +270,23 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
 }
 
 /// A torque or a position that cannot be believed.
-pub(crate) struct Distrust {
+pub struct Distrust {
     /// The log it is in; none where all of them together say so.
-    pub(crate) log: Option<String>,
+    pub log: Option<String>,
     /// None where it is about the whole log.
-    pub(crate) joint: Option<String>,
-    pub(crate) name: &'static str,
-    pub(crate) text: String,
+    pub joint: Option<String>,
+    /// Identifier of the finding in JSON.
+    pub name: &'static str,
+    /// The finding in words.
+    pub text: String,
 }
 
 impl Distrust {
     /// A warning on standard error, for commands without a list of them.
-    pub(crate) fn warn(&self) {
+    pub fn warn(&self) {
         let place: Vec<&str> = [&self.log, &self.joint].into_iter().flatten().map(String::as_str).collect();
         let text = paragraph("warning: ", &format!("{}: {}", place.join(", "), self.text));
-        rivet_files::note(format_args!("{}", text.trim_end()));
+        session::note(format_args!("{}", text.trim_end()));
     }
 }
 
@@ -389,7 +395,7 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
 }
 
 /// Joints of a log whose setpoints give other velocities or accelerations than their positions have.
-pub(crate) fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
+pub fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
     let of = |j: &usize| Distrust {
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
@@ -424,7 +430,7 @@ pub(crate) const UNEXPLAINED_NAME: &str = "torque_unexplained";
 pub(crate) const STILL_NAME: &str = "joint_stands";
 pub(crate) const BRIEF_NAME: &str = "joint_hardly_moves";
 /// What is wrong with a desired motion that is not the one the arm followed.
-pub(crate) const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
+pub const UNFOLLOWED: &str = "q does not follow q_des, which was not recorded or is that of another motion";
 
 /// The same of a second encoder.
 const UNSEEN: &str =

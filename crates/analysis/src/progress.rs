@@ -1,10 +1,12 @@
-//! A progress line on a terminal's standard error; silence elsewhere.
+//! Progress of long work: to the session, else as a line on a terminal's standard error.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
+use crate::session;
+
 /// How far a long piece of work is.
-pub(crate) struct Progress {
+pub struct Progress {
     what: &'static str,
     total: usize,
     shown: Option<Instant>,
@@ -12,12 +14,16 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    pub(crate) fn new(what: &'static str, total: usize) -> Progress {
+    /// Nothing of `total` is done of the work that `what` names.
+    pub fn new(what: &'static str, total: usize) -> Progress {
         Progress { what, total: total.max(1), shown: None, terminal: std::io::stderr().is_terminal() }
     }
 
-    /// `done` of the total; drawn a few times a second.
-    pub(crate) fn set(&mut self, done: usize) {
+    /// `done` of the total: passed to the session, else drawn a few times a second.
+    pub fn set(&mut self, done: usize) {
+        if session::progress(self.what, (done as f64 / self.total as f64).min(1.0)) {
+            return;
+        }
         let due = self.shown.is_none_or(|at| at.elapsed() > Duration::from_millis(150));
         if self.terminal && due {
             self.shown = Some(Instant::now());
@@ -27,7 +33,7 @@ impl Progress {
     }
 
     /// Removes the line.
-    pub(crate) fn done(&mut self) {
+    pub fn done(&mut self) {
         if self.terminal && self.shown.is_some() {
             let _ = write!(std::io::stderr(), "\r\x1b[K");
         }

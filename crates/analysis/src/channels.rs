@@ -6,9 +6,8 @@ use rivet_estimation::offline::{position_noise, position_step};
 use rivet_logs::{Log, TorqueSource};
 
 use crate::coarse::BLURS;
-use crate::evidence::{self, Distrust};
-use crate::exit::Fault;
-use crate::identify;
+use crate::evidence::Distrust;
+use crate::fault::Fault;
 use crate::runs;
 use crate::table::number;
 
@@ -38,7 +37,7 @@ pub(crate) fn varies(robot: &Robot, log: &Log) -> Result<()> {
 }
 
 /// Joints whose torque is one number in all rows, but not 0, although they move, and what to say of each.
-fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>> {
+pub(crate) fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>> {
     let span = |x: &[f64]| {
         let [low, high] = [f64::min, f64::max].map(|of| x.iter().copied().reduce(of).unwrap_or(0.0));
         (high - low, low.abs().max(high.abs()))
@@ -60,24 +59,6 @@ fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>> {
         })
     };
     Ok(log.torque()?.iter().zip(&log.q).enumerate().filter_map(of).collect())
-}
-
-/// Torque channels of a log that cannot be believed, by themselves and by the model as given, whatever is learnt from them later.
-pub(crate) fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
-    let of = |(j, text): (usize, String)| {
-        let joint = Some(robot.model.arm.joints[j].name.clone());
-        Distrust { log: None, joint, name: "torque_constant", text }
-    };
-    let mut found: Vec<Distrust> = constant(robot, log)?.into_iter().map(of).collect();
-    if !found.is_empty() {
-        return Ok(found);
-    }
-    found = clipped(robot, log)?;
-    // A log without rows, as where nothing moves, says nothing here; what learns from it says why.
-    if let Ok(taken) = identify::rows_without_plan(robot, log) {
-        found.extend(evidence::of_torque(robot, taken.rows.iter().map(|rows| (runs::short_name(&log.path), rows))));
-    }
-    Ok(found)
 }
 
 /// Torque that comes in fewer steps says nothing by where it stands.

@@ -10,6 +10,7 @@ use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
 use crate::export::{bodies, place_load};
 use crate::runs;
+use crate::session;
 use crate::table::{number, paragraph};
 
 /// Drive values that differ by a smaller share are the same.
@@ -52,13 +53,13 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
                 "no motion of one joint within its limits is expected to separate {} from {rivals}",
                 motion.effect
             );
-            rivet_files::note(paragraph("rivet: ", &text).trim_end());
+            session::note(paragraph("rivet: ", &text).trim_end());
             continue;
         }
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
         rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
-        rivet_files::note(format_args!(
+        session::note(format_args!(
             "rivet: {} separates {} from {rivals}: {}",
             path.display(),
             motion.effect,
@@ -68,7 +69,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     rivet_files::write_whole(&notes, rivet_files::Printable(not_expressible(robot, patch)).to_string())
         .with_context(|| named(&notes))?;
     for line in staying(robot, patch) {
-        rivet_files::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
+        session::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
     }
     for report in &patch.formats {
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
@@ -77,7 +78,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
                 folder.join(report.format.file()).display(),
                 notes.display()
             );
-            rivet_files::note(paragraph("rivet: ", &text).trim_end());
+            session::note(paragraph("rivet: ", &text).trim_end());
         }
     }
     Ok(made)

@@ -5,20 +5,20 @@ use rivet_logs::Log;
 use std::borrow::Cow;
 
 /// A log without what no arm gives.
-pub(crate) struct Sound<'a> {
+pub struct Sound<'a> {
     /// The log, angles unwrapped.
-    pub(crate) log: Cow<'a, Log>,
+    pub log: Cow<'a, Log>,
     /// Rows that are not to be used, ascending.
-    pub(crate) left_out: Vec<usize>,
+    pub left_out: Vec<usize>,
     /// Share of the rows in motion at which positions repeated, per joint, where they were drawn anew for it.
-    pub(crate) repeated: Option<Vec<f64>>,
+    pub repeated: Option<Vec<f64>>,
     /// What was found.
-    pub(crate) found: Vec<Distrust>,
+    pub found: Vec<Distrust>,
 }
 
 impl Sound<'_> {
     /// What was found, as the reason why nothing is left.
-    pub(crate) fn reason(&self) -> Option<String> {
+    pub fn reason(&self) -> Option<String> {
         (!self.left_out.is_empty()).then(|| reason(&self.found))
     }
 }

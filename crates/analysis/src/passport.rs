@@ -20,10 +20,18 @@ pub(crate) struct Source<'a> {
     pub(crate) pieces: Vec<Piece>,
 }
 
-/// `used`: places of the stretches that were used among those of all logs, the sealed one last.
-pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>], used: &[usize]) -> Result<Passport> {
+/// The passport of a diagnosis.
+///
+/// * `program`: what made the diagnosis; its digest is stated
+/// * `used`: places of the stretches that were used among those of all logs, the sealed one last
+pub(crate) fn passport(
+    robot: &Robot,
+    robot_file: &Path,
+    program: &Path,
+    sources: &[Source<'_>],
+    used: &[usize],
+) -> Result<Passport> {
     let sealed = sealed(sources, used);
-    let program = std::env::current_exe().context("the path of this program")?;
     let mut inputs = vec![input("robot", robot_file, None)?, input("urdf", &robot.config.urdf, None)?];
     for source in sources {
         inputs.push(input("log", source.path, Some(clock(robot, source)))?);
@@ -31,7 +39,7 @@ pub(crate) fn passport(robot: &Robot, robot_file: &Path, sources: &[Source<'_>],
     let from_current = sources.iter().any(|s| matches!(s.log.tau, Some((TorqueSource::Current, _))));
     let torque = if from_current { "motor current times the drive gain of the robot file" } else { "tau of the log" };
     Ok(Passport {
-        tool: Tool { version: env!("CARGO_PKG_VERSION").to_owned(), sha256: sha256(&program)? },
+        tool: Tool { version: env!("CARGO_PKG_VERSION").to_owned(), sha256: sha256(program)? },
         inputs,
         model: format!("{:016x}", robot.hash),
         sealed,
@@ -66,7 +74,7 @@ const UNREAD_FOLDERS: [&str; 2] = ["videos", "images"];
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// Digest of a file; of a folder, that of the names and contents of its files in the order of their names.
-pub(crate) fn sha256(path: &Path) -> Result<String> {
+pub fn sha256(path: &Path) -> Result<String> {
     let mut digest = Sha256::new();
     digest_into(&mut digest, path).with_context(|| path.display().to_string())?;
     Ok(digest.finalize().iter().fold(String::new(), |mut text, byte| {

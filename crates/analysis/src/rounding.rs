@@ -14,7 +14,8 @@ use rivet_dynamics::Parameter;
 use rivet_logs::Log;
 
 use crate::coarse::TorqueSteps;
-use crate::identify::{rows_of, values_of};
+use crate::fit::values_of;
+use crate::rows::rows_of;
 use crate::{predict, runs};
 
 /// Torques that are tried.

@@ -9,7 +9,8 @@ use rivet_estimation::offline::{Equations, Method, fit};
 use rivet_logs::Log;
 
 use crate::evidence::Distrust;
-use crate::identify::{WEAKER_PRIOR, rows_without_plan};
+use crate::fit::WEAKER_PRIOR;
+use crate::rows::rows_without_plan;
 
 /// The robot with bodies from the logs in the place of those that its URDF does not have; the robot as it is where none is missing.
 ///

@@ -12,7 +12,8 @@ use rivet_estimation::offline::{Rows, residual_squares};
 use rivet_logs::Log;
 
 use crate::evidence::Distrust;
-use crate::identify::{rows_of, values_of};
+use crate::fit::values_of;
+use crate::rows::rows_of;
 use crate::runs;
 use crate::table::number;
 
@@ -131,7 +132,7 @@ const NOMINAL: f64 = 2.0;
 ///
 /// # Errors
 /// A log that cannot be read (again).
-pub(crate) fn misread(robot: &Robot, paths: &[PathBuf], nominal: &[f64]) -> Result<Option<Distrust>> {
+pub fn misread(robot: &Robot, paths: &[PathBuf], nominal: &[f64]) -> Result<Option<Distrust>> {
     if nominal.iter().all(|percent| *percent <= NOMINAL || percent.is_nan()) {
         return Ok(None);
     }
@@ -235,7 +236,7 @@ const ANOTHER_JOINTS: usize = 4;
 
 /// Whether the robot file may be that of another arm; `nominal`: what its values leave of each joint's torque \[%\]. Of a geared arm
 /// friction is as much as that by itself: a file without any says nothing.
-pub(crate) fn another_arm(robot: &Robot, nominal: &[f64]) -> Option<Distrust> {
+pub fn another_arm(robot: &Robot, nominal: &[f64]) -> Option<Distrust> {
     let friction = &robot.config.friction;
     if friction.coulomb.iter().chain(&friction.viscous).all(|value| *value == 0.0) {
         return None;

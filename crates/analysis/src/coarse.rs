@@ -123,13 +123,15 @@ pub(crate) fn slow(robot: &Robot, log: &Log) -> Option<Distrust> {
 
 /// Torque of a joint of a log that comes in steps which noise does not blur.
 #[derive(Clone, Debug)]
-pub(crate) struct TorqueSteps {
-    pub(crate) path: PathBuf,
-    pub(crate) joint: usize,
+pub struct TorqueSteps {
+    /// The log.
+    pub path: PathBuf,
+    /// The joint (from 0).
+    pub joint: usize,
     /// \[N·m\]
-    pub(crate) step: f64,
+    pub step: f64,
     /// White noise beside the steps, one standard deviation \[N·m\].
-    pub(crate) noise: f64,
+    pub noise: f64,
 }
 
 /// Noise of less than this share of a step leaves its errors what the motion makes of them. With a third they pass for white.
@@ -139,7 +141,7 @@ const OF_STEP: f64 = 0.5;
 
 /// Looks at the torques of a log, row by row as logged. A torque that hardly ever changes, as slow friction alone, has the step of another
 /// joint where all of its values are multiples of that: they come by one channel.
-pub(crate) fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
+pub fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
     let Some((_, tau)) = &log.tau else { return Vec::new() };
     let own: Vec<Option<f64>> = tau.par_iter().map(|tau| position_step(tau)).collect();
     let of_another = |tau: &[f64]| {
@@ -166,18 +168,19 @@ fn is_multiple(x: f64, step: f64) -> bool {
 }
 
 /// Those of which a fit that leaves so much of each joint's torque \[N·m\] is no surer than its rounding.
-pub(crate) fn that_matter<'a>(steps: &'a [TorqueSteps], left: &[f64]) -> Vec<&'a TorqueSteps> {
+pub fn that_matter<'a>(steps: &'a [TorqueSteps], left: &[f64]) -> Vec<&'a TorqueSteps> {
     steps.iter().filter(|s| left[s.joint] < OF_STEP * s.step).collect()
 }
 
 /// What is known of the errors of rounding: off line, off line where they cannot be made again, and on line.
 pub(crate) const ROUNDED_AGAIN: &str = "Standard deviations include the effect of this rounding, where the model fits";
 pub(crate) const NOT_ROUNDED_AGAIN: &str = "Standard deviations do not include that and may be too small";
-pub(crate) const ROUNDED_ON_LINE: &str =
+/// What standard deviations include of coarse torque on line.
+pub const ROUNDED_ON_LINE: &str =
     "On line, standard deviations do not include that and may be too small (off line they include it)";
 
 /// The same for people, with what standard deviations `know` of it.
-pub(crate) fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {
+pub fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {
     let of = |TorqueSteps { path, joint, step, noise }: &&TorqueSteps| Distrust {
         log: Some(runs::short_name(path)),
         joint: Some(robot.model.arm.joints[*joint].name.clone()),

@@ -10,8 +10,9 @@ use rivet_config::{FrictionLaw, Robot};
 use rivet_logs::Log;
 use serde_json::{Value, json};
 
-use crate::identify;
-use crate::identify::left_out::{self, LeftOut};
+use crate::fit;
+use crate::left_out::{self, LeftOut};
+use crate::rows;
 use crate::table::Table;
 
 /// Speeds over which friction turns about that are tried \[rad/s\].
@@ -44,9 +45,9 @@ impl Tried {
 }
 
 /// What was chosen.
-pub(crate) struct Refined {
+pub struct Refined {
     /// The robot with the law that predicts left-out parts best.
-    pub(crate) robot: Robot,
+    pub robot: Robot,
     /// Every law that was tried, in order; the first is the robot file's.
     tried: Vec<Tried>,
 }
@@ -57,7 +58,7 @@ impl Refined {
     }
 
     /// Every law that was tried, as JSON.
-    pub(crate) fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         let of = |tried: &Tried| {
             json!({
                 "estimator": if tried.instruments { "instrumental" } else { "least_squares" },
@@ -70,7 +71,7 @@ impl Refined {
     }
 
     /// The laws and their errors as a table.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let mut table = Table::new([
             "method",
             "friction_velocity",
@@ -113,7 +114,7 @@ pub(crate) fn law_json(law: &FrictionLaw) -> Value {
 }
 
 /// Tries methods and laws of friction on `logs`.
-pub(crate) fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
+pub fn refine(robot: &Robot, logs: &[Log]) -> Result<Refined> {
     let first = judge(robot, !robot.config.estimator.kind.least_squares(), robot.friction_law(), logs)?;
     let mut search = Search { robot, logs, best: first.clone(), tried: vec![first] };
     search.other_method()?;
@@ -178,8 +179,8 @@ impl Search<'_> {
 /// Fits a law to all logs but one part, each part in turn, and adds up what is left of the parts.
 fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Result<Tried> {
     let robot = robot.with_instruments(instruments).with_friction_law(law)?;
-    let fitted = logs.iter().map(|log| Ok(identify::rows_of(&robot, log)?.rows)).collect::<Result<_>>()?;
-    let judged = logs.iter().map(|log| Ok(identify::rows_everywhere(&robot, log)?.rows)).collect::<Result<_>>()?;
+    let fitted = logs.iter().map(|log| Ok(rows::rows_of(&robot, log)?.rows)).collect::<Result<_>>()?;
+    let judged = logs.iter().map(|log| Ok(rows::rows_everywhere(&robot, log)?.rows)).collect::<Result<_>>()?;
     let (fitted, judged) = (left_out::parts(fitted), left_out::parts(judged));
     let moves = |j: &usize| fitted.iter().flatten().any(|rows| rows.count(*j) > 0);
     let moving: Vec<usize> = (0..robot.dof()).filter(moves).collect();
@@ -190,7 +191,7 @@ fn judge(robot: &Robot, instruments: bool, law: FrictionLaw, logs: &[Log]) -> Re
             failed = Some(anyhow!("every part moves a joint that no other part moves"));
             continue;
         };
-        match identify::values_of(&robot, &mut rest) {
+        match fit::values_of(&robot, &mut rest) {
             Ok(x) => found.add(judged, &x),
             Err(why) => failed = Some(why),
         }

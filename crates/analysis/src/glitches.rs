@@ -11,7 +11,7 @@ use rivet_estimation::offline::{Jumps, MOST_LEFT_OUT, Reach, beyond, dropouts, u
 use rivet_logs::Log;
 
 use crate::evidence::Distrust;
-use crate::exit::Fault;
+use crate::fault::Fault;
 use crate::frozen;
 use crate::runs;
 use crate::sound::{Sound, reason};

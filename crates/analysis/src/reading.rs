@@ -13,7 +13,7 @@ use crate::runs;
 use crate::table::number;
 
 /// Name of the finding in JSON.
-pub(crate) const READING_NAME: &str = "log_reading";
+pub const READING_NAME: &str = "log_reading";
 
 /// The readings of a log, compared; none where it has no torque, too little motion, or no stretch without a hole.
 pub(crate) fn compare(robot: &Robot, log: &Log) -> Option<Screening> {
@@ -118,7 +118,7 @@ pub(crate) fn of(robot: &Robot, log: &Log) -> Option<Found> {
 }
 
 /// The same for a list of warnings.
-pub(crate) fn distrust(robot: &Robot, log: &Log) -> Option<Distrust> {
+pub fn distrust(robot: &Robot, log: &Log) -> Option<Distrust> {
     of(robot, log).map(|found| found.distrust())
 }
 
@@ -166,7 +166,7 @@ fn spoils(reading: &Reading) -> bool {
 const EXPLAINED: [&str; 5] = ["torque_sign", "torque_scale", "friction_gives_energy", "another_arm", UNEXPLAINED_NAME];
 
 /// Puts readings of logs first, and takes out what one of the whole arm explains: one fault is said once.
-pub(crate) fn first(warnings: &mut Vec<Distrust>) {
+pub fn first(warnings: &mut Vec<Distrust>) {
     let (mut ordered, mut others): (Vec<_>, Vec<_>) = warnings.drain(..).partition(|d| d.name == READING_NAME);
     let is_explained = |d: &Distrust| EXPLAINED.contains(&d.name);
     if ordered.iter().any(|reading| reading.joint.is_none()) {

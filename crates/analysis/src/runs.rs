@@ -10,9 +10,10 @@ use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase, underived};
 use rivet_logs::{Log, LogError, LogFault, Naming, OtherClock, ReadOptions, ResampleReport, Signals, read_as};
 
-use crate::exit::Fault;
+use crate::fault::Fault;
 use crate::map;
 use crate::publishers;
+use crate::session;
 
 /// A step of time this long is a hole: nothing is made up across it.
 const HOLE_S: f64 = 0.1;
@@ -24,7 +25,7 @@ const BEYOND: f64 = 2.0;
 const HOLE_STEPS: f64 = 10.0;
 
 /// Reads a log of the robot: its joints, its zero, its drive gain, and the clock of its positions.
-pub(crate) fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
+pub fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
     let log = recorded(robot, path)?;
     publishers::note_reading(&log, &short_name(path));
@@ -191,13 +192,13 @@ const LACKS_STEPS: f64 = 1.5;
 const NEAR_STEPS: f64 = 0.25;
 
 /// A stretch of a log without holes, on a uniform grid.
-pub(crate) struct Piece {
+pub struct Piece {
     /// Time of the rows as logged \[s\].
-    pub(crate) logged_t: Vec<f64>,
+    pub logged_t: Vec<f64>,
     /// The same stretch on the grid.
-    pub(crate) grid: Log,
+    pub grid: Log,
     /// What resampling did.
-    pub(crate) report: ResampleReport,
+    pub report: ResampleReport,
 }
 
 impl Piece {
@@ -215,13 +216,13 @@ impl Piece {
 }
 
 /// The step of time that is a hole in a log of usual step `usual_s` \[s\].
-pub(crate) fn hole_s(usual_s: f64) -> f64 {
+pub fn hole_s(usual_s: f64) -> f64 {
     HOLE_S.max(HOLE_STEPS * usual_s)
 }
 
 /// Cuts a log at its holes and puts each piece on a grid of `period_s`, or of the log's own usual step where that is
 /// longer: interpolation adds no knowledge. A piece of too few rows for that is left out, which is said, unless all are.
-pub(crate) fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
+pub fn pieces(log: &Log, period_s: f64) -> Result<Vec<Piece>> {
     pieces_without(&[], log, period_s)
 }
 
@@ -235,7 +236,7 @@ pub(crate) fn pieces_without(left_out: &[usize], log: &Log, period_s: f64) -> Re
             Ok((grid, report)) => pieces.push(Piece { logged_t: logged.t.clone(), grid, report }),
             Err(why @ LogError { fault: LogFault::TooFewRows { .. }, .. }) => {
                 let (path, rows, from) = (logged.path.display(), logged.len(), logged.t[0]);
-                rivet_files::note(format_args!(
+                session::note(format_args!(
                     "rivet: {path}: {rows} rows from {from} s between gaps are too few and excluded"
                 ));
                 // The first one is the error to report where nothing is left.
@@ -269,7 +270,7 @@ pub(crate) fn record(piece: &mut Piece) -> Result<Record> {
 
 /// Joints (from 0) of a log on a grid whose desired velocities or accelerations are not those of their desired positions; none where the
 /// log gives neither.
-pub(crate) fn not_derived(grid: &Log, period_s: f64) -> Vec<usize> {
+pub fn not_derived(grid: &Log, period_s: f64) -> Vec<usize> {
     let Some(q) = grid.q_des.as_ref().filter(|_| grid.qd_des.is_some() || grid.qdd_des.is_some()) else {
         return Vec::new();
     };
@@ -308,7 +309,7 @@ fn planned(q: Signals, qd: Option<Signals>, qdd: Option<Signals>, period_s: f64)
 }
 
 /// The pieces of a log as runs of a diagnosis.
-pub(crate) fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
+pub fn runs(path: &Path, pieces: &[Piece]) -> Result<Vec<Run>> {
     let run = |piece: &Piece| {
         Ok(Run {
             name: short_name(path),
@@ -377,12 +378,12 @@ pub(crate) fn model_filter(robot: &Robot, period_s: f64) -> ZeroPhase {
 }
 
 /// A path's last part, for messages.
-pub(crate) fn short_name(path: &Path) -> String {
+pub fn short_name(path: &Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// The joints' names in the URDF.
-pub(crate) fn joint_names(robot: &Robot) -> Vec<String> {
+pub fn joint_names(robot: &Robot) -> Vec<String> {
     robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect()
 }
 

@@ -62,9 +62,9 @@ const MIN_MOTION_RAD: f64 = 0.01;
 
 /// A robot with what its file leaves to the logs.
 #[derive(Clone, Debug)]
-pub(crate) struct OpenKeys {
+pub struct OpenKeys {
     /// The robot with all keys.
-    pub(crate) robot: Robot,
+    pub robot: Robot,
     /// The model filter, where the file has none.
     filter: Option<FilterChoice>,
     /// Whether offsets are identified although the file does not ask for them.
@@ -137,7 +137,7 @@ impl OpenKeys {
     /// Chooses what the robot file leaves open. Keys of the file win.
     ///
     /// * `logs`: one after the other; none is kept
-    pub(crate) fn choose(robot: &Robot, logs: impl Iterator<Item = Result<Log>>) -> Result<OpenKeys> {
+    pub fn choose(robot: &Robot, logs: impl Iterator<Item = Result<Log>>) -> Result<OpenKeys> {
         let offsets = !robot.has_key("estimator.offsets") && !robot.config.estimator.offsets;
         let mut robot = if offsets { robot.with_offsets()? } else { robot.clone() };
         if robot.has_key("signal.model_filter_hz") || robot.has_key("signal.decimation") {
@@ -161,7 +161,7 @@ impl OpenKeys {
     }
 
     /// The choices and their reasons, for people; empty where the file leaves nothing open.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let mut out = String::new();
         if let Some(filter) = &self.filter {
             let text = format!(
@@ -182,7 +182,7 @@ impl OpenKeys {
     }
 
     /// The same as JSON.
-    pub(crate) fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         let filter = self.filter.as_ref().map(|filter| {
             json!({
                 "model_filter_hz": filter.cutoff_hz,
