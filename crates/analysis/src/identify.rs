@@ -38,6 +38,7 @@ use crate::refine::{Refined, refine};
 use crate::rounding;
 use crate::rows::{Run, Taken, rows_of};
 use crate::runs::{self, Piece};
+use crate::session;
 
 /// What an identification does beside the fit.
 #[derive(Clone, Debug, Default)]
@@ -328,6 +329,7 @@ fn repeated(logs: &[PathBuf], contents: &[u64], held_out: &[HeldOut]) -> Vec<Dis
 fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Findings> {
     let Taken { runs, mut rows, contents, mut distrusts, torque_steps } = read_rows(robot, logs)?;
     enough(robot, &rows, logs)?;
+    session::checkpoint("identify: fitting", 0.0);
     let prior = WEAKER_PRIOR * robot.config.estimator.prior;
     // Before a column is taken out that the robot file has a value for.
     let whole =
@@ -335,6 +337,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let of_logs = || logs.iter().map(|path| runs::short_name(path)).collect::<Vec<_>>().join(", ");
     // Whichever set predicts left-out rows better is exported; the held-out logs have no part in that.
     let sets = Sets::of(robot, &left_out::parts(by_log(&runs, &rows))).ok();
+    session::checkpoint("identify: fitting", 0.2);
     let bounded = bounded(robot, &mut rows, prior).with_context(of_logs)?;
     let nominal = &bounded.nominal;
     let equations = Equations::new(&rows);
@@ -347,6 +350,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let mut least_squares = least_squares.with_context(of_logs)?;
     let mut instrumental = instrumental.with_context(of_logs)?;
     let chosen = choose(robot, &least_squares, &instrumental);
+    session::checkpoint("identify: fitting", 0.4);
     let torque_steps = that_matter(&torque_steps, &chosen.noise);
     // Where the torque of rounded rows cannot be predicted, nobody knows.
     let moved = rounding::moved(robot, logs, &torque_steps, &chosen.values);
@@ -382,6 +386,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         },
     );
     let (bias, delays) = (bias?, delays?);
+    session::checkpoint("identify: fitting", 0.6);
     let dry = friction_share(&robot.model, &robot.base, chosen, &rows);
     let near = consistent.as_ref().ok().map(|projection| projection.base.as_slice());
     // Logs in which joints stand do not determine those joints' torque, and no row shows it.
@@ -435,6 +440,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     if believed && distrusts.iter().all(|d| d.name != evidence::UNEXPLAINED_NAME) {
         distrusts.extend(doubts::far(consistent.as_ref().ok()));
     }
+    session::checkpoint("identify: comparing readings", 0.8);
     let misread = kinematics::misread(robot, logs, &residuals[0])?;
     distrusts.extend(misread.or_else(|| kinematics::another_arm(robot, &residuals[0]).filter(|_| believed)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();

@@ -81,3 +81,31 @@ impl Recording {
         Ok(Recording { t, q, tau, planned, truth: TruthFile::new(robot, &truth, &disturbances) })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// Mean torque of a joint \[N m\].
+    fn mean(signal: &[f64]) -> f64 {
+        signal.iter().sum::<f64>() / signal.len() as f64
+    }
+
+    #[test]
+    fn records_the_same_bits_and_the_true_payload() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/ur10e/robot.toml");
+        let robot = rivet_config::load(&file).expect("a robot file");
+        let record = |payload| {
+            let options = Options { duration: Some(2.0), seed: Some(3), payload, ..Options::new(&file) };
+            Recording::new(&robot, &options).expect("a recording")
+        };
+        let (unloaded, loaded) = (record(None), record(Some(4.0)));
+        assert_eq!((unloaded.t.len(), unloaded.q.len()), (2000, 6));
+        assert_eq!(record(Some(4.0)).tau, loaded.tau);
+        let last = loaded.truth.standard.iter().find(|p| p.name == "l6.m").expect("the mass of the last link");
+        assert!((last.value - last.nominal - 4.0).abs() < 1e-12, "{last:?}");
+        // The shoulder carries 4 kg more, by whatever lever this motion has.
+        assert!((mean(&loaded.tau[1]) - mean(&unloaded.tau[1])).abs() > 5.0);
+    }
+}
