@@ -3,6 +3,7 @@
 import os
 import pathlib
 import shutil
+import tempfile
 
 import pytest
 
@@ -39,6 +40,13 @@ def other(arm):
 def found(arm, run):
     """The parameters of that arm."""
     return rivet.identify(arm, run.log)
+
+
+@pytest.fixture
+def bus_root():
+    """A root directory of a bus: its path is short, as those of sockets have to be."""
+    with tempfile.TemporaryDirectory(prefix="rv") as folder:
+        yield folder
 
 
 @pytest.fixture(scope="session")
