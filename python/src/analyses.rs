@@ -297,7 +297,8 @@ impl Inspection {
     fn signals<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)>> {
+    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)>>
+    {
         let Some(log) = self.found.log() else { return Ok(None) };
         let tau = log.tau.as_ref().map(|(_, tau)| samples_by_joints(py, tau, log.len())).transpose()?;
         Ok(Some((log.t.to_pyarray(py), samples_by_joints(py, &log.q, log.len())?, tau)))
@@ -369,7 +370,8 @@ pub(crate) fn simulate<'py>(
     let parts = PyDict::new(py);
     parts.set_item("time", recording.t.to_pyarray(py))?;
     let [q_des, qd_des, qdd_des] = &recording.planned;
-    let signals = [("q", &recording.q), ("tau", &recording.tau), ("q_des", q_des), ("qd_des", qd_des), ("qdd_des", qdd_des)];
+    let signals =
+        [("q", &recording.q), ("tau", &recording.tau), ("q_des", q_des), ("qd_des", qd_des), ("qdd_des", qdd_des)];
     for (name, signal) in signals {
         parts.set_item(name, samples_by_joints(py, signal, rows)?)?;
     }
@@ -387,6 +389,7 @@ pub(crate) fn simulate<'py>(
 const MAX_SIMULATED_S: f64 = 600.0;
 
 fn motions() -> String {
-    let names = MotionKind::value_variants().iter().filter_map(|kind| Some(kind.to_possible_value()?.get_name().to_owned()));
+    let names =
+        MotionKind::value_variants().iter().filter_map(|kind| Some(kind.to_possible_value()?.get_name().to_owned()));
     names.collect::<Vec<_>>().join(", ")
 }

@@ -26,7 +26,8 @@ pub(crate) fn write_log(
         let joints = joints.columns().into_iter().enumerate();
         columns.extend(joints.map(|(j, column)| (format!("{name}{}", j + 1), column.to_vec())));
     }
-    let columns: Vec<(&str, &[f64])> = columns.iter().map(|(name, column)| (name.as_str(), column.as_slice())).collect();
+    let columns: Vec<(&str, &[f64])> =
+        columns.iter().map(|(name, column)| (name.as_str(), column.as_slice())).collect();
     rivet_logs::write_columns(&path, &columns).map_err(|why| error(py, &why.to_string(), Kind::InputOutput))
 }
 

@@ -108,8 +108,7 @@ impl Bus {
             }
             Ok(std::array::from_fn(|j| array.get(j).copied().unwrap_or(0.0)))
         };
-        let mut sample =
-            Sample { stamp_ns, q: joints(&position)?, tau: joints(&torque)?, faults, ..Sample::default() };
+        let mut sample = Sample { stamp_ns, q: joints(&position)?, tau: joints(&torque)?, faults, ..Sample::default() };
         if let Some([q, qd, qdd]) = &planned {
             (sample.q_des, sample.qd_des, sample.qdd_des) = (joints(q)?, joints(qd)?, joints(qdd)?);
             sample.flags |= sample_flags::SETPOINT;

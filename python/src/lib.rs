@@ -13,7 +13,9 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use super::analyses::{Diagnosis, Identification, Inspection, Model, diagnose, identify, inspect, predict, robot_file, simulate};
+    use super::analyses::{
+        Diagnosis, Identification, Inspection, Model, diagnose, identify, inspect, predict, robot_file, simulate,
+    };
     #[pymodule_export]
     use super::arrays::write_log;
     #[pymodule_export]

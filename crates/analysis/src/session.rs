@@ -115,7 +115,7 @@ mod tests {
             Session::new(|_, share| share < 0.5)
                 .run(|| (0..10).for_each(|k| assert!(progress("fit", 0.1 * f64::from(k)))))
         });
-        let payload = cancelled.err().expect("ended");
+        let payload = cancelled.expect_err("ended");
         assert_eq!(payload.downcast_ref::<Cancelled>(), Some(&Cancelled));
         assert!(!progress("fit", 0.0), "the session ended with it");
     }

@@ -66,7 +66,8 @@ fn examples_of_the_python_package_pass() {
     let report = text(&tested);
     eprintln!("{report}");
     assert!(tested.status.success(), "{report}");
-    let passed = report.split_whitespace().zip(report.split_whitespace().skip(1)).find(|(_, word)| word.starts_with("passed"));
+    let passed =
+        report.split_whitespace().zip(report.split_whitespace().skip(1)).find(|(_, word)| word.starts_with("passed"));
     let passed: usize = passed.and_then(|(count, _)| count.parse().ok()).unwrap_or(0);
     assert!(passed >= 20, "20 examples at least: {report}");
 }
