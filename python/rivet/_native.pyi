@@ -1,12 +1,12 @@
 """Native part of the package; `rivet` wraps it."""
 
+import pathlib
 import typing
 
 import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
-__file__: str
 
 Array = NDArray[np.float64]
 Progress = typing.Callable[[str, float], object]
@@ -16,7 +16,7 @@ class Model:
     @property
     def name(self) -> str: ...
     @property
-    def path(self) -> str: ...
+    def path(self) -> pathlib.Path: ...
     @property
     def joints(self) -> list[str]: ...
     @property

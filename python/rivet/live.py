@@ -263,11 +263,12 @@ class Robot:
     def _set(self, parts: dict[str, typing.Any]) -> LiveParameters:
         model = self.model
         # Another model's numbers mean something else.
-        known = model is not None and parts.pop("model_hash") == model._native.model_hash
+        if model is not None and parts["model_hash"] != model._native.model_hash:
+            model = None
         parts = {k: v for k, v in parts.items() if k not in ("model_hash", "sample_period")}
         count = len(parts["values"])
-        names = model.names if known else [f"parameter {i + 1}" for i in range(count)]
-        units = model.units if known else [""] * count
+        names = model.names if model else [f"parameter {i + 1}" for i in range(count)]
+        units = model.units if model else [""] * count
         return LiveParameters(stamp=parts.pop("stamp_ns") * 1e-9, names=names, units=units, **parts)
 
 

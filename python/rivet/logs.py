@@ -88,6 +88,13 @@ def is_one(log: object) -> bool:
     )
 
 
+def _listed(group: LogLike | typing.Iterable[LogLike]) -> list[LogLike]:
+    """The logs of an argument that is one log or several."""
+    if is_one(group):
+        return [typing.cast(LogLike, group)]
+    return list(typing.cast("typing.Iterable[LogLike]", group))
+
+
 @contextlib.contextmanager
 def as_files(*groups: LogLike | typing.Iterable[LogLike]) -> typing.Iterator[list[list[str]]]:
     """Paths of each group of logs. Arrays are stored as Parquet while the context lasts: every log passes the same checks."""
@@ -102,7 +109,7 @@ def as_files(*groups: LogLike | typing.Iterable[LogLike]) -> typing.Iterator[lis
             if not isinstance(log, Log):
                 if not 2 <= len(log) <= 3:
                     raise Error(f"a log of {len(log)} arrays; it must be (time, q) or (time, q, tau), or a rivet.Log", "usage")
-                log = Log(*log)
+                log = Log(log[0], log[1], log[2] if len(log) == 3 else None)
             if folder is None:
                 folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rivet-")))
             stem = "".join(c if c.isalnum() or c in "-_. " else "_" for c in log.name) or "arrays"
@@ -115,4 +122,4 @@ def as_files(*groups: LogLike | typing.Iterable[LogLike]) -> typing.Iterator[lis
             log.save(path)
             return str(path)
 
-        yield [[path_of(log) for log in ([group] if is_one(group) else group)] for group in groups]
+        yield [[path_of(log) for log in _listed(group)] for group in groups]

@@ -17,6 +17,9 @@ from .logs import PathLike
 if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ._native import Diagnosis as NativeDiagnosis
+    from ._native import Identification as NativeIdentification
+
 
 def _number(value: float | None) -> float:
     """JSON has null where a number is not known."""
@@ -181,12 +184,12 @@ class Identification(_Report):
     condition: float
     warnings: list[Warned]
     notes: list[str]
-    _native: _native.Identification
+    _native: NativeIdentification
     _text: str
     _json: str
 
     @classmethod
-    def _of(cls, native: _native.Identification, notes: list[str]) -> Identification:
+    def _of(cls, native: NativeIdentification, notes: list[str]) -> Identification:
         text = native.json()
         document = json.loads(text)
         parameters, joints = document["parameters"], document["joints"]
@@ -311,7 +314,11 @@ class Prediction:
         """Everything as Python objects without arrays; nan is None."""
 
         def plain(array: np.ndarray | None) -> typing.Any:
-            return None if array is None else np.where(np.isnan(array), None, array).tolist()
+            if array is None:
+                return None
+            objects = array.astype(object)
+            objects[np.isnan(array)] = None
+            return objects.tolist()
 
         return {
             "robot": self.robot,
@@ -521,12 +528,12 @@ class Diagnosis(_Report):
     unexplained_share: float
     remark: str | None
     notes: list[str]
-    _native: _native.Diagnosis
+    _native: NativeDiagnosis
     _text: str
     _json: str
 
     @classmethod
-    def _of(cls, native: _native.Diagnosis, notes: list[str]) -> Diagnosis:
+    def _of(cls, native: NativeDiagnosis, notes: list[str]) -> Diagnosis:
         text = native.json()
         document = json.loads(text)
         gap = document["gap"]
