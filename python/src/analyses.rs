@@ -361,7 +361,9 @@ pub(crate) fn simulate<'py>(
         // A log has the zero of the robot's encoders.
         for positions in [&mut recording.q].into_iter().chain(recording.planned.first_mut()) {
             for (q, zero) in positions.iter_mut().zip(&loaded.config.log.joint_zero) {
-                q.iter_mut().for_each(|q| *q -= zero);
+                for position in q {
+                    *position -= zero;
+                }
             }
         }
         Ok(recording)

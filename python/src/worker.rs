@@ -18,10 +18,13 @@ const STACK_BYTES: usize = 16 << 20;
 /// Progress reports that may wait; further ones are dropped.
 const REPORTS: usize = 16;
 
+/// The result of the work, and the notes.
+type Outcome<T> = Result<(T, Vec<String>)>;
+
 /// What the thread of the work sends.
 enum Message<T> {
     Progress(String, f64),
-    Done(Result<(T, Vec<String>)>),
+    Done(Outcome<T>),
 }
 
 /// Runs `work` on its own thread without the interpreter's lock; returns its result and the notes.
@@ -75,7 +78,7 @@ fn receive<T: Send>(
     py: Python<'_>,
     mut receiver: Receiver<Message<T>>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Option<Result<(T, Vec<String>)>>> {
+) -> PyResult<Option<Outcome<T>>> {
     loop {
         let waiting = &mut receiver;
         match py.detach(move || waiting.recv_timeout(SIGNALS)) {
