@@ -43,10 +43,14 @@ def found(arm, run):
 
 
 @pytest.fixture
-def bus_root():
-    """A root directory of a bus: its path is short, as those of sockets have to be."""
+def bus():
+    """Prefix and root of a bus of this test alone. The root's path is short, as those of sockets have to be."""
     with tempfile.TemporaryDirectory(prefix="rv") as folder:
-        yield folder
+        prefix = f"py{os.getpid()}_"
+        yield {"prefix": prefix, "root": folder}
+    # The bus keeps one file a prefix.
+    for left in pathlib.Path("/dev/shm").glob(f"{prefix}*"):
+        left.unlink()
 
 
 @pytest.fixture(scope="session")

@@ -290,8 +290,8 @@ def test_results_are_shown_in_a_notebook(found):
 # Live
 
 
-def test_robot_controller_in_python_publishes_samples(arm, bus_root):
-    with rivet.Robot(arm, prefix="py_pub", root=bus_root, publish=True) as robot:
+def test_robot_controller_in_python_publishes_samples(arm, bus):
+    with rivet.Robot(arm, **bus, publish=True) as robot:
         for k in range(20):
             robot.publish(np.full(2, 0.01 * k), np.zeros(2))
             time.sleep(0.001)
@@ -304,12 +304,12 @@ def test_robot_controller_in_python_publishes_samples(arm, bus_root):
             robot.publish(np.zeros(3), np.zeros(3))
 
 
-def test_live_parameters_and_health_come_from_rivetd(arm, run, programs, bus_root):
+def test_live_parameters_and_health_come_from_rivetd(arm, run, programs, bus):
     daemon = subprocess.Popen(
-        [programs / "rivetd", arm, "--prefix", "py_live", "--root", bus_root], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [programs / "rivetd", arm, "--prefix", bus["prefix"], "--root", bus["root"]], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
-        with rivet.Robot(arm, prefix="py_live", root=bus_root, publish=True) as robot:
+        with rivet.Robot(arm, **bus, publish=True) as robot:
             deadline = time.monotonic() + 30.0
             while robot.health(timeout=0.1) is None and time.monotonic() < deadline:
                 pass
