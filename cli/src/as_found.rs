@@ -2,9 +2,9 @@
 //!
 //! The residual that the estimator tells is one step ahead, by the values of each time: it holds how they came about as well.
 
-use crate::predict::errors;
-use crate::runs::read_log;
-use crate::sound::Sound;
+use rivet_analysis::predict::errors;
+use rivet_analysis::runs::read_log;
+use rivet_analysis::sound::Sound;
 use rivet_config::{Identified, Robot};
 use std::borrow::Cow;
 use std::path::Path;

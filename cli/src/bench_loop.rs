@@ -187,10 +187,10 @@ fn turn(
         let wake = turning.wait();
         let begin = now_ns();
         turning.work(wake);
-        let own = now_ns() - begin;
+        let work_ns = now_ns() - begin;
         woken.record(wake.lateness_ns);
-        work.record(own);
-        done.record(wake.lateness_ns + own);
+        work.record(work_ns);
+        done.record(wake.lateness_ns + work_ns);
         while let Ok(message) = inbox.pop() {
             match message {
                 Outbound::Health(message) => health = message,

@@ -28,7 +28,7 @@ pub(crate) struct Args {
 
 /// Exit codes: 0 the same verdict and causes, 1 something changed.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    Outputs::of(vec![&args.a, &args.b]).file("--json", args.json.as_ref()).check()?;
+    Outputs::given(vec![&args.a, &args.b]).file("--json", args.json.as_ref()).check()?;
     let (a, b) = (read(&args.a)?, read(&args.b)?);
     let changes = Changes::between(&a, &b).map_err(|rules| Mismatch { a: args.a.clone(), b: args.b.clone(), rules })?;
     if let Some(path) = &args.json {
@@ -73,8 +73,8 @@ fn as_text(changes: &Changes, a: &Document) -> String {
             .filter(|(name, _)| !name.contains('.'))
             .map(|(name, size)| {
                 let (name, unit) = quantity(name, a);
-                let of = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
-                format!("{name} {} -> {} {unit}", of(size.a), of(size.b)).trim_end().to_owned()
+                let rounded = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
+                format!("{name} {} -> {} {unit}", rounded(size.a), rounded(size.b)).trim_end().to_owned()
             })
             .collect();
         let sizes = if sizes.is_empty() { String::new() } else { format!(": {}", sizes.join(", ")) };
@@ -96,8 +96,8 @@ fn as_text(changes: &Changes, a: &Document) -> String {
     if !changes.values.is_empty() {
         let mut table = Table::new(["value, pinned in both", "was", "is", "unit"]);
         for v in &changes.values {
-            let of = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
-            table.row([v.name.clone(), of(v.found.a), of(v.found.b), v.unit.clone()]);
+            let rounded = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
+            table.row([v.name.clone(), rounded(v.found.a), rounded(v.found.b), v.unit.clone()]);
         }
         out += &table.text();
     }

@@ -4,35 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_config::Robot;
-use rivet_diagnosis::{Diagnosis, LogFault, MotionBounds, Run, Verdict, diagnose_and_patch, of_one_clock};
-use rivet_report::words::{figure, percent};
-use rivet_report::{Cause, Document, JointGap, LogFinding, Power, Score, SelfCheck, formats, page};
+use rivet_analysis::diagnose::{Inputs, diagnose};
+use rivet_diagnosis::Verdict;
 
-use crate::blind;
-use crate::bodies::{BODIES_UNKNOWN, with_bodies};
 use crate::control::bus_of;
-use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
-use crate::frozen::Stood;
-use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
 use crate::live;
 use crate::map::MapArgs;
 use crate::outputs::Outputs;
-use crate::passport::{Source, passport};
-use crate::patched;
-use crate::progress::Progress;
-use crate::reading;
-use crate::rollout::{rollout, undriven};
-use crate::runs;
-use crate::self_check::self_check;
-use crate::table::{Table, WIDTH, paragraph, show};
-
-/// Share of the work that is left after each thing said.
-const STEP_LEAVES: f64 = 0.9;
-/// Effects that are values of the file.
-const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"];
-/// Names of two joints are both told where they are no longer together.
-const JOINTS_WIDTH: usize = 24;
+use crate::table::show;
 
 /// Arguments of `rivet diagnose`.
 #[derive(Debug, clap::Args)]
@@ -79,7 +58,7 @@ pub(crate) struct Args {
 /// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
-    let outputs = Outputs::beside(&robot, &args.robot, &args.logs).file("--keep", args.keep.as_ref());
+    let outputs = Outputs::for_logs(&robot, &args.robot, &args.logs).file("--keep", args.keep.as_ref());
     outputs
         .file("--json", args.json.as_ref())
         .file("--html", args.html.as_ref())
@@ -92,310 +71,31 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         live::record(&robot, &bus_of(&robot.config.bus, args.prefix.as_deref(), args.root.as_deref()), seconds, &path)?;
         logs.push(path);
     }
-    let Sources { logs: sources, mut stood, spoilt } = Sources::read(&robot, &logs)?;
-    runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
-    let (robot, nothing_to_compare) = with_bodies(robot, &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
-    stood.extend(nothing_to_compare);
-    let mut progress = Progress::new("diagnosing", 1000);
-    let mut left = 1.0;
-    let mut say = |line: &str| {
-        if args.verbose {
-            rivet_files::note(format_args!("{line}"));
-            return;
-        }
-        // How often effects are looked for is not known before: what is said takes its share of what is left.
-        left *= STEP_LEAVES;
-        progress.set((1000.0 * (1.0 - left)) as usize);
+    let program = std::env::current_exe().context("the path of this program")?;
+    let inputs = Inputs {
+        robot_file: &args.robot,
+        logs: &logs,
+        is_last_live: args.live.is_some(),
+        program: &program,
+        is_verbose: args.verbose,
     };
-    let live = args.live.is_some();
-    let all = runs_of(&sources, live)?;
-    let bounds =
-        MotionBounds::from_limits(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
-    let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
-    // Runs that were left out drive no simulator and show nothing.
-    let used = found.used.iter();
-    let mut given: Vec<Option<Run>> = runs_of(&sources, live)?.into_iter().map(Some).collect();
-    let used: Vec<Run> = used.filter_map(|place| given.get_mut(*place)?.take()).collect();
-    drop(given);
-    let passport = passport(&robot, &args.robot, &sources, &found.used)?;
-    let mut document = Document::new(&robot.config.name, &found, Some(passport));
-    document.log.splice(0..0, stood.into_iter().map(log_finding));
-    let spoilt = spoilt.filter(|reading| is_void(reading, &found, &document));
-    if let Some(reading) = &spoilt {
-        document.is_misread(&reading.text);
-    }
-    let patch = patch.filter(|_| spoilt.is_none());
-    if let Some(patch) = &patch {
-        document.export = formats(patch);
-        document.tells_motions(patch, &runs::joint_names(&robot));
-    }
-    if let (Some(patch), Some(last), false) = (&patch, used.last(), found.causes.is_empty()) {
-        say("the simulator in closed loop");
-        let unbelieved = found.log.iter().filter(|f| f.run == last.name && f.fault.spoils());
-        let unbelieved: Vec<&str> = unbelieved.map(|f| f.joint.as_str()).collect();
-        document.rollout =
-            if unbelieved.is_empty() { rollout(&robot, patch, last) } else { Some(undriven(&unbelieved)) };
-    }
-    progress.done();
-    // The verdict is told whatever becomes of these two.
-    let exported = match (&args.export, &patch) {
-        (Some(folder), Some(patch)) => patched::export(&robot, patch, folder).map(|_| ()),
-        (Some(_), None) => {
-            let why = if document.remark.is_some() { "nothing was evaluated" } else { "gravity comes first" };
-            rivet_files::note(format_args!("rivet: {why}, so nothing is exported"));
-            Ok(())
-        }
-        (None, _) => Ok(()),
-    };
-    let mut checked = Ok(());
-    if args.self_check && document.remark.is_none() {
-        match self_check(&robot, used) {
-            Ok(check) => document.self_check = Some(check),
-            Err(why) => checked = Err(why),
-        }
-    }
-    let scores = blind::scores()?;
+    let mut found = diagnose(&robot, &inputs)?;
+    // The verdict is shown whatever becomes of these two.
+    let exported = args.export.as_ref().map_or(Ok(false), |folder| found.export(folder));
+    let checked = if args.self_check { found.self_check() } else { Ok(()) };
     if let Some(path) = &args.json {
-        let text = rivet_files::printable_json(serde_json::to_string_pretty(&document)? + "\n");
-        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, found.json()?).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &args.html {
-        let text = page(&document, &scores);
-        rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, found.html()?).with_context(|| path.display().to_string())?;
     }
-    show(&as_text(&document, &scores))?;
-    for finding in document.log.iter().filter(|finding| finding.fault == BODIES_UNKNOWN) {
-        show(&paragraph("  Bodies       ", &finding.text))?;
-    }
+    show(&found.text()?)?;
     exported?;
     checked?;
-    Ok(ExitCode::from(match found.verdict {
-        _ if spoilt.is_some() => 3,
+    Ok(ExitCode::from(match found.verdict() {
         Verdict::NoGap => 0,
         Verdict::Parameter | Verdict::Effect | Verdict::Several => 1,
         Verdict::Unexplained => 2,
         Verdict::NotEvaluated => 3,
     }))
-}
-
-/// The logs of a diagnosis, and what was found while they were read.
-struct Sources<'a> {
-    logs: Vec<Source<'a>>,
-    stood: Vec<Distrust>,
-    /// The first reading other than the log as it is, with which causes may mean nothing.
-    spoilt: Option<reading::Found>,
-}
-
-impl Sources<'_> {
-    fn read<'a>(robot: &Robot, logs: &'a [PathBuf]) -> Result<Sources<'a>> {
-        let mut all = Sources { logs: Vec::new(), stood: Vec::new(), spoilt: None };
-        for path in logs {
-            let (log, mended) = bridged(robot, runs::read_log(robot, path)?)?;
-            all.stood.extend(mended);
-            let reading = reading::of(robot, &log);
-            all.stood.extend(reading.iter().map(reading::Found::distrust));
-            all.spoilt = all.spoilt.or(reading.filter(|found| found.spoils || found.drifts));
-            // A torque that stands while its joint moves says nothing of the arm.
-            let Stood { found, rows } = Stood::of(robot, &log);
-            refuse_most(&log, &rows, &found)?;
-            all.stood.extend(found);
-            let pieces = runs::pieces_without(&rows, &log, log.median_step_s())?;
-            all.logs.push(Source { path, log, pieces });
-        }
-        Ok(all)
-    }
-}
-
-/// Whether a reading makes the diagnosis void: causes mean something where the diagnosis deals with every fault of it.
-fn is_void(reading: &reading::Found, found: &Diagnosis, document: &Document) -> bool {
-    if reading.drifts {
-        // Friction that drifts looks like laws of friction and limits of torque, unless it follows a temperature.
-        let laws = document.causes.iter().any(|c| !VALUES.contains(&c.effect.as_str()));
-        return laws && !document.causes.iter().any(|c| c.effect == "temperature_dependent_friction");
-    }
-    if !document.other_arm.is_empty() && !reading.is_sure() {
-        return false;
-    }
-    let of_this_log =
-        |run: &str| run.strip_prefix(reading.log.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '));
-    // It refuses by itself, for a channel that it names.
-    if found.verdict == Verdict::NotEvaluated && found.log.iter().any(|f| f.fault.spoils()) {
-        return false;
-    }
-    let findings: Vec<&rivet_diagnosis::LogFinding> = found.log.iter().filter(|f| of_this_log(&f.run)).collect();
-    let joints = |of: &dyn Fn(&LogFault) -> bool| -> Vec<&str> {
-        findings.iter().filter(|f| of(&f.fault)).map(|f| f.joint.as_str()).collect()
-    };
-    let dealt_with = reading::DealtWith {
-        effects: document.causes.iter().map(|c| (c.effect.as_str(), c.joints.as_slice())).collect(),
-        left_out: joints(&|fault| fault.spoils()),
-        aligned: joints(&|fault| matches!(fault, LogFault::Late(_))),
-    };
-    !reading.is_dealt_with(&dealt_with)
-}
-
-fn log_finding(of: Distrust) -> LogFinding {
-    let [run, joint] = [of.log, of.joint].map(Option::unwrap_or_default);
-    LogFinding { run, joint, fault: of.name.to_owned(), value: None, text: of.text }
-}
-
-/// Every stretch of every log as a run; `live`: the last is the window of `--live`.
-fn runs_of(sources: &[Source<'_>], live: bool) -> Result<Vec<Run>> {
-    let mut all = Vec::new();
-    for source in sources {
-        all.push((runs::runs(source.path, &source.pieces)?, runs::starts(&source.pieces)));
-    }
-    Ok(on_their_clocks(all, live))
-}
-
-/// Runs of several logs with the times \[s\] at which they began, on one clock as far as they may be. The time of a live window
-/// is its own, from 0 on: no log of a file was just before or after it.
-fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
-    let files = logs.len() - usize::from(live && !logs.is_empty());
-    let shared: usize = logs[..files].iter().map(|(runs, _)| runs.len()).sum();
-    let starts: Vec<f64> = logs.iter().flat_map(|(_, starts)| starts.iter().copied()).collect();
-    let mut all: Vec<Run> = logs.into_iter().flat_map(|(runs, _)| runs).collect();
-    of_one_clock(&mut all[..shared], &starts[..shared]);
-    all
-}
-
-/// The verdict on one screen.
-fn as_text(found: &Document, scores: &[Score]) -> String {
-    let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, found.verdict));
-    for line in found.lines(scores) {
-        out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
-    }
-    for input in found.passport.iter().flat_map(|passport| &passport.inputs) {
-        if let Some(off) = input.clock.as_ref().and_then(|clock| clock.off.as_ref()) {
-            out += &paragraph("  clock        ", &format!("{}: {}", input.name, off.text));
-        }
-        if let Some(jitter_s) = input.clock.as_ref().and_then(|clock| clock.stamps_jitter_s) {
-            let ms = figure(1e3 * jitter_s, 2);
-            let text = format!("time stamps of {} jitter by {ms} ms; positions are even: taken as even", input.name);
-            out += &paragraph("  sampling     ", &text);
-        }
-    }
-    for stood in found.log.iter().filter(|finding| finding.fault == TORQUE_STOOD_NAME) {
-        out += &paragraph("  torque       ", &format!("of {} in {}: {}", stood.joint, stood.run, stood.text));
-    }
-    for mended in found.log.iter().filter(|finding| [JUMP_NAME, WRAPPED_NAME].contains(&finding.fault.as_str())) {
-        out += &paragraph("  position     ", &format!("of {} in {}: {}", mended.joint, mended.run, mended.text));
-    }
-    for reading in found.log.iter().filter(|finding| finding.fault == reading::READING_NAME) {
-        out += &paragraph("  reading      ", &format!("of {}: {}", reading.run, reading.text));
-    }
-    if let Some(rollout) = &found.rollout {
-        out += &paragraph("  simulator    ", &rollout.text());
-    }
-    if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "shrink %", "90 %", "measured", "share %", "sure"]);
-        for c in &found.causes {
-            table.row([
-                c.effect.clone(),
-                match c.joints.as_slice() {
-                    joints if joints.is_empty() || joints.len() == found.gap.per_joint.len() => "all".to_owned(),
-                    [one] => one.clone(),
-                    [first, second] if first.len() + second.len() < JOINTS_WIDTH => format!("{first} {second}"),
-                    joints => format!("{} +{}", joints[0], joints.len() - 1),
-                },
-                percent(c.shrink.predicted),
-                format!("{}..{}", percent(c.shrink.low), percent(c.shrink.high)),
-                percent(c.shrink.measured),
-                percent(c.share),
-                c.confidence.map_or_else(|| "-".to_owned(), |sure| format!("{sure:.2}")),
-            ]);
-        }
-        out += &table.text();
-        out += &sizes(found);
-    }
-    if found.verdict == "unexplained" && !found.hints.is_empty() {
-        let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
-        hints.dedup();
-        out += &paragraph("  ", &format!("considered, not supported: {}", hints.join(", ")));
-    }
-    if found.gap.per_joint.is_empty() {
-        return out;
-    }
-    let heads = ["gap by joint [%]", "nominal", "with causes", "noise", "in motion, nominal [x noise]", "with causes"];
-    let mut table = Table::new(heads);
-    let times = |j: &JointGap, at: usize| match j.in_motion.get(at) {
-        Some(Some(times)) => figure(*times, 2),
-        _ => "-".to_owned(),
-    };
-    for j in &found.gap.per_joint {
-        let [before, after] = [0, 1].map(|at| times(j, at));
-        table.row([j.joint.clone(), percent(j.before), percent(j.after), percent(j.noise_floor), before, after]);
-    }
-    out += &table.text();
-    if let Some(check) = &found.self_check {
-        out += &power(found, check);
-    }
-    out
-}
-
-/// How large each cause is, a line each.
-fn sizes(found: &Document) -> String {
-    let line = |c: &Cause| {
-        let joint = match c.joints.as_slice() {
-            [one] => format!(" of {one}"),
-            _ => String::new(),
-        };
-        let head = format!("  {}{joint}: ", c.effect);
-        let size = found.sizes(c, WIDTH.saturating_sub(head.chars().count()))?;
-        Some(paragraph(&head, &size))
-    };
-    found.causes.iter().filter_map(line).collect()
-}
-
-/// The weakest effects that these logs would have shown.
-fn power(found: &Document, check: &SelfCheck) -> String {
-    let mut out = paragraph(
-        "  ",
-        &format!(
-            "weakest effect that {:.0} s of these logs would have shown (a dash: not even the strongest tried; \
-             \"found\": in them as they are); {} false alarms in {} resamplings",
-            check.seconds, check.false_alarms, check.resamplings
-        ),
-    );
-    let said = |power: &Power| match (power.named_already, power.smallest) {
-        (true, _) => "found".to_owned(),
-        (false, Some(size)) => figure(size, 2),
-        (false, None) => "-".to_owned(),
-    };
-    let joints = found.gap.per_joint.len();
-    let heads = ["effect", "unit", "arm"].map(str::to_owned).into_iter();
-    let heads = heads.chain((1..=joints).map(|j| format!("joint {j}")));
-    let mut table = Table::new(heads);
-    for chunk in check.powers.chunk_by(|a, b| a.effect == b.effect) {
-        let mut cells = vec![chunk[0].effect.clone(), chunk[0].unit.clone()];
-        // What acts on the whole arm stands before what acts on joints.
-        cells.extend(chunk[0].joint.is_some().then(String::new));
-        cells.extend(chunk.iter().map(&said));
-        table.row(cells);
-    }
-    out += &table.text();
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rivet_diagnosis::Past;
-
-    /// A log that began at 4 s of its clock seems to follow a window of 3 s that began at 0 of another.
-    #[test]
-    fn a_live_window_is_not_on_the_clock_of_logs() {
-        let run = || Run {
-            name: String::new(),
-            period_s: 1e-2,
-            q: vec![(0..300).map(|k| 1e-2 * f64::from(k)).collect()],
-            tau: vec![vec![0.0; 300]],
-            ..Run::default()
-        };
-        let logs = || vec![(vec![run()], vec![4.0]), (vec![run()], vec![8.0]), (vec![run()], vec![0.0])];
-        let apart = on_their_clocks(logs(), true);
-        assert!(apart[0].past == Past::default() && apart[2].past == Past::default());
-        assert_ne!(apart[1].past, Past::default(), "logs of one clock know each other");
-        assert_ne!(on_their_clocks(logs(), false)[0].past, Past::default(), "as a file it would be before them");
-    }
 }

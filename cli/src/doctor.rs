@@ -78,12 +78,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 }
 
 fn wish(robot: Option<&Robot>, cpu: Option<usize>) -> RealTimeSettings {
-    let of = robot.map(|robot| (&robot.config.realtime, robot.config.sample_period_s));
+    let settings = robot.map(|robot| (&robot.config.realtime, robot.config.sample_period_s));
     RealTimeSettings {
-        scheduling: of
+        scheduling: settings
             .map_or(Some(Scheduling::Fifo(80)), |(realtime, period)| rivet_daemon::shell::scheduling(realtime, period)),
-        cpu: cpu.or_else(|| of.and_then(|(realtime, _)| realtime.cpu)),
-        lock_memory: of.is_none_or(|(realtime, _)| realtime.lock_memory),
+        cpu: cpu.or_else(|| settings.and_then(|(realtime, _)| realtime.cpu)),
+        lock_memory: settings.is_none_or(|(realtime, _)| realtime.lock_memory),
         required: true,
     }
 }

@@ -6,9 +6,9 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page};
 
-use crate::exit::Fault;
-use crate::progress::Progress;
 use crate::table::{paragraph, show};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::progress::Progress;
 
 /// Arguments of `rivet figures`.
 #[derive(Debug, clap::Args)]

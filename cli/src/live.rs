@@ -9,8 +9,8 @@ use rivet_ipc_schema::{Bus, BusConfig, JointState, OneSource, RobotName};
 use rivet_logs::write_columns;
 use rivet_realtime::{Shutdown, now_ns};
 
-use crate::exit::Fault;
-use crate::progress::Progress;
+use rivet_analysis::fault::Fault;
+use rivet_analysis::progress::Progress;
 
 /// Time between two looks at the bus: the ring holds a thousand samples.
 const TURN: Duration = Duration::from_millis(5);
@@ -28,18 +28,18 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
     let mut states = OneSource::new(bus.joint_state_subscriber()?, SILENCE / 2);
     let shutdown = Shutdown::on_signals()?;
     let mut progress = Progress::new("listening", (1000.0 * seconds) as usize);
-    let mut heard = Heard::new(robot);
+    let mut recorded = Recorded::new(robot);
     let mut last = Instant::now();
-    while heard.seconds() < seconds && !shutdown.is_requested() {
+    while recorded.seconds() < seconds && !shutdown.is_requested() {
         while let Some(state) = states.receive(now_ns())? {
-            if heard.take(&state) {
+            if recorded.take(&state) {
                 last = Instant::now();
             }
         }
         if last.elapsed() > SILENCE {
             break;
         }
-        progress.set((1000.0 * heard.seconds()) as usize);
+        progress.set((1000.0 * recorded.seconds()) as usize);
         std::thread::sleep(TURN);
     }
     progress.done();
@@ -49,26 +49,26 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
             states.foreign()
         ));
     }
-    if heard.unusable > 0 {
+    if recorded.unusable > 0 {
         rivet_files::note(format_args!(
             "rivet: {} samples could not be used (fault bits, no numbers, or stamps that jump)",
-            heard.unusable
+            recorded.unusable
         ));
     }
-    if heard.t.len() < 2 {
+    if recorded.t.len() < 2 {
         bail!("no joint states of {} on this bus for {} s that could be used", robot.config.name, SILENCE.as_secs());
     }
-    let short = seconds - heard.seconds();
+    let short = seconds - recorded.seconds();
     if short > 0.1 * seconds {
         rivet_files::note(format_args!(
             "rivet: the samples ended {short:.1} s before the {seconds} s that were asked for"
         ));
     }
-    heard.write(path)
+    recorded.write(path)
 }
 
 /// Samples as columns.
-struct Heard {
+struct Recorded {
     zero: Vec<f64>,
     first_ns: Option<u64>,
     t: Vec<f64>,
@@ -79,10 +79,10 @@ struct Heard {
     unusable: u64,
 }
 
-impl Heard {
-    fn new(robot: &Robot) -> Heard {
+impl Recorded {
+    fn new(robot: &Robot) -> Recorded {
         let signals = || vec![Vec::new(); robot.dof()];
-        Heard {
+        Recorded {
             zero: robot.config.log.joint_zero.clone(),
             first_ns: None,
             t: Vec::new(),

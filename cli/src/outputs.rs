@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 
-use crate::exit::Fault;
+use rivet_analysis::fault::Fault;
 
 /// What a command reads and what it writes.
 pub(crate) struct Outputs<'a> {
@@ -16,16 +16,16 @@ pub(crate) struct Outputs<'a> {
 
 impl<'a> Outputs<'a> {
     /// Of a command that reads `robot` from `file`, its description and `logs`.
-    pub(crate) fn beside(robot: &'a Robot, file: &'a Path, logs: impl IntoIterator<Item = &'a PathBuf>) -> Self {
+    pub(crate) fn for_logs(robot: &'a Robot, file: &'a Path, logs: impl IntoIterator<Item = &'a PathBuf>) -> Self {
         let config = &robot.config;
         let mut inputs = vec![file, config.urdf.as_path()];
         inputs.extend(config.friction.load_urdf.as_deref());
         inputs.extend(logs.into_iter().map(PathBuf::as_path));
-        Outputs::of(inputs)
+        Outputs::given(inputs)
     }
 
     /// Of a command that reads `inputs`.
-    pub(crate) fn of(inputs: Vec<&'a Path>) -> Self {
+    pub(crate) fn given(inputs: Vec<&'a Path>) -> Self {
         Outputs { inputs, files: Vec::new(), folder: None }
     }
 

@@ -1,13 +1,13 @@
 //! A log as the robot controller would have sent it, and a parameter stream as a file.
 
-use crate::channels::doubted;
-use crate::coarse::{TorqueSteps, torque_steps};
-use crate::evidence::{self, Distrust};
-use crate::exit::Fault;
-use crate::reading;
-use crate::runs::{hole_s, not_derived, read_log, short_name};
 use crate::table::number;
 use anyhow::{Context, Result};
+use rivet_analysis::coarse::{TorqueSteps, torque_steps};
+use rivet_analysis::doubts::doubted;
+use rivet_analysis::evidence::{self, Distrust};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::reading;
+use rivet_analysis::runs::{hole_s, not_derived, read_log, short_name};
 use rivet_config::Robot;
 use rivet_dynamics::Joint;
 use rivet_estimation::offline::{Trajectory, position_step, unfollowed};
@@ -102,14 +102,14 @@ impl Recording {
 
     /// The joints that move and do not follow the setpoints sent with them.
     pub(crate) fn unfollowed(&self) -> BTreeSet<usize> {
-        let of = |Stretch { log, .. }: &Stretch| match &log.q_des {
+        let unfollowed_in = |Stretch { log, .. }: &Stretch| match &log.q_des {
             Some(plan) => {
                 let [measured, desired] = [&log.q, plan].map(|q| Trajectory::from_positions(q, self.period_s));
                 unfollowed(&measured, &desired, self.period_s)
             }
             None => Vec::new(),
         };
-        self.pieces.iter().flat_map(of).collect()
+        self.pieces.iter().flat_map(unfollowed_in).collect()
     }
 
     /// The stretch of period `k`, and its row there.
@@ -183,13 +183,13 @@ fn coarse(robot: &Robot, log: &Log, report: &ResampleReport) -> Option<String> {
             number(1.0 / (samples * period_s), 3),
         ));
     }
-    let of = |(q, (joint, resolution)): (&Vec<f64>, (&Joint, &f64))| {
+    let coarse_step = |(q, (joint, resolution)): (&Vec<f64>, (&Joint, &f64))| {
         let least = (JUMPS * period_s * period_s).min(STANDS * period_s);
         let step = position_step(q).filter(|step| *step > least.max(COARSER * resolution))?;
         Some(format!("{} {} for {}", joint.name, number(step, 2), number(*resolution, 2)))
     };
     let joints = robot.model.arm.joints.iter().zip(&robot.config.drive.encoder_resolution);
-    let coarser: Vec<String> = log.q.iter().zip(joints).filter_map(of).collect();
+    let coarser: Vec<String> = log.q.iter().zip(joints).filter_map(coarse_step).collect();
     (!coarser.is_empty()).then(|| {
         format!(
             "positions come in larger steps than [drive] encoder_resolution ({} rad): a step looks like a jump, and \

@@ -1,15 +1,15 @@
 //! What an on-line run identified, for people and for programs.
 
 use crate::as_found::{AsFound, as_found};
-use crate::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
-use crate::doubts::{missing_more, unexplained};
-use crate::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
-use crate::exit::Fault;
-use crate::kinematics::{another_arm, misread};
-use crate::reading::READING_NAME;
-use crate::runs;
 use crate::stream::Recording;
 use crate::table::paragraph;
+use rivet_analysis::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
+use rivet_analysis::doubts::{missing_more, unexplained};
+use rivet_analysis::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::kinematics::{another_arm, misread};
+use rivet_analysis::reading::READING_NAME;
+use rivet_analysis::runs;
 use rivet_config::{Differentiator, EstimatorKind, Instruments, Robot};
 use rivet_dynamics::{Parameter, ParameterGroup};
 use rivet_estimation::offline::Bias;
@@ -68,7 +68,7 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
     let met: Vec<String> = met.into_iter().map(|(what, times)| format!("{what} ({times})")).collect();
     let refused = health.refused_stale + health.refused_invalid + health.rejected_faults;
     let met = if met.is_empty() { String::new() } else { format!("met: {}", met.join(", ")) };
-    let said = match (refused, met.is_empty()) {
+    let text = match (refused, met.is_empty()) {
         (0, true) => return None,
         (0, false) => format!("not all samples could be learnt from; {met}"),
         // Where all were refused there are no others, even if more was met (a publisher that was gone for a while).
@@ -80,7 +80,7 @@ fn unused(health: &Health, samples: usize, coarse: Option<&str>) -> Option<Strin
     };
     let of_positions = [InputFault::Frozen, InputFault::EncoderJump].map(|fault| health.input_faults[fault as usize]);
     let why = coarse.filter(|_| of_positions.iter().any(|times| *times > 0));
-    Some(why.map_or_else(|| said.clone(), |why| format!("{said}. {why}")))
+    Some(why.map_or_else(|| text.clone(), |why| format!("{text}. {why}")))
 }
 
 /// What delayed instruments leave out of standard deviations: docs/real-data.md has the figures.
@@ -218,9 +218,9 @@ impl<'a> Summary<'a> {
         // What is told one step ahead holds how values came about, and what they leave of the last window, what joints hold that stand.
         let last = |j: usize| self.as_found.as_ref().map_or(f64::INFINITY, |last| last.found[j]);
         // Nothing is left of no torque.
-        let left = |j: usize| self.left(j).map_or(0.0, |left| left.min(last(j)));
-        let left: Vec<f64> = (0..model.arm.dof()).map(left).collect();
-        let mut unexplained = unexplained(&runs::joint_names(self.robot), &left);
+        let residual = |j: usize| self.residual_percent(j).map_or(0.0, |percent| percent.min(last(j)));
+        let residuals: Vec<f64> = (0..model.arm.dof()).map(residual).collect();
+        let mut unexplained = unexplained(&runs::joint_names(self.robot), &residuals);
         unexplained.retain(|_| !is_misread);
         let joints: Vec<&str> = unexplained.iter().filter_map(|d| d.joint.as_deref()).collect();
         let unexplained = unexplained.first().map(|d| format!("{}: {}", joints.join(", "), d.text));
@@ -248,7 +248,7 @@ impl<'a> Summary<'a> {
     }
 
     /// What was not explained one step ahead of joint `j`'s torque \[%\]; none without a row in the window.
-    fn left(&self, j: usize) -> Option<f64> {
+    fn residual_percent(&self, j: usize) -> Option<f64> {
         let torque = self.health.torque_rms[j];
         (torque > 0.0).then(|| 100.0 * self.parameters.residual_rms[j] / torque)
     }
@@ -408,8 +408,10 @@ impl fmt::Display for Summary<'_> {
                 "{:<24} {residual:>14.3} {nominal:>14.3} {:>14.3} {:>9} {:>13}",
                 joint.name,
                 self.health.torque_rms[j],
-                percent(self.left(j)),
-                percent(self.as_found.as_ref().filter(|_| self.left(j).is_some()).map(|last| last.found[j]))
+                percent(self.residual_percent(j)),
+                percent(
+                    self.as_found.as_ref().filter(|_| self.residual_percent(j).is_some()).map(|last| last.found[j])
+                )
             )?;
         }
         writeln!(f, "residual and left: model-filtered torque not explained one step ahead, rms over the window;")?;
@@ -434,8 +436,8 @@ mod tests {
         let mut health = Health { rejected_faults: 30, ..Health::default() };
         health.input_faults[InputFault::Implausible as usize] = 30;
         health.input_faults[InputFault::PublisherGone as usize] = 1;
-        let said = |samples| unused(&health, samples, None).expect("something was wrong");
-        assert!(said(30).starts_with("30 of 30 samples were refused; met: "), "{}", said(30));
-        assert!(said(40).contains("not all others could be used"), "{}", said(40));
+        let text = |samples| unused(&health, samples, None).expect("something was wrong");
+        assert!(text(30).starts_with("30 of 30 samples were refused; met: "), "{}", text(30));
+        assert!(text(40).contains("not all others could be used"), "{}", text(40));
     }
 }

@@ -1,14 +1,16 @@
-//! Plain tables and paragraphs of at most 100 columns.
+//! Text on standard output, in the columns of its terminal.
 
-use std::fmt::Write as _;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};
 
 use ratatui::crossterm::terminal;
+pub(crate) use rivet_analysis::table::{Table, number, paragraph, paragraph_within};
 
-/// Widest line that is printed.
-pub(crate) const WIDTH: usize = 100;
-/// Fewer columns are taken as these: a word in each line is no text.
-const NARROWEST: usize = 60;
+/// Takes the columns of the terminal for all texts; does nothing where standard output is no terminal.
+pub(crate) fn fit_terminal() {
+    if let Some((columns, _)) = std::io::stdout().is_terminal().then(|| terminal::size().ok()).flatten() {
+        rivet_analysis::table::set_columns(usize::from(columns));
+    }
+}
 
 /// Writes to standard output, with unsafe characters escaped. A reader that has seen enough (`| head`) is no failure.
 pub(crate) fn show(text: &str) -> std::io::Result<()> {
@@ -21,159 +23,5 @@ pub(crate) fn show_picture(text: &str) -> std::io::Result<()> {
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(why) if why.kind() == ErrorKind::BrokenPipe => Ok(()),
         done => done,
-    }
-}
-
-/// Rows of text cells; the first column is left-aligned, the others right-aligned.
-pub(crate) struct Table {
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    pub(crate) fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Table {
-        Table { rows: vec![head.into_iter().map(Into::into).collect()] }
-    }
-
-    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(cells.into_iter().collect());
-    }
-
-    /// The table, indented by two, its first column shortened where the lines would be too long.
-    pub(crate) fn text(&self) -> String {
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let longest =
-            |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
-        let mut widths: Vec<usize> = (0..columns).map(longest).collect();
-        let others: usize = widths.iter().skip(1).map(|w| w + 2).sum();
-        if let Some(first) = widths.first_mut() {
-            *first = (*first).min(WIDTH.saturating_sub(2 + others)).max(4);
-        }
-        let firsts: Vec<&str> = self.rows.iter().map(|r| r.first().map_or("", String::as_str)).collect();
-        let firsts = labels(&firsts, widths.first().copied().unwrap_or(0));
-        let mut out = String::new();
-        for (row, first) in self.rows.iter().zip(&firsts) {
-            let mut line = String::from(" ");
-            for (c, cell) in row.iter().enumerate() {
-                // Writing to a String cannot fail, here and below.
-                if c == 0 {
-                    let _ = write!(line, " {:<1$}", first, widths[0]);
-                } else {
-                    let _ = write!(line, "  {:>1$}", cell, widths[c]);
-                }
-            }
-            let _ = writeln!(out, "{}", line.trim_end());
-        }
-        out
-    }
-}
-
-/// Texts that are too long by beginning and end; by their ends where those are another one's too.
-fn labels(texts: &[&str], width: usize) -> Vec<String> {
-    let short: Vec<String> = texts.iter().map(|text| without_middle(text, width)).collect();
-    let twice = |k: usize| (0..texts.len()).any(|i| texts[i] != texts[k] && short[i] == short[k]);
-    (0..texts.len()).map(|k| if twice(k) { shortened(texts[k], width) } else { short[k].clone() }).collect()
-}
-
-fn without_middle(text: &str, width: usize) -> String {
-    let (count, kept) = (text.chars().count(), width.saturating_sub(2));
-    if count <= width {
-        return text.to_owned();
-    }
-    let first = (2 * kept).div_ceil(3);
-    let (begin, end): (String, String) =
-        (text.chars().take(first).collect(), text.chars().skip(count + first - kept).collect());
-    format!("{begin}..{end}")
-}
-
-/// The end of a text that is too long, after two dots.
-fn shortened(text: &str, width: usize) -> String {
-    let count = text.chars().count();
-    if count <= width {
-        text.to_owned()
-    } else {
-        format!("..{}", text.chars().skip(count + 2 - width).collect::<String>())
-    }
-}
-
-/// Breaks a text at spaces; the first line starts with `first`, the others with as many spaces.
-pub(crate) fn paragraph(first: &str, text: &str) -> String {
-    paragraph_within(columns(), first, text)
-}
-
-/// Columns of text: those of the terminal, at most [`WIDTH`]; [`WIDTH`] where the output is no terminal.
-fn columns() -> usize {
-    let known = std::io::stdout().is_terminal().then(|| terminal::size().ok()).flatten();
-    known.map_or(WIDTH, |(columns, _)| usize::from(columns).clamp(NARROWEST, WIDTH))
-}
-
-/// The same in so many columns.
-pub(crate) fn paragraph_within(width: usize, first: &str, text: &str) -> String {
-    let indent = first.chars().count();
-    let mut out = first.to_owned();
-    let mut column = indent;
-    for (k, word) in text.split_whitespace().enumerate() {
-        let length = word.chars().count();
-        if k > 0 && column + 1 + length > width {
-            let _ = write!(out, "\n{:indent$}", "");
-            column = indent;
-        } else if k > 0 {
-            out.push(' ');
-            column += 1;
-        }
-        out.push_str(word);
-        column += length;
-    }
-    out.push('\n');
-    out
-}
-
-/// A number with `digits` significant digits, plain between 1e-3 and 1e5.
-pub(crate) fn number(x: f64, digits: usize) -> String {
-    if x == 0.0 || !x.is_finite() {
-        return format!("{x}");
-    }
-    let magnitude = x.abs().log10().floor();
-    if (-3.0..5.0).contains(&magnitude) {
-        let decimals = (digits as f64 - 1.0 - magnitude).max(0.0) as usize;
-        format!("{x:.decimals$}")
-    } else {
-        format!("{x:.*e}", digits.saturating_sub(1))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tables_line_up_and_stay_narrow() {
-        let mut table = Table::new(["joint", "a", "bbb"]);
-        table.row(["a_very_long_joint_name_".repeat(8), "1".into(), "2".into()]);
-        table.row(["short".into(), "100".into(), "3.5".into()]);
-        let text = table.text();
-        assert!(text.lines().all(|line| line.chars().count() <= WIDTH), "{text}");
-        assert!(text.lines().nth(2).is_some_and(|line| line.ends_with("100  3.5")), "{text}");
-        let long = paragraph("  log: ", &"word ".repeat(60));
-        assert!(long.lines().all(|line| line.chars().count() <= WIDTH), "{long}");
-        assert!(long.lines().nth(1).is_some_and(|line| line.starts_with("       word")), "{long}");
-    }
-
-    /// Two effects of one ending each keep what tells them apart.
-    #[test]
-    fn labels_that_are_cut_stay_apart() {
-        let labels = labels(&["load_dependent_friction", "position_dependent_friction", "viscous_nonlinearity"], 18);
-        assert_eq!(labels, ["load_depend..ction", "position_de..ction", "viscous_non..arity"]);
-        assert_eq!(
-            super::labels(&["the_left_joint_1_of_it", "the_left_joint_2_of_it"], 10),
-            [".._1_of_it", ".._2_of_it"]
-        );
-        assert_eq!(super::labels(&["a_joint_of_a_long_name", "joint"], 10), ["a_join..me", "joint"]);
-    }
-
-    #[test]
-    fn numbers_have_the_digits_asked_for() {
-        for (x, text) in [(0.0, "0"), (12.3456, "12.3"), (-0.0123456, "-0.0123"), (1234.5, "1234"), (1e-7, "1.00e-7")] {
-            assert_eq!(number(x, 3), text);
-        }
     }
 }

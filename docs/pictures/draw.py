@@ -250,7 +250,7 @@ def main():
     rollout(ur10e)
     gap(ur10e)
     held_out({name: case for name, case in cases.items() if name.startswith("practice")})
-    confidence(read(os.path.join(HERE, "../../cli/src/blind"), "scores.json"))
+    confidence(read(os.path.join(HERE, "../../crates/analysis/src"), "scores.json"))
     base_parameters(read(folder, "id-all.json"), read(folder, "id-one.json"))
     page = read(folder, "figures.html")
     panels(page, ["RLS (UD filter), six repetitions", "RIV, six repetitions"], "instruments.svg")

@@ -15,8 +15,8 @@ use rivet_simulation::two_mass::Recording;
 use rivet_studies::blind::{Case, PERIOD_S, case};
 use serde_json::{Value, json};
 
-use crate::passport::sha256;
 use crate::table::show;
+use rivet_analysis::passport::sha256;
 
 /// Arms of which cases are made when no robot file is named.
 const ARMS: [&str; 3] = ["ur10e", "staubli-tx40", "manutec-r3"];
@@ -99,9 +99,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let robots: Vec<Nominal> = files.iter().map(|path| Nominal::read(path)).collect::<Result<_>>()?;
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let beside = answers_path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let answers_folder =
+        answers_path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let real = |path: &Path| std::fs::canonicalize(path).with_context(|| path.display().to_string());
-    if real(beside)?.starts_with(real(&args.out)?) {
+    if real(answers_folder)?.starts_with(real(&args.out)?) {
         bail!("{}: answers do not lie among the cases", answers_path.display());
     }
     let width = args.count.to_string().len().max(2);

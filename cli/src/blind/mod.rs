@@ -6,8 +6,7 @@ mod score;
 
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
-use rivet_report::Score;
+use anyhow::Result;
 
 /// Arguments of `rivet blind`.
 #[derive(Debug, clap::Args)]
@@ -32,9 +31,4 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::run(args),
     }
-}
-
-/// Scores of this version on the cases with answers, as `rivet blind score --json` wrote them (`docs/validation.md`).
-pub(crate) fn scores() -> Result<Vec<Score>> {
-    serde_json::from_str(include_str!("scores.json")).context("the scores that are part of this program")
 }

@@ -106,10 +106,11 @@ struct Shrink {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    Outputs::of(vec![&args.verdicts, &args.answers]).file("--json", args.json.as_ref()).check()?;
-    let said: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
+    Outputs::given(vec![&args.verdicts, &args.answers]).file("--json", args.json.as_ref()).check()?;
+    let verdicts: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
     // A diagnosis that failed names nothing, which must not pass for a right answer.
-    let failed: Vec<&String> = said.iter().filter(|(_, v)| v.get("error").is_some()).map(|(name, _)| name).collect();
+    let failed: Vec<&String> =
+        verdicts.iter().filter(|(_, v)| v.get("error").is_some()).map(|(name, _)| name).collect();
     if !failed.is_empty() {
         bail!("{}: the diagnosis of {failed:?} failed; there is nothing to score", args.verdicts.display());
     }
@@ -186,11 +187,11 @@ impl Tally {
             self.outcome("outside", names.is_empty(), false, found, &names);
             return if names.is_empty() { String::new() } else { "misnamed".to_owned() };
         }
-        let beside = names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).count();
-        self.0.beside += beside;
+        let false_names = names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).count();
+        self.0.beside += false_names;
         let group = self.group(answer);
         group.cases += 1;
-        group.beside += beside;
+        group.beside += false_names;
         if answer.effects.is_empty() {
             self.outcome("nothing", names.is_empty(), false, found, &names);
             return if names.is_empty() { String::new() } else { "false alarm".to_owned() };
@@ -199,7 +200,7 @@ impl Tally {
         let seen = |truth: &&True| answer.strength(truth) > VISIBLE;
         if !answer.effects.iter().any(|truth| seen(&truth)) {
             self.0.invisible_cases += 1;
-            self.0.invisible_beside += beside;
+            self.0.invisible_beside += false_names;
             words.push("not visible");
         }
         self.0.invisible += answer.effects.iter().filter(|truth| !seen(truth)).count();
@@ -230,7 +231,7 @@ impl Tally {
                 (Some(_), true) => {}
             }
         }
-        if beside > 0 {
+        if false_names > 0 {
             words.push("and more");
         }
         words.join(", ")
@@ -420,8 +421,8 @@ mod tests {
     /// Where every value is wrong, saying so of a value is right and answers nothing: it counts neither way.
     #[test]
     fn values_count_only_where_the_nominal_model_is_exact() {
-        let said = || found("gap", &[("rotor_inertia", &["a"], &[])]);
-        let (tally, words) = tally(&[(answer(&json!([]), true), said()), (answer(&json!([]), false), said())]);
+        let verdict = || found("gap", &[("rotor_inertia", &["a"], &[])]);
+        let (tally, words) = tally(&[(answer(&json!([]), true), verdict()), (answer(&json!([]), false), verdict())]);
         assert_eq!(words, ["", "false alarm"]);
         let groups: Vec<_> = tally.0.groups.iter().map(|g| (g.wrong_nominal, g.beside)).collect();
         assert_eq!(groups, [(true, 0), (false, 1)]);

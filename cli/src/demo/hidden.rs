@@ -13,10 +13,9 @@ use rivet_report::words::{effect, percent};
 use rivet_report::{Cause, Document};
 use rivet_simulation::Random;
 
-use crate::blind;
-use crate::exit::Fault;
-use crate::progress::Progress;
 use crate::table::paragraph_within;
+use rivet_analysis::fault::Fault;
+use rivet_analysis::progress::Progress;
 
 use super::{Files, output_file};
 
@@ -144,7 +143,7 @@ impl Hidden {
             "  hidden       ",
             &format!("{} of {}: {size}", effect(self.kind.effect), self.joint_name),
         );
-        let scores = blind::scores()?;
+        let scores = rivet_analysis::diagnose::scores()?;
         let (actions, causes) = (found.actions(&scores), &found.causes);
         match causes.iter().zip(&actions).find(|(cause, _)| self.is(cause)) {
             Some((cause, action)) => {
@@ -215,8 +214,8 @@ pub(super) fn diagnose(files: &Files, shutdown: &Shutdown) -> Result<Document> {
         }
     };
     let Ok(text) = std::fs::read_to_string(&files.verdict) else {
-        let said = std::fs::read_to_string(&messages).unwrap_or_default();
-        bail!("rivet diagnose ended without a verdict ({status}): {}", said.trim());
+        let output = std::fs::read_to_string(&messages).unwrap_or_default();
+        bail!("rivet diagnose ended without a verdict ({status}): {}", output.trim());
     };
     serde_json::from_str(&text).context("the verdict of rivet diagnose")
 }

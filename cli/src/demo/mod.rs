@@ -7,11 +7,11 @@ mod table;
 mod tracking;
 
 use crate::children::Children;
-use crate::exit::Fault;
 use crate::table::show;
 use anyhow::{Context, Result, bail};
 use hidden::Hidden;
 use reference::Reference;
+use rivet_analysis::fault::Fault;
 use rivet_config::Robot;
 use rivet_files::Draft;
 use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};
@@ -77,7 +77,7 @@ struct Files {
 }
 
 /// What has been heard so far.
-struct Heard {
+struct Received {
     tracking: Tracking,
     parameters: Option<Parameters>,
     health: Option<Health>,
@@ -120,11 +120,16 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 
     let truth = wait_for_truth(&files.truth, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
-    let heard = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
+    let received = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
     children.end();
     let found = hidden::diagnose(&files, &shutdown)?;
-    let result =
-        table::Table::new(&robot, &reference, &heard.tracking, heard.parameters.as_ref(), heard.health.as_ref());
+    let result = table::Table::new(
+        &robot,
+        &reference,
+        &received.tracking,
+        received.parameters.as_ref(),
+        received.health.as_ref(),
+    );
     if args.parameters {
         show(&result.details())?;
     }
@@ -222,34 +227,34 @@ fn watch(
     ports: &Ports,
     children: &mut Children,
     shutdown: &Shutdown,
-) -> Result<Heard> {
+) -> Result<Received> {
     let period = robot.config.sample_period_s;
     let phase = |from: f64, to: f64| (from / period).round() as u64..(to / period).round() as u64;
     let switch = PHASE_S + SETTLE_S;
     let total = switch + SETTLE_S + PHASE_S;
     let tracking = Tracking::new(robot.model.arm.dof(), phase(SETTLE_S, switch), phase(switch + SETTLE_S, total));
-    let mut heard = Heard { tracking, parameters: None, health: None, samples: 0 };
+    let mut received = Received { tracking, parameters: None, health: None, samples: 0 };
     let mut screen = Screen::new(robot);
     let begin = Instant::now();
     let end = (total / period).round() as u64;
-    while heard.samples < end {
+    while received.samples < end {
         std::thread::sleep(Duration::from_millis(20));
         check(children, shutdown, begin)?;
-        heard.take(ports)?;
+        received.take(ports)?;
         screen.draw_if_due(&Frame {
-            motion_s: heard.samples as f64 * period,
+            motion_s: received.samples as f64 * period,
             total_s: total,
-            identified: heard.samples as f64 * period >= switch,
-            errors: heard.parameters.as_ref().map(|p| reference.errors(&p.values[..p.len()])),
-            health: heard.health.as_ref(),
-            tracking: &heard.tracking,
+            identified: received.samples as f64 * period >= switch,
+            errors: received.parameters.as_ref().map(|p| reference.errors(&p.values[..p.len()])),
+            health: received.health.as_ref(),
+            tracking: &received.tracking,
         })?;
     }
     screen.end()?;
-    Ok(heard)
+    Ok(received)
 }
 
-impl Heard {
+impl Received {
     fn take(&mut self, ports: &Ports) -> Result<()> {
         while let Some(setpoint) = ports.setpoints.receive()? {
             self.tracking.setpoint(&setpoint);

@@ -28,8 +28,8 @@ const STATES: usize = 64;
 impl Reference {
     pub(crate) fn new(robot: &Robot, truth: Vec<f64>) -> Reference {
         let (model, base) = (&robot.model, &robot.base);
-        let of = |group| (0..base.len()).filter(|&i| base.parameter(model, i).group() == group).collect();
-        let members: Vec<Vec<usize>> = GROUPS.iter().map(|(group, _)| of(*group)).collect();
+        let members_of = |group| (0..base.len()).filter(|&i| base.parameter(model, i).group() == group).collect();
+        let members: Vec<Vec<usize>> = GROUPS.iter().map(|(group, _)| members_of(*group)).collect();
         let dof = model.arm.dof();
         let mut workspace = Workspace::new(&model.arm);
         let (mut full, mut selected) = (vec![0.0; dof * model.len()], vec![0.0; dof * base.len()]);

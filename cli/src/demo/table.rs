@@ -90,7 +90,7 @@ impl<'a> Table<'a> {
                 continue;
             }
             let (truth, value, std) = (self.reference.truth[i], p.values[i], p.std[i]);
-            let held = ParameterState::try_from(p.state[i]) != Ok(ParameterState::Active);
+            let is_held = ParameterState::try_from(p.state[i]) != Ok(ParameterState::Active);
             writeln!(
                 f,
                 "{:<18} {:>10.4} {:>9.4} {:>10.4} {:>8.4} {:>5.1}  {}{}",
@@ -101,7 +101,7 @@ impl<'a> Table<'a> {
                 std,
                 (value - truth) / std,
                 parameter.unit(&model.arm),
-                if held { ", held" } else { "" }
+                if is_held { ", held" } else { "" }
             )?;
         }
         Ok(())

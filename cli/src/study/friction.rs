@@ -9,11 +9,11 @@ use rivet_diagnosis::{Ladder, Run, Rung, friction_ladder};
 use rivet_files::write_whole;
 use serde_json::{Value, json};
 
-use crate::exit::Fault;
 use crate::outputs::Outputs;
-use crate::progress::Progress;
-use crate::runs::{pieces, read_log, runs};
 use crate::table::{Table, show};
+use rivet_analysis::fault::Fault;
+use rivet_analysis::progress::Progress;
+use rivet_analysis::runs::{pieces, read_log, runs};
 
 /// Standard errors by which a law must differ from Coulomb and viscous friction to be called better or worse.
 const SURE: f64 = 2.0;
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     let robot = rivet_config::load(&args.robot)?;
     let logs = args.folds.iter().flat_map(|fold| &fold.0);
-    Outputs::beside(&robot, &args.robot, logs).file("--json", args.json.as_ref()).check()?;
+    Outputs::for_logs(&robot, &args.robot, logs).file("--json", args.json.as_ref()).check()?;
     let folds: Vec<Vec<Run>> = args
         .folds
         .iter()

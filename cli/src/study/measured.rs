@@ -7,8 +7,8 @@ use anyhow::{Context, Result, bail};
 use rivet_files::{writable, write_whole};
 use serde_json::Value;
 
-use crate::exit::Fault;
 use crate::table::show;
+use rivet_analysis::fault::Fault;
 
 /// Arguments of `rivet study real` and `rivet study withheld`.
 #[derive(Debug, clap::Args)]

@@ -9,8 +9,8 @@ use rivet_logs::Log;
 use rivet_studies::real;
 
 use super::measured::{Args, Findings};
-use crate::identify::open_keys::OpenKeys;
-use crate::{identify, predict, refine, runs};
+use rivet_analysis::open_keys::OpenKeys;
+use rivet_analysis::{identify, predict, refine, runs};
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -28,7 +28,11 @@ pub(super) fn with_engine<T>(study: impl FnOnce(&real::Engine<'_>) -> T) -> T {
         let open = OpenKeys::choose(robot, logs.iter().map(|log| Ok(log.clone()))).map_err(text)?;
         refine::refine(&open.robot, logs).map(|found| found.robot).map_err(text)
     };
-    let fit = |robot: &Robot, logs: &[Log]| identify::found(robot, logs).map_err(text);
+    let fit = |robot: &Robot, logs: &[Log]| {
+        let identify::LogFit { robot, values, consistent, exports_consistent, condition } =
+            identify::fit_logs(robot, logs).map_err(text)?;
+        Ok(real::Found { robot, values, consistent, exports_consistent, condition })
+    };
     let along = |robot: &Robot, log: &Log| predict::along(robot, log).map_err(text);
     study(&real::Engine { read: &read, refine: &refine, identify: &fit, predict: &along })
 }

@@ -10,8 +10,8 @@ use rivet_logs::Log;
 use rivet_studies::withheld::{self, Known};
 
 use super::measured::{Args, Findings};
-use crate::progress::Progress;
-use crate::{identify, refine, runs};
+use rivet_analysis::progress::Progress;
+use rivet_analysis::{identify, refine, runs};
 
 /// Runs the study.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {

@@ -13,16 +13,6 @@ use crate::policy::POLICY;
 use crate::residue::Residue;
 use crate::search::{Candidate, Search};
 
-/// A ripple of more cycles over the joint's range than this is no part of a law of the angle.
-const CYCLES: f64 = 4.0;
-
-/// A term of a lever law that is so many times the sum of both (rms): of nine ripples of three cycles a turn that were taken for one it
-/// was 3.2 to 9.5 times, of a drive that loses torque 9.7. A spring that is stretched by less than a third of its length is doubted too.
-const CANCELS: f64 = 3.0;
-
-/// Cosine of 8 degrees.
-const ALONG_GRAVITY: f64 = 0.99;
-
 /// Marks a counterbalance of a joint that carries no weight, and laws of the angle beside which another one of the same joint has as much evidence as a further effect needs.
 pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut [Adopted]) -> Option<()> {
     for law in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
@@ -57,7 +47,7 @@ pub(crate) fn cancels(candidate: &Candidate, c: &[f64]) -> bool {
             sum += (a + b) * (a + b);
         }
     }
-    f64::max(one, other) > CANCELS.powi(2) * sum
+    f64::max(one, other) > POLICY.plausibility.max_cancelling_ratio.powi(2) * sum
 }
 
 /// Whether the first joint turns about gravity: there is nothing to balance then.
@@ -67,13 +57,13 @@ fn turns_about_gravity(search: &Search<'_>) -> bool {
     let axis: Vec<f64> =
         first.rotation.iter().map(|row| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum()).collect();
     let along: f64 = axis.iter().zip(&arm.gravity).map(|(a, g)| a * g).sum();
-    along.abs() > ALONG_GRAVITY * arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
+    along.abs() > POLICY.plausibility.min_gravity_cosine * arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
 }
 
 /// Whether a form follows the angle alone, and no faster than a few times over the joint's range.
 fn bends_slowly(form: &Form, search: &Search<'_>) -> bool {
     match *form {
-        Form::Ripple { joint, order } => order * range(search, joint) <= CYCLES * TAU,
+        Form::Ripple { joint, order } => order * range(search, joint) <= POLICY.plausibility.max_law_cycles * TAU,
         Form::AngleLaw { .. } | Form::Pull { .. } | Form::Softening { .. } => true,
         _ => form.of_angle_alone(),
     }

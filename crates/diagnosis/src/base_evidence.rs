@@ -6,8 +6,6 @@ use crate::physics::mounting::{LOWEST_MODE_HZ, MODE_DAMPING_RANGE, Mode};
 use crate::policy::POLICY;
 use crate::search::Search;
 
-const OTHER_FREQUENCY_RATIO: f64 = 1.3;
-
 /// Whether several joints feel the base and none is worse, from the share of each joint's variance that it takes held out.
 pub(crate) fn is_felt(shares: &[f64]) -> bool {
     shares.iter().filter(|s| **s >= POLICY.adoption.min_base_share).count() >= POLICY.adoption.min_joints_of_base
@@ -26,7 +24,10 @@ pub(crate) fn is_frequency_identified(search: &Search<'_>, mode: &Mode, gain: f6
     let inside = mode.hz > 1.01 * LOWEST_MODE_HZ
         && mode.hz < 0.99 * mode.highest_hz
         && mode.damping < 0.99 * MODE_DAMPING_RANGE.1;
-    inside && [OTHER_FREQUENCY_RATIO, 1.0 / OTHER_FREQUENCY_RATIO].iter().all(|factor| behind(mode.hz * factor))
+    inside
+        && [POLICY.plausibility.min_frequency_ratio, 1.0 / POLICY.plausibility.min_frequency_ratio]
+            .iter()
+            .all(|factor| behind(mode.hz * factor))
 }
 
 #[cfg(test)]

@@ -21,13 +21,6 @@ use crate::silence;
 const BLOCK_S: f64 = 2.5;
 /// ... and shorter on short runs: held-out blocks need this many.
 const MIN_FOLD_BLOCKS: f64 = 8.0;
-/// Velocity below which the direction of friction is not sure, beside half a sample's change \[rad/s\].
-const SPEED_DOUBT: f64 = 3e-4;
-/// A joint that stands for longer than this holds one torque \[s\].
-const HOLDS_S: f64 = 1.0;
-/// No arm's torque is known better than to this share of itself; logs without noise are those of programs, which differentiate
-/// in their own way.
-const MIN_TORQUE_ERROR_SHARE: f64 = 1e-3;
 /// Friction may turn over this many times more softly than the model says, or at once; ...
 const SOFTER: f64 = 3.0;
 /// ... as softly as this \[rad/s\] where the model says at once; ...
@@ -94,9 +87,9 @@ impl Prepared {
         let white: Vec<f64> = run.tau.iter().map(noise).collect();
         // Torque that the model makes of the position's noise.
         let made = position_noise.iter().zip(&inertias).map(|(sigma, inertia)| sigma * accel_gain * inertia);
-        let least = tau
-            .iter()
-            .map(|t| MIN_TORQUE_ERROR_SHARE * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt());
+        let least = tau.iter().map(|t| {
+            POLICY.priors.min_torque_error_share * (t.iter().map(|t| t * t).sum::<f64>() / t.len().max(1) as f64).sqrt()
+        });
         let floor = white.iter().zip(made).zip(least).map(|((white, made), least)| white.hypot(made).hypot(least));
         // What rounding to steps takes from a torque that no noise carries over them is no faster than the torque.
         let rounding = |tau: &Vec<f64>| signals::resolution(tau) / 12.0_f64.sqrt();
@@ -218,7 +211,8 @@ impl Surface {
         let stopped = (slows * period_s - v0).max(0.0);
         // None where it may stand, and carry any torque up to its friction.
         let at = |k: usize| {
-            let unsure = self.blur.max(SPEED_DOUBT) + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
+            let unsure =
+                self.blur.max(POLICY.priors.min_sure_speed_rad_s) + 0.5 * period_s * self.sum(&motion.qdd, k).abs();
             let v = self.sum(&motion.qd, k);
             let half = unsure + stopped;
             (v.abs() > unsure + slows * SMEARED_S)
@@ -227,7 +221,7 @@ impl Surface {
         let each: Vec<Option<f64>> = (0..motion.len()).map(at).collect();
         // Its torque is one unknown value for as long as it stands: longer says no more of anything.
         let rows = |stretch: &[Option<f64>]| {
-            let more = (stretch.len() as f64 * period_s / HOLDS_S).max(1.0).sqrt();
+            let more = (stretch.len() as f64 * period_s / POLICY.priors.max_held_torque_s).max(1.0).sqrt();
             let value = move |doubt: &Option<f64>| doubt.unwrap_or(more * self.level);
             stretch.iter().map(value).collect::<Vec<f64>>()
         };
@@ -580,7 +574,7 @@ mod tests {
         assert!(doubt[2400..2420].iter().all(|d| *d == 7.0), "a short stop is as much in doubt as its friction");
         // Information of the dwell: of rows at 1/doubt² each.
         let information: f64 = doubt[200..2200].iter().map(|d| 1.0 / (d * d)).sum();
-        let least = HOLDS_S / PERIOD_S / 49.0;
+        let least = POLICY.priors.max_held_torque_s / PERIOD_S / 49.0;
         assert!((information / least - 1.0).abs() < 1e-9, "{information} of {least}");
     }
 }

@@ -9,15 +9,12 @@ use crate::background::Nominal;
 use crate::design::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::policy::POLICY;
 use crate::run::derivative;
 use crate::stages::Stages;
 
 /// Points of a curve.
 const CURVE_POINTS: usize = 24;
-/// Joints that a cause is shown on.
-const MAX_JOINTS_SHOWN: usize = 3;
-/// A joint is shown when the cause changes its torque by this share of what it changes most, in units of the floor.
-const WORTH_SHOWING: f64 = 0.2;
 /// Length of an excerpt \[s\], time between its points \[s\], joints that are shown.
 const EXCERPT_S: f64 = 6.0;
 const EXCERPT_STEP_S: f64 = 0.02;
@@ -210,8 +207,8 @@ pub(crate) fn curves(
         .collect();
     sizes.sort_by(|a, b| b.2.total_cmp(&a.2));
     let most = sizes.first().map_or(0.0, |s| s.2);
-    sizes.retain(|s| s.1 > 0.0 && s.2 >= WORTH_SHOWING * most);
-    sizes.truncate(MAX_JOINTS_SHOWN);
+    sizes.retain(|s| s.1 > 0.0 && s.2 >= POLICY.views.min_shown_share * most);
+    sizes.truncate(POLICY.views.max_joints_shown);
     sizes
         .into_iter()
         .map(|(j, size, _)| {

@@ -6,12 +6,10 @@ use crate::background::Nominal;
 use crate::form::Form;
 use crate::physics::Physics;
 use crate::physics::mounting::Mode;
+use crate::policy::POLICY;
 use crate::run::{Motion, Run};
 use crate::two_mass::Gear;
 use crate::warming;
-
-/// What a robot file takes of friction for each watt, at most.
-const MAX_FRICTION_PER_WATT: f64 = 1e5;
 
 /// What becomes of an adopted form in a robot file.
 pub(crate) enum Carried {
@@ -71,7 +69,7 @@ impl Form {
                 let (power, early) = (warmth.mean_power(x, joints, joint), warmth.start - warmth.reference());
                 let values = [c[0] / power, c[1] / power, warmth.start * power, warmth.time_s];
                 // By values that take nothing, or next to nothing, it is infinitely much for each watt.
-                if !values.iter().all(|v| v.abs() <= MAX_FRICTION_PER_WATT) {
+                if !values.iter().all(|v| v.abs() <= POLICY.plausibility.max_friction_per_watt) {
                     return (
                         Carried::Nothing(
                             "friction dissipates no power with the parameters found, so it cannot warm \

@@ -70,16 +70,10 @@ pub struct MotionBounds {
     pub period_s: f64,
 }
 
-/// Share of a joint's range that stays free at either end, of its rated speed and of its torque that motions use.
-const MARGIN: f64 = 0.08;
-const SPEED: f64 = 0.5;
-const TORQUE: f64 = 0.75;
 /// Furthest from where the logs were, whatever the range \[rad\]: as far as the joint goes only where less does not tell.
 const FURTHEST: [f64; 2] = [1.6, std::f64::consts::PI];
 /// Expected evidence \[χ²\] of which half leaves no doubt, beside what noise and other values may do to it.
 const ENOUGH: f64 = 4.0 * POLICY.adoption.rival_gap;
-/// Speed of a joint that states none \[rad/s\].
-const WALKING: f64 = 1.0;
 /// Samples for the comparison of motions are this far apart \[s\].
 const PLAN_SAMPLE_S: f64 = 0.004;
 
@@ -89,16 +83,21 @@ impl MotionBounds {
         let joints = &model.arm.joints;
         let range = |j: &rivet_dynamics::Joint| {
             let (low, high) = (j.lower.max(-std::f64::consts::PI), j.upper.min(std::f64::consts::PI));
-            let free = MARGIN * (high - low);
+            let free = POLICY.motions.range_margin * (high - low);
             (low + free, high - free)
         };
         let rated = |j: &rivet_dynamics::Joint| {
-            SPEED * if j.velocity.is_finite() && j.velocity > 0.0 { j.velocity } else { WALKING }
+            POLICY.motions.speed_share
+                * if j.velocity.is_finite() && j.velocity > 0.0 {
+                    j.velocity
+                } else {
+                    POLICY.motions.unrated_speed_rad_s
+                }
         };
         MotionBounds {
             position: joints.iter().map(range).collect(),
             velocity: joints.iter().map(rated).collect(),
-            torque: torque_limit.iter().map(|t| TORQUE * t).collect(),
+            torque: torque_limit.iter().map(|t| POLICY.motions.torque_share * t).collect(),
             period_s,
         }
     }

@@ -4,11 +4,8 @@ use std::f64::consts::TAU;
 
 use crate::parallel;
 use crate::physics::Physics;
+use crate::policy::POLICY;
 
-/// Highest order looked at.
-const HIGHEST: f64 = 420.0;
-/// Lowest: below it the wave is not told from what friction and gravity do over the joint's range.
-const LOWEST: f64 = 4.0;
 /// Orders kept for each joint: of all rows, and of those that are slow enough for the order.
 const KEPT: [usize; 2] = [3, 2];
 /// Faster than this \[rad/s\] the phase of what a gear does is no longer that of its order: it resonates.
@@ -29,7 +26,7 @@ pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>
         return Vec::new();
     }
     let step = 0.2 * TAU / range;
-    let count = ((HIGHEST - LOWEST) / step).ceil().max(1.0) as usize;
+    let count = ((POLICY.plausibility.max_order - POLICY.plausibility.min_order) / step).ceil().max(1.0) as usize;
     let mut power = [vec![[0.0; 2]; count], vec![[0.0; 2]; count]];
     let mut total = [vec![0.0; count], vec![0.0; count]];
     for (i, p) in physics.iter().enumerate() {
@@ -46,11 +43,11 @@ pub(crate) fn on(physics: &[Physics<'_>], j: usize, added: Option<&[Vec<Vec<f64>
             let mut speed = 0.01_f64;
             for (lane, k) in some.iter().enumerate() {
                 r[lane] = p.run.tau[j][*k] - p.torque[j][*k] + added.map_or(0.0, |a| a[i][j][*k]);
-                (s[lane], c[lane]) = (LOWEST * q[*k]).sin_cos();
+                (s[lane], c[lane]) = (POLICY.plausibility.min_order * q[*k]).sin_cos();
                 (ds[lane], dc[lane]) = (step * q[*k]).sin_cos();
                 speed = speed.max(qd[*k].abs());
             }
-            let slow = (((FASTEST / speed - LOWEST) / step).max(0.0) as usize).min(count);
+            let slow = (((FASTEST / speed - POLICY.plausibility.min_order) / step).max(0.0) as usize).min(count);
             // Phasors turned by one step of the order each time.
             for i in 0..count {
                 let (mut along, mut across) = (0.0, 0.0);
@@ -97,7 +94,7 @@ fn peaks(total: &[f64], kept: usize, step: f64) -> Vec<f64> {
             let (a, b, c) = (total[i - 1], total[i], total[i + 1]);
             let bend = a - 2.0 * b + c;
             let shift = if bend < 0.0 { 0.5 * (a - c) / bend } else { 0.0 };
-            LOWEST + step * (i as f64 + shift)
+            POLICY.plausibility.min_order + step * (i as f64 + shift)
         })
         .collect()
 }

@@ -347,6 +347,18 @@ pub(crate) struct Timing {
     pub(crate) min_allowed_share: f64,
     /// The same where a joint keeps several times its noise. Unit and range: share, 0 to 1. Origin: measured arms.
     pub(crate) min_allowed_share_open: f64,
+    /// Speed of a row that shows time rather than the turn of friction. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_speed_rad_s: f64,
+    /// The same over the joint's usual speed. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_speed_share: f64,
+    /// Time for which filters keep the turn of friction. Unit and range: s, above 0. Origin: bristles of 0.2 mrad turn friction 28 ms late.
+    pub(crate) turn_memory_s: f64,
+    /// The same where filters are slower. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) slow_turn_memory_s: f64,
+    /// Largest shift in time that is tried, either way. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) max_shift_s: f64,
+    /// Rows of a joint for each of its columns. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) min_rows_per_column: usize,
 }
 
 /// What a log's samples must show to be spikes, jumps, held or frozen.
@@ -457,6 +469,12 @@ pub(crate) struct Priors {
     pub(crate) friction_turn: f64,
     /// Torque share of a friction law of the ladder. Unit and range: share, above 0. Origin: regularisation.
     pub(crate) ladder_torque_share: f64,
+    /// Error of a torque that nothing is known better than. Unit and range: share, 0 to 1. Origin: programs that differentiate in another way.
+    pub(crate) min_torque_error_share: f64,
+    /// Speed from which on the direction of friction is sure, with half a sample's change. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) min_sure_speed_rad_s: f64,
+    /// Time after which a joint that stands holds one torque. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) max_held_torque_s: f64,
 }
 
 /// What effects of arms can be, and where they are looked for.
@@ -523,6 +541,84 @@ pub(crate) struct Plausibility {
     pub(crate) max_other_pair_ratio: f64,
     /// Residual of the best zero over that of every other joint's. Unit and range: ratio, 0 to 1. Origin: hand-set.
     pub(crate) max_other_zero_ratio: f64,
+    /// Cycles over the joint's range of a ripple that may be a law of the angle. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) max_law_cycles: f64,
+    /// RMS of a term of a lever law over that of the sum. Unit and range: ratio, above 1. Origin: nine ripples: 3.2 to 9.5; a drive that loses torque: 9.7.
+    pub(crate) max_cancelling_ratio: f64,
+    /// Cosine of the angle between a direction and gravity that are the same. Unit and range: cosine, 0 to 1. Origin: 8 degrees.
+    pub(crate) min_gravity_cosine: f64,
+    /// Change of friction for each watt that a robot file takes. Unit and range: 1/W, above 0. Origin: limit of robot.toml.
+    pub(crate) max_friction_per_watt: f64,
+    /// Highest order of the joint's angle. Unit and range: cycles per turn, above 0. Origin: teeth of gears.
+    pub(crate) max_order: f64,
+    /// Lowest order: below it friction and gravity do the same over the joint's range. Unit and range: cycles per turn, above 0. Origin: hand-set.
+    pub(crate) min_order: f64,
+    /// Ratio of two frequencies of a base that are not the same. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) min_frequency_ratio: f64,
+}
+
+/// How far a corrected model shrinks the gap, and how sure that is.
+pub(crate) struct Prediction {
+    /// Resamplings of the blocks. Unit and range: count, above 0. Origin: cost.
+    pub(crate) resamplings: usize,
+    /// Widening of the interval on either side. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) widening: f64,
+    /// Time on either side in which the largest speed is a row's. Unit and range: s, above 0. Origin: memory of the model filter.
+    pub(crate) speed_window_s: f64,
+    /// Difference of the speeds of two motions of one kind, as a share of their time. Unit and range: share, 0 to 1. Origin: practice logs of two kinds: 0.45 to 0.8.
+    pub(crate) max_speed_difference: f64,
+    /// Widening on either side for each unit of that difference above it. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) widening_by_difference: f64,
+    /// Length of a block of residuals. Unit and range: s, above 0. Origin: some ten times the correlation of residuals.
+    pub(crate) block_s: f64,
+    /// Blocks of a run. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) min_run_blocks: usize,
+    /// Variation of the ratio between two runs. Unit and range: factor, above 1. Origin: hand-set.
+    pub(crate) max_variation: f64,
+    /// Rows that the residual at the next faster speed counts as. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) prior_rows: f64,
+    /// Slowest bins of speed, below 0.01 rad/s, at which a joint stands. Unit and range: count, above 0. Origin: width of the bins.
+    pub(crate) standing_speeds: usize,
+    /// RMS torque that stiction holds, over the Coulomb friction, where no run shows it. Unit and range: share, above 0. Origin: measured UR10e 0.3 to 0.6, KUKA 1 to 1.7; simulators that stick 0.5 to 0.9.
+    pub(crate) stiction_share: f64,
+    /// Resamplings beyond either end of the interval. Unit and range: share, 0 to 0.5. Origin: interval of 90 %.
+    pub(crate) tail: f64,
+}
+
+/// What is said and shown of where the gap lies.
+pub(crate) struct Views {
+    /// Time between rows that count as independent. Unit and range: s, above 0. Origin: residuals are correlated over a quarter of a second.
+    pub(crate) independent_rows_s: f64,
+    /// Independent stretches of a cell. Unit and range: count, above 0. Origin: hand-set.
+    pub(crate) min_stretches: usize,
+    /// Spread of a load or torque that is divided. Unit and range: multiple of the noise, above 0. Origin: hand-set.
+    pub(crate) min_spread: f64,
+    /// Range of a position that is divided. Unit and range: rad, above 0. Origin: hand-set.
+    pub(crate) min_range_rad: f64,
+    /// Ratio of two cells that is a contrast. Unit and range: ratio, above 1. Origin: hand-set.
+    pub(crate) min_contrast: f64,
+    /// Standard deviations by which it exceeds that ratio. Unit and range: count, above 0. Origin: some eighty pairs are compared.
+    pub(crate) min_contrast_sigmas: f64,
+    /// Squared gap of a joint that gets a sentence. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_gap_share: f64,
+    /// Joints that a cause is shown on. Unit and range: count, above 0. Origin: space of the page.
+    pub(crate) max_joints_shown: usize,
+    /// Change of a joint's torque by a cause, over its largest, in units of the noise floor. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) min_shown_share: f64,
+    /// Time around a change of direction that counts as reversal. Unit and range: s, above 0. Origin: hand-set.
+    pub(crate) reversal_window_s: f64,
+}
+
+/// Limits of the motions that are proposed.
+pub(crate) struct MotionDesign {
+    /// Share of a joint's range that stays free at either end. Unit and range: share, 0 to 0.5. Origin: hand-set.
+    pub(crate) range_margin: f64,
+    /// Share of the rated speed that motions use. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) speed_share: f64,
+    /// Share of the torque limit that motions use. Unit and range: share, 0 to 1. Origin: hand-set.
+    pub(crate) torque_share: f64,
+    /// Speed of a joint without a rated one. Unit and range: rad/s, above 0. Origin: hand-set.
+    pub(crate) unrated_speed_rad_s: f64,
 }
 
 /// All of them.
@@ -535,6 +631,9 @@ pub(crate) struct Policy {
     pub(crate) signal_faults: SignalFaults,
     pub(crate) priors: Priors,
     pub(crate) plausibility: Plausibility,
+    pub(crate) motions: MotionDesign,
+    pub(crate) views: Views,
+    pub(crate) prediction: Prediction,
 }
 
 /// The policy in force.
@@ -711,6 +810,12 @@ pub(crate) const POLICY: Policy = Policy {
         max_size_error: 0.02,
         min_allowed_share: 0.75,
         min_allowed_share_open: 0.2,
+        min_speed_rad_s: 0.05,
+        min_speed_share: 0.5,
+        turn_memory_s: 0.1,
+        slow_turn_memory_s: 0.2,
+        max_shift_s: 0.05,
+        min_rows_per_column: 4,
     },
     signal_faults: SignalFaults {
         max_spike_s: 0.003,
@@ -766,6 +871,9 @@ pub(crate) const POLICY: Policy = Policy {
         timing_samples: 0.5,
         friction_turn: 0.5,
         ladder_torque_share: 0.5,
+        min_torque_error_share: 1e-3,
+        min_sure_speed_rad_s: 3e-4,
+        max_held_torque_s: 1.0,
     },
     plausibility: Plausibility {
         min_bristle_travel_rad: 1e-3,
@@ -799,5 +907,39 @@ pub(crate) const POLICY: Policy = Policy {
         max_free_gap_ratio: 1.05,
         max_other_pair_ratio: 0.7,
         max_other_zero_ratio: 0.7,
+        max_law_cycles: 4.0,
+        max_cancelling_ratio: 3.0,
+        min_gravity_cosine: 0.99,
+        max_friction_per_watt: 1e5,
+        max_order: 420.0,
+        min_order: 4.0,
+        min_frequency_ratio: 1.3,
     },
+    prediction: Prediction {
+        resamplings: 40,
+        widening: 0.02,
+        speed_window_s: 0.03,
+        max_speed_difference: 0.35,
+        widening_by_difference: 0.5,
+        block_s: 2.5,
+        min_run_blocks: 4,
+        max_variation: 5.0,
+        prior_rows: 10.0,
+        standing_speeds: 3,
+        stiction_share: 0.6,
+        tail: 0.05,
+    },
+    views: Views {
+        independent_rows_s: 0.5,
+        min_stretches: 6,
+        min_spread: 4.0,
+        min_range_rad: 0.1,
+        min_contrast: 1.5,
+        min_contrast_sigmas: 3.5,
+        min_gap_share: 0.05,
+        max_joints_shown: 3,
+        min_shown_share: 0.2,
+        reversal_window_s: 0.15,
+    },
+    motions: MotionDesign { range_margin: 0.08, speed_share: 0.5, torque_share: 0.75, unrated_speed_rad_s: 1.0 },
 };

@@ -24,39 +24,18 @@
 //! of it comes from rows near standstill, which have no weight in the fit, so its blocks are of plain residuals.
 
 use crate::log_fault::LogFault;
+use crate::policy::POLICY;
 use crate::random::Random;
 use crate::search::Search;
 use crate::stages::{RunColumns, Stages, Steps, mean_square};
 use nalgebra::DVector;
 
-/// Resamplings of the blocks.
-const BOOTSTRAPS: usize = 40;
-/// Widening on either side.
-const WIDENED: f64 = 0.02;
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
 const SPEED_BINS: usize = 9;
 const SLOWEST: f64 = 3.5;
-/// Time either side in which the largest speed is a row's \[s\]: about the memory of the model filter.
-const ABOUT_S: f64 = 0.03;
-/// Speeds of parts of one motion are as different as this, as a share of the time; from there on the interval is wider, on either side, by
-/// so much for each unit of it. (Practice logs cut so that one kind of motion is looked at and the other sealed: 0.45 to 0.8.)
-const ANOTHER_KIND: f64 = 0.35;
-const WIDER: f64 = 0.5;
-/// Length of a block of residuals \[s\], and the least number of blocks of a run.
-const BLOCK_S: f64 = 2.5;
-const MIN_RUN_BLOCKS: usize = 4;
-/// How far v may vary, as a factor.
-const VARIES: f64 = 5.0;
-/// Rows that what is left at the next faster speed counts as, at each speed.
-const PRIOR_ROWS_PER_SPEED: f64 = 10.0;
-/// At so many of the slowest speeds, below 0.01 rad/s, a joint stands.
-const STANDS: usize = 3;
 /// What a joint that stands holds beside the model, as a share of its Coulomb friction, where the runs looked at have not shown it; and from
 /// where to where. (Rms of a measured UR10e 0.3 to 0.6, of a KUKA 1 to 1.7; of simulators that stick 0.5 to 0.9, of one that creeps 0.03.)
-const STICTION_RMS_SHARE: f64 = 0.6;
 const STICTION_SHARE_RANGE: [f64; 2] = [0.0, 1.2];
-/// The interval's ends among sorted resamplings.
-const TAIL: f64 = 0.05;
 
 /// Predictions before the sealed torque is looked at.
 pub(crate) struct Prediction {
@@ -93,6 +72,7 @@ pub(crate) fn predict(
     fitted: &Fitted<'_>,
     silent: &[usize],
 ) -> Option<Prediction> {
+    let policy = &POLICY.prediction;
     let Fitted { nominal, steps, x, means } = *fitted;
     let blocks = search.design.background.blocks();
     let mut without_silent = x.clone();
@@ -104,7 +84,7 @@ pub(crate) fn predict(
     let rest =
         Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &without_silent, means), steps.len(), friction);
     let every: Vec<usize> = (0..rest.blocks.len()).collect();
-    let v = rest.on_sealed(&every, STICTION_RMS_SHARE);
+    let v = rest.on_sealed(&every, policy.stiction_share);
     let full = sealed.stages(nominal, steps, x, means);
     let reference = &full.models[steps.len()];
     let square: Vec<f64> = mean_square(reference).iter().zip(&v).map(|(m, v)| m + v).collect();
@@ -127,7 +107,7 @@ pub(crate) fn predict(
     let mut random = Random::new();
     let mut samples: Vec<Vec<f64>> = Vec::new();
     let (mut gaps_again, mut x_again): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-    for _ in 0..BOOTSTRAPS {
+    for _ in 0..policy.resamplings {
         let chosen: Vec<usize> = (0..blocks).map(|_| random.below(blocks)).collect();
         let again = search.design.background.solve(&search.weights, search.scale, &chosen)?.x;
         let [from, to] = STICTION_SHARE_RANGE;
@@ -139,9 +119,9 @@ pub(crate) fn predict(
         let (learnt, met) = (drawn(every.len()), drawn(rest.sealed_blocks));
         let so_held = rest.on_sealed(&every, standing_share);
         let varied = so_held.iter().zip(learnt.iter().zip(&met));
-        let v_again: Vec<f64> = varied.map(|(v, (a, b))| (a + b - v).clamp(v / VARIES, v * VARIES)).collect();
-        let stages = sealed.stages(nominal, steps, &again, means);
-        let drawn_gaps = gaps(&stages, &v_again);
+        let v_again: Vec<f64> =
+            varied.map(|(v, (a, b))| (a + b - v).clamp(v / policy.max_variation, v * policy.max_variation)).collect();
+        let drawn_gaps = gaps(&sealed.stages(nominal, steps, &again, means), &v_again);
         samples.push(shrinks(&drawn_gaps));
         gaps_again.push(drawn_gaps);
         x_again.push(again.iter().copied().collect());
@@ -152,11 +132,12 @@ pub(crate) fn predict(
         .take(steps.len() - 1)
         .map(|(k, central)| {
             let (low, high) = ends(&samples, k);
-            (*central, low.min(*central) - WIDENED, (high.max(*central) + WIDENED).min(1.0))
+            (*central, low.min(*central) - policy.widening, (high.max(*central) + policy.widening).min(1.0))
         })
         .collect();
-    let of_another_kind = Some(rest.of_another_kind()).filter(|share| *share > ANOTHER_KIND);
-    let wider = of_another_kind.map_or(0.0, |share| WIDER * (share - ANOTHER_KIND));
+    let of_another_kind = Some(rest.of_another_kind()).filter(|share| *share > policy.max_speed_difference);
+    let wider =
+        of_another_kind.map_or(0.0, |share| policy.widening_by_difference * (share - policy.max_speed_difference));
     let gaps = first
         .iter()
         .enumerate()
@@ -176,7 +157,7 @@ fn ends(samples: &[Vec<f64>], k: usize) -> (f64, f64) {
     let mut draws: Vec<f64> = samples.iter().map(|s| s[k]).collect();
     draws.sort_by(f64::total_cmp);
     let end = |share: f64| draws[((draws.len() - 1) as f64 * share).round() as usize];
-    (end(TAIL), end(1.0 - TAIL))
+    (end(POLICY.prediction.tail), end(1.0 - POLICY.prediction.tail))
 }
 
 /// Squares and rows of a block's residual, `[joint][speed]`.
@@ -207,8 +188,8 @@ impl Leaves {
     ) -> Leaves {
         let joints = sealed.run.floor.len();
         let count = |run: &RunColumns<'_>| {
-            let whole = run.run.rows() as f64 * run.run.chain.row_period_s / BLOCK_S;
-            (whole as usize).max(MIN_RUN_BLOCKS)
+            let whole = run.run.rows() as f64 * run.run.chain.row_period_s / POLICY.prediction.block_s;
+            (whole as usize).max(POLICY.prediction.min_run_blocks)
         };
         let mut blocks = Vec::new();
         // Products of what is left with what sets stages apart, and squares of the latter.
@@ -281,10 +262,10 @@ impl Leaves {
         let all: Vec<[[f64; 2]; SPEED_BINS]> =
             (0..self.speeds.len()).map(|j| std::array::from_fn(|bin| sum(j, bin))).collect();
         // Mean square in units of friction's, over all joints that stand: what holds one holds another.
-        let standing: [f64; STANDS] = std::array::from_fn(|bin| {
+        let standing: [f64; POLICY.prediction.standing_speeds] = std::array::from_fn(|bin| {
             let with_friction = self.friction.iter().zip(&all).filter(|(friction, _)| **friction > 0.0);
             let [square, rows] = with_friction.fold(
-                [PRIOR_ROWS_PER_SPEED * held * held, PRIOR_ROWS_PER_SPEED],
+                [POLICY.prediction.prior_rows * held * held, POLICY.prediction.prior_rows],
                 |[square, rows], (friction, bins)| {
                     // More than friction bears is left by something else.
                     let most = STICTION_SHARE_RANGE[1].powi(2) * bins[bin][1];
@@ -296,14 +277,15 @@ impl Leaves {
         let joint = |(j, speeds): (usize, &[f64; SPEED_BINS])| -> f64 {
             let bins = &all[j];
             // Few rows at a speed say little: what is left at the next faster one counts as so many more.
-            let fastest = bins.iter().rposition(|[_, rows]| *rows >= PRIOR_ROWS_PER_SPEED).unwrap_or(SPEED_BINS - 1);
+            let fastest =
+                bins.iter().rposition(|[_, rows]| *rows >= POLICY.prediction.prior_rows).unwrap_or(SPEED_BINS - 1);
             let at_most = bins[fastest][0] / bins[fastest][1].max(1.0);
             let mut at = at_most;
             let slower = bins[..=fastest].iter().zip(speeds).enumerate().rev().map(|(bin, ([square, rows], share))| {
                 if let Some(standing) = standing.get(bin).filter(|_| self.friction[j] > 0.0) {
                     at = standing * self.friction[j].powi(2);
                 }
-                at = (square + PRIOR_ROWS_PER_SPEED * at) / (rows + PRIOR_ROWS_PER_SPEED);
+                at = (square + POLICY.prediction.prior_rows * at) / (rows + POLICY.prediction.prior_rows);
                 share * at
             });
             slower.sum::<f64>() + at_most * speeds[fastest + 1..].iter().sum::<f64>()
@@ -315,7 +297,7 @@ impl Leaves {
 /// Which half decade the largest speed about each row is in.
 fn bins_of(run: &RunColumns<'_>, j: usize) -> Vec<usize> {
     let speed = run.run.chain.sample(&run.run.motion.qd[j]);
-    let about = (ABOUT_S / run.run.chain.row_period_s).round() as usize;
+    let about = (POLICY.prediction.speed_window_s / run.run.chain.row_period_s).round() as usize;
     let largest = |k: usize| {
         let rows = &speed[k.saturating_sub(about)..(k + about + 1).min(speed.len())];
         rows.iter().fold(0.0_f64, |most, v| most.max(v.abs()))

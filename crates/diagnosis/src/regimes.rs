@@ -1,6 +1,7 @@
 //! Where the gap lies: which joint, doing what.
 
 use crate::design::Prepared;
+use crate::policy::POLICY;
 use crate::stillness::is_moved;
 
 /// What a joint does at a time.
@@ -34,8 +35,6 @@ impl Regime {
     }
 }
 
-/// Time around a change of direction that counts as reversal \[s\].
-const REVERSAL_WINDOW_S: f64 = 0.15;
 /// Share of a joint's top speed below which it is slow, and below which it rests.
 const SLOW: [f64; 2] = [0.1, 0.005];
 
@@ -49,7 +48,7 @@ pub(crate) fn classify(run: &Prepared, joint: usize) -> Vec<Regime> {
     let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let top = speed.iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-9);
     let usual = rms(&accel);
-    let near = (REVERSAL_WINDOW_S / run.chain.row_period_s).round().max(1.0) as usize;
+    let near = (POLICY.views.reversal_window_s / run.chain.row_period_s).round().max(1.0) as usize;
     let mut regimes: Vec<Regime> = speed
         .iter()
         .zip(&accel)

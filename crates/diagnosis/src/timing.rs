@@ -19,18 +19,8 @@ use crate::design::{Prepared, correlation};
 use crate::policy::POLICY;
 
 /// Moves in time that are tried \[s\], either way, and the step between them.
-const FARTHEST_S: f64 = 0.05;
 const STEP_S: f64 = 1e-3;
-/// Speed below which a row tells more of how friction begins than of time \[rad/s\], or as a share of the joint's usual speed.
-const MIN_TIMING_SPEED_RAD_S: f64 = 0.05;
-const MOVING_SHARE: f64 = 0.5;
-/// Rows as close as this to slower ones \[s\] feel through the filters how friction turns over: that of bristles of 0.2 mrad does so 28 ms late,
-/// and all rows then say that torque is 3.5 ms late.
-const FRICTION_TURN_MEMORY_S: f64 = 0.1;
-/// The same where filters are slower.
-const CLEAR_S: f64 = 0.2;
 /// Rows that a joint has to have for each of its columns, and that are enough of any.
-const ROWS_PER_COLUMN: usize = 4;
 const MOST_ROWS: usize = 12_000;
 /// Columns of size 1 that are as alike as this are one.
 const RIDGE: f64 = 1e-9;
@@ -72,7 +62,11 @@ pub(crate) struct Early {
 
 /// Rows that are far from any reversal.
 pub(crate) fn clear(runs: &[&Prepared]) -> Vec<Part> {
-    parts(runs.iter().enumerate().filter_map(|(at, run)| Some((at, Timing::within(run, CLEAR_S)?))))
+    parts(
+        runs.iter()
+            .enumerate()
+            .filter_map(|(at, run)| Some((at, Timing::within(run, POLICY.timing.slow_turn_memory_s)?))),
+    )
 }
 
 /// Whether runs, each with the least time that counts \[s\], are sure that all of the arm is behind its torque. One in which too few joints turn
@@ -165,7 +159,7 @@ impl Timing {
     /// true.
     fn from_run(run: &Prepared) -> Option<Timing> {
         let all = Self::within(run, 0.0);
-        let Some(clear) = Self::within(run, FRICTION_TURN_MEMORY_S) else { return all };
+        let Some(clear) = Self::within(run, POLICY.timing.turn_memory_s) else { return all };
         let half = |all: &Timing| all.late.abs() < POLICY.timing.min_delay_s || clear.late / all.late > 0.5;
         let agrees_apart = |all: &Timing| {
             // Joints that do not agree say nothing of the arm, whichever rows they have.
@@ -300,7 +294,7 @@ impl Equations {
     fn new(run: &Prepared, j: usize, clear_s: f64) -> Option<Equations> {
         let speed = run.chain.sample(&run.motion.qd[j]);
         let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
-        let least = MIN_TIMING_SPEED_RAD_S.min(MOVING_SHARE * usual).max(run.blur[j]);
+        let least = POLICY.timing.min_speed_rad_s.min(POLICY.timing.min_speed_share * usual).max(run.blur[j]);
         let moving: Vec<bool> = speed.iter().map(|v| v.abs() > least).collect();
         let reach = (clear_s / run.chain.row_period_s).round() as usize;
         let clear = |k: &usize| moving[k.saturating_sub(reach)..(k + reach + 1).min(moving.len())].iter().all(|m| *m);
@@ -309,7 +303,7 @@ impl Equations {
         let joint_columns = run.standard.iter().filter_map(|column| column[j].as_ref());
         let joint_columns: Vec<(&Vec<f64>, f64)> =
             joint_columns.map(|c| (c, size(c))).filter(|(_, size)| *size > 0.0).collect();
-        if joint_columns.is_empty() || rows.len() < ROWS_PER_COLUMN * joint_columns.len() {
+        if joint_columns.is_empty() || rows.len() < POLICY.timing.min_rows_per_column * joint_columns.len() {
             return None;
         }
         let d =
@@ -336,13 +330,14 @@ impl Equations {
 
 /// Moves that are tried \[s\]: torque is taken so much later.
 fn moves() -> Vec<f64> {
-    let count = (FARTHEST_S / STEP_S).round() as i32;
+    let count = (POLICY.timing.max_shift_s / STEP_S).round() as i32;
     (-count..=count).map(|k| f64::from(k) * STEP_S).collect()
 }
 
 /// Place among the moves.
 fn nearest(late: f64) -> usize {
-    ((late.clamp(-FARTHEST_S, FARTHEST_S) + FARTHEST_S) / STEP_S).round() as usize
+    ((late.clamp(-POLICY.timing.max_shift_s, POLICY.timing.max_shift_s) + POLICY.timing.max_shift_s) / STEP_S).round()
+        as usize
 }
 
 /// Where a curve is lowest, by a parabola through the three points there, and its second derivative; none at an end.

@@ -92,18 +92,6 @@ const STANDS: (f64, f64) = (0.005, 1e-3);
 const BANDS: [f64; 2] = [1.0, 5.0];
 /// Length of a segment of the spectrum \[s\]: five periods of the lowest bound.
 const VIEW_SEGMENT_S: f64 = 5.12;
-/// Residuals are correlated over a quarter of a second: rows this far apart \[s\] count as seen anew ...
-const INDEPENDENT_ROWS_S: f64 = 0.5;
-/// ... and a cell of fewer such stretches says nothing.
-const LEAST_STRETCHES: usize = 6;
-/// A load or torque that changes by less than this many times the noise is not divided, nor a range of less \[rad\].
-const LEAST_SPREAD: f64 = 4.0;
-const LEAST_RANGE: f64 = 0.1;
-/// A contrast is told from this ratio on, which it must exceed by so many deviations: there are some eighty pairs to choose from.
-const CONTRAST: f64 = 1.5;
-const DEVIATIONS: f64 = 3.5;
-/// A joint with less of the squared gap is not worth a sentence.
-const WORTH_TELLING: f64 = 0.05;
 
 /// A part of a joint's rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -192,7 +180,7 @@ pub(crate) fn tabulate(run: &Prepared, stages: &Stages, load: &[Vec<f64>], noise
     for ((joint, j), gap) in joints.iter().zip(trusted).zip(gaps) {
         for axis in Axis::ALL {
             let parts = joint.parts(axis);
-            let uneven = contrast(axis, &parts, joint.floor).filter(|_| gap >= WORTH_TELLING * total);
+            let uneven = contrast(axis, &parts, joint.floor).filter(|_| gap >= POLICY.views.min_gap_share * total);
             if let Some((more, less, ratio)) = uneven
                 && views.contrast.as_ref().is_none_or(|c| ratio > c.ratio)
             {
@@ -260,12 +248,12 @@ impl Joint {
                 let bounds = [0.0, PRESLIDING, farthest.max(PRESLIDING)];
                 self.by(&bounds, &self.travel)
             }
-            Axis::Load => self.thirds(&self.load, LEAST_SPREAD * self.floor),
+            Axis::Load => self.thirds(&self.load, POLICY.views.min_spread * self.floor),
             Axis::Torque => {
                 let size: Vec<f64> = self.tau.iter().map(|t| t.abs()).collect();
-                self.thirds(&size, LEAST_SPREAD * self.floor)
+                self.thirds(&size, POLICY.views.min_spread * self.floor)
             }
-            Axis::Pose => self.thirds(&self.position, LEAST_RANGE),
+            Axis::Pose => self.thirds(&self.position, POLICY.views.min_range_rad),
             Axis::Time => {
                 let time: Vec<f64> = (0..self.before.len()).map(|k| k as f64 * self.row_s).collect();
                 let end = self.before.len() as f64 * self.row_s;
@@ -310,7 +298,7 @@ impl Joint {
     }
 
     fn part(&self, is_in: impl Fn(usize) -> bool, ends: Option<[f64; 2]>) -> Part {
-        let length = (INDEPENDENT_ROWS_S / self.row_s).round().max(1.0) as usize;
+        let length = (POLICY.views.independent_rows_s / self.row_s).round().max(1.0) as usize;
         let count = self.before.len();
         // Rows and sums of squares by stretch.
         let mut sums: Vec<[f64; 4]> = Vec::new();
@@ -333,7 +321,7 @@ impl Joint {
             ends,
             rows: rows as usize,
             stretches: sums.len(),
-            known: sums.len() >= LEAST_STRETCHES && rows * self.row_s >= Cell::MIN_REGIME_TIME_S,
+            known: sums.len() >= POLICY.views.min_stretches && rows * self.row_s >= Cell::MIN_REGIME_TIME_S,
             before: mean,
             after: after / f64::max(rows, 1.0),
             torque: torque / f64::max(rows, 1.0),
@@ -394,7 +382,7 @@ fn shares(x: &[f64], row_s: f64) -> [f64; 3] {
     [low, middle, if total > 0.0 { (1.0 - low - middle).max(0.0) } else { 0.0 }]
 }
 
-/// Parts that are missed most and least, and the ratio; none where it is not surely above [`CONTRAST`] or all is next to noise.
+/// Parts that are missed most and least, and the ratio; none where it is not surely above `POLICY.views.min_contrast` or all is next to noise.
 fn contrast(axis: Axis, parts: &[Part], floor: f64) -> Option<(usize, usize, f64)> {
     let known = || (0..axis.comparable().min(parts.len())).filter(|p| parts[*p].known);
     let most = known().max_by(|a, b| parts[*a].before.total_cmp(&parts[*b].before))?;
@@ -406,7 +394,7 @@ fn contrast(axis: Axis, parts: &[Part], floor: f64) -> Option<(usize, usize, f64
     // Of torque itself what is missed is a part: a share of it that is everywhere the same is even.
     let due =
         if axis == Axis::Torque { (more.torque / less.torque.max(f64::MIN_POSITIVE)).sqrt().max(1.0) } else { 1.0 };
-    let sure = (ratio / due).ln() - DEVIATIONS * unsure > CONTRAST.ln();
+    let sure = (ratio / due).ln() - POLICY.views.min_contrast_sigmas * unsure > POLICY.views.min_contrast.ln();
     (most != least && sure && more.before.sqrt() > POLICY.held_out.min_gap_in_motion * floor)
         .then_some((most, least, ratio))
 }

@@ -96,7 +96,7 @@ fn the_page_opens_without_a_word_and_shows_the_figures_of_the_json() {
 /// The scores that the page shows are those of whole sets, made by `rivet blind score --json`.
 #[test]
 fn the_scores_of_the_page_count_every_case_of_every_set() {
-    let text = std::fs::read_to_string(root().join("cli/src/blind/scores.json")).expect("scores");
+    let text = std::fs::read_to_string(root().join("crates/analysis/src/scores.json")).expect("scores");
     let scores: Value = serde_json::from_str(&text).expect("JSON");
     for (score, set) in scores.as_array().expect("sets").iter().zip(["practice", "practice-wrong-nominal"]) {
         assert_eq!(score["set"], set);

@@ -2,6 +2,7 @@
 
 mod options;
 mod output;
+mod recording;
 
 use std::io::{self, Write as _};
 use std::path::PathBuf;
@@ -17,6 +18,7 @@ use rivet_realtime::{PeriodTimer, Shutdown, die_with_parent, now_ns};
 
 pub use options::{MotionKind, Options, nominal_joints};
 pub use output::{Summary, TrueParameter, TruthFile};
+pub use recording::Recording;
 
 use crate::motion::Governor;
 use crate::plant::Plant;

@@ -1,8 +1,9 @@
 //! What the user of `rivet-sim` may choose.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::{Args, Parser as _, ValueEnum};
 
 use super::SimError;
 use crate::friction::FrictionLaw;
@@ -155,7 +156,19 @@ pub fn nominal_joints(robot: &Robot) -> Joints {
     robot.config.nominal_joints()
 }
 
+/// A command line of these options.
+#[derive(clap::Parser)]
+struct Line {
+    #[command(flatten)]
+    options: Options,
+}
+
 impl Options {
+    /// The options of a command line that only names the robot file.
+    pub fn new(robot: &Path) -> Options {
+        Line::parse_from([OsStr::new("rivet-sim"), OsStr::new("--"), robot.as_os_str()]).options
+    }
+
     /// The seed in force.
     pub fn seed(&self, robot: &Robot) -> u64 {
         self.seed.unwrap_or(robot.config.simulation.seed)
