@@ -355,7 +355,7 @@ impl Core {
                 // What is not followed yet may begin anywhere.
                 self.plan_check.restart();
             }
-            self.plan_check.check(setpoint.seq, &mut desired, &mut self.law, &self.acting[..self.count])
+            self.plan_check.check(setpoint.seq, &desired, &mut self.law, &self.acting[..self.count])
         });
         match checked {
             Ok(()) => {

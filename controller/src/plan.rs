@@ -20,8 +20,6 @@ const MOST_JUMP: f64 = 0.05;
 const CORNER_SHARE: f64 = 0.25;
 /// Time over which positions and velocities of a plan are compared \[s\]. Velocities that are late by 10 ms pass.
 const AGREEMENT_S: f64 = 0.05;
-/// Velocity that accelerations of a plan may give beyond its velocities and positions within [`AGREEMENT_S`], in parts of the speed limit.
-const LEAD_SHARE: f64 = 0.02;
 /// Share of the speed limit above which steps of the planned position are a jump.
 const STEP_SHARE: f64 = 1.2;
 
@@ -41,16 +39,12 @@ pub(crate) struct PlanCheck {
     corner: [f64; MAX_JOINTS],
     /// That of the drives' torque on the nominal inertia \[rad/s²\].
     acceleration: [f64; MAX_JOINTS],
-    /// Largest value of `lead` \[rad/s\].
-    most_lead: [f64; MAX_JOINTS],
     /// The setpoint accepted last, the step that led to it, a period's, and the way beyond the speed limit that has added up.
     last: Option<(u64, Desired)>,
     step: [f64; MAX_JOINTS],
     excess: [f64; MAX_JOINTS],
     /// Way of the positions less that of the velocities, over the last moment \[rad\].
     apart: [f64; MAX_JOINTS],
-    /// Velocity gained by the accelerations less that by velocities, and by positions, over the last moment \[rad/s\].
-    lead: [[f64; 2]; MAX_JOINTS],
     /// Joints whose plan has had velocities, bit 0 the base's, and those whose positions have parted from them: their plan stays refused.
     has_velocity: u32,
     parted: u32,
@@ -86,12 +80,10 @@ impl PlanCheck {
             jump,
             corner,
             acceleration: accelerations,
-            most_lead: speed.map(|speed| LEAD_SHARE * speed),
             last: None,
             step: [0.0; MAX_JOINTS],
             excess: [0.0; MAX_JOINTS],
             apart: [0.0; MAX_JOINTS],
-            lead: [[0.0; 2]; MAX_JOINTS],
             has_velocity: 0,
             parted: 0,
         }
@@ -110,7 +102,6 @@ impl PlanCheck {
     /// Forgets the setpoints before: the next one begins a plan.
     pub(crate) fn restart(&mut self) {
         (self.last, self.has_velocity, self.parted) = (None, 0, 0);
-        self.lead = [[0.0; 2]; MAX_JOINTS];
     }
 
     /// Whether a setpoint's number is too far from that of the one before to be compared with it.
@@ -136,15 +127,14 @@ impl PlanCheck {
     }
 
     /// Whether the arm with base parameters `x` can follow a plan from the setpoint before to this one, which
-    /// [`check_numbers`](Self::check_numbers) has passed. Accelerations that the rest of the plan does not bear out are taken away.
-    /// Real-time safe.
+    /// [`check_numbers`](Self::check_numbers) has passed. Real-time safe.
     ///
     /// # Errors
     /// [`StopCause::PlanJump`] or [`StopCause::PlanAcceleration`].
     pub(crate) fn check(
         &mut self,
         seq: u64,
-        desired: &mut Desired,
+        desired: &Desired,
         law: &mut ControlLaw,
         x: &[f64],
     ) -> Result<(), RefusedPlan> {
@@ -165,7 +155,7 @@ impl PlanCheck {
             let periods = (seq - last) as f64;
             let joints = (0..n)
                 .filter(|&j| {
-                    let (now, then) = (&*desired, &before);
+                    let (now, then) = (desired, &before);
                     step[j] = (now.q[j] - then.q[j]) / periods;
                     excess[j] = self.excess_way(j, step[j], periods);
                     apart[j] = self.way_apart(j, now, then, periods);
@@ -181,9 +171,6 @@ impl PlanCheck {
             if joints != 0 {
                 return Err((StopCause::PlanJump, joints));
             }
-        }
-        if let Some((last, before)) = before {
-            self.bound_accelerations(desired, &before, &step, (seq - last) as f64 * self.period_s);
         }
         (self.last, self.step, self.excess) = (Some((seq, *desired)), step, excess);
         self.apart = apart;
@@ -211,94 +198,9 @@ impl PlanCheck {
         (self.apart[j] + way) * (-span_s / AGREEMENT_S).exp()
     }
 
-    /// Takes away from the accelerations of `now` what neither velocities nor positions bear out: a drive answers it at once, and the
-    /// rest of the plan then calls the joint back. An acceleration of 0 stays one. `step` is that of positions in a period \[rad\].
-    fn bound_accelerations(&mut self, now: &mut Desired, then: &Desired, step: &[f64; MAX_JOINTS], span_s: f64) {
-        let memory = (-span_s / AGREEMENT_S).exp();
-        for j in 0..self.dof {
-            let (most, planned) = (self.most_lead[j], now.qdd[j]);
-            let gained = [now.qd[j] - then.qd[j], (step[j] - self.step[j]) / self.period_s];
-            let [by_velocities, by_positions] = [0, 1].map(|i| (gained[i] - self.lead[j][i]) / span_s);
-            let room = most / (memory * span_s);
-            let (least, largest) = (by_velocities.min(by_positions) - room, by_velocities.max(by_positions) + room);
-            now.qdd[j] = planned.max(least).min(largest).clamp(planned.min(0.0), planned.max(0.0));
-            for (lead, gained) in self.lead[j].iter_mut().zip(gained) {
-                // Bounded: a plan without accelerations may get some later.
-                *lead = (memory * (*lead + now.qdd[j] * span_s - gained)).clamp(-most, most);
-            }
-        }
-    }
-
     /// Way beyond the speed limit that small jumps of joint `j` have added up to \[rad\].
     fn excess_way(&self, j: usize, step: f64, periods: f64) -> f64 {
         let most = STEP_SHARE * self.speed[j] * self.period_s;
         if most.is_finite() { (self.excess[j] + (step.abs() - most) * periods).max(0.0) } else { 0.0 }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::law::Gains;
-    use std::f64::consts::TAU;
-    use std::path::Path;
-
-    /// Period of setpoints \[s\].
-    const PERIOD_S: f64 = 0.004;
-
-    /// Accelerations of dd2's first joint that are left of a plan: positions, velocities and accelerations at a time \[s\].
-    fn left(plan: impl Fn(f64) -> [f64; 3]) -> Vec<[f64; 2]> {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2/robot.toml");
-        let robot = rivet_config::load(&file).expect("a valid robot file");
-        let settings = &robot.config.controller;
-        let gains = Gains::from_bandwidth(&settings.bandwidth_hz, settings.damping, settings.integral_hz);
-        let (x, limits) = (robot.base_parameters().to_vec(), SetpointLimits::of(&robot.model.arm));
-        let mut law = ControlLaw::new(settings.law, robot.model, robot.base, &x, gains, PERIOD_S);
-        let mut check = PlanCheck::new(&law, &limits, &robot.config.drive.torque_limit, PERIOD_S, 25);
-        let mut accelerations = Vec::new();
-        for k in 0..500 {
-            let [q, qd, qdd] = plan(k as f64 * PERIOD_S);
-            let mut desired = Desired::default();
-            (desired.q[0], desired.qd[0], desired.qdd[0]) = (q, qd, qdd);
-            check.check(k, &mut desired, &mut law, &x).expect("a plan that the arm can follow");
-            accelerations.push([qdd, desired.qdd[0]]);
-        }
-        accelerations
-    }
-
-    /// A swing of 0.05 rad at 2 Hz: position, velocity, acceleration.
-    fn swing(t: f64) -> [f64; 3] {
-        let w = TAU * 2.0;
-        [0.05 * (w * t).sin(), 0.05 * w * (w * t).cos(), -0.05 * w * w * (w * t).sin()]
-    }
-
-    #[test]
-    fn accelerations_that_positions_or_velocities_bear_out_stay() {
-        type Plan = fn(f64) -> [f64; 3];
-        let plans: [Plan; 3] = [
-            swing,
-            // Velocities that are 20 ms old.
-            |t| [swing(t)[0], swing(t - 0.02)[1], swing(t)[2]],
-            // Positions that are rounded to 1 mrad.
-            |t| [(1e3 * swing(t)[0]).round() / 1e3, swing(t)[1], swing(t)[2]],
-        ];
-        for (i, plan) in plans.into_iter().enumerate() {
-            // The first moment begins with a step of the velocity.
-            let wrong = left(plan).into_iter().skip(50).find(|[planned, kept]| planned != kept);
-            assert_eq!(wrong, None, "plan {i}");
-        }
-    }
-
-    #[test]
-    fn accelerations_of_a_plan_that_stands_still_give_no_velocity() {
-        let kept = left(|t| [0.0, 0.0, 8.0 * (TAU * 2.0 * t).sin()]);
-        let (mut planned_speed, mut speed, mut most) = (0.0, 0.0_f64, [0.0_f64; 2]);
-        for [planned, kept] in kept {
-            planned_speed += planned * PERIOD_S;
-            speed = (speed + kept * PERIOD_S) * (-PERIOD_S / AGREEMENT_S).exp();
-            most = [most[0].max(planned_speed), most[1].max(speed.abs())];
-        }
-        let limit = LEAD_SHARE * TAU;
-        assert!(most[0] > 5.0 * limit && most[1] <= 1.01 * limit, "{most:?} rad/s");
     }
 }

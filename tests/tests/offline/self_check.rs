@@ -39,11 +39,11 @@ fn the_probe_finds_what_the_diagnosis_finds() {
     let delay = added(Injected::Delay { seconds: 0.006 });
     let asked = probe(&robot.model, &robot.nominal, runs.to_vec(), &mut |_| (), |probe| {
         assert!(probe.found().is_empty(), "{:?}", probe.found());
-        let first = probe.with(&load(0.2), None);
-        let faint = probe.with(&load(1e-5), None);
-        let late = probe.with(&delay, None);
+        let first = probe.named_with(&load(0.2), None);
+        let faint = probe.named_with(&load(1e-5), None);
+        let late = probe.named_with(&delay, None);
         // Nothing of what was asked before is left behind.
-        assert_eq!(probe.with(&load(0.2), None), first);
+        assert_eq!(probe.named_with(&load(0.2), None), first);
         (first, faint, late)
     })
     .expect("a sound log");
