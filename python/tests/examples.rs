@@ -58,6 +58,8 @@ fn examples_of_the_python_package_pass() {
     let native = this.parent().expect("a folder").join("lib_native.so");
     std::os::unix::fs::symlink(&native, package.join("_native.abi3.so")).expect("linked");
     let tested = run(python()
+        // Python looks in the present folder first.
+        .current_dir(folder.path())
         .args(["-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider"])
         .arg(root().join("python/tests"))
         .env("PYTHONPATH", &site)
