@@ -15,7 +15,7 @@ impl MapArgs {
     /// The robot with the channels of the command line in the place of its file's.
     ///
     /// # Errors
-    /// A key that is none, or a value that breaks its rule.
+    /// An unknown key, or a value that breaks its rule.
     pub(crate) fn apply(&self, robot: Robot) -> Result<Robot> {
         rivet_analysis::map::apply(robot, &self.entries)
     }

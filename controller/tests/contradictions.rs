@@ -48,7 +48,7 @@ fn gaps(plan: Plan<'_>, t: f64, period_s: f64, [zeros, of]: [u64; 2]) -> [Values
     if k % of < zeros { scaled(plan(t), 0.0, 0.0) } else { plan(t) }
 }
 
-/// Accelerations of the first joint that swing beside those of the plan, by so many rad/s² with so many Hz.
+/// Accelerations of the first joint that swing on top of those of the plan, by so many rad/s² with so many Hz.
 fn swinging(plan: Plan<'_>, t: f64, [by, hz]: [f64; 2]) -> [Values; 3] {
     let mut out = plan(t);
     out[2][0] += by * (TAU * hz * t).sin();

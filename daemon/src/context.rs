@@ -5,7 +5,7 @@ use rivet_ipc_schema::{BusConfig, RobotName};
 use rivet_realtime::Shutdown;
 use std::sync::mpsc::Sender;
 
-/// Where a thread opens its ports, when it ends, and whom it tells that it has started.
+/// Where a thread opens its ports, when it ends, and who learns that it has started.
 #[derive(Clone, Debug)]
 pub(crate) struct ThreadContext {
     pub(crate) bus: BusConfig,
@@ -17,7 +17,7 @@ pub(crate) struct ThreadContext {
 impl ThreadContext {
     /// Reports that the thread has started.
     pub(crate) fn report_ready(&self) {
-        // A receiver that is gone means that start-up failed elsewhere; the shutdown flag says so too.
+        // A receiver that is gone means that start-up failed elsewhere; the shutdown flag is then set, too.
         let _ = self.ready.send(Ok(()));
     }
 

@@ -158,7 +158,7 @@ fn loop_settings(robot: &Robot, options: &Options) -> LoopSettings {
     }
 }
 
-/// The threads of the daemon beside the main one.
+/// The threads of the daemon other than the main one.
 struct Threads {
     /// Those with ports on the bus; each reports that it has started.
     on_bus: Vec<JoinHandle<()>>,

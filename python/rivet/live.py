@@ -126,6 +126,8 @@ class ControllerHealth:
         commands: Commands written.
         parameter_source: "live", "last good" or "nominal".
         stops: Stops so far.
+        stop_cause: Cause of the last stop, such as "too fast"; None before the first.
+        stop_joints: Joints that it names, from 0 at the base.
     """
 
     state: str
@@ -133,6 +135,8 @@ class ControllerHealth:
     commands: int
     parameter_source: str
     stops: int
+    stop_cause: str | None
+    stop_joints: list[int]
 
 
 class Robot:

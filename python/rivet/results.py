@@ -625,12 +625,12 @@ class Inspection(_Report):
         rate_hz: Mean sample rate [Hz]; nan where it is not known.
         duration: From the first to the last row [s]; nan where it is not known.
         readings: How channels have to be read, where the robot was given.
-        doubts: What has to be looked at.
+        doubts: What the user has to check.
         refusal: Why it cannot be used as it is; None where it can.
         time: (samples,) [s]; None where it is refused.
         q: Positions as read, (samples, joints) [rad].
         tau: Torque as read, (samples, joints) [N m]; None without torque.
-        is_doubtful: Whether a gap, a reading or a doubt has to be looked at.
+        is_doubtful: Whether the user has to check a gap, a reading or a doubt.
         notes: Notes of the analysis.
     """
 

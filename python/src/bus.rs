@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use rivet::{BusConfig, ControllerHealth, Health, Parameters, Robot, Sample, sample_flags};
 use rivet_analysis::fault::Kind;
 use rivet_ipc_schema::{
-    ControllerState, DaemonMode, InputFault, InstrumentSource, MAX_JOINTS, ParameterState, parameter_flags,
+    ControllerState, DaemonMode, InputFault, InstrumentSource, MAX_JOINTS, ParameterState, StopCause, parameter_flags,
 };
 
 use crate::worker::error;
@@ -46,7 +46,7 @@ impl Bus {
     }
 
     /// Works with the robot on the bus.
-    fn with<T>(&self, py: Python<'_>, work: impl FnOnce(&mut Robot) -> T + Send) -> PyResult<T>
+    fn with_robot<T>(&self, py: Python<'_>, work: impl FnOnce(&mut Robot) -> T + Send) -> PyResult<T>
     where
         T: Send,
     {
@@ -74,19 +74,19 @@ impl Bus {
 
     /// The latest parameter set of the daemon; none before the first.
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let set = self.with(py, |robot| robot.parameters().copied())?;
+        let set = self.with_robot(py, |robot| robot.parameters().copied())?;
         set.map(|set| parameters_dict(py, &set)).transpose()
     }
 
     /// The latest health of the daemon; none before the first.
     fn health<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let health = self.with(py, |robot| robot.health().copied())?;
+        let health = self.with_robot(py, |robot| robot.health().copied())?;
         health.map(|health| health_dict(py, &health)).transpose()
     }
 
     /// The latest health of the controller; none before the first.
     fn controller_health<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let health = self.with(py, |robot| robot.controller_health().copied())?;
+        let health = self.with_robot(py, |robot| robot.controller_health().copied())?;
         health.map(|health| controller_dict(py, &health)).transpose()
     }
 
@@ -113,7 +113,7 @@ impl Bus {
             (sample.q_des, sample.qd_des, sample.qdd_des) = (joints(q)?, joints(qd)?, joints(qdd)?);
             sample.flags |= sample_flags::SETPOINT;
         }
-        match self.with(py, move |robot| robot.publish(&sample))? {
+        match self.with_robot(py, move |robot| robot.publish(&sample))? {
             rivet::Status::Ok => Ok(()),
             status => Err(error(py, &format!("the sample is lost: {}", words(status)), Kind::Other)),
         }
@@ -122,20 +122,20 @@ impl Bus {
     /// Torque \[N m\] and mode of the command that answers the last sample, waited for at most `timeout` \[s\]; else none.
     fn wait_command<'py>(&self, py: Python<'py>, timeout: f64) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, u32)>> {
         let timeout = Duration::try_from_secs_f64(timeout).unwrap_or(Duration::ZERO);
-        let command = self.with(py, move |robot| robot.wait_for_command(timeout))?;
+        let command = self.with_robot(py, move |robot| robot.wait_for_command(timeout))?;
         let joints = self.joints;
         Ok(command.map(|command| (command.tau[..joints.min(MAX_JOINTS)].to_pyarray(py), command.mode)))
     }
 
     /// Samples published, sent, lost and not accepted.
     fn counters(&self, py: Python<'_>) -> PyResult<[u64; 4]> {
-        let counters = self.with(py, |robot| robot.counters())?;
+        let counters = self.with_robot(py, |robot| robot.counters())?;
         Ok([counters.published, counters.sent, counters.lost, counters.failed])
     }
 
     /// What failed last on the thread of the ports; empty if nothing did.
     fn problem(&self, py: Python<'_>) -> PyResult<String> {
-        self.with(py, |robot| robot.problem())
+        self.with_robot(py, |robot| robot.problem())
     }
 }
 
@@ -204,5 +204,9 @@ fn controller_dict<'py>(py: Python<'py>, health: &ControllerHealth) -> PyResult<
     out.set_item("commands", health.commands)?;
     out.set_item("parameter_source", named::<rivet_ipc_schema::ParameterSource>(health.source))?;
     out.set_item("stops", health.stops)?;
+    let cause = (health.stops > 0).then(|| named::<StopCause>(health.stop_cause));
+    out.set_item("stop_cause", cause)?;
+    let joints = (0..MAX_JOINTS).filter(|j| health.stop_joints >> j & 1 == 1);
+    out.set_item("stop_joints", joints.collect::<Vec<_>>())?;
     Ok(out)
 }

@@ -55,7 +55,7 @@ def bus():
 
 @pytest.fixture(scope="session")
 def measured():
-    """Measured logs of arms, from RIVET_DATA or beside the checkout."""
+    """Measured logs of arms, from RIVET_DATA or the folder next to the checkout."""
     places = [os.environ.get("RIVET_DATA"), ROOT / "../shared/data/real"]
     for place in filter(None, places):
         if pathlib.Path(place).is_dir():

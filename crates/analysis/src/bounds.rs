@@ -55,51 +55,51 @@ impl Bounded {
         rows: &mut [Rows],
         solve: impl Fn(&Equations<'_>, &[f64]) -> Result<Vec<f64>, OfflineError>,
     ) -> Result<Bounded, OfflineError> {
-        let mut left = Bounded { nominal: robot.nominal_base.clone(), values: None, held: Vec::new() };
+        let mut bounded = Bounded { nominal: robot.nominal_base.clone(), values: None, held: Vec::new() };
         let turns = one_way(&robot.model, &robot.base, rows);
-        for (column, value) in left.nominal.iter().enumerate() {
+        for (column, value) in bounded.nominal.iter().enumerate() {
             if let Parameter::Offset(joint) = robot.base.parameter(&robot.model, column)
                 && turns[joint]
             {
-                left.held.push(Held { column, joint, value: *value, why: Why::OneWay });
+                bounded.held.push(Held { column, joint, value: *value, why: Why::OneWay });
             }
         }
-        let offsets = left.columns();
+        let offsets = bounded.columns();
         for rows in rows.iter_mut() {
             rows.take_out(&offsets);
         }
         if !robot.model.structure.load_friction {
-            return Ok(left);
+            return Ok(bounded);
         }
         loop {
-            let values = solve(&Equations::new(rows), &left.nominal)?;
+            let values = solve(&Equations::new(rows), &bounded.nominal)?;
             let beyond = |column: usize| match robot.base.parameter(&robot.model, column) {
                 // What is said of a joint that stands, the robot file says.
                 Parameter::LoadFriction(joint)
                     if rows.iter().any(|r| r.count(joint) > 0)
-                        && left.held.iter().all(|held| held.column != column) =>
+                        && bounded.held.iter().all(|held| held.column != column) =>
                 {
                     let found = values[column];
-                    let held = Held { column, joint, value: 0.0, why: Why::Impossible(found) };
-                    (!SHARE.contains(&found)).then_some(held)
+                    let hold = Held { column, joint, value: 0.0, why: Why::Impossible(found) };
+                    (!SHARE.contains(&found)).then_some(hold)
                 }
                 _ => None,
             };
             let beyond: Vec<Held> = (0..values.len()).filter_map(beyond).collect();
             if beyond.is_empty() {
                 let mut values = values;
-                left.columns().into_iter().for_each(|(column, value)| values[column] = value);
-                left.values = Some(values);
-                return Ok(left);
+                bounded.columns().into_iter().for_each(|(column, value)| values[column] = value);
+                bounded.values = Some(values);
+                return Ok(bounded);
             }
             let columns: Vec<(usize, f64)> = beyond.iter().map(|held| (held.column, held.value)).collect();
             for rows in rows.iter_mut() {
                 rows.take_out(&columns);
             }
             for &(column, value) in &columns {
-                left.nominal[column] = value;
+                bounded.nominal[column] = value;
             }
-            left.held.extend(beyond);
+            bounded.held.extend(beyond);
         }
     }
 
@@ -113,8 +113,8 @@ impl Bounded {
     }
 
     /// Says so to people.
-    pub(crate) fn said(&self, robot: &Robot) -> impl Iterator<Item = Distrust> {
-        let of = |held: &Held| {
+    pub(crate) fn distrusts(&self, robot: &Robot) -> impl Iterator<Item = Distrust> {
+        let distrust_of = |held: &Held| {
             let (name, text) = match held.why {
                 Why::Impossible(found) => (
                     "load_friction_impossible",
@@ -134,6 +134,6 @@ impl Bounded {
             };
             Distrust { log: None, joint: Some(robot.model.arm.joints[held.joint].name.clone()), name, text }
         };
-        self.held.iter().map(of)
+        self.held.iter().map(distrust_of)
     }
 }

@@ -42,7 +42,7 @@ pub(crate) fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>>
         let [low, high] = [f64::min, f64::max].map(|of| x.iter().copied().reduce(of).unwrap_or(0.0));
         (high - low, low.abs().max(high.abs()))
     };
-    let of = |(j, (tau, q)): (usize, (&Vec<f64>, &Vec<f64>))| {
+    let constant_in = |(j, (tau, q)): (usize, (&Vec<f64>, &Vec<f64>))| {
         let ((varies, size), (moves, _)) = (span(tau), span(q));
         // As far as the dead zone is passed in a tenth of a second: less is no motion.
         let still = 0.1 * robot.config.signal.dead_zone[j];
@@ -58,7 +58,7 @@ pub(crate) fn constant(robot: &Robot, log: &Log) -> Result<Vec<(usize, String)>>
             (j, why)
         })
     };
-    Ok(log.torque()?.iter().zip(&log.q).enumerate().filter_map(of).collect())
+    Ok(log.torque()?.iter().zip(&log.q).enumerate().filter_map(constant_in).collect())
 }
 
 /// Torque that comes in fewer steps says nothing by where it stands.

@@ -61,7 +61,7 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
     let (period_s, signal) = (log.median_step_s(), &robot.config.signal);
     let velocity = robot.model.structure.sign_velocity;
     let least_hz = LEAST_BAND * signal.model_filter_hz;
-    let of = |(j, q): (usize, &Vec<f64>)| {
+    let coarse_joint = |(j, q): (usize, &Vec<f64>)| {
         let noise = position_noise(q);
         // A row that comes early or late is no noise: its stamp says so.
         let noise = if noise > BEYOND_JITTER * between_rows(&log.t, q, period_s) { noise } else { 0.0 };
@@ -80,7 +80,7 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
         (by_load && acceleration > OF_ACCELERATION * usual_acceleration(q, period_s, signal.model_filter_hz))
             .then_some((j, off, For::Load, least_hz))
     };
-    let found: Vec<(usize, Off, For, f64)> = log.q.par_iter().enumerate().filter_map(of).collect();
+    let found: Vec<(usize, Off, For, f64)> = log.q.par_iter().enumerate().filter_map(coarse_joint).collect();
     let told_hz = found.iter().map(|(.., hz)| *hz).reduce(f64::min)?;
     let hz = told_hz.max(least_hz);
     let joints = found.into_iter().map(|(j, off, what_for, _)| (j, off, what_for)).collect();
@@ -91,8 +91,8 @@ pub(crate) fn coarse(robot: &Robot, log: &Log) -> Option<Coarse> {
 /// quarter of a period at the cut-off of the model filter.
 fn usual_acceleration(q: &[f64], period_s: f64, filter_hz: f64) -> f64 {
     let lag = ((0.25 / (filter_hz * period_s)).round() as usize).max(1);
-    let of = |w: &[f64]| (w[0] - 2.0 * w[lag] + w[2 * lag]).powi(2);
-    let squares: f64 = q.windows(2 * lag + 1).map(of).sum();
+    let square = |w: &[f64]| (w[0] - 2.0 * w[lag] + w[2 * lag]).powi(2);
+    let squares: f64 = q.windows(2 * lag + 1).map(square).sum();
     (squares / q.len().saturating_sub(2 * lag).max(1) as f64).sqrt() / (lag as f64 * period_s).powi(2)
 }
 
@@ -143,20 +143,20 @@ const OF_STEP: f64 = 0.5;
 /// joint where all of its values are multiples of that: they come by one channel.
 pub fn torque_steps(log: &Log) -> Vec<TorqueSteps> {
     let Some((_, tau)) = &log.tau else { return Vec::new() };
-    let own: Vec<Option<f64>> = tau.par_iter().map(|tau| position_step(tau)).collect();
+    let own_steps: Vec<Option<f64>> = tau.par_iter().map(|tau| position_step(tau)).collect();
     let of_another = |tau: &[f64]| {
         // Nothing is a multiple of anything.
         let says = tau.iter().any(|x| *x != 0.0);
-        let steps = own.iter().flatten().filter(|step| says && tau.iter().all(|x| is_multiple(*x, **step)));
+        let steps = own_steps.iter().flatten().filter(|step| says && tau.iter().all(|x| is_multiple(*x, **step)));
         steps.copied().reduce(f64::max)
     };
-    let of = |(joint, tau): (usize, &Vec<f64>)| {
-        let step = own[joint].or_else(|| of_another(tau))?;
+    let steps_of = |(joint, tau): (usize, &Vec<f64>)| {
+        let step = own_steps[joint].or_else(|| of_another(tau))?;
         // Of rounding itself, where that is white, nothing is left.
         let noise = (position_noise(tau).powi(2) - step * step / 12.0).max(0.0).sqrt();
         (noise < BLURS * step).then(|| TorqueSteps { path: log.path.clone(), joint, step, noise })
     };
-    tau.par_iter().enumerate().filter_map(of).collect()
+    tau.par_iter().enumerate().filter_map(steps_of).collect()
 }
 
 /// Rounding of numbers, in parts of a step.
@@ -181,7 +181,7 @@ pub const ROUNDED_ON_LINE: &str =
 
 /// The same for people, with what standard deviations `know` of it.
 pub fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<Distrust> {
-    let of = |TorqueSteps { path, joint, step, noise }: &&TorqueSteps| Distrust {
+    let distrust_of = |TorqueSteps { path, joint, step, noise }: &&TorqueSteps| Distrust {
         log: Some(runs::short_name(path)),
         joint: Some(robot.model.arm.joints[*joint].name.clone()),
         name: TORQUE_STEPS_NAME,
@@ -192,7 +192,7 @@ pub fn coarse_torque(robot: &Robot, steps: &[&TorqueSteps], know: &str) -> Vec<D
             number(*noise, 1)
         ),
     };
-    steps.iter().map(of).collect()
+    steps.iter().map(distrust_of).collect()
 }
 
 impl Coarse {
@@ -217,7 +217,7 @@ impl Coarse {
     }
 
     /// Joint by joint, for people and as JSON.
-    pub(crate) fn said(&self, robot: &Robot) -> Vec<Distrust> {
+    pub(crate) fn distrusts(&self, robot: &Robot) -> Vec<Distrust> {
         // Speeds are off by as much as goes with the power 3/2 of the band.
         let over = (self.hz / self.told_hz).powf(1.5);
         let still = if over > 1.5 {
@@ -228,7 +228,7 @@ impl Coarse {
         } else {
             String::new()
         };
-        let of = |(j, off, what_for): &(usize, Off, For)| {
+        let distrust_of = |(j, off, what_for): &(usize, Off, For)| {
             let (name, what) = match off {
                 Off::Steps(step) => (COARSE_NAME, format!("positions come in steps of {} rad", number(*step, 2))),
                 Off::Noise(noise) => {
@@ -249,6 +249,6 @@ impl Coarse {
                 ),
             }
         };
-        self.joints.iter().map(of).collect()
+        self.joints.iter().map(distrust_of).collect()
     }
 }

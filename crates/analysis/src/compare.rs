@@ -71,8 +71,8 @@ pub(crate) fn text(robot: &Robot, runs: &[Alone]) -> Result<String> {
     let mut table = Table::new(["log", "decided by data", "condition", "median std as torque %"]);
     for run in runs {
         let by_data = run.fit.determined.iter().filter(|d| **d == Determined::ByData).count();
-        let of = format!("{by_data} of {}", base.len());
-        table.row([run.name.clone(), of, number(run.fit.condition, 2), number(median_torque(run), 2)]);
+        let decided = format!("{by_data} of {}", base.len());
+        table.row([run.name.clone(), decided, number(run.fit.condition, 2), number(median_torque(run), 2)]);
     }
     out += &table.text();
     out += "\nparameters of which two runs differ by at most two standard deviations of the difference\n";
@@ -92,8 +92,8 @@ pub(crate) fn text(robot: &Robot, runs: &[Alone]) -> Result<String> {
     }
     out += &table.text();
     let (within, of) = total(&all);
-    let said = format!("{within} of {of} ({:.1} %); with honest standard deviations about 95 %", share(within, of));
-    Ok(out + &paragraph("in agreement: ", &said))
+    let text = format!("{within} of {of} ({:.1} %); with honest standard deviations about 95 %", share(within, of));
+    Ok(out + &paragraph("in agreement: ", &text))
 }
 
 fn total(all: &[Pair<'_>]) -> (usize, usize) {

@@ -42,15 +42,15 @@ fn variance(delay: &Delay, dry: f64) -> f64 {
 /// The delay that the joints have that tell it best; `dry`: share of friction in their torque.
 fn common(delays: &[Delay], dry: &[f64]) -> Option<Common> {
     let variance = |j: &usize| variance(&delays[*j], dry[*j]);
-    let mut told: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt.is_none()).collect();
-    told.sort_by(|a, b| delays[*a].seconds.total_cmp(&delays[*b].seconds));
+    let mut determined: Vec<usize> = (0..delays.len()).filter(|j| delays[*j].doubt.is_none()).collect();
+    determined.sort_by(|a, b| delays[*a].seconds.total_cmp(&delays[*b].seconds));
     let weights = |joints: &[usize]| joints.iter().map(|j| variance(j).recip()).sum::<f64>();
-    let half = 0.5 * weights(&told);
-    let middle = (0..told.len()).find(|k| weights(&told[..=*k]) >= half)?;
-    let median = delays[told[middle]].seconds;
+    let half = 0.5 * weights(&determined);
+    let middle = (0..determined.len()).find(|k| weights(&determined[..=*k]) >= half)?;
+    let median = delays[determined[middle]].seconds;
     let has = |j: &usize| (delays[*j].seconds - median).abs() <= APART_S.max(APART_STD * variance(j).sqrt());
-    told.sort_unstable();
-    let (joints, others): (Vec<usize>, Vec<usize>) = told.into_iter().partition(has);
+    determined.sort_unstable();
+    let (joints, others): (Vec<usize>, Vec<usize>) = determined.into_iter().partition(has);
     let sum = weights(&joints);
     let seconds = joints.iter().map(|j| delays[*j].seconds / variance(j)).sum::<f64>() / sum;
     Some(Common { seconds, std: sum.sqrt().recip(), joints, others })
@@ -65,11 +65,11 @@ pub(crate) fn named(names: &[String], joints: &[usize]) -> String {
 
 /// How late torque is behind position, for people.
 pub(crate) fn text(names: &[String], delays: &[Delay], dry: &[f64]) -> String {
-    let of = |(d, dry): (&Delay, &f64)| match d.doubt {
+    let delay_text = |(d, dry): (&Delay, &f64)| match d.doubt {
         None => format!("{:.1}+-{:.1}", 1e3 * d.seconds, 1e3 * variance(d, *dry).sqrt()),
         Some(doubt) => format!("({doubt})"),
     };
-    let each: Vec<String> = delays.iter().zip(dry).map(of).collect();
+    let each: Vec<String> = delays.iter().zip(dry).map(delay_text).collect();
     let others = common(delays, dry).map_or_else(Vec::new, |common| common.others);
     let caveat = if others.is_empty() {
         String::new()
@@ -85,14 +85,14 @@ pub(crate) fn text(names: &[String], delays: &[Delay], dry: &[f64]) -> String {
 /// The same joint by joint; a value is null where the data do not tell, and has a doubt where it cannot be the log's clock.
 pub(crate) fn json(delays: &[Delay], dry: &[f64]) -> Vec<Value> {
     let others = common(delays, dry).map_or_else(Vec::new, |common| common.others);
-    let of = |(j, delay): (usize, &Delay)| match delay.doubt {
+    let delay_json = |(j, delay): (usize, &Delay)| match delay.doubt {
         None if others.contains(&j) => {
             json!({"value": delay.seconds, "std": delay.std, "doubt": format!("differs by joint: {BY_JOINT}")})
         }
         None => json!({"value": delay.seconds, "std": delay.std}),
         Some(doubt) => json!({"value": null, "std": null, "doubt": doubt.to_string()}),
     };
-    delays.iter().enumerate().map(of).collect()
+    delays.iter().enumerate().map(delay_json).collect()
 }
 
 /// Torque that the joints that tell it best have late, or early, by about the same, and joints that have it late by themselves; `step_s`:

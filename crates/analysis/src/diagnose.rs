@@ -64,15 +64,15 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     let (robot, nothing_to_compare) = with_bodies(robot.clone(), &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
     stood.extend(nothing_to_compare);
     let mut progress = Progress::new("diagnosing", 1000);
-    let mut left = 1.0;
+    let mut remaining_share = 1.0;
     let mut say = |line: &str| {
         if inputs.is_verbose {
             session::note(line);
             return;
         }
         // How often effects are looked for is not known before: what is said takes its share of what is left.
-        left *= STEP_LEAVES;
-        progress.set((1000.0 * (1.0 - left)) as usize);
+        remaining_share *= STEP_LEAVES;
+        progress.set((1000.0 * (1.0 - remaining_share)) as usize);
     };
     let live = inputs.is_last_live;
     let all = runs_of(&sources, live)?;
@@ -197,11 +197,11 @@ impl Sources<'_> {
         for path in logs {
             let (log, mended) = bridged(robot, runs::read_log(robot, path)?)?;
             all.stood.extend(mended);
-            let reading = reading::of(robot, &log);
+            let reading = reading::find(robot, &log);
             all.stood.extend(reading.iter().map(reading::Found::distrust));
             all.spoilt = all.spoilt.or(reading.filter(|found| found.spoils || found.drifts));
             // A torque that stands while its joint moves says nothing of the arm.
-            let Stood { found, rows } = Stood::of(robot, &log);
+            let Stood { found, rows } = Stood::find(robot, &log);
             refuse_most(&log, &rows, &found)?;
             all.stood.extend(found);
             let pieces = runs::pieces_without(&rows, &log, log.median_step_s())?;
@@ -362,7 +362,7 @@ fn power(found: &Document, check: &SelfCheck) -> String {
             check.seconds, check.false_alarms, check.resamplings
         ),
     );
-    let said = |power: &Power| match (power.named_already, power.smallest) {
+    let smallest_found = |power: &Power| match (power.named_already, power.smallest) {
         (true, _) => "found".to_owned(),
         (false, Some(size)) => figure(size, 2),
         (false, None) => "-".to_owned(),
@@ -375,7 +375,7 @@ fn power(found: &Document, check: &SelfCheck) -> String {
         let mut cells = vec![chunk[0].effect.clone(), chunk[0].unit.clone()];
         // What acts on the whole arm stands before what acts on joints.
         cells.extend(chunk[0].joint.is_some().then(String::new));
-        cells.extend(chunk.iter().map(&said));
+        cells.extend(chunk.iter().map(&smallest_found));
         table.row(cells);
     }
     out += &table.text();

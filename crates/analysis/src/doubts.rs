@@ -17,13 +17,13 @@ use crate::table::number;
 const EXPLAINS_NOTHING: f64 = 90.0;
 const EXPLAINS: f64 = 70.0;
 
-/// Torque channels of a log that cannot be believed, by themselves and by the model as given, whatever is learnt from them later.
+/// Torque channels of a log that are implausible by themselves or by the nominal model.
 pub fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
-    let of = |(j, text): (usize, String)| {
+    let distrust_of = |(j, text): (usize, String)| {
         let joint = Some(robot.model.arm.joints[j].name.clone());
         Distrust { log: None, joint, name: "torque_constant", text }
     };
-    let mut found: Vec<Distrust> = channels::constant(robot, log)?.into_iter().map(of).collect();
+    let mut found: Vec<Distrust> = channels::constant(robot, log)?.into_iter().map(distrust_of).collect();
     if !found.is_empty() {
         return Ok(found);
     }
@@ -38,7 +38,7 @@ pub fn doubted(robot: &Robot, log: &Log) -> Result<Vec<Distrust>> {
 /// Joints of whose torque the fit leaves most, given what it leaves of each \[%\].
 pub fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
     let is_it = "is it the torque of this joint, and of this motion?";
-    let of = |(name, left): (&String, &f64)| Distrust {
+    let distrust_of = |(name, left): (&String, &f64)| Distrust {
         log: None,
         joint: Some(name.clone()),
         name: UNEXPLAINED_NAME,
@@ -54,7 +54,7 @@ pub fn unexplained(names: &[String], left: &[f64]) -> Vec<Distrust> {
             )
         },
     };
-    names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(of).collect()
+    names.iter().zip(left).filter(|(_, left)| **left > EXPLAINS).map(distrust_of).collect()
 }
 
 /// Of a joint's torque, instruments leave this many times what least squares leave where they do not stand for its motion.
@@ -173,7 +173,7 @@ pub(crate) fn constant(
     if robot.model.structure.offset {
         return Ok(Vec::new());
     }
-    let told = constant_torque(equations, nominal, prior, fit)?;
+    let constants = constant_torque(equations, nominal, prior, fit)?;
     let turns = one_way(&robot.model, &robot.base, rows);
     let matters = |(j, found): (usize, Option<Constant>)| {
         // Of a joint that turns one way it is Coulomb friction as well.
@@ -191,12 +191,12 @@ pub(crate) fn constant(
             ),
         })
     };
-    Ok(told.into_iter().enumerate().filter_map(matters).collect())
+    Ok(constants.into_iter().enumerate().filter_map(matters).collect())
 }
 
 /// Joints (from 0) that move too briefly beside others to be learnt from.
 pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
-    let of = |j: usize| Distrust {
+    let distrust_of = |j: usize| Distrust {
         log: None,
         joint: Some(robot.model.arm.joints[j].name.clone()),
         name: BRIEF_NAME,
@@ -206,7 +206,7 @@ pub(crate) fn brief(robot: &Robot, rows: &[Rows]) -> Vec<Distrust> {
             number(rows.iter().map(|r| r.seconds_of(j)).sum(), 2)
         ),
     };
-    offline::brief(rows).into_iter().map(of).collect()
+    offline::brief(rows).into_iter().map(distrust_of).collect()
 }
 
 /// Consistent parameters whose torque is another one.
@@ -226,7 +226,7 @@ pub(crate) fn far(consistent: Option<&Projection>) -> Option<Distrust> {
 
 /// Joints that do not move in any log.
 pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Distrust> {
-    let of = |j: &usize| {
+    let distrust_of = |j: &usize| {
         Distrust {
         log: None,
         joint: Some(robot.model.arm.joints[*j].name.clone()),
@@ -235,5 +235,5 @@ pub(crate) fn still(robot: &Robot, joints: &[usize]) -> impl Iterator<Item = Dis
                determined".to_owned(),
     }
     };
-    joints.iter().map(of)
+    joints.iter().map(distrust_of)
 }

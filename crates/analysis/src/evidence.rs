@@ -37,8 +37,8 @@ pub struct Largest {
 impl Largest {
     /// Of values by instruments, by least squares and standard deviations, of those that count.
     pub fn new(robot: &Robot, [iv, ls, std]: [&[f64]; 3], counts: impl Fn(usize) -> bool) -> Option<Largest> {
-        let of = |i: usize| (i, (iv[i] - ls[i]).abs() / std[i].max(f64::MIN_POSITIVE));
-        let known = (0..iv.len()).filter(|i| counts(*i)).map(of).filter(|(_, size)| size.is_finite());
+        let deviation = |i: usize| (i, (iv[i] - ls[i]).abs() / std[i].max(f64::MIN_POSITIVE));
+        let known = (0..iv.len()).filter(|i| counts(*i)).map(deviation).filter(|(_, size)| size.is_finite());
         let (at, deviations) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(Largest { name: robot.base.name(&robot.model, at), deviations })
     }
@@ -229,7 +229,7 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
         let share = report.repeated.iter().fold(0.0_f64, |m, s| m.max(*s));
         let step = report.median_step_s;
         // A position that repeats with share s is held for 1/(1 - s) rows on average; a jittered row is off by as much.
-        let held = step / (1.0 - share).max(0.01);
+        let held_s = step / (1.0 - share).max(0.01);
         frozen |= held_rows(report, period).is_some();
         if share > UNEVEN && !why.contains(&"stair-case positions") {
             why.push("stair-case positions");
@@ -238,7 +238,7 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
             why.push("jittered time stamps");
         }
         mended = [mended, report.stamps_jitter_s].into_iter().flatten().reduce(f64::max);
-        reach = reach.max(2.0 * held + 3.0 * report.jitter_s);
+        reach = reach.max(2.0 * held_s + 3.0 * report.jitter_s);
     }
     let mended = mended.map_or_else(String::new, |jitter_s| {
         let text = format!("time stamps jitter by {} ms; positions are even: taken as even", number(1e3 * jitter_s, 2));
@@ -385,18 +385,18 @@ pub(crate) fn unfollowed(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> 
         Instruments::SecondEncoder => (UNSEEN, nevertheless.to_owned()),
         _ => (UNFOLLOWED, format!("{nevertheless}: \"auto\" would take delayed ones")),
     };
-    let of = |j: &usize| Distrust {
+    let distrust_of = |j: &usize| Distrust {
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: if what == UNSEEN { UNSEEN_NAME } else { UNFOLLOWED_NAME },
         text: format!("{what}; {taken}"),
     };
-    joints.iter().map(of).collect()
+    joints.iter().map(distrust_of).collect()
 }
 
 /// Joints of a log whose setpoints give other velocities or accelerations than their positions have.
 pub fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Distrust> {
-    let of = |j: &usize| Distrust {
+    let distrust_of = |j: &usize| Distrust {
         log: Some(log.to_owned()),
         joint: Some(robot.model.arm.joints[*j].name.clone()),
         name: UNDERIVED_NAME,
@@ -404,7 +404,7 @@ pub fn underived(robot: &Robot, log: &str, joints: &BTreeSet<usize>) -> Vec<Dist
                from q_des"
             .to_owned(),
     };
-    joints.iter().map(of).collect()
+    joints.iter().map(distrust_of).collect()
 }
 
 /// Positions in steps that matter.
@@ -457,18 +457,18 @@ pub(crate) fn distrust_text(found: &[Distrust]) -> String {
         .contains(&d.name)
     };
     let alike = |a: &Distrust, b: &Distrust| shared(a) && (&a.log, a.name, &a.text) == (&b.log, b.name, &b.text);
-    let of = |group: &[Distrust]| {
+    let warning = |group: &[Distrust]| {
         let of_what: Vec<&str> =
             group[0].log.iter().chain(group.iter().filter_map(|d| d.joint.as_ref())).map(String::as_str).collect();
         let of_what = if of_what.is_empty() { String::new() } else { of_what.join(", ") + ": " };
         paragraph("warning: ", &(of_what + &group[0].text))
     };
-    found.chunk_by(alike).map(of).collect()
+    found.chunk_by(alike).map(warning).collect()
 }
 
 pub(crate) fn distrust_json(found: &[Distrust]) -> Value {
-    let of = |d: &Distrust| json!({"log": d.log, "joint": d.joint, "fault": d.name, "text": d.text});
-    found.iter().map(of).collect()
+    let as_json = |d: &Distrust| json!({"log": d.log, "joint": d.joint, "fault": d.name, "text": d.text});
+    found.iter().map(as_json).collect()
 }
 
 /// Rows that count less than others are worth a word where they take so much away from all that a joint's rows count.
@@ -481,11 +481,11 @@ fn doubted(fit: &Fit, j: usize) -> bool {
 
 /// What rows beside a stop count, for people; empty where they count like any other.
 pub(crate) fn beside_text(names: &[String], fit: &Fit) -> String {
-    let of = |(j, name): (usize, &String)| {
+    let weight_text = |(j, name): (usize, &String)| {
         let (share, trust) = (100.0 * fit.beside[j], number(fit.trust[j], 2));
         doubted(fit, j).then(|| format!("{name} {share:.0} % of its rows, {trust} of another's weight each"))
     };
-    let each: Vec<String> = names.iter().enumerate().filter_map(of).collect();
+    let each: Vec<String> = names.iter().enumerate().filter_map(weight_text).collect();
     if each.is_empty() {
         return String::new();
     }

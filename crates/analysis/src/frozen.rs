@@ -13,7 +13,7 @@ const TOLD: usize = 4;
 
 /// Leaves out the rows in which the torque of a joint is dead or frozen. Of all joints: each row of a log is one of the arm.
 pub(crate) fn take_out(robot: &Robot, sound: &mut Sound<'_>) {
-    let stood = Stood::of(robot, &sound.log);
+    let stood = Stood::find(robot, &sound.log);
     sound.found.extend(stood.found);
     sound.left_out.extend(stood.rows);
     sound.left_out.sort_unstable();
@@ -29,7 +29,7 @@ pub(crate) struct Stood {
 }
 
 impl Stood {
-    pub(crate) fn of(robot: &Robot, log: &Log) -> Stood {
+    pub(crate) fn find(robot: &Robot, log: &Log) -> Stood {
         let (mut found, mut rows) = (Vec::new(), Vec::new());
         for (j, (joint, frozen)) in robot.model.arm.joints.iter().zip(log.frozen_torque()).enumerate() {
             let Some(frozen) = frozen else { continue };

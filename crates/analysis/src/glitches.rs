@@ -56,10 +56,10 @@ pub(crate) fn bridged(robot: &Robot, mut log: Log) -> Result<(Log, Vec<Distrust>
             continue;
         }
         let mut q = whole.into_owned();
-        let mut said = Vec::new();
+        let mut repairs = Vec::new();
         if let Some(first) = wraps.first() {
             let at = number(log.t[*first], 5);
-            said.push((
+            repairs.push((
                 WRAPPED_NAME,
                 format!("position wraps by a whole turn {} (first at {at} s) and is unwrapped", times(wraps.len())),
             ));
@@ -68,13 +68,13 @@ pub(crate) fn bridged(robot: &Robot, mut log: Log) -> Result<(Log, Vec<Distrust>
             bridge_positions(&log.t, &mut q, &rows);
             let at = number(log.t[*first], 5);
             let rows = share(rows.len(), log.len());
-            said.push((
+            repairs.push((
                 JUMP_NAME,
                 format!("position jumps by up to {} rad: {rows} (first at {at} s) bridged", number(farthest.abs(), 3)),
             ));
         }
         let (log_name, name) = (Some(runs::short_name(&log.path)), Some(joint.name.clone()));
-        found.extend(said.into_iter().map(|(fault, text)| Distrust {
+        found.extend(repairs.into_iter().map(|(fault, text)| Distrust {
             log: log_name.clone(),
             joint: name.clone(),
             name: fault,
@@ -98,8 +98,8 @@ pub(crate) fn bridged(robot: &Robot, mut log: Log) -> Result<(Log, Vec<Distrust>
 
 /// Rows (ascending) at which a position of some joint cannot be true.
 pub(crate) fn jumps(robot: &Robot, log: &Log) -> Vec<usize> {
-    let of = |j: usize| unwrap(&log.t, &log.q[j], reach(robot, j)).0.rows;
-    let mut rows: Vec<usize> = (0..log.q.len()).flat_map(of).collect();
+    let jump_rows = |j: usize| unwrap(&log.t, &log.q[j], reach(robot, j)).0.rows;
+    let mut rows: Vec<usize> = (0..log.q.len()).flat_map(jump_rows).collect();
     rows.sort_unstable();
     rows.dedup();
     rows

@@ -40,7 +40,7 @@ use crate::rows::{Run, Taken, rows_of};
 use crate::runs::{self, Piece};
 use crate::session;
 
-/// What an identification does beside the fit.
+/// Options of an identification other than those of the fit.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Logs on which the result is evaluated.
@@ -49,7 +49,7 @@ pub struct Options {
     pub refine: bool,
 }
 
-/// Identified base parameters with all that is reported beside them.
+/// Identified base parameters with all that is reported with them.
 pub struct Identification {
     /// The robot with the keys that were chosen from the logs, and no identified values.
     robot: Robot,
@@ -336,7 +336,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         robot.model.structure.load_friction.then(|| Equations::new(&rows).residual_percent(&robot.nominal_base));
     let of_logs = || logs.iter().map(|path| runs::short_name(path)).collect::<Vec<_>>().join(", ");
     // Whichever set predicts left-out rows better is exported; the held-out logs have no part in that.
-    let sets = Sets::of(robot, &left_out::parts(by_log(&runs, &rows))).ok();
+    let sets = Sets::fit(robot, &left_out::parts(by_log(&runs, &rows))).ok();
     session::checkpoint("identify: fitting", 0.2);
     let bounded = bounded(robot, &mut rows, prior).with_context(of_logs)?;
     let nominal = &bounded.nominal;
@@ -413,11 +413,11 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     distrusts.extend(doubts::brief(robot, &rows));
     distrusts.extend(doubts::short(robot, &rows));
     distrusts.extend(evidence::distrusts(robot, named, chosen, &rows));
-    let left = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
+    let residual = if method(robot) == Method::Instrumental { &residuals[2] } else { &residuals[1] };
     // Of a torque that is not believed anyway it is no news.
     let news = |d: &Distrust, said: &[Distrust]| !said.iter().any(|other| other.joint == d.joint);
     let unexplained: Vec<Distrust> =
-        doubts::unexplained(&runs::joint_names(robot), left).into_iter().filter(|d| news(d, &distrusts)).collect();
+        doubts::unexplained(&runs::joint_names(robot), residual).into_iter().filter(|d| news(d, &distrusts)).collect();
     distrusts.extend(unexplained);
     distrusts.extend(doubts::carries_not_over(&runs::joint_names(robot), &residuals[0], &parts.left_out));
     let constant: Vec<Distrust> = doubts::constant(robot, (&rows, &equations), nominal, prior, chosen)?
@@ -433,7 +433,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
         distrusts.extend(doubts::misled(&runs::joint_names(robot), &residuals));
     }
     let hardly: Vec<Option<String>> = doubts::brief(robot, &rows).into_iter().map(|d| d.joint).collect();
-    distrusts.extend(bounded.said(robot).filter(|d| !hardly.contains(&d.joint)));
+    distrusts.extend(bounded.distrusts(robot).filter(|d| !hardly.contains(&d.joint)));
     distrusts.extend(delays::distrust(&runs::joint_names(robot), &delays, &dry, rows_apart_s(&runs)));
     // A torque that is not believed has no arm either, but may be that of another joint; so may one that is not explained.
     let believed = !distrusts.iter().any(|d| ["torque_sign", "torque_scale"].contains(&d.name));
@@ -444,7 +444,7 @@ fn findings(robot: &Robot, logs: &[PathBuf], hold_out: &[PathBuf]) -> Result<Fin
     let misread = kinematics::misread(robot, logs, &residuals[0])?;
     distrusts.extend(misread.or_else(|| kinematics::another_arm(robot, &residuals[0]).filter(|_| believed)));
     let pieces: Vec<&Piece> = runs.iter().map(|run| &run.piece).collect();
-    distrusts.extend(jitter::warnings(robot, &chosen.values, left, &pieces)?);
+    distrusts.extend(jitter::warnings(robot, &chosen.values, residual, &pieces)?);
     reading::first(&mut distrusts);
     Ok(Findings {
         runs,
@@ -524,7 +524,7 @@ pub fn fit_logs(robot: &Robot, logs: &[Log]) -> Result<LogFit> {
     let robot = OpenKeys::choose(robot, logs.iter().map(|log| Ok(log.clone())))?.robot;
     let by_log: Vec<Vec<Rows>> = logs.iter().map(|log| Ok(rows_of(&robot, log)?.rows)).collect::<Result<_>>()?;
     let (fit, near) = fit_and_projection(&robot, by_log.iter().flatten().cloned().collect())?;
-    let sets = Sets::of(&robot, &left_out::parts(by_log)).ok();
+    let sets = Sets::fit(&robot, &left_out::parts(by_log)).ok();
     Ok(LogFit {
         values: fit.values,
         consistent: near.base,
@@ -567,12 +567,13 @@ fn held_out(
     logs: &[PathBuf],
     distrusts: &mut Vec<Distrust>,
 ) -> Result<Vec<HeldOut>> {
-    let with = |values: Option<&[f64]>| {
-        let of = |values: &[f64]| Identified { values: values.to_vec(), std: vec![0.0; values.len()] };
-        Robot { identified: values.map(of), ..robot.clone() }
+    let with_values = |values: Option<&[f64]>| {
+        let identified_by = |values: &[f64]| Identified { values: values.to_vec(), std: vec![0.0; values.len()] };
+        Robot { identified: values.map(identified_by), ..robot.clone() }
     };
-    let (nominal, trained, near) = (with(None), with(Some(values)), consistent.map(|values| with(Some(values))));
-    let mut of = |path: &PathBuf| -> Result<Option<HeldOut>> {
+    let (nominal, trained, near) =
+        (with_values(None), with_values(Some(values)), consistent.map(|values| with_values(Some(values))));
+    let mut errors_on = |path: &PathBuf| -> Result<Option<HeldOut>> {
         let log = runs::read_log(robot, path)?;
         let sound = screen(robot, &log)?;
         let errors = |robot: &Robot| predict::errors(robot, &sound);
@@ -582,12 +583,12 @@ fn held_out(
             return Ok(None);
         };
         let consistent = near.as_ref().map(errors).transpose()?.flatten();
-        let held = HeldOut { file, content, nominal, identified, consistent };
+        let log_errors = HeldOut { file, content, nominal, identified, consistent };
         distrusts.extend(sound.found);
         distrusts.extend(clock::off(robot, &sound.log));
         distrusts.extend(slow(robot, &sound.log));
-        distrusts.extend(coarse(robot, &sound.log).iter().flat_map(|coarse| coarse.said(robot)));
-        Ok(Some(held))
+        distrusts.extend(coarse(robot, &sound.log).iter().flat_map(|coarse| coarse.distrusts(robot)));
+        Ok(Some(log_errors))
     };
-    logs.iter().filter_map(|path| of(path).transpose()).collect()
+    logs.iter().filter_map(|path| errors_on(path).transpose()).collect()
 }

@@ -189,7 +189,7 @@ fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[Str
     ChannelReading { channel, text, probability }
 }
 
-/// Clocks beside the one that is used, on the same rows.
+/// Further clocks of the same rows, which are not used.
 fn other_clocks(path: &Path, listing: &Listing, channels: &[(&'static str, String)]) -> Vec<Clock> {
     let Some((_, used)) = channels.iter().find(|(key, _)| *key == "time") else { return Vec::new() };
     let topic = |name: &str| listing.columns.iter().find(|c| c.name == name).map(|c| c.topic.clone());
@@ -228,7 +228,7 @@ impl Inspection {
         self.log.as_ref()
     }
 
-    /// Whether something has to be looked at before the recording is used.
+    /// Whether the user has to check something before the recording is used.
     pub fn is_doubtful(&self) -> bool {
         let time = self.time.as_ref().is_some_and(|time| !time.gaps.is_empty() || time.missing > 0);
         let reading = self.readings.iter().any(|r| r.text != "as recorded" || r.probability < SURE);

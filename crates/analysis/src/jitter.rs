@@ -100,14 +100,14 @@ fn shares(robot: &Robot, values: &[f64], piece: &Piece) -> Result<Vec<f64>> {
     let range = rivet_estimation::offline::moving_range(&speed, &signal.dead_zone, filter.edge())
         .unwrap_or(0..piece.grid.len());
     let square = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
-    let of = |(j, tau): (usize, &Vec<f64>)| {
+    let error_share = |(j, tau): (usize, &Vec<f64>)| {
         let mut tau = tau.clone();
         filter.apply(&mut tau);
         let all = square(&mut tau[range.clone()].iter().copied());
         let wrong = square(&mut range.clone().map(|k| off[j][k] - exact[j][k]));
         (wrong / all.max(f64::MIN_POSITIVE)).sqrt()
     };
-    Ok(piece.grid.torque()?.iter().enumerate().map(of).collect())
+    Ok(piece.grid.torque()?.iter().enumerate().map(error_share).collect())
 }
 
 /// White noise of a mean square of one, the same in every run.

@@ -73,7 +73,7 @@ impl Reading {
     }
 
     /// The log read so.
-    fn of(self, robot: &Robot, log: &Log) -> Log {
+    fn read(self, robot: &Robot, log: &Log) -> Log {
         let mut log = log.clone();
         let Log { q, tau, qd, q_des, qd_des, qdd_des, q_link, .. } = &mut log;
         let tau = tau.as_mut().map(|(_, tau)| tau);
@@ -142,11 +142,11 @@ pub fn misread(robot: &Robot, paths: &[PathBuf], nominal: &[f64]) -> Result<Opti
         let thinned = log.every((APART_S / log.median_step_s()).round() as usize);
         *log = thinned.slice(0..thinned.len().min(most));
     }
-    Ok(better(robot, &logs).and_then(|found| said(robot, &found)))
+    Ok(better(robot, &logs).and_then(|found| distrust(robot, &found)))
 }
 
 /// What is left of the torque of each joint, as the root of squares.
-struct Left {
+struct Residuals {
     /// By the fit.
     fit: Vec<f64>,
     /// By the values of the robot file.
@@ -176,9 +176,9 @@ impl Better {
 
 /// Readings with which far less is left, best first.
 fn better(robot: &Robot, logs: &[Log]) -> Option<Vec<Better>> {
-    let given = left(robot, logs, None)?;
+    let given = residuals(robot, logs, None)?;
     let judge = |reading: Reading| {
-        let read = left(robot, logs, Some(reading))?;
+        let read = residuals(robot, logs, Some(reading))?;
         let ((each, fit), (_, nominal)) = (times(&read.fit, &given.fit), times(&read.nominal, &given.nominal));
         let several = each.iter().filter(|ratio| **ratio < LESS).count() > 1;
         let by_fit = fit < FAR_LESS && (fit < SURELY || nominal < OF_FILE);
@@ -192,22 +192,22 @@ fn better(robot: &Robot, logs: &[Log]) -> Option<Vec<Better>> {
 }
 
 /// What is left of the logs read as given or otherwise. None where a joint does not move.
-fn left(robot: &Robot, logs: &[Log], reading: Option<Reading>) -> Option<Left> {
+fn residuals(robot: &Robot, logs: &[Log], reading: Option<Reading>) -> Option<Residuals> {
     let mut rows: Vec<Rows> = Vec::new();
     for log in logs {
-        let read = reading.map_or_else(|| Cow::Borrowed(log), |reading| Cow::Owned(reading.of(robot, log)));
+        let read = reading.map_or_else(|| Cow::Borrowed(log), |reading| Cow::Owned(reading.read(robot, log)));
         rows.extend(rows_of(robot, &read).ok()?.rows);
     }
-    let of = |rows: &[Rows], values: &[f64]| -> Option<Vec<f64>> {
+    let rms_residuals = |rows: &[Rows], values: &[f64]| -> Option<Vec<f64>> {
         let squares = residual_squares(rows, values).into_iter();
         squares.map(|[error, torque]| (error > 0.0 && torque > 0.0).then(|| error.sqrt())).collect()
     };
-    let nominal = of(&rows, &robot.nominal_base)?;
+    let nominal = rms_residuals(&rows, &robot.nominal_base)?;
     let values = values_of(robot, &mut rows).ok()?;
-    Some(Left { fit: of(&rows, &values)?, nominal })
+    Some(Residuals { fit: rms_residuals(&rows, &values)?, nominal })
 }
 
-fn said(robot: &Robot, found: &[Better]) -> Option<Distrust> {
+fn distrust(robot: &Robot, found: &[Better]) -> Option<Distrust> {
     let first = found.first()?;
     let alike = found.iter().take_while(|other| other.both() < ALIKE * first.both()).take(MOST_SAID);
     let readings: Vec<String> = alike.map(|other| other.reading.text(robot)).collect();

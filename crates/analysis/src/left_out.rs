@@ -107,7 +107,7 @@ impl Sets {
     ///
     /// # Errors
     /// When no part can be left out.
-    pub(crate) fn of(robot: &Robot, parts: &[Vec<Rows>]) -> Result<Sets> {
+    pub(crate) fn fit(robot: &Robot, parts: &[Vec<Rows>]) -> Result<Sets> {
         let prior = WEAKER_PRIOR * robot.config.estimator.prior;
         let both = |out: usize| -> Option<[Vec<f64>; 2]> {
             let mut rows = rest(parts, out, robot.dof())?;

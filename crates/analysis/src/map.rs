@@ -18,7 +18,7 @@ const MAX_SCALE: f64 = 1e9;
 /// * `entries`: `KEY=VALUE`, keys as those of `[log]` in the robot file
 ///
 /// # Errors
-/// A key that is none, or a value that breaks its rule.
+/// An unknown key, or a value that breaks its rule.
 pub fn apply(mut robot: Robot, entries: &[String]) -> Result<Robot> {
     for entry in entries {
         let joints = robot.dof();

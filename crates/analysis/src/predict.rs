@@ -245,14 +245,14 @@ fn percent([error, torque]: [f64; 2]) -> f64 {
 
 /// Time of the rows as in the file, with those that were taken together, and `tau` on them.
 fn every_row(robot: &Robot, file: &Path, log: &Log, tau: &mut [Vec<f64>]) -> Result<Vec<f64>> {
-    let own = log.logged_t();
+    let taken_t = log.logged_t();
     // Rows were taken together, or left out as a second publisher's.
     let t = runs::recorded_times(robot, file)?;
-    if t.len() == own.len() {
-        return Ok(own.to_vec());
+    if t.len() == taken_t.len() {
+        return Ok(taken_t.to_vec());
     }
     for tau in tau {
-        *tau = interpolate(own, tau, &t);
+        *tau = interpolate(taken_t, tau, &t);
     }
     Ok(t)
 }

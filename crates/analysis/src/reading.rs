@@ -101,11 +101,11 @@ impl Found {
 }
 
 /// How a log has to be read, where that is surely otherwise than as it is.
-pub(crate) fn of(robot: &Robot, log: &Log) -> Option<Found> {
+pub(crate) fn find(robot: &Robot, log: &Log) -> Option<Found> {
     let found = compare(robot, log)?;
     let reading = found.finding()?;
     let names = runs::joint_names(robot);
-    let of = |fault: &Fault| fault.joints().into_iter().map(|j| names[j].clone()).collect();
+    let joints_of = |fault: &Fault| fault.joints().into_iter().map(|j| names[j].clone()).collect();
     Some(Found {
         log: runs::short_name(&log.path),
         joint: joint(robot, reading),
@@ -113,13 +113,13 @@ pub(crate) fn of(robot: &Robot, log: &Log) -> Option<Found> {
         spoils: spoils(reading),
         drifts: reading.faults.is_empty() && reading.state == ArmState::Drift,
         probability: reading.probability,
-        faults: reading.faults.iter().map(|fault| (fault.clone(), of(fault))).collect(),
+        faults: reading.faults.iter().map(|fault| (fault.clone(), joints_of(fault))).collect(),
     })
 }
 
 /// The same for a list of warnings.
 pub fn distrust(robot: &Robot, log: &Log) -> Option<Distrust> {
-    of(robot, log).map(|found| found.distrust())
+    find(robot, log).map(|found| found.distrust())
 }
 
 fn joint(robot: &Robot, reading: &Reading) -> Option<String> {

@@ -59,7 +59,7 @@ impl Refined {
 
     /// Every law that was tried, as JSON.
     pub fn json(&self) -> Value {
-        let of = |tried: &Tried| {
+        let as_json = |tried: &Tried| {
             json!({
                 "estimator": if tried.instruments { "instrumental" } else { "least_squares" },
                 "friction_law": law_json(&tried.law),
@@ -67,7 +67,7 @@ impl Refined {
                 "chosen": self.is_chosen(tried),
             })
         };
-        self.tried.iter().map(of).collect()
+        self.tried.iter().map(as_json).collect()
     }
 
     /// The laws and their errors as a table.

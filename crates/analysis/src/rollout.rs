@@ -131,8 +131,8 @@ fn errors(
     let mut sums = Errors { position: zeros.clone(), torque: zeros };
     let mut command = vec![0.0; n];
     for start in starts {
-        let of = |s: &[Vec<f64>], k: usize| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
-        plant.place(&of(&motion.q, *start), &of(&motion.qd, *start));
+        let at_row = |s: &[Vec<f64>], k: usize| -> Vec<f64> { s.iter().map(|s| s[k]).collect() };
+        plant.place(&at_row(&motion.q, *start), &at_row(&motion.qd, *start));
         let mut added = vec![0.0; n];
         for step in 0..=horizon {
             let k = start + step;

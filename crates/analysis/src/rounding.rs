@@ -42,7 +42,7 @@ pub(crate) fn moved(robot: &Robot, paths: &[PathBuf], steps: &[&TorqueSteps], va
     }
     let mut logs: Vec<Rounded> = Vec::new();
     for path in paths {
-        logs.push(Rounded::of(robot, runs::read_log(robot, path)?, steps, values)?);
+        logs.push(Rounded::new(robot, runs::read_log(robot, path)?, steps, values)?);
     }
     let of_try = |k: usize| {
         let mut rows = Vec::new();
@@ -71,17 +71,17 @@ struct Joint {
 }
 
 impl Rounded {
-    fn of(robot: &Robot, log: Log, steps: &[&TorqueSteps], values: &[f64]) -> Result<Rounded> {
+    fn new(robot: &Robot, log: Log, steps: &[&TorqueSteps], values: &[f64]) -> Result<Rounded> {
         let along = |values: Vec<f64>| {
             let std = vec![0.0; values.len()];
             predict::along(&Robot { identified: Some(Identified { values, std }), ..robot.clone() }, &log)
         };
         let torque = along(values.to_vec())?;
-        let with = |has: &fn(&Parameter) -> bool| {
+        let torque_with = |has: &fn(&Parameter) -> bool| {
             let more = robot.base.independent.iter().map(|c| if has(&robot.model.parameters[*c]) { 1.0 } else { 0.0 });
             along(values.iter().zip(more).map(|(value, more)| value + more).collect())
         };
-        let more: Vec<Vec<Vec<f64>>> = SHAPES.iter().map(with).collect::<Result<_>>()?;
+        let more: Vec<Vec<Vec<f64>>> = SHAPES.iter().map(torque_with).collect::<Result<_>>()?;
         let joint = |steps: &&TorqueSteps| {
             let shape = |more: &Vec<Vec<f64>>| scaled(more[steps.joint].iter().zip(&torque[steps.joint]));
             let (shapes, torque) = (more.iter().map(shape).collect(), torque[steps.joint].clone());
@@ -116,11 +116,11 @@ impl Joint {
         let TorqueSteps { joint, step, noise, .. } = self.steps;
         let part = move |d: usize| ((k as f64 + 1.0) * EVENLY[d] + joint as f64 * JOINTS).fract() - 0.5;
         // Noise takes so much of the mean error's first harmonic.
-        let left = (-2.0 * (PI * noise / step).powi(2)).exp();
+        let mean_error_share = (-2.0 * (PI * noise / step).powi(2)).exp();
         self.torque.iter().enumerate().map(move |(row, torque)| {
             let shapes: f64 = self.shapes.iter().enumerate().map(|(d, shape)| part(d + 1) * shape[row]).sum();
             let at = torque / step + part(0) + shapes;
-            left * step * (at.round() - at)
+            mean_error_share * step * (at.round() - at)
         })
     }
 }

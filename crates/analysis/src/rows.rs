@@ -101,7 +101,7 @@ fn rows_with(robot: &Robot, log: &Log, settings: &OfflineSettings) -> Result<Tak
     sound.found.extend(clipped);
     sound.found.extend(slow(robot, log));
     let coarse = coarse(robot, &sound.log);
-    sound.found.extend(coarse.iter().flat_map(|coarse| coarse.said(robot)));
+    sound.found.extend(coarse.iter().flat_map(|coarse| coarse.distrusts(robot)));
     let (mut found, mut all_rows, mut still, mut underived) = (Vec::new(), Vec::new(), None, BTreeSet::new());
     let why = || {
         sound.reason().map_or_else(|| log.path.display().to_string(), |why| format!("{}: {why}", log.path.display()))

@@ -156,24 +156,25 @@ fn strange_unit(joints: &[Joint], q: &[Vec<f64>], zero: &[f64]) -> Option<String
 /// The column of positions that runs through 57.3 times as many numbers as another one of the same motion, if there is one.
 fn strange_plan(joints: &[Joint], log: &Log) -> Option<String> {
     let plan = log.q_des.as_ref()?;
-    let of = |(j, joint): (usize, &Joint)| {
+    let unit_error = |(j, joint): (usize, &Joint)| {
         if joint.kind != JointKind::Revolute {
             return None;
         }
         let [qq, qp, pp] = squares(&log.q[j], &plan[j]);
         // Of a joint that hardly moves it is noise.
-        let told = qp > SAME_MOTION * (qq * pp).sqrt() && qq.max(pp) > log.len() as f64 * LEAST_MOTION.powi(2);
+        let is_same_motion =
+            qp > SAME_MOTION * (qq * pp).sqrt() && qq.max(pp) > log.len() as f64 * LEAST_MOTION.powi(2);
         let degrees = |times: f64| (times.to_radians() - 1.0).abs() < DEGREES;
         let times = (pp / qq).sqrt();
         let (q, plan) = (format!("q{}", j + 1), format!("q_des{}", j + 1));
         let (wrong, right) = if degrees(times) { (plan, q) } else { (q, plan) };
-        (told && (degrees(times) || degrees(1.0 / times))).then(|| {
+        (is_same_motion && (degrees(times) || degrees(1.0 / times))).then(|| {
             format!(
                 "column {wrong}: changes 57.3 times as much as {right}, which is the same motion; positions are in radians: are these degrees?"
             )
         })
     };
-    joints.iter().enumerate().find_map(of)
+    joints.iter().enumerate().find_map(unit_error)
 }
 
 /// Sums of squares and products of two signals about their means.

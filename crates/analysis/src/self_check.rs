@@ -155,7 +155,7 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
                 .iter()
                 .map(|run| Injector::new(Recorded::of(&robot.model, &robot.nominal, run.period_s, &run.q, &run.tau)))
                 .collect();
-            let typical: Vec<Typical> = (0..joints).map(|j| Typical::of(robot, &runs, j)).collect();
+            let typical: Vec<Typical> = (0..joints).map(|j| Typical::new(robot, &runs, j)).collect();
             let mine = pairs.iter().enumerate().skip(worker).step_by(workers);
             let powers = mine.map(|(i, (kind, joint))| (i, power(robot, probe, &recorded, &typical, *kind, *joint)));
             let powers: Vec<(usize, Power)> = powers.collect();
@@ -186,11 +186,11 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
 
 /// The beginning of the runs, as much as is looked at.
 fn shortened(runs: Vec<Run>) -> Vec<Run> {
-    let mut left = LONGEST_S;
+    let mut remaining_s = LONGEST_S;
     let mut out = Vec::new();
     for mut run in runs {
-        let samples = ((left / run.period_s) as usize).min(run.len());
-        left -= samples as f64 * run.period_s;
+        let samples = ((remaining_s / run.period_s) as usize).min(run.len());
+        remaining_s -= samples as f64 * run.period_s;
         for signals in [Some(&mut run.q), Some(&mut run.tau), run.temperature.as_mut()].into_iter().flatten() {
             for signal in signals {
                 signal.truncate(samples);
@@ -204,7 +204,7 @@ fn shortened(runs: Vec<Run>) -> Vec<Run> {
 }
 
 impl Typical {
-    fn of(robot: &Robot, runs: &[Run], joint: usize) -> Typical {
+    fn new(robot: &Robot, runs: &[Run], joint: usize) -> Typical {
         let rms = |values: &mut dyn Iterator<Item = f64>| {
             let (square, n) = values.fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
             f64::sqrt(square / f64::max(n, 1.0)).max(1e-6)

@@ -61,7 +61,7 @@ impl Session {
     }
 }
 
-/// Reports what the user has to know beside the result.
+/// Reports what the user has to know in addition to the result.
 pub fn note(text: impl Display) {
     let noted = CURRENT.with_borrow_mut(|current| match current {
         Some(session) => {

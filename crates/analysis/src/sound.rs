@@ -25,6 +25,6 @@ impl Sound<'_> {
 
 /// What was found, in one line.
 pub(crate) fn reason(found: &[Distrust]) -> String {
-    let of = |d: &Distrust| format!("{}: {}", d.joint.as_deref().unwrap_or_default(), d.text);
-    found.iter().map(of).collect::<Vec<_>>().join("; ")
+    let reason_of = |d: &Distrust| format!("{}: {}", d.joint.as_deref().unwrap_or_default(), d.text);
+    found.iter().map(reason_of).collect::<Vec<_>>().join("; ")
 }

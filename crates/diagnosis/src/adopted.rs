@@ -29,7 +29,7 @@ pub(crate) struct Adopted {
     pub(crate) acts_on: Vec<bool>,
     /// Prior mean of its coefficients.
     pub(crate) mean: Vec<f64>,
-    /// Whether it is a law of the angle beside which another one has evidence.
+    /// Whether it is a law of the angle while another one has evidence, too.
     pub(crate) another_law: bool,
 }
 

@@ -33,11 +33,11 @@ pub enum LogFault {
     Coarse(f64),
     /// By the model the torque is that of another joint, from 0, whose torque is this one's.
     Swapped(usize),
-    /// Of the gravity that the bodies as given have on the joint the torque carries this share: it was taken out.
+    /// Share of the nominal bodies' gravity torque that the torque contains: gravity was removed from it.
     Weightless(f64),
     /// Positions and torques are those of another joint, from 0, whose are this one's.
     Exchanged(usize),
-    /// Torque comes more slowly than the log's rows and is held in between: the run is looked at as often as it comes.
+    /// Torque is sampled more slowly than the log's rows and held in between: the run is evaluated at its rate.
     TorqueHeld {
         /// Rows for which a torque is held.
         samples: usize,
@@ -77,7 +77,7 @@ pub enum LogFault {
         /// How long \[s\].
         seconds: f64,
     },
-    /// Positions come more slowly than the log's rows and are held in between: the run is looked at as often as they come.
+    /// Positions are sampled more slowly than the log's rows and held in between: the run is evaluated at their rate.
     Held {
         /// Rows for which a position is held.
         samples: usize,
@@ -295,7 +295,15 @@ impl LogFault {
                  neighbouring values",
                 if samples == 1 { "" } else { "s" }
             ),
-            _ => return None,
+            LogFault::PositionSign { .. }
+            | LogFault::Exchanged(..)
+            | LogFault::Glitches(..)
+            | LogFault::Wrapped(..)
+            | LogFault::Jump { .. }
+            | LogFault::Frozen { .. }
+            | LogFault::Held { .. }
+            | LogFault::Steps { .. }
+            | LogFault::Still(..) => return None,
         })
     }
 }

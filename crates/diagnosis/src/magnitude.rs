@@ -79,8 +79,16 @@ impl Form {
             }
             Form::Coulomb { .. } => named(&[("change_Nm", c[0])]),
             Form::Viscous { .. } => named(&[("change_Nms_rad", c[0])]),
-            // Friction laws: see above.
-            _ => Vec::new(),
+            // Friction laws have their size from above.
+            Form::Asymmetry { .. }
+            | Form::Hysteresis { .. }
+            | Form::Load { .. }
+            | Form::OneSided { .. }
+            | Form::Presliding { .. }
+            | Form::Stribeck { .. }
+            | Form::Temperature { .. }
+            | Form::ViscousNonlinearity { .. }
+            | Form::Warming { .. } => Vec::new(),
         }
     }
 

@@ -342,7 +342,7 @@ impl Procedure<'_> {
         RunColumns { run, extra }
     }
 
-    /// Shares of the squared gap of the model as given, each joint's torque scaled to rms 1, by joint and regime.
+    /// Shares of the squared gap of the nominal model, each joint's torque scaled to rms 1, by joint and regime.
     pub(crate) fn place(&self, measured: &Stages, names: &[String]) -> Vec<Cell> {
         let mut cells = Vec::new();
         let mut total = 0.0;

@@ -67,7 +67,7 @@ pub(crate) struct Adoption {
     pub(crate) max_floor_ratio_of_nothing_left: f64,
     /// Log evidence that a group of values must be worth to be wrong. Unit and range: nats, above 0. Origin: hand-set.
     pub(crate) min_group_evidence: f64,
-    /// Log evidence of a counterbalance beside free values, from which these may imitate it. Unit and range: nats, above 0. Origin: arms without one: below 0.
+    /// Log evidence of a counterbalance with values free, from which these may imitate it. Unit and range: nats, above 0. Origin: arms without one: below 0.
     pub(crate) min_counterbalance_doubt: f64,
     /// RMS residual with a body over that with the counterbalance, for both to explain as much. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) max_body_rms_ratio: f64,
@@ -127,7 +127,7 @@ pub(crate) struct HeldOutTest {
     pub(crate) min_promise: f64,
     /// Gap before over after, from which on a joint is closed whatever remains. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) min_closing_ratio: f64,
-    /// Share of the gap of contact beside joints that keep more than noise. Unit and range: share, 0 to 1. Origin: ringing gears take less.
+    /// Share of the gap of contact where other joints keep more than noise. Unit and range: share, 0 to 1. Origin: ringing gears take less.
     pub(crate) min_contact_share: f64,
     /// Gap before over after on an effect's own joint, which stays open. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) min_helping_ratio: f64,
@@ -139,11 +139,11 @@ pub(crate) struct HeldOutTest {
     pub(crate) min_crowd: usize,
     /// RMS residual in motion that measured arms keep with right values. Unit and range: multiple of the noise, above 1. Origin: a UR10e: up to 13.
     pub(crate) max_gap_with_right_values: f64,
-    /// Share of the gap beside wrong values that are the answer. Unit and range: share, 0 to 1. Origin: hand-set.
+    /// Share of the gap where wrong values are the answer. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) max_gap_share_beside_values: f64,
     /// The same on an arm whose joints mostly stay above their noise. Unit and range: share, 0 to 1. Origin: measured arms.
     pub(crate) max_gap_share_beside_values_open: f64,
-    /// Share of the gap above the floor that may remain beside wrong values. Unit and range: share, 0 to 1. Origin: hand-set.
+    /// Share of the gap above the floor that may remain with wrong values. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) max_share_left: f64,
     /// Measured shrink over the upper end of an interval that holds 0. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) max_surprise_ratio: f64,
@@ -185,15 +185,15 @@ pub(crate) struct ConfidenceLevels {
     pub(crate) several_drives: usize,
     /// Factor for each confounded rival. Unit and range: probability. Origin: 15 of 19 drawn cases.
     pub(crate) first_of_class: f64,
-    /// At most, where the held-out run does not show it plainly. Unit and range: probability. Origin: four true causes in 75 cases beside two or three false ones.
+    /// At most, where the held-out run does not show it plainly. Unit and range: probability. Origin: four true causes and two or three false ones in 75 cases.
     pub(crate) not_plain: f64,
-    /// At most, for a law of the angle beside which another has evidence. Unit and range: probability. Origin: hand-set.
+    /// At most, for a law of the angle while another has evidence. Unit and range: probability. Origin: hand-set.
     pub(crate) another_law: f64,
     /// At most, for a small torque constant. Unit and range: probability. Origin: hand-set.
     pub(crate) may_be_bodies: f64,
     /// Torque constant that is small. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) small_gain: f64,
-    /// At most, for an asymmetry beside friction with load. Unit and range: probability. Origin: hand-set.
+    /// At most, for an asymmetry together with friction with load. Unit and range: probability. Origin: hand-set.
     pub(crate) beside_load: f64,
     /// At most, where the measured shrink leaves the interval far behind. Unit and range: probability. Origin: hand-set.
     pub(crate) promise_broken: f64,
@@ -201,7 +201,7 @@ pub(crate) struct ConfidenceLevels {
     pub(crate) heavier_link: f64,
     /// At most, for structure on a joint that stays open. Unit and range: probability. Origin: hand-set.
     pub(crate) left_open: f64,
-    /// At most, beside such a joint. Unit and range: probability. Origin: hand-set.
+    /// At most, where there is such a joint. Unit and range: probability. Origin: hand-set.
     pub(crate) open_beside: f64,
     /// Of another mounting than the file's. Unit and range: probability. Origin: hand-set.
     pub(crate) mounting: f64,
@@ -225,7 +225,7 @@ pub(crate) struct Screening {
     pub(crate) min_unit_ratio_without_friction: f64,
     /// The ratio where nearly all of the torque is friction. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) min_unit_ratio_of_friction: f64,
-    /// Squares beside friction over all, below which nearly all is friction. Unit and range: share, 0 to 1. Origin: hand-set.
+    /// Squares other than friction's over all, below which nearly all is friction. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) min_body_torque_share: f64,
     /// Squared residual with a load over that with another unit. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) max_load_residual_share: f64,
@@ -289,7 +289,7 @@ pub(crate) struct Screening {
     pub(crate) min_zero_rad: f64,
     /// Angle to an axis of the base at which it is that axis. Unit and range: rad, above 0. Origin: hand-set.
     pub(crate) max_axis_error_rad: f64,
-    /// Residual with another gravity over that as given. Unit and range: share, 0 to 1. Origin: wrong values of bodies: up to 0.5.
+    /// Residual with another gravity over that with the nominal one. Unit and range: share, 0 to 1. Origin: wrong values of bodies: up to 0.5.
     pub(crate) max_gravity_residual_share: f64,
     /// The same with another zero, of which there are more. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) max_zero_residual_share: f64,
@@ -461,7 +461,7 @@ pub(crate) struct Priors {
     pub(crate) fixed_group_share: f64,
     /// Of a group that is free, at least, over its usual error. Unit and range: share, above 0. Origin: hand-set.
     pub(crate) min_free_group_share: f64,
-    /// Of links that are held beside one body at the flange, over their usual error. Unit and range: share, 0 to 1. Origin: hand-set.
+    /// Change of held links with one body at the flange, over their usual error. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) held_link_share: f64,
     /// Of the time between torque and position. Unit and range: samples, above 0. Origin: a command is held over its period.
     pub(crate) timing_samples: f64,
@@ -521,7 +521,7 @@ pub(crate) struct Plausibility {
     pub(crate) min_body_joints: usize,
     /// Distance of that body from the last link's origin, over the reach. Unit and range: share, above 0. Origin: hand-set.
     pub(crate) body_distance_share: f64,
-    /// Friction over the file's that is as given. Unit and range: ratio, above 1. Origin: usual error of a file.
+    /// Friction over the file's that is unchanged. Unit and range: ratio, above 1. Origin: usual error of a file.
     pub(crate) max_friction_ratio_as_given: f64,
     /// Joints that are not those of the file. Unit and range: count, above 1. Origin: hand-set.
     pub(crate) min_strange_joints: usize,

@@ -84,7 +84,7 @@ pub struct Cell {
     pub share: f64,
     /// How long it did so \[s\].
     pub seconds: f64,
-    /// Root mean square of what the model as given leaves there \[N·m\].
+    /// Root mean square of the residual of the nominal model there \[N·m\].
     pub before_nm: f64,
     /// The same with all causes.
     pub after_nm: f64,

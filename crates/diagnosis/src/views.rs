@@ -112,7 +112,7 @@ pub struct View {
     pub stretches: usize,
     /// Whether these are enough to say anything.
     pub known: bool,
-    /// Root mean square of what the model as given leaves there \[N·m\].
+    /// Root mean square of the residual of the nominal model there \[N·m\].
     pub before_nm: f64,
     /// With all causes.
     pub after_nm: f64,

@@ -12,7 +12,7 @@ const WARMING_TIMES_S: [f64; 5] = [60.0, 150.0, 375.0, 940.0, 2350.0];
 /// States at the beginning: a cold joint, and one that comes from harder work.
 const START_WARMTHS: [f64; 2] = [0.0, 2.0];
 
-/// Puts effects that were made with the friction power of the values `fitted` into watts of those `written` beside them.
+/// Puts effects that were made with the friction power of the values `fitted` into watts of those `written` with them.
 pub(crate) fn in_watts_of(form: &Form, effects: &mut [KnownEffect], joints: usize, fitted: &[f64], written: &[f64]) {
     let Form::Warming { joint, warmth } = *form else { return };
     let [was, is] = [fitted, written].map(|x| warmth.mean_power(x, joints, joint));

@@ -126,7 +126,7 @@ type Outcomes = BTreeMap<String, Result<(Outcome, Option<Digest>)>>;
 /// A case that differs, and whatever keeps a case from being run.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let places = Places::find(args)?;
-    let (all, absent) = cases::all(&places, &args.python)?;
+    let (all, absent) = cases::all(&places, &args.python, &args.filter)?;
     for reason in &absent {
         note(&format!("skipped: {reason}"));
     }
@@ -162,6 +162,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     });
     let outcomes = outcomes.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if args.check
+        && !outcomes.values().any(|outcome| matches!(outcome, Err(_) | Ok((Outcome::Equal | Outcome::Different(_), _))))
+    {
+        bail!("no case was compared: none of those taken has a stored hash and the data behind it");
+    }
     finish(&places, stored, outcomes, &absent)
 }
 

@@ -126,12 +126,12 @@ pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String 
         }
     }
     let count = |by: Determined| chosen.determined.iter().filter(|d| **d == by).count();
-    let held = match count(Determined::ByBound) {
+    let held_text = match count(Determined::ByBound) {
         0 => String::new(),
-        held => format!(", {held} held"),
+        count => format!(", {count} held"),
     };
     let known = format!(
-        "{} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held}",
+        "{} of {}, condition {}; {} parameters decided by the data, {} by the prior (nominal){held_text}",
         chosen.rank,
         base.len(),
         number(chosen.condition, 2),

@@ -26,7 +26,7 @@ use crate::policy::POLICY;
 pub(crate) const LOWEST_MODE_HZ: f64 = 4.0;
 /// Bounds of the damping ratio for refinement.
 pub(crate) const MODE_DAMPING_RANGE: (f64, f64) = (0.003, 0.2);
-/// Bounds of the arm's share of the inertia: 1 is a base without inertia, beside an arm whose own is known within some tenths.
+/// Bounds of the arm's share of the inertia: 1 is a base without inertia and an arm whose own is known within some tenths.
 const ARM_SHARE_RANGE: (f64, f64) = (0.02, 1.4);
 /// A share that is further from the coefficient is made anew.
 const MAX_SHARE_CHANGE: f64 = 0.03;

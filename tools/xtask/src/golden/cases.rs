@@ -67,8 +67,9 @@ impl Case {
     }
 }
 
-/// All cases that can be run here, and one line for each set or case whose data are absent.
-pub(crate) fn all(places: &Places, python: &Path) -> Result<(Vec<Case>, Vec<String>)> {
+/// All cases that can be run here, and one line for each set or case whose data are absent. Sets in which `filter` takes nothing are not
+/// drawn.
+pub(crate) fn all(places: &Places, python: &Path, filter: &[String]) -> Result<(Vec<Case>, Vec<String>)> {
     let mut cases = Vec::new();
     let mut absent = Vec::new();
     for set in READY_SETS {
@@ -82,22 +83,32 @@ pub(crate) fn all(places: &Places, python: &Path) -> Result<(Vec<Case>, Vec<Stri
     cases.extend(measured);
     absent.extend(without);
     let draw = places.shared.join("simulators/bristle/draw.py");
-    match drawn(places, "bristle", |folder, answers| {
-        let mut command = Command::new(python);
-        command.arg(&draw).arg(folder).arg(answers).args(["--seed", DRAW_SEED]);
-        command.args(BRISTLE_KINDS.iter().flat_map(|(flag, count)| [*flag, *count]));
-        command
-    }) {
-        Ok(found) => cases.extend(found),
-        Err(why) => absent.push(format!("bristle: {why:#}")),
+    if may_match("bristle", filter) {
+        match drawn(places, "bristle", |folder, answers| {
+            let mut command = Command::new(python);
+            command.arg(&draw).arg(folder).arg(answers).args(["--seed", DRAW_SEED]);
+            command.args(BRISTLE_KINDS.iter().flat_map(|(flag, count)| [*flag, *count]));
+            command
+        }) {
+            Ok(found) => cases.extend(found),
+            Err(why) => absent.push(format!("bristle: {why:#}")),
+        }
     }
-    cases.extend(drawn(places, "drawn", |folder, answers| {
-        let mut command = Command::new(&places.program);
-        command.args(["blind", "make", "--seed", DRAW_SEED, "--count", DRAWN_CASES, "--out"]).arg(folder);
-        command.arg("--answers").arg(answers);
-        command
-    })?);
+    if may_match("drawn", filter) {
+        cases.extend(drawn(places, "drawn", |folder, answers| {
+            let mut command = Command::new(&places.program);
+            command.args(["blind", "make", "--seed", DRAW_SEED, "--count", DRAWN_CASES, "--out"]).arg(folder);
+            command.arg("--answers").arg(answers);
+            command
+        })?);
+    }
     Ok((cases, absent))
+}
+
+/// Whether `filter` may take cases of `set`, which are named `set/case-NN`.
+fn may_match(set: &str, filter: &[String]) -> bool {
+    let name = format!("{set}/case-");
+    filter.is_empty() || filter.iter().any(|text| name.contains(text.as_str()) || text.starts_with(&name))
 }
 
 /// Every folder with a robot file and logs, by name.
@@ -176,6 +187,15 @@ mod tests {
         let chosen = choose(all, &[], Some(12));
         let count = |set: &str| chosen.iter().filter(|case| case.set() == set).count();
         assert_eq!([count("a"), count("b"), count("c")], [2, 6, 4]);
+    }
+
+    #[test]
+    fn a_set_is_drawn_where_the_filter_takes_some_of_it() {
+        let filter = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+        assert!(may_match("bristle", &[]));
+        assert!(may_match("bristle", &filter(&["sealed", "bristle/case-0"])));
+        assert!(may_match("drawn", &filter(&["case-"])));
+        assert!(!may_match("drawn", &filter(&["sealed", "bristle/"])));
     }
 
     #[test]
