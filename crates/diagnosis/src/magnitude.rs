@@ -2,6 +2,7 @@
 
 use crate::contact::numbers;
 use crate::form::Form;
+use crate::two_mass::Gear;
 
 /// Name of the phase of a wave.
 const PHASE: &str = "phase_rad";
@@ -28,13 +29,7 @@ impl Form {
             // Measured torque over the model's: the drive delivers less than it reports when this is above 1.
             Form::Gain { .. } => named(&[("gain", 1.0 / (1.0 + c[0]))]),
             Form::TorqueLaw { .. } => named(&[("cubic_per_Nm2", c[0])]),
-            Form::TwoMass { gear, .. } => {
-                let mut size = named(&[("stiffness_Nm_rad", gear.stiffness)]);
-                if gear.gap > 0.0 {
-                    size.insert(0, ("gap_rad".to_owned(), gear.gap));
-                }
-                size
-            }
+            Form::TwoMass { gear, .. } => gear_magnitude(gear),
             Form::Base { mode } => named(&[
                 ("frequency_hz", mode.hz),
                 ("damping_ratio", mode.damping),
@@ -160,6 +155,12 @@ impl Form {
                     | Form::SpringBetween { .. }
             )
     }
+}
+
+/// Stiffness of a gear, and its backlash where it has one.
+fn gear_magnitude(gear: &Gear) -> Vec<(String, f64)> {
+    let gap = (gear.gap > 0.0).then(|| ("gap_rad".to_owned(), gear.gap));
+    gap.into_iter().chain([("stiffness_Nm_rad".to_owned(), gear.stiffness)]).collect()
 }
 
 /// Largest force, and moment, of contact with coefficients `c`.
