@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use rivet_config::Robot;
 use rivet_ipc_schema::{Bus, BusConfig, JointState, OneSource, RobotName};
-use rivet_logs::write_columns;
+use rivet_logs::write_model_columns;
 use rivet_realtime::{Shutdown, now_ns};
 
 use rivet_analysis::fault::Fault;
@@ -17,7 +17,7 @@ const TURN: Duration = Duration::from_millis(5);
 /// Time without a sample after which nobody is taken to be there.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Listens for `seconds` of samples and writes them to `path`, as logs of this robot are written. Samples that cannot be used
+/// Listens for `seconds` of samples and writes them to `path`, in the model's conventions. Samples that cannot be used
 /// (a fault bit, a number that is none, a stamp that jumps) and samples that never came are holes in time; a second robot
 /// controller is not listened to.
 pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Path) -> Result<()> {
@@ -69,7 +69,6 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
 
 /// Samples as columns.
 struct Recorded {
-    zero: Vec<f64>,
     first_ns: Option<u64>,
     t: Vec<f64>,
     q: Vec<Vec<f64>>,
@@ -82,15 +81,7 @@ struct Recorded {
 impl Recorded {
     fn new(robot: &Robot) -> Recorded {
         let signals = || vec![Vec::new(); robot.dof()];
-        Recorded {
-            zero: robot.config.log.joint_zero.clone(),
-            first_ns: None,
-            t: Vec::new(),
-            q: signals(),
-            tau: signals(),
-            temperature: signals(),
-            unusable: 0,
-        }
+        Recorded { first_ns: None, t: Vec::new(), q: signals(), tau: signals(), temperature: signals(), unusable: 0 }
     }
 
     fn seconds(&self) -> f64 {
@@ -120,7 +111,7 @@ impl Recorded {
         }
         self.t.push(t);
         for j in 0..n {
-            self.q[j].push(state.q[j] - self.zero[j]);
+            self.q[j].push(state.q[j]);
             self.tau[j].push(state.tau[j]);
             self.temperature[j].push(state.temperature[j]);
         }
@@ -134,7 +125,7 @@ impl Recorded {
         for (kind, signals, _) in signals.into_iter().filter(|(.., there)| *there) {
             named.extend(signals.iter().enumerate().map(|(j, s)| (format!("{kind}{}", j + 1), s.as_slice())));
         }
-        write_columns(path, &named)?;
+        write_model_columns(path, &named)?;
         Ok(())
     }
 }

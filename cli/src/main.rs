@@ -10,6 +10,7 @@ mod changes;
 mod check;
 mod children;
 mod control;
+mod convert;
 mod demo;
 mod diagnose;
 mod doctor;
@@ -26,6 +27,7 @@ mod number;
 mod online;
 mod outputs;
 mod predict;
+mod record;
 mod replay;
 mod stream;
 mod study;
@@ -59,6 +61,10 @@ enum Command {
     Blind(blind::Args),
     /// Show what a recording holds and how it would be read
     Inspect(inspect::Args),
+    /// Write a recording in another format, with its signals under the names that rivet reads
+    Convert(convert::Args),
+    /// Record what robot, rivetd and rivet-controller publish, as MCAP
+    Record(record::Args),
     /// Predict the torque of a log
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
@@ -94,6 +100,7 @@ impl Command {
         matches!(
             self,
             Command::Identify(_)
+                | Command::Convert(_)
                 | Command::Inspect(_)
                 | Command::Diagnose(_)
                 | Command::Blind(_)
@@ -121,6 +128,8 @@ fn main() -> ExitCode {
         Command::Compare(args) => changes::run(args),
         Command::Blind(args) => blind::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Convert(args) => convert::run(args),
+        Command::Record(args) => record::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::New(args) => new::run(args),

@@ -30,6 +30,8 @@ mod control;
 mod error;
 mod event;
 mod join;
+#[cfg(feature = "json")]
+mod json;
 mod layout;
 mod messages;
 mod name;

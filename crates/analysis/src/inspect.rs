@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use rivet_config::Robot;
 use rivet_logs::{
-    Listing, Log, LogFault, Naming, ReadOptions, ResampleReport, channels_by_name, clocks, list, numbered_joints,
-    read_as, read_columns, recorded_joints,
+    ChannelMap, Listing, Log, LogFault, Naming, ReadOptions, ResampleReport, channels_by_name, clocks, list,
+    numbered_joints, read_as, read_columns, recorded_joints,
 };
 use rivet_screening::{ArmState, Fault as LogReading, Reading, Screening};
 use serde_json::json;
@@ -21,6 +21,9 @@ use crate::{reading, robot_file, runs};
 const WIDTH: usize = 80;
 /// Topics that are listed by name.
 const MOST_TOPICS: usize = 3;
+/// Why a recording without positions is refused.
+pub(crate) const NO_POSITIONS: &str =
+    "no group of columns looks like joint positions; give the URDF and --map q=PATTERN";
 /// A reading with less than this is not sure.
 const SURE: f64 = 0.95;
 
@@ -63,17 +66,9 @@ struct ChannelReading {
 /// The recording or the robot cannot be read. A recording that is read and does not fit is reported by the inspection.
 pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result<Inspection> {
     let (robot_path, entries) = (robot, map);
-    if robot_path.is_none() && !entries.is_empty() {
-        let why = "--map needs the URDF or the robot file: rivet inspect RECORDING URDF --map KEY=VALUE";
-        return Err(Fault::Usage(why.to_owned()).into());
-    }
     let listing = list(recording)?;
-    let robot = robot_path.map(|path| robot_of(path, None)).transpose()?;
-    let robot = robot.map(|robot| map::apply(robot, entries)).transpose()?;
-    let joints = robot.as_ref().map_or_else(|| recorded_joints(&listing), runs::joint_names);
-    let count = if joints.is_empty() { numbered_joints(&listing) } else { joints.len() };
-    let stated = robot.as_ref().map(map::channels).transpose()?.unwrap_or_default();
-    let naming = Naming { joints: &joints, map: &stated };
+    let arm = Arm::find(&listing, robot_path, entries)?;
+    let (naming, count) = (arm.naming(), arm.count);
     let mut doubts = listing.warnings.clone();
     let (mut channels, mut refused, mut log) = (Vec::new(), None, None);
     match channels_by_name(&listing, &naming, count) {
@@ -81,10 +76,10 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
         Err(why) => refused = Some(why.to_string()),
     }
     if refused.is_none() && count == 0 {
-        refused = Some("no group of columns looks like joint positions; give the URDF and --map q=PATTERN".to_owned());
+        refused = Some(NO_POSITIONS.to_owned());
     }
     if refused.is_none() {
-        match read_as(recording, &options(robot.as_ref(), count), &naming) {
+        match read_as(recording, &arm.options(), &naming) {
             Ok(read) => log = Some(read),
             Err(why) if matches!(why.fault, LogFault::Io(_)) => return Err(why.into()),
             Err(why) => refused = Some(why.fault.to_string()),
@@ -112,7 +107,7 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
     Ok(Inspection {
         recording: recording.to_owned(),
         listing,
-        joints: named(joints, count),
+        joints: arm.joint_names(),
         channels,
         refused,
         log,
@@ -123,19 +118,57 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
     })
 }
 
-fn named(joints: Vec<String>, count: usize) -> Vec<String> {
-    if joints.is_empty() { (1..=count).map(|j| format!("joint {j}")).collect() } else { joints }
+/// The arm of a recording: that of a URDF or a robot file, else what the recording itself names.
+pub(crate) struct Arm {
+    robot: Option<Robot>,
+    /// Names of the joints; empty where neither states them.
+    joints: Vec<String>,
+    /// Number of joints; 0 where it is unknown.
+    pub(crate) count: usize,
+    stated: ChannelMap,
 }
 
-fn options(robot: Option<&Robot>, joints: usize) -> ReadOptions<'_> {
-    match robot {
-        Some(robot) => ReadOptions {
-            joints,
-            drive_gain: robot.config.drive.drive_gain.as_deref(),
-            torque_from_current: robot.config.log.torque_from_current,
-            joint_zero: Some(&robot.config.log.joint_zero),
-        },
-        None => ReadOptions::new(joints),
+impl Arm {
+    /// * `robot`: URDF or robot file
+    /// * `entries`: channels that are stated, as [`map::apply`] takes them
+    ///
+    /// # Errors
+    /// The robot cannot be read, or channels are stated without one.
+    pub(crate) fn find(listing: &Listing, robot: Option<&Path>, entries: &[String]) -> Result<Arm> {
+        if robot.is_none() && !entries.is_empty() {
+            let why = "--map needs the URDF or the robot file beside the recording";
+            return Err(Fault::Usage(why.to_owned()).into());
+        }
+        let robot = robot.map(|path| robot_of(path, None)).transpose()?;
+        let robot = robot.map(|robot| map::apply(robot, entries)).transpose()?;
+        let joints = robot.as_ref().map_or_else(|| recorded_joints(listing), runs::joint_names);
+        let count = if joints.is_empty() { numbered_joints(listing) } else { joints.len() };
+        let stated = robot.as_ref().map(map::channels).transpose()?.unwrap_or_default();
+        Ok(Arm { robot, joints, count, stated })
+    }
+
+    /// How its channels are found.
+    pub(crate) fn naming(&self) -> Naming<'_> {
+        Naming { joints: &self.joints, map: &self.stated }
+    }
+
+    /// How its recordings are read.
+    pub(crate) fn options(&self) -> ReadOptions<'_> {
+        match &self.robot {
+            Some(robot) => ReadOptions {
+                joints: self.count,
+                drive_gain: robot.config.drive.drive_gain.as_deref(),
+                torque_from_current: robot.config.log.torque_from_current,
+                joint_zero: Some(&robot.config.log.joint_zero),
+            },
+            None => ReadOptions::new(self.count),
+        }
+    }
+
+    /// Names of the joints, by number where none is known.
+    pub(crate) fn joint_names(&self) -> Vec<String> {
+        let numbered = || (1..=self.count).map(|joint| format!("joint {joint}")).collect();
+        if self.joints.is_empty() { numbered() } else { self.joints.clone() }
     }
 }
 

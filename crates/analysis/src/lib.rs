@@ -5,6 +5,7 @@
 //! | [`identify::identify`] | base parameters with standard deviations |
 //! | [`diagnose::diagnose`] | causes of the gap between nominal model and arm |
 //! | [`predict::predict`] | torque along a log |
+//! | [`convert::convert`] | a recording in another format |
 //! | [`inspect::inspect`] | what a recording holds, and how it would be read |
 //! | [`robot_file::robot_file`] | a robot file from a URDF and logs |
 //!
@@ -16,6 +17,7 @@ pub mod channels;
 mod clock;
 pub mod coarse;
 mod compare;
+pub mod convert;
 mod delays;
 pub mod diagnose;
 pub mod doubts;

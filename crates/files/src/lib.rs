@@ -17,6 +17,7 @@ pub use draft::Draft;
 use folder::Folder;
 pub use lock::open_lock;
 pub use printable::{Printable, arguments_are_printable, is_unsafe, note, printable, printable_json};
+use rustix::fs::OFlags;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -48,6 +49,18 @@ pub fn fill_whole<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) 
         }
         in_place => fill(&mut in_place.open()?),
     }
+}
+
+/// Makes a file that grows where it is, such as a recording. Nothing stands there before: neither a file nor a link is followed or
+/// replaced.
+///
+/// # Errors
+/// Something of that name is there ([`io::ErrorKind::AlreadyExists`]), a link of another user is on the way to its folder, or it
+/// cannot be made.
+pub fn create_new(path: &Path) -> io::Result<File> {
+    let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL;
+    Folder::open(destination::parent(path))?.open_file(name, flags, destination::NEW_FILE)
 }
 
 /// A file, whole. Of a pipe or a device a reader might wait for ever, which a service must not.

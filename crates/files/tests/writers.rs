@@ -363,3 +363,19 @@ fn a_lock_is_closed_to_others_and_no_link() {
         assert!(open_lock(&at("open")).expect_err("theirs").to_string().contains("user 65534 owns it"));
     }
 }
+
+#[test]
+fn a_new_file_replaces_and_follows_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    rivet_files::create_new(&path).and_then(|mut file| file.write_all(b"first")).expect("made");
+    let again = rivet_files::create_new(&path).expect_err("it is there");
+    assert_eq!(again.kind(), io::ErrorKind::AlreadyExists);
+    assert_eq!(fs::read(&path).expect("there"), b"first");
+    // Nor is a link followed, wherever it leads.
+    let (target, link) = (folder.path().join("absent"), folder.path().join("link.mcap"));
+    symlink(&target, &link).expect("a link");
+    let linked = rivet_files::create_new(&link).expect_err("a link");
+    assert_eq!(linked.kind(), io::ErrorKind::AlreadyExists);
+    assert!(!target.exists());
+}

@@ -1,5 +1,7 @@
 //! How a text table is written: separator, decimal mark, comments, header.
 
+use crate::listing::Conventions;
+
 /// Bytes at the beginning of a file that decide.
 pub(crate) const SNIFFED_BYTES: u64 = 256 << 10;
 /// Lines that are looked at for a decimal comma.
@@ -26,6 +28,8 @@ pub(crate) struct Dialect {
     pub(crate) names: Option<Vec<String>>,
     /// First cells of the table, below the header.
     pub(crate) first: Vec<String>,
+    /// Whose conventions its first line states.
+    pub(crate) conventions: Conventions,
 }
 
 /// Whether a line is a comment.
@@ -41,6 +45,8 @@ impl Dialect {
         let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
         let content: Vec<&str> =
             lines.iter().copied().filter(|line| !is_comment(line.as_bytes())).take(SNIFFED_LINES).collect();
+        let top_line = lines.first().copied().filter(|line| is_comment(line.as_bytes()));
+        let conventions = Conventions::stated(top_line.unwrap_or_default());
         let Some(first) = content.first().copied() else {
             let empty = Vec::new();
             return Dialect {
@@ -49,6 +55,7 @@ impl Dialect {
                 has_header: true,
                 names: None,
                 first: empty,
+                conventions,
             };
         };
         let separator = separator(first, content.get(1).copied());
@@ -66,7 +73,7 @@ impl Dialect {
         let has_header = comment.is_none() && !top.iter().all(is_data);
         let names = comment.or_else(|| (!has_header).then(|| (1..=top.len()).map(|k| format!("column{k}")).collect()));
         let first = if has_header { content.get(1).map_or_else(Vec::new, |line| cells(line, separator)) } else { top };
-        Dialect { separator, decimal_comma, has_header, names, first }
+        Dialect { separator, decimal_comma, has_header, names, first, conventions }
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
     };
     let columns = table.names.iter().enumerate().map(column).collect();
     let topic = Topic { name: String::new(), kind: "table".to_owned(), messages: None, is_read: true };
-    Ok(Listing { topics: vec![topic], columns, ..Listing::default() })
+    Ok(Listing { topics: vec![topic], columns, conventions: table.dialect.conventions, ..Listing::default() })
 }
 
 /// Reads the columns that `wanted` picks by name from a text table.

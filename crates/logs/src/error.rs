@@ -27,6 +27,12 @@ pub enum LogFault {
         /// What the decoder said.
         why: String,
     },
+    /// A name whose ending is none of the formats that are written.
+    #[error("its ending is that of no format that is written; end it with one of {known}")]
+    UnknownEnding {
+        /// The endings that are known.
+        known: String,
+    },
     /// A column the contract asks for is not there.
     #[error("column {column} is missing; {rule}")]
     MissingColumn {

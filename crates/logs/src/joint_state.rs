@@ -39,6 +39,53 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<JointState<'_>, String> {
     Ok(JointState { stamp_ns, names, arrays })
 }
 
+/// Definition of the message and of what it contains, as MCAP stores it for ROS 2 (`ros2msg`).
+pub(crate) const DEFINITION: &str = "\
+std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+";
+
+/// Encodes a message, little endian. Arrays are in the order of [`FIELDS`]; an empty one is a field that is not measured.
+pub(crate) fn encode(stamp_ns: u64, names: &[String], arrays: [&[f64]; 3]) -> Vec<u8> {
+    let mut out = vec![0, 1, 0, 0];
+    let align = |out: &mut Vec<u8>, size: usize| {
+        out.resize(ENCAPSULATION + (out.len() - ENCAPSULATION).next_multiple_of(size), 0);
+    };
+    let put_u32 = |out: &mut Vec<u8>, value: u32| {
+        align(out, size_of::<u32>());
+        out.extend(value.to_le_bytes());
+    };
+    let put_text = |out: &mut Vec<u8>, text: &str| {
+        put_u32(out, text.len() as u32 + 1);
+        out.extend(text.as_bytes());
+        out.push(0);
+    };
+    put_u32(&mut out, (stamp_ns / 1_000_000_000) as u32);
+    put_u32(&mut out, (stamp_ns % 1_000_000_000) as u32);
+    put_text(&mut out, "");
+    put_u32(&mut out, names.len() as u32);
+    names.iter().for_each(|name| put_text(&mut out, name));
+    for array in arrays {
+        put_u32(&mut out, array.len() as u32);
+        if !array.is_empty() {
+            align(&mut out, size_of::<f64>());
+            out.extend(array.iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    out
+}
+
 /// Common data representation, plain encoding (OMG DDS-XTypes 1.3, 7.4.1): values are aligned to their size.
 struct Cdr<'a> {
     bytes: &'a [u8],
@@ -128,6 +175,12 @@ mod tests {
             }
         }
         out
+    }
+
+    #[test]
+    fn what_is_encoded_is_what_the_standard_says() {
+        let names = ["ab".to_owned(), "c".to_owned()];
+        assert_eq!(encode(5_250_000_000, &names, [&[1.5, -2.0], &[], &[3.0, 4.0]]), message(true));
     }
 
     #[test]

@@ -26,6 +26,26 @@ pub struct Column {
     pub text: Option<String>,
 }
 
+/// How files of rivet state [`Conventions::Model`]: in the key of a Parquet file, a comment of a text table, the library of MCAP.
+pub(crate) const CONVENTIONS_OF_THE_MODEL: &str = "SI units, signs and zeros of the model";
+
+/// Whose conventions the numbers of a recording follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Conventions {
+    /// Those of whatever recorded it: `[log]` of the robot file states signs, scales, zeros and units.
+    #[default]
+    Recorder,
+    /// Those of the model: rivet wrote it. Nothing of `[log]` is applied.
+    Model,
+}
+
+impl Conventions {
+    /// What a text of a file states: those of the model, where it ends with the words of rivet.
+    pub(crate) fn stated(text: &str) -> Conventions {
+        if text.trim_end().ends_with(CONVENTIONS_OF_THE_MODEL) { Conventions::Model } else { Conventions::Recorder }
+    }
+}
+
 /// What a recording holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Listing {
@@ -37,6 +57,8 @@ pub struct Listing {
     pub columns: Vec<Column>,
     /// What is wrong with it, although it can be read.
     pub warnings: Vec<String>,
+    /// Whose conventions its numbers follow.
+    pub conventions: Conventions,
 }
 
 impl Listing {

@@ -11,6 +11,7 @@ use crate::columns::{Group, Table};
 use crate::damaged;
 use crate::error::{LogError, LogFault};
 use crate::guess;
+use crate::listing::Conventions;
 use crate::plan::{Naming, Plan};
 use crate::readers;
 
@@ -109,11 +110,15 @@ pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Namin
     let listing = (reader.list)(path)?;
     let plan =
         Plan::find(&listing, naming, options.joints, options.torque_from_current).map_err(|fault| fault.at(path))?;
+    let options = match plan.conventions() {
+        Conventions::Recorder => *options,
+        Conventions::Model => ReadOptions { torque_from_current: false, joint_zero: None, ..*options },
+    };
     let mut table = (reader.read)(path, &|name| plan.wants(name))?;
     let warnings = std::mem::take(&mut table.warnings);
     let (mut table, notes) = plan.apply(table).map_err(|fault| fault.at(path))?;
     let damaged = damaged::take_out(&mut table, LARGEST, LEAST_ROWS);
-    let log = Log::from_table(path, table, options).map_err(|fault| fault.at(path))?;
+    let log = Log::from_table(path, table, &options).map_err(|fault| fault.at(path))?;
     let notes = warnings.into_iter().chain(notes).chain(damaged.note).collect();
     Ok(Log { notes, damaged_t: damaged.t, ..log })
 }

@@ -220,6 +220,11 @@ impl Walk<'_> {
     /// A record that is no chunk.
     fn record(&mut self, op: u8, length: u64, stream: &mut dyn Read) -> Result<(), Stop> {
         match op {
+            op::HEADER if length <= MAX_RECORD_BYTES => {
+                if let Record::Header(header) = parsed(op, &body(stream, length)?)? {
+                    self.sink.written_by(&header.library);
+                }
+            }
             op::SCHEMA => {
                 if let Record::Schema { header, .. } = parsed(op, &body(stream, length)?)? {
                     self.types.insert(header.id, header.name);

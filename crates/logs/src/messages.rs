@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::columns::{Table, Wanted};
 use crate::joint_state::{FIELDS, JointState, TYPES, decode};
-use crate::listing::{Column, Listing, Topic};
+use crate::listing::{Column, Conventions, Listing, Topic};
+use crate::own_recording::{Kind, OwnRecording};
 
 /// Message encoding that is read.
 const ENCODING: &str = "cdr";
@@ -33,6 +34,9 @@ pub(crate) trait Sink {
     /// The recording claims more than is read.
     fn message(&mut self, topic: usize, log_time_ns: u64, data: &[u8]) -> Result<(), String>;
 
+    /// Takes the name of the program that wrote the container.
+    fn written_by(&mut self, _library: &str) {}
+
     /// Whether nothing more is needed.
     fn is_done(&self) -> bool;
 
@@ -43,8 +47,8 @@ pub(crate) trait Sink {
     fn drop_since_mark(&mut self) {}
 }
 
-/// Whether messages are joint states that are read.
-fn is_read(kind: &str, encoding: &str) -> bool {
+/// Whether messages are joint states of ROS 2 that are read.
+fn is_joint_state(kind: &str, encoding: &str) -> bool {
     TYPES.contains(&kind) && encoding == ENCODING
 }
 
@@ -53,6 +57,8 @@ struct Seen {
     topic: Topic,
     /// Messages so far.
     count: u64,
+    /// What it is of rivet's own bus.
+    own: Option<Kind>,
     joints: Vec<String>,
     has: [bool; 3],
     is_stamped: bool,
@@ -64,6 +70,8 @@ pub(crate) struct Scout {
     seen: Vec<Seen>,
     /// Numbers of messages by topic, as the recording's summary states them.
     expected: Option<BTreeMap<String, u64>>,
+    own: OwnRecording,
+    conventions: Conventions,
     undecoded: Undecoded,
 }
 
@@ -76,7 +84,7 @@ impl Scout {
     pub(crate) fn finish(self, mut warnings: Vec<String>) -> Listing {
         let mut columns = Vec::new();
         let mut topics = Vec::new();
-        for Seen { mut topic, count, joints, has, is_stamped } in self.seen {
+        for Seen { mut topic, count, joints, has, is_stamped, .. } in self.seen {
             let messages = self.expected.as_ref().map_or(count, |e| e.get(&topic.name).copied().unwrap_or(0));
             topic.messages = Some(messages);
             let name = topic.name.clone();
@@ -97,24 +105,30 @@ impl Scout {
             }
         }
         warnings.extend(self.undecoded.warning());
-        Listing { topics, columns, warnings, ..Listing::default() }
+        let mut listing = Listing { topics, columns, warnings, conventions: self.conventions, ..Listing::default() };
+        if self.own.has_rows() {
+            listing.conventions = Conventions::Model;
+            self.own.list(&mut listing);
+        }
+        listing
     }
 }
 
 impl Sink for Scout {
+    fn written_by(&mut self, library: &str) {
+        self.conventions = Conventions::stated(library);
+    }
+
     fn topic(&mut self, name: &str, kind: &str, encoding: &str) -> Option<usize> {
         let known = self.seen.iter().position(|seen| seen.topic.name == name);
         known.or_else(|| {
             if self.seen.len() >= MAX_CHANNELS {
                 return None;
             }
-            let topic = Topic {
-                name: name.to_owned(),
-                kind: kind.to_owned(),
-                messages: None,
-                is_read: is_read(kind, encoding),
-            };
-            self.seen.push(Seen { topic, count: 0, joints: Vec::new(), has: [false; 3], is_stamped: true });
+            let own = Kind::of(kind, encoding);
+            let is_read = own.is_some() || is_joint_state(kind, encoding);
+            let topic = Topic { name: name.to_owned(), kind: kind.to_owned(), messages: None, is_read };
+            self.seen.push(Seen { topic, count: 0, own, joints: Vec::new(), has: [false; 3], is_stamped: true });
             Some(self.seen.len() - 1)
         })
     }
@@ -123,6 +137,12 @@ impl Sink for Scout {
         let seen = &mut self.seen[topic];
         seen.count += 1;
         if !seen.topic.is_read || seen.count > LISTED_MESSAGES {
+            return Ok(());
+        }
+        if let Some(kind) = seen.own {
+            if let Err(why) = self.own.take(kind, data) {
+                self.undecoded.add(why);
+            }
             return Ok(());
         }
         match decode(data) {
@@ -180,6 +200,8 @@ type Place = (usize, usize, usize);
 #[derive(Default)]
 struct Collected {
     name: String,
+    /// What it is of rivet's own bus.
+    own: Option<Kind>,
     wants_stamp: bool,
     /// Joints of the last message, and where its values go.
     joints: Vec<String>,
@@ -273,6 +295,7 @@ pub(crate) struct Collector<'a> {
     /// Bytes of the recording.
     bytes: u64,
     topics: Vec<Collected>,
+    own: OwnRecording,
     marks: Vec<usize>,
     undecoded: Undecoded,
     cells: u64,
@@ -281,7 +304,16 @@ pub(crate) struct Collector<'a> {
 impl<'a> Collector<'a> {
     /// `bytes`: size of the recording.
     pub(crate) fn new(wanted: Wanted<'a>, bytes: u64) -> Collector<'a> {
-        Collector { wanted, bytes, topics: Vec::new(), marks: Vec::new(), undecoded: Undecoded::default(), cells: 0 }
+        let (topics, marks, own, undecoded) = Default::default();
+        Collector { wanted, bytes, topics, own, marks, undecoded, cells: 0 }
+    }
+
+    /// That the values so far are no more than the recording's bytes may stand for.
+    fn ensure_plausible(&self) -> Result<(), String> {
+        if self.cells > self.bytes.saturating_mul(CELLS_A_BYTE).saturating_add(CELLS_OF_ANY_FILE) {
+            return Err(format!("its {} bytes claim more than {} values", self.bytes, self.cells));
+        }
+        Ok(())
     }
 
     /// The columns. Times count from the first message of the recording \[s\].
@@ -290,7 +322,8 @@ impl<'a> Collector<'a> {
             self.topics.iter().flat_map(|topic| times(topic).iter().copied()).min().unwrap_or(0)
         };
         let (first_stamp, first_log) = (first(|t| &t.stamps_ns), first(|t| &t.log_ns));
-        let mut table = Table::default();
+        let mut table = self.own.columns(&mut warnings);
+        table.columns.retain(|name, _| (self.wanted)(name));
         for topic in self.topics {
             let rows = topic.rows(&mut warnings);
             let seconds = |times: &[i64], first: i64| -> Vec<f64> {
@@ -315,7 +348,8 @@ impl<'a> Collector<'a> {
 
 impl Sink for Collector<'_> {
     fn topic(&mut self, name: &str, kind: &str, encoding: &str) -> Option<usize> {
-        if !is_read(kind, encoding) {
+        let own = Kind::of(kind, encoding);
+        if own.is_none() && !is_joint_state(kind, encoding) {
             return None;
         }
         let known = self.topics.iter().position(|topic| topic.name == name);
@@ -324,12 +358,19 @@ impl Sink for Collector<'_> {
                 return None;
             }
             let wants_stamp = (self.wanted)(&format!("{name}/{STAMP}"));
-            self.topics.push(Collected { name: name.to_owned(), wants_stamp, ..Collected::default() });
+            self.topics.push(Collected { name: name.to_owned(), own, wants_stamp, ..Collected::default() });
             Some(self.topics.len() - 1)
         })
     }
 
     fn message(&mut self, topic: usize, log_time_ns: u64, data: &[u8]) -> Result<(), String> {
+        if let Some(kind) = self.topics[topic].own {
+            match self.own.take(kind, data) {
+                Ok(values) => self.cells += values as u64,
+                Err(why) => self.undecoded.add(why),
+            }
+            return self.ensure_plausible();
+        }
         let state = match decode(data) {
             Ok(state) => state,
             Err(why) => {
@@ -344,10 +385,7 @@ impl Sink for Collector<'_> {
         if topic.slots.len() > MAX_CHANNELS {
             return Err(format!("it has more than {MAX_CHANNELS} channels"));
         }
-        if self.cells > self.bytes.saturating_mul(CELLS_A_BYTE).saturating_add(CELLS_OF_ANY_FILE) {
-            return Err(format!("its {} bytes claim more than {} values", self.bytes, self.cells));
-        }
-        Ok(())
+        self.ensure_plausible()
     }
 
     fn is_done(&self) -> bool {
@@ -355,10 +393,12 @@ impl Sink for Collector<'_> {
     }
 
     fn mark(&mut self) {
+        self.own.mark();
         self.marks = self.topics.iter().map(|topic| topic.log_ns.len()).collect();
     }
 
     fn drop_since_mark(&mut self) {
+        self.own.drop_since_mark();
         for (k, topic) in self.topics.iter_mut().enumerate() {
             topic.truncate(self.marks.get(k).copied().unwrap_or(0));
         }

@@ -15,7 +15,7 @@ use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{DataType, DoubleType};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{ChunkReader, Length};
 use parquet::file::serialized_reader::SerializedPageReader;
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use crate::columns::{EXACT, Table, Wanted};
 use crate::error::{LogError, LogFault};
-use crate::listing::{Column, Listing, Topic};
+use crate::listing::{CONVENTIONS_OF_THE_MODEL, Column, Conventions, Listing, Topic};
 use crate::parquet_limits;
 
 /// Most entries of a list.
@@ -48,7 +48,7 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
         }
         let rows = u64::try_from(file.metadata.file_metadata().num_rows()).ok();
         let topic = Topic { name: String::new(), kind: "table".to_owned(), messages: rows, is_read: true };
-        Ok(Listing { topics: vec![topic], columns, ..Listing::default() })
+        Ok(Listing { topics: vec![topic], columns, conventions: file.conventions(), ..Listing::default() })
     })
 }
 
@@ -80,6 +80,12 @@ impl Source {
         let metadata = ParquetMetaDataReader::new().parse_and_finish(&window).map_err(|e| fault(&e).at(path))?;
         ensure_plausible(&metadata, bytes).map_err(|e| fault(&e).at(path))?;
         Ok(Source { file, bytes, metadata })
+    }
+
+    fn conventions(&self) -> Conventions {
+        let stated = self.metadata.file_metadata().key_value_metadata().into_iter().flatten();
+        let text = stated.filter(|entry| entry.key == MARK).find_map(|entry| entry.value.as_deref());
+        Conventions::stated(text.unwrap_or_default())
     }
 
     fn columns(&self) -> usize {
@@ -548,21 +554,34 @@ fn append<T: DataType>(
     Ok(())
 }
 
+/// Key of the file's metadata that states whose conventions its numbers follow.
+const MARK: &str = "rivet.conventions";
+
 /// Writes columns of equal length as Parquet (zstd, 64 bit floats).
 ///
 /// Atomic: the file appears under its name complete, or not at all. It is written beside its place and renamed.
 pub fn write_columns<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogError> {
+    write(path, columns, None)
+}
+
+/// The same for columns of the contract in the model's conventions, which the file states: what a robot file says in `[log]` of signs,
+/// scales and zeros is not applied when they are read.
+pub fn write_model_columns<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])]) -> Result<(), LogError> {
+    write(path, columns, Some(CONVENTIONS_OF_THE_MODEL))
+}
+
+fn write<S: AsRef<str>>(path: &Path, columns: &[(S, &[f64])], conventions: Option<&str>) -> Result<(), LogError> {
     let rows = columns.first().map_or(0, |(_, values)| values.len());
     if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
         let column = name.as_ref().to_owned();
         return Err(LogFault::Length { column, rows: values.len(), expected: rows }.at(path));
     }
-    let bytes = encoded(columns).map_err(|why| why.at(path))?;
+    let bytes = encoded(columns, conventions).map_err(|why| why.at(path))?;
     // The library would make a full disk a fault of the format.
     rivet_files::write_whole(path, bytes).map_err(|why| LogFault::Io(why).at(path))
 }
 
-fn encoded<S: AsRef<str>>(columns: &[(S, &[f64])]) -> Result<Vec<u8>, LogFault> {
+fn encoded<S: AsRef<str>>(columns: &[(S, &[f64])], conventions: Option<&str>) -> Result<Vec<u8>, LogFault> {
     let fields = columns.iter().map(|(name, _)| {
         Type::primitive_type_builder(name.as_ref(), PhysicalType::DOUBLE)
             .with_repetition(Repetition::REQUIRED)
@@ -577,6 +596,7 @@ fn encoded<S: AsRef<str>>(columns: &[(S, &[f64])]) -> Result<Vec<u8>, LogFault> 
         .set_compression(Compression::ZSTD(ZstdLevel::default()))
         .set_dictionary_enabled(false)
         .set_encoding(Encoding::BYTE_STREAM_SPLIT)
+        .set_key_value_metadata(conventions.map(|text| vec![KeyValue::new(MARK.to_owned(), text.to_owned())]))
         .build();
     let mut bytes = Vec::new();
     let write = |bytes: &mut Vec<u8>| -> Result<(), ParquetError> {

@@ -7,7 +7,7 @@ use crate::columns::{Group, Table, is_known};
 use crate::error::LogFault;
 use crate::families::{Family, JOINT, NUMBER, families, is_time};
 use crate::guess;
-use crate::listing::{Column, Listing};
+use crate::listing::{Column, Conventions, Listing};
 use crate::signal::linear;
 use crate::units::{self, Quantity, Unit, split_unit};
 
@@ -29,6 +29,8 @@ pub(crate) struct Plan {
     notes: Vec<(&'static str, String)>,
     /// Stated channels that a recording with the columns of the contract does not have.
     unmatched: Vec<String>,
+    /// Whose conventions the numbers follow.
+    conventions: Conventions,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +71,13 @@ impl Plan {
         joints: usize,
         needs_current: bool,
     ) -> Result<Plan, LogFault> {
+        let conventions = listing.conventions;
+        let nothing = ChannelMap::default();
+        let (map, needs_current) = match conventions {
+            Conventions::Recorder => (naming.map, needs_current),
+            Conventions::Model => (&nothing, false),
+        };
+        let naming = &Naming { map, ..*naming };
         let has = |name: &str| listing.columns.iter().any(|column| column.name == name);
         let is_position =
             |column: &Column| Group::parse(&column.name).is_some_and(|(group, _)| group == Group::Position);
@@ -99,7 +108,12 @@ impl Plan {
         {
             notes.insert(0, (TIME, time.column.clone()));
         }
-        Ok(Plan { time, signals, is_contract, notes, unmatched })
+        Ok(Plan { time, signals, is_contract, notes, unmatched, conventions })
+    }
+
+    /// Whose conventions the numbers follow.
+    pub(crate) fn conventions(&self) -> Conventions {
+        self.conventions
     }
 
     /// What was found by names: key and pattern.

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
-use crate::{csv_file, lerobot, mcap_file, parquet_file, rosbag2};
+use crate::{csv_file, lerobot, mcap_file, npz_file, parquet_file, rosbag2};
 
 /// What decides which reader takes a path.
 pub(crate) struct Head<'a> {
@@ -32,7 +32,7 @@ pub(crate) struct Reader {
 const PARQUET_MAGIC: &[u8] = b"PAR1";
 
 /// Every format, in the order in which they are tried. Text is the last: it has no magic.
-const READERS: [Reader; 5] = [
+const READERS: [Reader; 6] = [
     Reader {
         name: "rosbag2",
         is_format: |head| head.is_folder && head.path.join(rosbag2::METADATA).is_file(),
@@ -56,6 +56,12 @@ const READERS: [Reader; 5] = [
         is_format: |head| head.bytes.starts_with(mcap::MAGIC) || head.bytes.starts_with(mcap_file::ZSTD_MAGIC),
         list: mcap_file::list,
         read: mcap_file::read,
+    },
+    Reader {
+        name: "NPZ",
+        is_format: |head| head.bytes.starts_with(npz_file::MAGIC),
+        list: npz_file::list,
+        read: npz_file::read,
     },
     Reader {
         name: "CSV",

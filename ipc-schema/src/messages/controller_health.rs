@@ -15,6 +15,7 @@ pub const STOP_CAUSES: usize = 24;
 ///
 /// Counters run since the controller's start and never go back.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.ControllerHealth.v5")]
 #[repr(C)]
 pub struct ControllerHealth {

@@ -13,6 +13,7 @@ pub const DRIFT_REGIMES: usize = 4;
 /// The accepted model is the robot file's, as the daemon read it last. Arrays by regime have [`MAX_JOINTS`] numbers of the first
 /// regime, then of the next; NaN where nothing is known yet.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.Drift.v1")]
 #[repr(C)]
 pub struct Drift {

@@ -15,6 +15,7 @@ pub const HISTOGRAM_BINS: usize = 32;
 /// much of the work is done, version 5 what was left aside, version 6 whether the state folder can be written, version 7 whether samples come without
 /// the wake-up event.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.Health.v7")]
 #[repr(C)]
 pub struct Health {

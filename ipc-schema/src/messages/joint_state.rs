@@ -8,6 +8,7 @@ use super::{MAX_JOINTS, Stamped, message};
 ///
 /// Joints run from base to flange. All joint quantities are on the output side of the gear.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.JointState.v1")]
 #[repr(C)]
 pub struct JointState {

@@ -9,6 +9,7 @@ use super::{MAX_JOINTS, Stamped, message};
 /// It carries the `seq` of the joint state of the same period and is published *before* it, as the setpoint is: whoever
 /// takes in a joint state already holds what belongs to it. A service of its own leaves joint states as they are.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.LinkState.v1")]
 #[repr(C)]
 pub struct LinkState {

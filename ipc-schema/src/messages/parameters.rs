@@ -11,6 +11,7 @@ use super::{MAX_JOINTS, MAX_PARAMETERS, Stamped, message, wire_enum};
 /// [`model_hash`](Self::model_hash) is equal mean the same by it. Units are those of the parameter
 /// (kg, kg m, kg m^2, N m, N m s/rad, ...). Version 2 adds the sample period.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.Parameters.v2")]
 #[repr(C)]
 pub struct Parameters {
@@ -31,15 +32,20 @@ pub struct Parameters {
     /// An [`InstrumentSource`].
     pub instruments: u32,
     /// Estimated values; a parameter not identified keeps its nominal value.
+    #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub values: [f64; MAX_PARAMETERS],
     /// Standard deviation (1 sigma) of each value.
+    #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub std: [f64; MAX_PARAMETERS],
     /// How much the data of the window say about each parameter: share of its variance that was removed,
     /// 0 (nothing) to 1 (all).
+    #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub excitation: [f64; MAX_PARAMETERS],
     /// The same parameters by plain recursive least squares, for comparison.
+    #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub reference: [f64; MAX_PARAMETERS],
     /// A [`ParameterState`] each.
+    #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<u8>"))]
     pub state: [u8; MAX_PARAMETERS],
     /// Torque noise of each joint (1 sigma, after the model filter) that weighted its rows \[N m, or N\].
     pub torque_noise: [f64; MAX_JOINTS],

@@ -9,6 +9,7 @@ use super::{MAX_JOINTS, Stamped, message};
 /// It carries the `seq` of the joint state of the same period and is published *before* it, so that
 /// whoever takes in a joint state already holds its setpoint.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[cfg_attr(feature = "json", derive(serde::Serialize, schemars::JsonSchema))]
 #[type_name("rivet.Setpoint.v1")]
 #[repr(C)]
 pub struct Setpoint {

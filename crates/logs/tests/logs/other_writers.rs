@@ -53,6 +53,66 @@ fn check(what: &str, path: &Path, measured: &Log) {
 }
 
 #[test]
+fn arrays_of_numpy_are_read() {
+    let order = format!("order = [names.index(name) for name in {:?}]", joints());
+    let script = r#"
+import numpy as np
+t = np.array([r[0] for r in rows], dtype=np.int64)
+q, tau = np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+q, tau = q[:, order], tau[:, order]
+np.savez(folder + '/plain.npz', time_ns=t, q=q, tau=tau, names=np.array(names), one=np.array(3.0), step=np.arange(5))
+np.savez_compressed(folder + '/turned.npz', time_ns=t, q=q.T, tau=np.asfortranarray(tau))
+np.savez(folder + '/big.npz', time_ns=t.astype('>i8'), q=q.astype('>f8'), tau=tau, extra=np.array([{'a': 1}], dtype=object))
+"#;
+    let Some((folder, measured)) = written_by(&["numpy"], &format!("{order}{script}")) else { return };
+    for name in ["plain", "turned", "big"] {
+        check(name, &folder.path().join(name).with_extension("npz"), &measured);
+    }
+}
+
+/// What rivet writes, read by other programs: their numbers are the measured ones, to the bit.
+#[test]
+fn other_programs_read_what_rivet_writes() {
+    let script = r#"
+import numpy as np
+with open(folder + '/read.py', 'w') as out:
+    out.write("""
+import sys, numpy as np
+folder = sys.argv[1]
+arrays = np.load(folder + '/run.npz')
+assert str(arrays['conventions']).endswith('zeros of the model'), arrays['conventions']
+from mcap_ros2.reader import read_ros2_messages
+messages = [m.ros_msg for m in read_ros2_messages(folder + '/run.mcap') if m.channel.topic == '/joint_states']
+q = np.array([list(m.position) for m in messages])
+tau = np.array([list(m.effort) for m in messages])
+assert np.array_equal(q, arrays['q']) and np.array_equal(tau, arrays['tau']) and len(q) == len(arrays['t'])
+t = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in messages])
+assert np.allclose(t - t[0], arrays['t'] - arrays['t'][0], rtol=0, atol=1e-8)
+assert list(messages[0].name) == sys.argv[2].split(','), messages[0].name
+import csv
+lines = [line for line in open(folder + '/run.csv') if not line.startswith('#')]
+table = list(csv.reader(lines))
+assert [float(x) for x in table[5]][1:8] == list(arrays['q'][4]), table[0]
+print(len(q))
+""")
+"#;
+    let Some((folder, measured)) = written_by(&["numpy", "mcap", "mcap_ros2"], script) else { return };
+    for ending in ["npz", "mcap", "csv"] {
+        rivet_logs::write_log(&folder.path().join("run").with_extension(ending), &measured, &joints())
+            .expect("written");
+    }
+    let python = std::env::var_os("RIVET_PYTHON").unwrap_or_else(|| "python3".into());
+    let output = Command::new(python)
+        .arg(folder.path().join("read.py"))
+        .arg(folder.path())
+        .arg(joints().join(","))
+        .output()
+        .expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), measured.len().to_string());
+}
+
+#[test]
 fn mcap_of_python_is_read() {
     let script = r#"
 from mcap_ros2.writer import Writer

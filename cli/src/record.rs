@@ -1,0 +1,144 @@
+//! `rivet record`: what robot, rivetd and rivet-controller publish, as an MCAP file.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Result, bail};
+use rivet_analysis::fault::Fault;
+use rivet_config::Robot;
+use rivet_ipc_schema::{Bus, RobotName};
+use rivet_realtime::{Shutdown, now_ns};
+use rivet_recording::{About, Content, Counts, Ports, Received, Recorder, RecordingFile};
+use serde_json::json;
+
+use crate::control::OnBus;
+use crate::table::{Table, number, show};
+
+/// Time between two looks at the bus: its rings hold a thousand samples.
+const TURN: Duration = Duration::from_millis(5);
+/// Time between two counts in the recording, and between two pictures of the status line.
+const BETWEEN_COUNTS: Duration = Duration::from_secs(1);
+
+/// Arguments of `rivet record`.
+#[derive(clap::Args)]
+#[command(after_help = "Ctrl-C ends the recording. A second of messages is lost at most where the process is killed.")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    bus: OnBus,
+    /// File to make; there must be none of that name.
+    #[arg(value_name = "OUT.mcap")]
+    out: PathBuf,
+    /// End after so many seconds of joint states.
+    #[arg(long, value_name = "S", value_parser = crate::number::seconds)]
+    seconds: Option<f64>,
+    /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    if args.out.extension().is_none_or(|ext| !ext.eq_ignore_ascii_case("mcap")) {
+        let why = "a recording is MCAP: give a name that ends with .mcap; rivet convert makes other formats of it";
+        return Err(Fault::Usage(format!("{}: {why}", args.out.display())).into());
+    }
+    let robot = rivet_config::load(&args.bus.robot)?;
+    let bus = Bus::open(&args.bus.config(&robot.config.bus), &RobotName::new(&robot.config.name)?, "rivet-record")?;
+    let mut ports = Ports::open(&bus)?;
+    let shutdown = Shutdown::on_signals()?;
+    let mut recorder = Recorder::start(RecordingFile::create(&args.out, &about(&robot))?);
+    let mut status = Status { is_shown: std::io::stderr().is_terminal() && !args.json, drawn: false };
+    // Of the joint states: stamps of the first and the last \[ns\].
+    let mut span: Option<(u64, u64)> = None;
+    let seconds = |span: Option<(u64, u64)>| span.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
+    let mut counted = Instant::now();
+    status.draw(&robot.config.name, 0.0, &recorder.counts(now_ns(), 0));
+    while !shutdown.is_requested() && !recorder.has_failed() && args.seconds.is_none_or(|most| seconds(span) < most) {
+        ports.take(now_ns(), &mut |received: Received| {
+            if let Content::JointState(state) = &received.content {
+                span = Some((span.map_or(state.stamp_ns, |(first, _)| first), state.stamp_ns));
+            }
+            recorder.take(received);
+        })?;
+        if counted.elapsed() >= BETWEEN_COUNTS {
+            counted = Instant::now();
+            let counts = recorder.counts(now_ns(), ports.foreign());
+            status.draw(&robot.config.name, seconds(span), &counts);
+            recorder.take(Received { at_ns: counts.stamp_ns, content: counts.into() });
+        }
+        std::thread::sleep(TURN);
+    }
+    let counts = recorder.counts(now_ns(), ports.foreign());
+    status.remove();
+    recorder.finish(counts.clone())?;
+    let bytes = std::fs::metadata(&args.out).map_or(0, |file| file.len());
+    if args.json {
+        let value = json!({"file": args.out.display().to_string(), "seconds": seconds(span), "bytes": bytes,
+                           "foreign": counts.foreign, "services": counts.services});
+        show(&rivet_files::printable_json(serde_json::to_string_pretty(&value)? + "\n"))?;
+    } else {
+        show(&report(args, seconds(span), bytes, &counts))?;
+    }
+    if span.is_none() {
+        bail!("no joint state of {} came on this bus; the recording has what else there was", robot.config.name);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn about(robot: &Robot) -> About {
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let utc_ns = i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX);
+    About {
+        robot: robot.config.name.clone(),
+        joints: robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect(),
+        parameters: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
+        model_hash: robot.hash,
+        sample_period_s: robot.config.sample_period_s,
+        to_utc_ns: utc_ns.saturating_sub_unsigned(now_ns()),
+    }
+}
+
+/// Length, size, and what was recorded of each service.
+fn report(args: &Args, seconds: f64, bytes: u64, counts: &Counts) -> String {
+    let mut table = Table::new(["service", "messages", "missing", "dropped"]);
+    for service in &counts.services {
+        let numbers = [service.messages, service.missing, service.dropped].map(|count| count.to_string());
+        table.row(std::iter::once(service.service.clone()).chain(numbers));
+    }
+    let megabytes = number(bytes as f64 * 1e-6, 3);
+    let mut out = format!("{}: {} s, {megabytes} MB\n", args.out.display(), number(seconds, 4));
+    out += &table.text();
+    if counts.foreign > 0 {
+        out += &format!("{} messages of a second publisher are left out\n", counts.foreign);
+    }
+    out
+}
+
+/// One line on the terminal's standard error.
+struct Status {
+    is_shown: bool,
+    drawn: bool,
+}
+
+impl Status {
+    fn draw(&mut self, robot: &str, seconds: f64, counts: &Counts) {
+        if !self.is_shown {
+            return;
+        }
+        self.drawn = true;
+        let states = counts.of_service("joint-state").map_or(0, |counts| counts.messages);
+        let text = match states {
+            0 => format!("waiting for joint states of {robot}; Ctrl-C ends"),
+            states => format!("{seconds:.0} s, {states} joint states, {} lost; Ctrl-C ends", counts.lost()),
+        };
+        // A terminal that is gone is no reason to stop.
+        let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
+    }
+
+    fn remove(&self) {
+        if self.drawn {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! A recording in another format: its signals under rivet's names, in SI units.
+
+use std::path::Path;
+
+use anyhow::Result;
+use rivet_logs::{check_ending, list, read_as, write_log};
+
+use crate::fault::Fault;
+use crate::inspect::{Arm, NO_POSITIONS};
+
+/// A recording that was converted.
+#[derive(Clone, Debug)]
+pub struct Conversion {
+    /// Format of the recording.
+    pub from: &'static str,
+    /// Rows written.
+    pub rows: usize,
+    /// Names of the joints, base to flange.
+    pub joints: Vec<String>,
+    /// Columns written, such as `t`, `q1`, `tau1`.
+    pub columns: Vec<String>,
+    /// How the channels were found, and what is wrong with the recording.
+    pub notes: Vec<String>,
+    /// Columns of the recording that are no signal that rivet uses.
+    pub unused: Vec<String>,
+    /// Signals for which the new format has no place.
+    pub left_out: Vec<String>,
+}
+
+/// Reads `recording` as an analysis would, and writes its signals to `out`, whose ending decides the format. Rows stay as they are:
+/// nothing is resampled, filtered or smoothed. The new file states that signs, zeros and units are the model's.
+///
+/// * `robot`: URDF or robot file of the arm; joints are then matched by name
+/// * `entries`: channels that are stated, as [`crate::map::apply`] takes them
+///
+/// # Errors
+/// The recording or the robot cannot be read, the ending is unknown, or `out` cannot be written.
+pub fn convert(recording: &Path, out: &Path, robot: Option<&Path>, entries: &[String]) -> Result<Conversion> {
+    // Before a long recording is read.
+    check_ending(out)?;
+    let listing = list(recording)?;
+    let arm = Arm::find(&listing, robot, entries)?;
+    if arm.count == 0 {
+        return Err(Fault::Data(format!("{}: {NO_POSITIONS}", recording.display())).into());
+    }
+    let log = read_as(recording, &arm.options(), &arm.naming())?;
+    let joints = arm.joint_names();
+    let left_out = write_log(out, &log, &joints)?;
+    Ok(Conversion {
+        from: listing.format,
+        rows: log.len(),
+        joints,
+        columns: log.columns().into_iter().map(|(name, _)| name.into_owned()).collect(),
+        notes: log.notes,
+        unused: log.unused,
+        left_out,
+    })
+}

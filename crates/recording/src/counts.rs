@@ -1,0 +1,105 @@
+//! What was recorded, and what was lost.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::message::{Content, TOPICS};
+
+/// What was recorded of all services. It is a topic of the recording too, once a second and at its end.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Counts {
+    /// When they were counted, `CLOCK_MONOTONIC` [ns].
+    pub stamp_ns: u64,
+    /// Messages of a second publisher of joint states, setpoints or second encoders; they are not recorded.
+    pub foreign: u64,
+    /// One entry a service.
+    pub services: Vec<ServiceCounts>,
+}
+
+/// What was recorded of one service.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct ServiceCounts {
+    /// Name of the service, such as joint-state.
+    pub service: String,
+    /// Messages that were passed on to the file.
+    pub messages: u64,
+    /// Numbers of the sequence that never came: lost by the robot or overwritten before they were read.
+    /// Planners that do not plan every period leave out numbers of setpoints.
+    pub missing: u64,
+    /// Messages that came and found no room, since the file was written too slowly.
+    pub dropped: u64,
+}
+
+/// Counts messages as they come.
+#[derive(Clone, Debug)]
+pub(crate) struct Counter {
+    services: Vec<(ServiceCounts, Option<u64>)>,
+}
+
+impl Counter {
+    pub(crate) fn new() -> Counter {
+        let service = |name: &str| (ServiceCounts { service: name.to_owned(), ..ServiceCounts::default() }, None);
+        // The last topic is that of the counts.
+        Counter { services: TOPICS[..TOPICS.len() - 1].iter().map(|topic| service(topic.name)).collect() }
+    }
+
+    /// Counts a message that has come; `is_kept`: whether there was room for it.
+    pub(crate) fn count(&mut self, place: usize, number: Option<u64>, is_kept: bool) {
+        let Some((counts, last)) = self.services.get_mut(place) else { return };
+        if is_kept {
+            counts.messages += 1;
+        } else {
+            counts.dropped += 1;
+        }
+        if let Some(number) = number {
+            // A process that began anew counts from the beginning.
+            let next = last.filter(|last| *last < number).map_or(number, |last| last + 1);
+            counts.missing += number - next;
+            *last = Some(number);
+        }
+    }
+
+    pub(crate) fn counts(&self, stamp_ns: u64, foreign: u64) -> Counts {
+        Counts { stamp_ns, foreign, services: self.services.iter().map(|(counts, _)| counts.clone()).collect() }
+    }
+}
+
+impl Counts {
+    /// The counts of one service.
+    pub fn of_service(&self, name: &str) -> Option<&ServiceCounts> {
+        self.services.iter().find(|counts| counts.service == name)
+    }
+
+    /// Numbers that never came and messages without room, of all services but the setpoints.
+    pub fn lost(&self) -> u64 {
+        let known = |counts: &&ServiceCounts| counts.service != "setpoint";
+        let missing: u64 = self.services.iter().filter(known).map(|counts| counts.missing).sum();
+        missing + self.services.iter().map(|counts| counts.dropped).sum::<u64>()
+    }
+}
+
+impl From<Counts> for Content {
+    fn from(counts: Counts) -> Content {
+        Content::Counts(Box::new(counts))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_never_came_are_counted_and_a_new_beginning_is_none() {
+        let mut counter = Counter::new();
+        for number in [5, 6, 9, 9, 10, 1, 2] {
+            counter.count(0, Some(number), true);
+        }
+        counter.count(0, Some(3), false);
+        counter.count(4, None, true);
+        let counts = counter.counts(7, 0);
+        let states = counts.of_service("joint-state").expect("counted");
+        assert_eq!((states.messages, states.missing, states.dropped), (7, 2, 1));
+        assert_eq!(counts.of_service("health").map(|counts| counts.messages), Some(1));
+        assert_eq!(counts.lost(), 3);
+    }
+}

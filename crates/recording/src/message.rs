@@ -1,0 +1,204 @@
+//! A message of the bus as JSON.
+
+use rivet_ipc_schema::{
+    ControllerHealth, Drift, Health, JointState, LinkState, MAX_JOINTS, MAX_PARAMETERS, Message, Parameters, Service,
+    Setpoint, Stamped,
+};
+use schemars::JsonSchema;
+use serde_json::Value;
+
+use crate::counts::Counts;
+
+/// A message, and when it was taken from the bus.
+#[derive(Clone, Debug)]
+pub struct Received {
+    /// `CLOCK_MONOTONIC` \[ns\].
+    pub at_ns: u64,
+    /// The message.
+    pub content: Content,
+}
+
+/// A message that is recorded.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// Measured state of the arm.
+    JointState(Box<JointState>),
+    /// Planned motion.
+    Setpoint(Box<Setpoint>),
+    /// Second encoders.
+    LinkState(Box<LinkState>),
+    /// Estimated parameters.
+    Parameters(Box<Parameters>),
+    /// The daemon's report.
+    Health(Box<Health>),
+    /// Whether the arm is still the one that was accepted.
+    Drift(Box<Drift>),
+    /// The controller's report.
+    ControllerHealth(Box<ControllerHealth>),
+    /// What was recorded so far, and what was lost.
+    Counts(Box<Counts>),
+}
+
+/// A topic of a recording.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Topic {
+    /// Last part of its name.
+    pub(crate) name: &'static str,
+    /// Name of its schema: that of the message on the bus.
+    pub(crate) kind: &'static str,
+    /// Schema of its messages.
+    pub(crate) schema: fn() -> Value,
+}
+
+const fn topic<T: Message + JsonSchema>(service: Service) -> Topic {
+    Topic { name: service.as_str(), kind: T::TYPE_NAME, schema: schema::<T> }
+}
+
+/// All topics, in the order of [`Content::place`].
+pub(crate) const TOPICS: [Topic; 8] = [
+    topic::<JointState>(Service::JointState),
+    topic::<Setpoint>(Service::Setpoint),
+    topic::<LinkState>(Service::LinkState),
+    topic::<Parameters>(Service::Parameters),
+    topic::<Health>(Service::Health),
+    topic::<Drift>(Service::Drift),
+    topic::<ControllerHealth>(Service::ControllerHealth),
+    Topic { name: "recorder", kind: "rivet.Recorder.v1", schema: schema::<Counts> },
+];
+
+impl Content {
+    /// Its topic, as a place in [`TOPICS`].
+    pub(crate) fn place(&self) -> usize {
+        match self {
+            Content::JointState(_) => 0,
+            Content::Setpoint(_) => 1,
+            Content::LinkState(_) => 2,
+            Content::Parameters(_) => 3,
+            Content::Health(_) => 4,
+            Content::Drift(_) => 5,
+            Content::ControllerHealth(_) => 6,
+            Content::Counts(_) => 7,
+        }
+    }
+
+    /// Its stamp, `CLOCK_MONOTONIC` \[ns\].
+    pub(crate) fn stamp_ns(&self) -> u64 {
+        match self {
+            Content::JointState(message) => message.stamp_ns(),
+            Content::Setpoint(message) => message.stamp_ns(),
+            Content::LinkState(message) => message.stamp_ns(),
+            Content::Parameters(message) => message.stamp_ns(),
+            Content::Health(message) => message.stamp_ns(),
+            Content::Drift(message) => message.stamp_ns,
+            Content::ControllerHealth(message) => message.stamp_ns(),
+            Content::Counts(counts) => counts.stamp_ns,
+        }
+    }
+
+    /// Its number in its service, which grows by one from message to message; none where the service has no such number.
+    pub(crate) fn number(&self) -> Option<u64> {
+        match self {
+            Content::JointState(message) => Some(message.seq),
+            Content::Setpoint(message) => Some(message.seq),
+            Content::LinkState(message) => Some(message.seq),
+            Content::Parameters(message) => Some(message.epoch),
+            _ => None,
+        }
+    }
+
+    /// The message as JSON. Arrays end with the last joint of `joints`, or the last parameter. NaN and infinity are null.
+    pub(crate) fn to_json(&self, joints: usize) -> serde_json::Result<Vec<u8>> {
+        let usual = |value: Value| cut(value, joints, MAX_PARAMETERS);
+        let value = match self {
+            Content::JointState(message) => cut(serde_json::to_value(message)?, message.count(), MAX_PARAMETERS),
+            Content::Setpoint(message) => cut(serde_json::to_value(message)?, message.count(), MAX_PARAMETERS),
+            Content::LinkState(message) => cut(serde_json::to_value(message)?, message.count(), MAX_PARAMETERS),
+            Content::Parameters(message) => cut(serde_json::to_value(message)?, joints, message.len()),
+            Content::Health(message) => usual(serde_json::to_value(message)?),
+            Content::Drift(message) => usual(serde_json::to_value(message)?),
+            Content::ControllerHealth(message) => usual(serde_json::to_value(message)?),
+            Content::Counts(counts) => serde_json::to_value(counts)?,
+        };
+        serde_json::to_vec(&value)
+    }
+}
+
+/// Cuts arrays of joints and of parameters to what is in use. No other array of a message has their length.
+fn cut(mut message: Value, joints: usize, parameters: usize) -> Value {
+    for field in message.as_object_mut().into_iter().flat_map(serde_json::Map::values_mut) {
+        if let Value::Array(entries) = field {
+            match entries.len() {
+                MAX_JOINTS => entries.truncate(joints),
+                MAX_PARAMETERS => entries.truncate(parameters),
+                _ => {}
+            }
+        }
+    }
+    message
+}
+
+/// The schema of a message, with what [`Content::to_json`] changes: arrays may be shorter, numbers may be null.
+fn schema<T: JsonSchema>() -> Value {
+    let mut schema = schemars::schema_for!(T).to_value();
+    relax(&mut schema);
+    schema
+}
+
+fn relax(schema: &mut Value) {
+    match schema {
+        Value::Object(map) => {
+            map.remove("minItems");
+            if map.get("format").is_some_and(|format| format == "double") {
+                map.insert("type".to_owned(), Value::from(vec!["number", "null"]));
+            }
+            map.values_mut().for_each(relax);
+        }
+        Value::Array(entries) => entries.iter_mut().for_each(relax),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_field_is_in_the_schema_with_its_meaning_and_unit() {
+        let set = Parameters { count: 2, joints: 2, ..Parameters::EMPTY };
+        let contents = [
+            Content::JointState(Box::new(JointState { joints: 2, ..JointState::EMPTY })),
+            Content::Setpoint(Box::new(Setpoint::EMPTY)),
+            Content::LinkState(Box::new(LinkState::EMPTY)),
+            Content::Parameters(Box::new(set)),
+            Content::Health(Box::new(Health::EMPTY)),
+            Content::Drift(Box::new(Drift::EMPTY)),
+            Content::ControllerHealth(Box::new(ControllerHealth::EMPTY)),
+            Content::Counts(Box::new(Counts::default())),
+        ];
+        for (content, topic) in contents.iter().zip(&TOPICS) {
+            let message: Value = serde_json::from_slice(&content.to_json(2).expect("JSON")).expect("JSON");
+            let schema = (topic.schema)();
+            assert_eq!(schema["type"], "object", "{}", topic.kind);
+            let fields = message.as_object().expect("an object");
+            assert!(fields.len() > 2, "{}", topic.kind);
+            for field in fields.keys() {
+                let text = schema["properties"][field]["description"].as_str();
+                assert!(text.is_some_and(|text| !text.is_empty()), "{} {field}: {schema}", topic.kind);
+            }
+        }
+    }
+
+    #[test]
+    fn arrays_end_with_the_arm_and_what_is_no_number_is_null() {
+        let state = JointState { joints: 3, q: [0.1; MAX_JOINTS], ..JointState::EMPTY };
+        let text = Content::JointState(Box::new(state)).to_json(2).expect("JSON");
+        let value: Value = serde_json::from_slice(&text).expect("JSON");
+        assert_eq!(value["q"], serde_json::json!([0.1, 0.1, 0.1]));
+        assert_eq!(value["temperature"], serde_json::json!([null, null, null]));
+        let set = Parameters { count: 5, ..Parameters::EMPTY };
+        let text = Content::Parameters(Box::new(set)).to_json(2).expect("JSON");
+        let value: Value = serde_json::from_slice(&text).expect("JSON");
+        assert_eq!(value["std"].as_array().map(Vec::len), Some(5));
+        assert_eq!(value["residual_rms"].as_array().map(Vec::len), Some(2));
+    }
+}
