@@ -188,6 +188,9 @@ pub const KEYS: &[Key] = &[
     key("log", "torque_from", Choice(&["tau", "current"]), "", Bounds::None, Fallback::Text("tau"),
         "Where a log has both torque and motor current: the `tau` columns, or `drive_gain` times the `current` columns. \
          A sensor behind the gear does not feel the drive, and some controllers log a computed torque; use `current` then."),
+    key("log", "torque_is", Choice(&["auto", "torque", "gravity_free"]), "", Bounds::None, Fallback::Text("auto"),
+        "Whether the torque of a log is all of the drive's, or without that of gravity, as some drivers publish it. \
+         With \"auto\" physics decides: without gravity where that is 0.95 probable. For `identify`, `predict` and `diagnose`."),
 
     key("log", "time", Text, "", Bounds::None, Absent,
         "Column of time. Without it `t`, or the one column whose name fits; of two clocks of a message the stamp of the measurement (`header/stamp`)."),

@@ -26,6 +26,6 @@ pub use load::{Description, Identified, MAX_FILE_BYTES, Robot, address, load, pa
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, LogChannel, Overrun, Publish, Realtime,
-    RobotConfig, Scheduler, Signal, Simulation, StopReaction, Trigger,
+    RobotConfig, Scheduler, Signal, Simulation, StopReaction, TorqueMeaning, Trigger,
 };
 pub use write::{Changes, write_changed, write_consistent, write_identified};

@@ -147,6 +147,18 @@ pub struct Coupling {
     pub coulomb: f64,
 }
 
+/// What the torque of log files is (`[log] torque_is`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TorqueMeaning {
+    /// What physics says of the log.
+    #[default]
+    Auto,
+    /// All of the drive's torque.
+    Torque,
+    /// The drive's torque without that of gravity.
+    GravityFree,
+}
+
 /// `[log]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
@@ -154,6 +166,8 @@ pub struct Log {
     pub joint_zero: Vec<f64>,
     /// Torque is drive gain times current, even where a log has torque columns.
     pub torque_from_current: bool,
+    /// What the torque of log files is.
+    pub torque_is: TorqueMeaning,
     /// Channels that are stated, by quantity: `time`, `q`, `tau`, `current`, `q_des`, `temperature`.
     pub channels: Vec<LogChannel>,
 }

@@ -7,7 +7,7 @@ use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, I
 
 use super::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, LogChannel, Overrun, Publish, Realtime, Scheduler,
-    Signal, Simulation, StopReaction, Trigger,
+    Signal, Simulation, StopReaction, TorqueMeaning, Trigger,
 };
 use crate::keys::{HIGHEST_FILTER_SHARE, HIGHEST_STATE_FILTER_SHARE};
 use crate::number_text::short;
@@ -97,7 +97,12 @@ pub(crate) fn log(reader: &mut Reader<'_>, drive_gain: Option<&[f64]>) -> Log {
         let rule = "\"current\" needs [drive] drive_gain".to_owned();
         reader.reject("log", "torque_from", rule, "give drive_gain in N m/A, one number a joint".to_owned());
     }
-    Log { joint_zero, torque_from_current, channels: channels(reader) }
+    let torque_is = match reader.text("log", "torque_is").as_str() {
+        "torque" => TorqueMeaning::Torque,
+        "gravity_free" => TorqueMeaning::GravityFree,
+        _ => TorqueMeaning::Auto,
+    };
+    Log { joint_zero, torque_from_current, torque_is, channels: channels(reader) }
 }
 
 /// A quantity of a recording with its keys: pattern, unit, sign, scale, zero.

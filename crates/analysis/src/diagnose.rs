@@ -12,6 +12,7 @@ use crate::bodies::{BODIES_UNKNOWN, with_bodies};
 use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
 use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
+use crate::gravity_free::GravityFree;
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::progress::Progress;
@@ -46,7 +47,10 @@ pub struct Inputs<'a> {
 
 /// A diagnosis as a document, with the model that was found.
 pub struct Diagnosed {
+    /// The robot as it was compared with the logs.
     robot: Robot,
+    /// Where torques are without gravity: then so is `robot`.
+    gravity_free: Option<GravityFree>,
     verdict: Verdict,
     document: Document,
     patch: Option<Patch>,
@@ -59,7 +63,10 @@ pub struct Diagnosed {
 /// # Errors
 /// A log cannot be read, does not fit the robot or is there twice.
 pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
+    let gravity_free = GravityFree::find(robot, inputs.logs)?;
+    let robot = gravity_free.as_ref().map_or(robot, |found| &found.robot);
     let Sources { logs: sources, mut stood, spoilt } = Sources::read(robot, inputs.logs)?;
+    stood.extend(gravity_free.as_ref().map(|found| found.finding.clone()));
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
     let (robot, nothing_to_compare) = with_bodies(robot.clone(), &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
     stood.extend(nothing_to_compare);
@@ -105,7 +112,7 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     }
     progress.done();
     let verdict = if spoilt.is_some() { Verdict::NotEvaluated } else { found.verdict };
-    Ok(Diagnosed { robot, verdict, document, patch, used })
+    Ok(Diagnosed { robot, gravity_free, verdict, document, patch, used })
 }
 
 /// Scores of this version on the cases with answers, as `rivet blind score --json` wrote them (`docs/validation.md`).
@@ -134,7 +141,13 @@ impl Diagnosed {
     /// A file cannot be written.
     pub fn export(&self, folder: &Path) -> Result<bool> {
         if let Some(patch) = &self.patch {
-            patched::export(&self.robot, patch, folder)?;
+            if let Some(found) = &self.gravity_free {
+                let mut patch = patch.clone();
+                patch.model.arm.gravity = found.gravity();
+                patched::export(&found.restore(&self.robot), &patch, folder)?;
+            } else {
+                patched::export(&self.robot, patch, folder)?;
+            }
             return Ok(true);
         }
         let why = if self.document.remark.is_some() { "nothing was evaluated" } else { "gravity comes first" };

@@ -270,6 +270,7 @@ pub(crate) fn sampling_text<'a>(robot: &Robot, reports: impl Iterator<Item = &'a
 }
 
 /// A torque or a position that cannot be believed.
+#[derive(Clone)]
 pub struct Distrust {
     /// The log it is in; none where all of them together say so.
     pub log: Option<String>,
@@ -285,7 +286,8 @@ impl Distrust {
     /// A warning on standard error, for commands without a list of them.
     pub fn warn(&self) {
         let place: Vec<&str> = [&self.log, &self.joint].into_iter().flatten().map(String::as_str).collect();
-        let text = paragraph("warning: ", &format!("{}: {}", place.join(", "), self.text));
+        let place = if place.is_empty() { String::new() } else { format!("{}: ", place.join(", ")) };
+        let text = paragraph("warning: ", &format!("{place}{}", self.text));
         session::note(format_args!("{}", text.trim_end()));
     }
 }

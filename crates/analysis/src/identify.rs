@@ -26,6 +26,7 @@ use crate::export::export;
 use crate::fault::Fault;
 use crate::fit::{WEAKER_PRIOR, bounded, choose, fit_and_projection, method};
 use crate::glitches::{bridged, screen};
+use crate::gravity_free::GravityFree;
 use crate::jitter;
 use crate::kinematics;
 use crate::left_out::{self, Sets};
@@ -63,13 +64,22 @@ pub struct Identification {
 /// # Errors
 /// A log cannot be read or does not fit the robot, an energy model is asked for, or nothing moves.
 pub fn identify(robot: &Robot, logs: &[PathBuf], options: &Options) -> Result<Identification> {
-    let open = choose_keys(robot, logs)?;
+    let gravity_free = GravityFree::find(robot, logs)?;
+    let mut open = choose_keys(gravity_free.as_ref().map_or(robot, |found| &found.robot), logs)?;
     let mut robot = open.robot.clone();
-    let refined = if options.refine { Some(refine(&robot, &read_logs(&robot, logs)?)?) } else { None };
+    let mut refined = if options.refine { Some(refine(&robot, &read_logs(&robot, logs)?)?) } else { None };
     if let Some(refined) = &refined {
         robot = refined.robot.clone();
     }
-    let findings = findings(&robot, logs, &options.held_out)?;
+    let mut findings = findings(&robot, logs, &options.held_out)?;
+    if let Some(found) = gravity_free {
+        // The fit was that of the arm without gravity. Its parameters are those of the arm.
+        for robot in [&mut robot, &mut open.robot].into_iter().chain(refined.as_mut().map(|refined| &mut refined.robot))
+        {
+            *robot = found.restore(robot);
+        }
+        findings.distrusts.insert(0, found.finding);
+    }
     Ok(Identification { robot, open, refined, findings })
 }
 
@@ -144,7 +154,8 @@ pub struct Comparison {
 /// # Errors
 /// As [`identify`].
 pub fn identify_each(robot: &Robot, logs: &[PathBuf]) -> Result<Comparison> {
-    let robot = choose_keys(robot, logs)?.robot;
+    let gravity_free = GravityFree::find(robot, logs)?;
+    let robot = choose_keys(gravity_free.as_ref().map_or(robot, |found| &found.robot), logs)?.robot;
     let (mut alone, mut known) = (Vec::new(), Vec::<(u64, String)>::new());
     for path in logs {
         let name = runs::short_name(path);
@@ -154,10 +165,12 @@ pub fn identify_each(robot: &Robot, logs: &[PathBuf]) -> Result<Comparison> {
         let before = known.iter().find(|(content, _)| contents.contains(content));
         distrusts.extend(before.map(|(_, before)| evidence::repeated(name.clone(), before, Purpose::Comparing)));
         known.extend(contents.into_iter().map(|content| (content, name.clone())));
+        let stated = gravity_free.as_ref().map(|found| found.finding.clone());
         let of_log = |d: Distrust| Distrust { log: Some(name.clone()), ..d };
-        let distrusts = distrusts.into_iter().map(of_log).collect();
+        let distrusts = distrusts.into_iter().chain(stated.clone()).map(of_log).collect();
         alone.push(Alone { name, fit, rows, distrusts });
     }
+    let robot = gravity_free.map_or(robot.clone(), |found| found.restore(&robot));
     Ok(Comparison { robot, alone })
 }
 

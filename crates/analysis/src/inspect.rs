@@ -13,6 +13,7 @@ use rivet_screening::{ArmState, Fault as LogReading, Reading, Screening};
 use serde_json::json;
 
 use crate::fault::Fault;
+use crate::gravity_free;
 use crate::map;
 use crate::table::{number, paragraph_within};
 use crate::{reading, robot_file, runs};
@@ -39,6 +40,8 @@ pub struct Inspection {
     time: Option<ResampleReport>,
     clocks: Vec<Clock>,
     readings: Vec<ChannelReading>,
+    /// Whether the torque is surely without that of gravity.
+    is_gravity_free: bool,
     doubts: Vec<String>,
 }
 
@@ -100,9 +103,9 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
             doubts.push("no torque and no current: it can be predicted, but nothing is identified from it".to_owned());
         }
     }
-    let readings = match (robot_path, &log) {
+    let (readings, is_gravity_free) = match (robot_path, &log) {
         (Some(path), Some(log)) => readings(path, log, entries)?,
-        _ => Vec::new(),
+        _ => (Vec::new(), false),
     };
     Ok(Inspection {
         recording: recording.to_owned(),
@@ -114,6 +117,7 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
         time,
         clocks: others,
         readings,
+        is_gravity_free,
         doubts,
     })
 }
@@ -181,15 +185,14 @@ fn robot_of(path: &Path, log: Option<&Log>) -> Result<Robot> {
 }
 
 /// The most probable reading of positions and torques.
-fn readings(path: &Path, log: &Log, entries: &[String]) -> Result<Vec<ChannelReading>> {
+fn readings(path: &Path, log: &Log, entries: &[String]) -> Result<(Vec<ChannelReading>, bool)> {
     let robot = map::apply(robot_of(path, Some(log))?, entries)?;
     let names = runs::joint_names(&robot);
     let log = log.clone().by_its_positions().without_crowds();
-    let Some(found) = reading::compare(&robot, &log) else { return Ok(Vec::new()) };
-    Ok([("q", true), ("tau", false)]
-        .into_iter()
-        .map(|(channel, of_q)| of_channel(&found, channel, of_q, &names))
-        .collect())
+    let Some(found) = reading::compare(&robot, &log) else { return Ok((Vec::new(), false)) };
+    let channels = [("q", true), ("tau", false)].into_iter();
+    let readings = channels.map(|(channel, of_q)| of_channel(&found, channel, of_q, &names)).collect();
+    Ok((readings, gravity_free::probability(&found).is_some()))
 }
 
 /// Whether a fault is one of the positions.
@@ -274,6 +277,9 @@ impl Inspection {
         for (key, pattern) in self.channels.iter().filter(|(key, _)| rivet_logs::ChannelMap::KEYS.contains(key)) {
             // Writing to a String cannot fail.
             let _ = writeln!(out, "{key} = {pattern:?}");
+        }
+        if self.is_gravity_free {
+            out += "torque_is = \"gravity_free\"\n";
         }
         out
     }

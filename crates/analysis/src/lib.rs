@@ -27,6 +27,7 @@ pub mod fault;
 mod fit;
 mod frozen;
 mod glitches;
+pub mod gravity_free;
 pub mod identify;
 pub mod inspect;
 mod jitter;

@@ -9,7 +9,7 @@ use crate::fault::Fault;
 /// Keys of a quantity behind its name.
 const ENDS: [&str; 4] = ["_unit", "_sign", "_scale", "_zero"];
 /// Keys of [log] that state no channel.
-const OTHERS: [&str; 2] = ["joint_zero", "torque_from"];
+const OTHERS: [&str; 3] = ["joint_zero", "torque_from", "torque_is"];
 /// Largest factor.
 const MAX_SCALE: f64 = 1e9;
 

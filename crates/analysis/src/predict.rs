@@ -13,6 +13,7 @@ use rivet_logs::{Log, interpolate, write_columns};
 use crate::coarse::coarse;
 use crate::evidence::Distrust;
 use crate::glitches::bridged;
+use crate::gravity_free::GravityFree;
 use crate::reading;
 use crate::runs::{self, Piece};
 use crate::session;
@@ -63,6 +64,11 @@ pub fn predict(robot: &Robot, file: &Path) -> Result<Prediction> {
     if !robot.not_excited.is_empty() {
         session::note(format_args!("rivet predict: not excited by the training logs: {}", robot.not_excited));
     }
+    let gravity_free = GravityFree::find(robot, std::slice::from_ref(&file.to_owned()))?;
+    let robot = gravity_free.as_ref().map_or(robot, |found| {
+        found.finding.warn();
+        &found.robot
+    });
     let (log, mended) = bridged(robot, runs::read_log(robot, file)?)?;
     mended.iter().for_each(Distrust::warn);
     reading::warn(robot, &log);

@@ -3,8 +3,6 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::message::{Content, TOPICS};
-
 /// What was recorded of all services. It is a topic of the recording too, once a second and at its end.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Counts {
@@ -37,10 +35,10 @@ pub(crate) struct Counter {
 }
 
 impl Counter {
-    pub(crate) fn new() -> Counter {
+    /// Counts messages of these services.
+    pub(crate) fn new(services: impl Iterator<Item = &'static str>) -> Counter {
         let service = |name: &str| (ServiceCounts { service: name.to_owned(), ..ServiceCounts::default() }, None);
-        // The last topic is that of the counts.
-        Counter { services: TOPICS[..TOPICS.len() - 1].iter().map(|topic| service(topic.name)).collect() }
+        Counter { services: services.map(service).collect() }
     }
 
     /// Counts a message that has come; `is_kept`: whether there was room for it.
@@ -78,24 +76,20 @@ impl Counts {
     }
 }
 
-impl From<Counts> for Content {
-    fn from(counts: Counts) -> Content {
-        Content::Counts(Box::new(counts))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn numbers_that_never_came_are_counted_and_a_new_beginning_is_none() {
-        let mut counter = Counter::new();
+        let mut counter = Counter::new(["joint-state", "health"].into_iter());
         for number in [5, 6, 9, 9, 10, 1, 2] {
             counter.count(0, Some(number), true);
         }
         counter.count(0, Some(3), false);
-        counter.count(4, None, true);
+        counter.count(1, None, true);
+        // The counts themselves are none of a service.
+        counter.count(2, None, true);
         let counts = counter.counts(7, 0);
         let states = counts.of_service("joint-state").expect("counted");
         assert_eq!((states.messages, states.missing, states.dropped), (7, 2, 1));

@@ -66,6 +66,17 @@ pub(crate) const TOPICS: [Topic; 8] = [
     Topic { name: "recorder", kind: "rivet.Recorder.v1", schema: schema::<Counts> },
 ];
 
+/// Services whose messages are recorded, in the order of [`Content::place`]. The last topic is that of the counts.
+pub(crate) fn services() -> impl Iterator<Item = &'static str> {
+    TOPICS[..TOPICS.len() - 1].iter().map(|topic| topic.name)
+}
+
+impl From<Counts> for Content {
+    fn from(counts: Counts) -> Content {
+        Content::Counts(Box::new(counts))
+    }
+}
+
 impl Content {
     /// Its topic, as a place in [`TOPICS`].
     pub(crate) fn place(&self) -> usize {

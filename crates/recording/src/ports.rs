@@ -30,14 +30,17 @@ impl Ports {
     /// # Errors
     /// A service is there with other settings or another version, or cannot be opened.
     pub fn open(bus: &Bus) -> Result<Ports, BusError> {
+        // Joint states last: who sees them taken finds everything else taken too.
+        let setpoints = OneSource::new(bus.setpoint_subscriber()?, SUCCESSION);
+        let link_states = OneSource::new(bus.link_state_subscriber()?, SUCCESSION);
         Ok(Ports {
-            joint_states: OneSource::new(bus.joint_state_subscriber()?, SUCCESSION),
-            setpoints: OneSource::new(bus.setpoint_subscriber()?, SUCCESSION),
-            link_states: OneSource::new(bus.link_state_subscriber()?, SUCCESSION),
+            setpoints,
+            link_states,
             parameters: bus.parameters_subscriber()?,
             health: bus.health_subscriber()?,
             drift: bus.drift_subscriber()?,
             controller: bus.controller_health_subscriber()?,
+            joint_states: OneSource::new(bus.joint_state_subscriber()?, SUCCESSION),
         })
     }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::counts::{Counter, Counts};
 use crate::error::RecordingError;
 use crate::file::RecordingFile;
-use crate::message::Received;
+use crate::message::{Received, services};
 
 /// Messages that wait for the file at most: eight seconds of joint states and setpoints at 1 kHz.
 const WAITING: usize = 16 << 10;
@@ -26,7 +26,7 @@ impl Recorder {
     /// Begins to write to `file`.
     pub fn start(file: RecordingFile) -> Recorder {
         let (to_file, messages) = sync_channel(WAITING);
-        Recorder { to_file, thread: thread::spawn(move || write(file, &messages)), counter: Counter::new() }
+        Recorder { to_file, thread: thread::spawn(move || write(file, &messages)), counter: Counter::new(services()) }
     }
 
     /// Takes a message; where the file is too slow for it, it is dropped and counted. Never waits.

@@ -264,7 +264,7 @@ impl Fault {
             }
             Fault::WithoutGravity => [
                 "torque without that of gravity".to_owned(),
-                "log the whole torque, gravity compensation included".to_owned(),
+                "set [log] torque_is = \"gravity_free\", or log the whole torque".to_owned(),
             ],
             Fault::Mounting(g) => {
                 let g: Vec<String> = g.iter().map(|g| format!("{g:.2}")).collect();
