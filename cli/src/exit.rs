@@ -17,15 +17,15 @@ pub(crate) struct Mismatch {
 }
 
 /// Bad input data.
-const DATA: u8 = 65;
+pub(crate) const DATA: u8 = 65;
 /// A file that cannot be read or written.
-const INPUT_OUTPUT: u8 = 74;
+pub(crate) const INPUT_OUTPUT: u8 = 74;
 /// Ended by Ctrl-C or SIGTERM, as a shell counts SIGINT.
 const INTERRUPTED: u8 = 130;
 /// Whatever has no code of its own.
 const OTHER: u8 = 70;
 /// Bad configuration; systemd does not restart on it.
-const CONFIG: u8 = 78;
+pub(crate) const CONFIG: u8 = 78;
 
 /// The exit code of a failure: 64 for the command line, 78 for a robot file, 65 for a log, runs that cannot be
 /// diagnosed or identified or files that are no diagnoses or do not compare, 74 for a file
