@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use rivet_analysis::table::{Table, paragraph};
 use serde::Serialize;
 
-use super::journal::name;
-use super::pairs::Pair;
-use super::row::{ErrorKind, Key, Status};
-use super::table::Known;
-use crate::table::{Table, paragraph};
+use crate::journal::name;
+use crate::pairs::Pair;
+use crate::row::{ErrorKind, Key, Status};
+use crate::table::Known;
 
 /// Name and version of the JSON.
 const SCHEMA: &str = "rivet.fleet-summary.v1";
@@ -20,7 +20,7 @@ const LISTED: usize = 10;
 /// What is to be done with a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum State {
+pub enum State {
     /// It has no row.
     Missing,
     /// A file, `--map` or the program has changed.
@@ -41,7 +41,7 @@ struct Failure {
 
 /// Counts of a run.
 #[derive(Serialize)]
-pub(crate) struct Summary {
+pub struct Summary {
     schema: &'static str,
     table: String,
     diagnosed: usize,
@@ -89,15 +89,21 @@ impl Summary {
         self.diagnosed + self.failed
     }
 
-    pub(crate) fn has_failures(&self) -> bool {
+    /// Whether a pair has no diagnosis.
+    pub fn has_failures(&self) -> bool {
         self.failed > 0
     }
 
-    pub(crate) fn json(&self) -> Result<String> {
+    /// The summary as JSON.
+    ///
+    /// # Errors
+    /// A number that JSON does not have.
+    pub fn json(&self) -> Result<String> {
         Ok(rivet_files::printable_json(serde_json::to_string_pretty(self)? + "\n"))
     }
 
-    pub(crate) fn text(&self) -> String {
+    /// The summary in a few lines.
+    pub fn text(&self) -> String {
         let Summary { diagnosed, failed, up_to_date, .. } = self;
         let mut out = paragraph(
             "",
@@ -122,8 +128,11 @@ impl Summary {
 }
 
 /// Pairs and their states as JSON.
-pub(crate) fn states_json(states: &[(&Pair, State)]) -> Result<String> {
-    let pair = |(pair, state): &(&Pair, State)| {
+///
+/// # Errors
+/// A number that JSON does not have.
+pub fn states_json(states: &[(Pair, State)]) -> Result<String> {
+    let pair = |(pair, state): &(Pair, State)| {
         let path = |path: &Path| path.to_string_lossy().into_owned();
         serde_json::json!({
             "id": name(&pair.key()),
@@ -140,7 +149,7 @@ pub(crate) fn states_json(states: &[(&Pair, State)]) -> Result<String> {
 }
 
 /// Pairs and their states, one a line.
-pub(crate) fn states_text(states: &[(&Pair, State)]) -> String {
+pub fn states_text(states: &[(Pair, State)]) -> String {
     let mut table = Table::new(["logs", "robot", "number of logs", "state"]);
     for (pair, state) in states {
         let robot = pair.robot.as_ref().map_or("none", |robot| robot.id.as_str());

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use rivet_analysis::fault::Kind;
 use rivet_report::{Cause, Document, JointGap};
 use serde::{Deserialize, Serialize};
 
@@ -73,6 +74,18 @@ pub(crate) enum ErrorKind {
     Crash,
     /// Any other error.
     Other,
+}
+
+impl From<Kind> for ErrorKind {
+    fn from(kind: Kind) -> ErrorKind {
+        match kind {
+            Kind::Usage => ErrorKind::Usage,
+            Kind::Data => ErrorKind::Data,
+            Kind::Config => ErrorKind::Config,
+            Kind::InputOutput => ErrorKind::InputOutput,
+            Kind::Interrupted | Kind::Other => ErrorKind::Other,
+        }
+    }
 }
 
 impl ErrorKind {

@@ -9,8 +9,8 @@ use anyhow::{Context, Result};
 use rivet_analysis::fault::Fault;
 use sha2::{Digest as _, Sha256};
 
-use super::fingerprint::hex;
-use super::row::{Key, Row};
+use crate::fingerprint::hex;
+use crate::row::{Key, Row};
 
 /// How often the lock is tried for: who ends removes the folder with the lock.
 const TRIES: usize = 8;
@@ -30,9 +30,7 @@ impl Journal {
     /// # Errors
     /// Another process writes the table, or the folder cannot be written.
     pub(crate) fn open(table: &Path) -> Result<(Journal, Vec<Row>)> {
-        let mut name = table.as_os_str().to_owned();
-        name.push(".parts");
-        let folder = PathBuf::from(name);
+        let folder = folder(table);
         let at = || folder.display().to_string();
         let mut lock = None;
         for _ in 0..TRIES {
@@ -68,8 +66,7 @@ impl Journal {
             if path.file_name().is_some_and(|name| name == "lock") {
                 continue;
             }
-            let is_row = path.extension().is_some_and(|extension| extension == ROW);
-            match is_row.then(|| read_row(&path)) {
+            match is_row(&path).then(|| read_row(&path)) {
                 Some(Ok(row)) => {
                     self.rows.insert(row.key(), path);
                     rows.push(row);
@@ -132,6 +129,22 @@ impl Journal {
     }
 }
 
+/// Rows that wait beside a table; nothing is locked or changed.
+pub(crate) fn waiting(table: &Path) -> Vec<Row> {
+    let entries = std::fs::read_dir(folder(table)).into_iter().flatten().flatten().map(|entry| entry.path());
+    entries.filter(|path| is_row(path)).filter_map(|path| read_row(&path).ok()).collect()
+}
+
+fn folder(table: &Path) -> PathBuf {
+    let mut name = table.as_os_str().to_owned();
+    name.push(".parts");
+    PathBuf::from(name)
+}
+
+fn is_row(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == ROW)
+}
+
 /// Name of a row's files, and of the row in a list of pairs.
 pub(crate) fn name(key: &Key) -> String {
     let text = serde_json::to_string(key).unwrap_or_default();
@@ -164,6 +177,7 @@ mod tests {
         let scratch = journal.scratch(&row("c").key());
         std::fs::write(&scratch, "{").expect("written");
         std::fs::write(scratch.with_extension("json"), "{\"robot\":").expect("written");
+        assert_eq!(waiting(&table).len(), 2);
         assert!(Journal::open(&table).err().expect("locked").to_string().contains("by another process"));
         drop(journal);
         let (mut journal, found) = Journal::open(&table).expect("opened");

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use rivet_analysis::fault::Fault;
 use walkdir::WalkDir;
 
-use super::row::Key;
+use crate::row::Key;
 
 /// Name of a robot file in a folder of its own.
 const ROBOT_FILE: &str = "robot.toml";
@@ -16,7 +16,7 @@ const LISTED: usize = 5;
 
 /// Logs of one diagnosis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum GroupBy {
+pub enum GroupBy {
     /// Every log on its own, cut at 60 %
     #[default]
     Log,
@@ -38,10 +38,11 @@ impl GroupBy {
 
 /// A robot of the fleet.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct FleetRobot {
+pub struct FleetRobot {
     /// Its folder below the folder of robots, or its file without extension.
-    pub(crate) id: String,
-    pub(crate) file: PathBuf,
+    pub id: String,
+    /// Path of its robot file.
+    pub file: PathBuf,
 }
 
 impl FleetRobot {
@@ -62,12 +63,15 @@ impl FleetRobot {
 
 /// A diagnosis to make: logs with their robot, if there is one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Pair {
-    pub(crate) robot: Option<FleetRobot>,
-    pub(crate) group_by: GroupBy,
-    pub(crate) log_group: String,
+pub struct Pair {
+    /// None where the path of the log names no robot.
+    pub robot: Option<FleetRobot>,
+    /// What makes up one diagnosis.
+    pub group_by: GroupBy,
+    /// Path of the log, folder of the logs, or robot.
+    pub log_group: String,
     /// In the order of their paths.
-    pub(crate) logs: Vec<PathBuf>,
+    pub logs: Vec<PathBuf>,
 }
 
 impl Pair {
@@ -78,7 +82,7 @@ impl Pair {
     }
 
     /// One pair of a command line that names the files.
-    pub(crate) fn of_files(robot: &Path, logs: &[PathBuf]) -> Pair {
+    pub fn of_files(robot: &Path, logs: &[PathBuf]) -> Pair {
         let robot = FleetRobot::of_file(robot);
         let folder = logs.first().and_then(|log| log.parent());
         let (group_by, log_group) = match (logs, folder) {
@@ -96,7 +100,7 @@ impl Pair {
 ///
 /// # Errors
 /// The folder cannot be read or has no robot.
-pub(crate) fn robots(folder: &Path) -> Result<Vec<FleetRobot>> {
+pub fn robots(folder: &Path) -> Result<Vec<FleetRobot>> {
     let is_robot_itself = folder.join(ROBOT_FILE).is_file();
     let mut found = Vec::new();
     let is_hidden =
@@ -126,12 +130,12 @@ pub(crate) fn robots(folder: &Path) -> Result<Vec<FleetRobot>> {
     Ok(found)
 }
 
-/// The recordings that patterns match, in the order of their paths. A folder is a recording or passed over; files inside of a recording
+/// The recordings that patterns or paths match, in the order of their paths, without those that are `excluded`. A folder is a recording or passed over; files inside of a recording
 /// are not recordings.
 ///
 /// # Errors
 /// A pattern is invalid or matches no recording, or a folder cannot be read.
-pub(crate) fn recordings(patterns: &[String], excluded: &[&Path]) -> Result<Vec<PathBuf>> {
+pub fn recordings(patterns: &[String], excluded: &[&Path]) -> Result<Vec<PathBuf>> {
     let options =
         glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
     let excluded: Vec<PathBuf> = excluded.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -166,7 +170,7 @@ pub(crate) fn recordings(patterns: &[String], excluded: &[&Path]) -> Result<Vec<
 ///
 /// # Errors
 /// A log names several robots, or no log names one.
-pub(crate) fn pairs(robots: &[FleetRobot], logs: &[PathBuf], group_by: GroupBy) -> Result<Vec<Pair>> {
+pub fn pairs(robots: &[FleetRobot], logs: &[PathBuf], group_by: GroupBy) -> Result<Vec<Pair>> {
     let mut groups: BTreeMap<(Option<usize>, String), Vec<PathBuf>> = BTreeMap::new();
     let mut ambiguous = Vec::new();
     for log in logs {

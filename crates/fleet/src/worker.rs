@@ -11,16 +11,14 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use rivet_analysis::fault::Kind;
 use rivet_realtime::Shutdown;
 use rivet_report::Document;
-use rivet_service::USAGE;
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use crate::exit::{CONFIG, DATA, INPUT_OUTPUT};
-
-use super::fingerprint::Common;
-use super::row::ErrorKind;
+use crate::fingerprint::Common;
+use crate::row::ErrorKind;
 
 /// Time between two looks at a running diagnosis.
 const LOOK: Duration = Duration::from_millis(20);
@@ -30,6 +28,9 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const KEPT_BYTES: u64 = 16 << 10;
 /// Exit code of a panic.
 const PANICKED: i32 = 101;
+
+/// The kind of failure that an exit code of `rivet diagnose` stands for.
+pub(crate) type KindOfExit = fn(i32) -> Kind;
 
 /// What became of a diagnosis.
 #[derive(Debug)]
@@ -42,15 +43,30 @@ pub(crate) enum Outcome {
     Interrupted,
 }
 
-/// Runs `rivet diagnose` for one pair to its end; its result is written to `scratch`, which is gone afterwards.
-///
-/// # Errors
-/// The process cannot be started or its messages cannot be kept.
+/// Runs `rivet diagnose` for one pair to its end; its result is written to `scratch`, which is gone afterwards. A process that cannot be
+/// started is a failed diagnosis.
 pub(crate) fn diagnose(
     common: &Common,
     robot: &Path,
     logs: &[PathBuf],
     scratch: &Path,
+    kind_of_exit: KindOfExit,
+    shutdown: &Shutdown,
+) -> Outcome {
+    run(common, robot, logs, scratch, kind_of_exit, shutdown).unwrap_or_else(|why| Outcome::Failed {
+        kind: ErrorKind::InputOutput,
+        error: format!("{why:#}"),
+        exit_code: None,
+        notes: String::new(),
+    })
+}
+
+fn run(
+    common: &Common,
+    robot: &Path,
+    logs: &[PathBuf],
+    scratch: &Path,
+    kind_of_exit: KindOfExit,
     shutdown: &Shutdown,
 ) -> Result<Outcome> {
     let mut messages = tempfile::tempfile().context("a file for the messages of a diagnosis")?;
@@ -61,7 +77,7 @@ pub(crate) fn diagnose(
     // In a group of its own it does not get the Ctrl-C of the terminal: this program ends it, and knows that it did.
     command.process_group(0).env(rivet_realtime::PARENT_VARIABLE, std::process::id().to_string());
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(messages.try_clone()?);
-    let mut child = command.spawn().context("cannot start rivet diagnose")?;
+    let mut child = command.spawn().context("the diagnosis cannot be started")?;
     let ended = wait(&mut child, shutdown);
     let result = std::fs::read(scratch);
     // A diagnosis that failed has written nothing.
@@ -75,9 +91,9 @@ pub(crate) fn diagnose(
                 exit_code: i64::from(code),
                 notes: text.trim().to_owned(),
             },
-            Err(why) => failed(status, &format!("{text}rivet: its JSON cannot be read: {why}")),
+            Err(why) => failed(status, &format!("{text}rivet: its JSON cannot be read: {why}"), kind_of_exit),
         },
-        _ => failed(status, &text),
+        _ => failed(status, &text, kind_of_exit),
     })
 }
 
@@ -119,11 +135,11 @@ fn tail(messages: &mut File) -> Result<String> {
 }
 
 /// How a diagnosis failed, from how it ended and its messages: the last of them is the error, the others are warnings.
-fn failed(status: ExitStatus, text: &str) -> Outcome {
+fn failed(status: ExitStatus, text: &str, kind_of_exit: KindOfExit) -> Outcome {
     let (text, code) = (text.trim(), status.code());
     let kind = match code {
         None | Some(PANICKED) => ErrorKind::Crash,
-        Some(code) => kind(code),
+        Some(code) => ErrorKind::from(kind_of_exit(code)),
     };
     let begin = match code {
         Some(PANICKED) => text.find("\nthread '").map_or(0, |at| at + 1),
@@ -141,16 +157,6 @@ fn failed(status: ExitStatus, text: &str) -> Outcome {
     Outcome::Failed { kind, error, exit_code: code.map(i64::from), notes: notes.trim().to_owned() }
 }
 
-fn kind(code: i32) -> ErrorKind {
-    match u8::try_from(code) {
-        Ok(USAGE) => ErrorKind::Usage,
-        Ok(DATA) => ErrorKind::Data,
-        Ok(CONFIG) => ErrorKind::Config,
-        Ok(INPUT_OUTPUT) => ErrorKind::InputOutput,
-        _ => ErrorKind::Other,
-    }
-}
-
 /// What a signal usually means.
 fn reason(signal: i32) -> &'static str {
     match Signal::from_named_raw(signal) {
@@ -163,7 +169,7 @@ fn reason(signal: i32) -> &'static str {
 }
 
 /// The processors of this process, shared out: worker `place` of `workers` gets every so manieth, at least one.
-pub(crate) fn processors(place: usize, workers: usize) -> Option<CpuSet> {
+fn processors(place: usize, workers: usize) -> Option<CpuSet> {
     let allowed = sched_getaffinity(None).ok()?;
     let all: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu)).collect();
     let (place, step) = (place % all.len().max(1), workers.clamp(1, all.len().max(1)));
@@ -172,10 +178,12 @@ pub(crate) fn processors(place: usize, workers: usize) -> Option<CpuSet> {
     Some(share)
 }
 
-/// Limits the processes that this thread starts to some processors: a diagnosis starts as many threads as it has processors.
-pub(crate) fn limit_to(share: &CpuSet) {
-    // Where the system refuses, every diagnosis starts a thread a processor: slower, and the same result.
-    let _ = sched_setaffinity(None, share);
+/// Limits the processes that this thread starts to its share of the processors: a diagnosis starts as many threads as it has processors.
+pub(crate) fn limit_to_share(place: usize, workers: usize) {
+    if let Some(share) = processors(place, workers) {
+        // Where the system refuses, every diagnosis starts a thread a processor: slower, and the same result.
+        let _ = sched_setaffinity(None, &share);
+    }
 }
 
 #[cfg(test)]
@@ -183,7 +191,8 @@ mod tests {
     use super::*;
 
     fn of(raw: i32, text: &str) -> (ErrorKind, String, Option<i64>, String) {
-        match failed(ExitStatus::from_raw(raw), text) {
+        let kind_of_exit = |code| if code == 65 { Kind::Data } else { Kind::Other };
+        match failed(ExitStatus::from_raw(raw), text, kind_of_exit) {
             Outcome::Failed { kind, error, exit_code, notes } => (kind, error, exit_code, notes),
             other => panic!("{other:?}"),
         }
@@ -205,8 +214,7 @@ mod tests {
         let (kind, error, code, notes) = of(65 << 8, "rivet: a note\nrivet: log.csv: no torque\nlines of it\n");
         assert_eq!((kind, code), (ErrorKind::Data, Some(65)));
         assert_eq!((error.as_str(), notes.as_str()), ("log.csv: no torque\nlines of it", "rivet: a note"));
-        let kinds = [64, 70, 74, 78].map(|code| of(code << 8, "rivet: why").0);
-        assert_eq!(kinds, [ErrorKind::Usage, ErrorKind::Other, ErrorKind::InputOutput, ErrorKind::Config]);
+        assert_eq!(of(70 << 8, "rivet: why").0, ErrorKind::Other);
         assert_eq!(of(70 << 8, "").1, "ended with exit code 70");
     }
 

@@ -8,8 +8,8 @@ use anyhow::Result;
 use rivet_analysis::passport::sha256;
 use sha2::{Digest as _, Sha256};
 
-use super::pairs::Pair;
-use super::table::SCHEMA;
+use crate::pairs::Pair;
+use crate::table::SCHEMA;
 
 /// What all diagnoses of a run depend on.
 pub(crate) struct Common {
@@ -20,14 +20,12 @@ pub(crate) struct Common {
 }
 
 impl Common {
-    /// Of this program and the values of `--map`.
+    /// Of the program that diagnoses and the values of `--map`.
     ///
     /// # Errors
     /// The program cannot be read.
-    pub(crate) fn new(map: &[String]) -> Result<Common> {
-        // A link of the process itself: after an update the path would lead to another program.
-        let digest = sha256(Path::new("/proc/self/exe")).or_else(|_| sha256(&std::env::current_exe()?))?;
-        Ok(Common { program: std::env::current_exe()?, program_sha256: digest, map: map.to_vec() })
+    pub(crate) fn new(program: &Path, map: &[String]) -> Result<Common> {
+        Ok(Common { program: program.to_owned(), program_sha256: sha256(program)?, map: map.to_vec() })
     }
 }
 
@@ -41,7 +39,7 @@ pub(crate) struct RobotDigest {
 }
 
 impl RobotDigest {
-    fn of(file: &Path) -> RobotDigest {
+    fn new(file: &Path) -> RobotDigest {
         let urdfs = match rivet_config::load(file) {
             Ok(robot) => {
                 let named =
@@ -65,12 +63,12 @@ pub(crate) struct Digests {
 
 impl Digests {
     /// Reads the files of a pair; `robot` keeps the digest of its robot for the next pair.
-    pub(crate) fn of(pair: &Pair, common: &Common, robot: &OnceLock<RobotDigest>) -> Digests {
+    pub(crate) fn new(pair: &Pair, common: &Common, robot: &OnceLock<RobotDigest>) -> Digests {
         if pair.robot.is_none() {
             // Nothing is read of it.
             return Digests { robot: None, logs: Vec::new(), fingerprint: SCHEMA.to_owned() };
         }
-        let robot = pair.robot.as_ref().map(|named| robot.get_or_init(|| RobotDigest::of(&named.file)).clone());
+        let robot = pair.robot.as_ref().map(|named| robot.get_or_init(|| RobotDigest::new(&named.file)).clone());
         let logs: Vec<String> = pair.logs.iter().map(|log| digest(log)).collect();
         let files = robot.as_ref().map(|robot| (&robot.file, &robot.urdfs));
         // As JSON no two lists of texts are the same text.

@@ -22,8 +22,8 @@ use rivet_analysis::fault::Fault;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::columns::{COLUMNS, Column, Leaf, append_row, leaves, schema};
-use super::row::{ErrorKind, Key, Row, Status};
+use crate::columns::{COLUMNS, Column, Leaf, append_row, leaves, schema};
+use crate::row::{ErrorKind, Key, Row, Status};
 
 /// Key of the file's metadata that names the schema.
 const SCHEMA_KEY: &str = "rivet.schema";
@@ -35,6 +35,8 @@ pub(crate) const SCHEMA: &str = "rivet.fleet.v1";
 const GROUP_ROWS: usize = 1000;
 /// Bytes of JSON after which a row group ends early.
 const GROUP_BYTES: usize = 16 << 20;
+/// Characters of an error that a summary has.
+const MAX_ERROR_CHARS: usize = 500;
 /// Columns that decide what has to be done again, and that a summary counts.
 const INDEX: [&str; 8] = ["robot", "group_by", "log_group", "status", "error_kind", "error", "verdict", "fingerprint"];
 
@@ -53,11 +55,16 @@ impl From<&Row> for Known {
         Known {
             status: row.status,
             error_kind: row.error_kind,
-            error: row.error.clone(),
+            error: row.error.as_deref().map(shortened),
             verdict: row.verdict.clone(),
             fingerprint: row.fingerprint.clone(),
         }
     }
+}
+
+/// The beginning of an error: one of many that a run keeps in memory.
+fn shortened(error: &str) -> String {
+    error.chars().take(MAX_ERROR_CHARS).collect()
 }
 
 #[derive(Deserialize)]
@@ -81,7 +88,8 @@ pub(crate) fn index(path: &Path) -> Result<BTreeMap<Key, Known>> {
         let records = RowIter::from_file_into(Box::new(file)).project(Some(projection))?;
         let parse = |record| -> Result<(Key, Known)> {
             let row: Indexed = serde_json::from_value(json(record)?)?;
-            Ok(((row.robot, row.group_by, row.log_group), row.known))
+            let known = Known { error: row.known.error.as_deref().map(shortened), ..row.known };
+            Ok(((row.robot, row.group_by, row.log_group), known))
         };
         records.map(|record| parse(record?)).collect()
     })
@@ -317,7 +325,7 @@ mod tests {
     fn row_groups_keep_the_order() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("t.parquet");
-        let rows: Vec<Row> = (0..2 * GROUP_ROWS + 1).map(|k| failed(Some("arm"), &format!("{k:06}"))).collect();
+        let rows: Vec<Row> = (0..=2 * GROUP_ROWS).map(|k| failed(Some("arm"), &format!("{k:06}"))).collect();
         assert_eq!(added(&path, rows.clone(), &BTreeSet::new()), rows.len());
         assert_eq!(read(&path), rows);
         assert_eq!(open(&path).expect("a table").expect("there").num_row_groups(), 3);
