@@ -145,7 +145,8 @@ impl Line {
         if self.is_terminal {
             if self.drawn.is_none_or(|at| at.elapsed() >= REDRAW) {
                 self.drawn = Some(Instant::now());
-                let columns = ratatui::crossterm::terminal::size().map_or(USUAL_COLUMNS, |(columns, _)| columns);
+                let reported = ratatui::crossterm::terminal::size().map_or(0, |(columns, _)| columns);
+                let columns = if reported == 0 { USUAL_COLUMNS } else { reported };
                 let line: String = progress.line().chars().take(usize::from(columns).saturating_sub(1)).collect();
                 // A terminal that is gone is no reason to stop working.
                 let _ = write!(std::io::stderr(), "\r{line}\x1b[K");
