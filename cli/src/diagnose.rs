@@ -8,6 +8,7 @@ use rivet_analysis::diagnose::{Inputs, diagnose};
 use rivet_diagnosis::Verdict;
 
 use crate::control::bus_of;
+use crate::fleet::{self, FleetArgs};
 use crate::live;
 use crate::map::MapArgs;
 use crate::outputs::Outputs;
@@ -17,10 +18,10 @@ use crate::table::show;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Robot file with the nominal model.
-    #[arg(value_name = "ROBOT.toml")]
-    robot: PathBuf,
+    #[arg(required_unless_present = "robots", value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
     /// Logs of the arm. With several logs the last is held out; a single log is cut at 60 %.
-    #[arg(required_unless_present = "live", value_name = "LOG")]
+    #[arg(required_unless_present_any = ["live", "robots"], value_name = "LOG")]
     logs: Vec<PathBuf>,
     /// Record the arm on the bus for this time, as the last log [s].
     #[arg(long, value_name = "SECONDS")]
@@ -34,7 +35,7 @@ pub(crate) struct Args {
     /// Override `[bus] root` for --live.
     #[arg(long, requires = "live")]
     root: Option<PathBuf>,
-    /// Write the verdict as JSON.
+    /// Write the verdict as JSON; with --table, a summary.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Write the verdict as an HTML page without external parts.
@@ -53,12 +54,24 @@ pub(crate) struct Args {
     verbose: bool,
     #[command(flatten)]
     map: MapArgs,
+    #[command(flatten)]
+    fleet: FleetArgs,
 }
 
-/// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated.
+/// Exit codes: 0 no gap, 1 a cause named, 2 unexplained, 3 not evaluated; with --table those of [`fleet::run`].
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
-    let outputs = Outputs::for_logs(&robot, &args.robot, &args.logs).file("--keep", args.keep.as_ref());
+    if args.fleet.die_with_parent {
+        rivet_realtime::die_with_parent().context("ending with the parent process")?;
+    }
+    let robot_file = args.robot.as_deref();
+    if let Some(table) = &args.fleet.table {
+        let given = robot_file.map(|robot| (robot, args.logs.as_slice()));
+        return fleet::run(&args.fleet, table, given, &args.map, args.json.as_ref());
+    }
+    // The command line requires it.
+    let robot_file = robot_file.context("no robot file")?;
+    let robot = args.map.apply(rivet_config::load(robot_file)?)?;
+    let outputs = Outputs::for_logs(&robot, robot_file, &args.logs).file("--keep", args.keep.as_ref());
     outputs
         .file("--json", args.json.as_ref())
         .file("--html", args.html.as_ref())
@@ -73,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     let program = std::env::current_exe().context("the path of this program")?;
     let inputs = Inputs {
-        robot_file: &args.robot,
+        robot_file,
         logs: &logs,
         is_last_live: args.live.is_some(),
         program: &program,

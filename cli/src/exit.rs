@@ -41,3 +41,33 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
         Kind::Other => OTHER,
     }
 }
+
+/// The kind of failure that a code of [`code`] stands for.
+pub(crate) fn kind_of_code(code: i32) -> Kind {
+    match u8::try_from(code) {
+        Ok(USAGE) => Kind::Usage,
+        Ok(DATA) => Kind::Data,
+        Ok(CONFIG) => Kind::Config,
+        Ok(INPUT_OUTPUT) => Kind::InputOutput,
+        Ok(INTERRUPTED) => Kind::Interrupted,
+        _ => Kind::Other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_analysis::fault::Fault;
+
+    #[test]
+    fn a_code_leads_back_to_its_kind() {
+        let faults: [fn(String) -> Fault; 4] = [Fault::Usage, Fault::Data, Fault::Config, |_| Fault::Interrupted];
+        for fault in faults {
+            let error = anyhow::Error::new(fault("why".to_owned()));
+            assert_eq!(kind_of_code(i32::from(code(&error))), kind(&error), "{error}");
+        }
+        let missing = anyhow::Error::new(std::io::Error::from(std::io::ErrorKind::NotFound));
+        assert_eq!(kind_of_code(i32::from(code(&missing))), Kind::InputOutput);
+        assert_eq!(kind_of_code(i32::from(code(&anyhow::anyhow!("why")))), Kind::Other);
+    }
+}

@@ -16,6 +16,7 @@ mod diagnose;
 mod doctor;
 mod exit;
 mod figures;
+mod fleet;
 mod generate;
 mod identify;
 mod inspect;

@@ -75,7 +75,7 @@ pub use listing::{Column, Conventions, Listing, Topic};
 pub use log::{Log, ReadOptions, Signals, TorqueSource, read, read_as, read_columns};
 pub use parquet_file::{write_columns, write_model_columns};
 pub use plan::Naming;
-pub use readers::list;
+pub use readers::{is_recording_folder, list};
 pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;
 pub use stairs::Stairs;

@@ -120,3 +120,9 @@ pub fn list(path: impl AsRef<Path>) -> Result<Listing, LogError> {
     let reader = find(path)?;
     Ok(Listing { format: reader.name, ..(reader.list)(path)? })
 }
+
+/// Whether a folder is one recording (rosbag2, LeRobot), and not a folder with recordings in it.
+pub fn is_recording_folder(folder: &Path) -> bool {
+    let head = Head { path: folder, is_folder: folder.is_dir(), bytes: &[] };
+    head.is_folder && READERS.iter().any(|reader| (reader.is_format)(&head))
+}
