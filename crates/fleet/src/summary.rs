@@ -13,7 +13,7 @@ use crate::row::{ErrorKind, Key, Status};
 use crate::table::Known;
 
 /// Name and version of the JSON.
-const SCHEMA: &str = "rivet.fleet-summary.v1";
+const SUMMARY_SCHEMA: &str = "rivet.fleet-summary.v1";
 /// Failures that are printed; the JSON and the table have all.
 const LISTED: usize = 10;
 
@@ -57,7 +57,7 @@ pub struct Summary {
 impl Summary {
     pub(crate) fn new(table: &Path) -> Summary {
         Summary {
-            schema: SCHEMA,
+            schema: SUMMARY_SCHEMA,
             table: table.to_string_lossy().into_owned(),
             diagnosed: 0,
             failed: 0,
@@ -144,7 +144,7 @@ pub fn states_json(states: &[(Pair, State)]) -> Result<String> {
             "state": state,
         })
     };
-    let json = serde_json::json!({ "schema": SCHEMA, "pairs": states.iter().map(pair).collect::<Vec<_>>() });
+    let json = serde_json::json!({ "schema": SUMMARY_SCHEMA, "pairs": states.iter().map(pair).collect::<Vec<_>>() });
     Ok(rivet_files::printable_json(serde_json::to_string_pretty(&json)? + "\n"))
 }
 
