@@ -12,7 +12,7 @@ use crate::row::Key;
 /// Name of a robot file in a folder of its own.
 const ROBOT_FILE: &str = "robot.toml";
 /// Ambiguous logs that an error lists.
-const LISTED: usize = 5;
+const MAX_LISTED_LOGS: usize = 5;
 
 /// Logs of one diagnosis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -191,14 +191,14 @@ pub fn pairs(robots: &[FleetRobot], logs: &[PathBuf], group_by: GroupBy) -> Resu
         groups.entry((robot, group)).or_default().push(log.clone());
     }
     if !ambiguous.is_empty() {
-        let others = ambiguous.len().saturating_sub(LISTED);
+        let others = ambiguous.len().saturating_sub(MAX_LISTED_LOGS);
         let more = if others > 0 { format!("\nand {others} more") } else { String::new() };
         let listed = ambiguous[..ambiguous.len() - others].join("\n");
         let hint = "Each log must name one robot; move these, or run the command for one robot at a time (--robots FOLDER/ROBOT)";
         return Err(Fault::Usage(format!("logs that name several robots:\n{listed}{more}\n{hint}")).into());
     }
     if groups.keys().all(|(robot, _)| robot.is_none()) {
-        let names: Vec<&str> = robots.iter().take(LISTED).map(|robot| robot.id.as_str()).collect();
+        let names: Vec<&str> = robots.iter().take(MAX_LISTED_LOGS).map(|robot| robot.id.as_str()).collect();
         let first = logs.first().map(|log| log.display().to_string()).unwrap_or_default();
         let why = format!(
             "no log names a robot: a folder or the file name must contain one of {}, as {first} does not",

@@ -39,12 +39,12 @@ impl Progress {
         let Progress { pairs, finished, failed, .. } = self;
         let percent = 100 * finished / (*pairs).max(1);
         let failed = if *failed > 0 { format!(", {failed} failed") } else { String::new() };
-        let left = match self.time_left() {
+        let remaining = match self.time_left() {
             _ if finished == pairs => String::new(),
-            Some(left) => format!(", {} left", rounded(left)),
+            Some(time) => format!(", {} left", rounded(time)),
             None => ", time left unknown".to_owned(),
         };
-        format!("diagnosing {finished} of {pairs} ({percent} %){failed}{left}")
+        format!("diagnosing {finished} of {pairs} ({percent} %){failed}{remaining}")
     }
 }
 

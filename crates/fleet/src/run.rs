@@ -23,7 +23,7 @@ use crate::summary::{State, Summary};
 use crate::worker::{self, Outcome};
 
 /// Time between two looks at the workers and at the signals.
-const LOOK: Duration = Duration::from_millis(100);
+const WORKERS_POLL: Duration = Duration::from_millis(100);
 
 /// What a fleet is diagnosed with, and where the rows go.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +127,7 @@ impl Fleet<'_> {
             drop(events);
             let mut result = Ok(());
             loop {
-                match reports.recv_timeout(LOOK) {
+                match reports.recv_timeout(WORKERS_POLL) {
                     // After a failure the workers end; what they still report is not kept.
                     Ok(event) if result.is_ok() => {
                         result = collector.take(event);

@@ -13,9 +13,9 @@ use crate::row::{ErrorKind, Key, Status};
 use crate::table::Known;
 
 /// Name and version of the JSON.
-const SCHEMA: &str = "rivet.fleet-summary.v1";
+const SUMMARY_SCHEMA: &str = "rivet.fleet-summary.v1";
 /// Failures that are printed; the JSON and the table have all.
-const LISTED: usize = 10;
+const MAX_LISTED_FAILURES: usize = 10;
 
 /// What is to be done with a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -57,7 +57,7 @@ pub struct Summary {
 impl Summary {
     pub(crate) fn new(table: &Path) -> Summary {
         Summary {
-            schema: SCHEMA,
+            schema: SUMMARY_SCHEMA,
             table: table.to_string_lossy().into_owned(),
             diagnosed: 0,
             failed: 0,
@@ -115,13 +115,13 @@ impl Summary {
         }
         let mut failures: Vec<&Failure> = self.failures.iter().collect();
         failures.sort_by_key(|failure| (&failure.robot, &failure.log_group));
-        for failure in failures.iter().take(LISTED) {
+        for failure in failures.iter().take(MAX_LISTED_FAILURES) {
             let error = failure.error.as_deref().and_then(|error| error.lines().next()).unwrap_or_default();
             let error = error.strip_prefix(&format!("{}: ", failure.log_group)).unwrap_or(error);
             out += &paragraph("  failed    ", &format!("{}: {error}", failure.log_group));
         }
-        if failures.len() > LISTED {
-            out += &paragraph("            ", &format!("and {} more", failures.len() - LISTED));
+        if failures.len() > MAX_LISTED_FAILURES {
+            out += &paragraph("            ", &format!("and {} more", failures.len() - MAX_LISTED_FAILURES));
         }
         out + &paragraph("  table     ", &self.table)
     }
@@ -144,7 +144,7 @@ pub fn states_json(states: &[(Pair, State)]) -> Result<String> {
             "state": state,
         })
     };
-    let json = serde_json::json!({ "schema": SCHEMA, "pairs": states.iter().map(pair).collect::<Vec<_>>() });
+    let json = serde_json::json!({ "schema": SUMMARY_SCHEMA, "pairs": states.iter().map(pair).collect::<Vec<_>>() });
     Ok(rivet_files::printable_json(serde_json::to_string_pretty(&json)? + "\n"))
 }
 

@@ -21,7 +21,7 @@ use crate::fingerprint::Common;
 use crate::row::ErrorKind;
 
 /// Time between two looks at a running diagnosis.
-const LOOK: Duration = Duration::from_millis(20);
+const PROCESS_POLL: Duration = Duration::from_millis(20);
 /// Time that a diagnosis has to end after SIGTERM.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Most of its messages that is kept \[bytes\].
@@ -107,7 +107,7 @@ fn wait(child: &mut Child, shutdown: &Shutdown) -> std::io::Result<Option<ExitSt
         if let Some(status) = child.try_wait()? {
             return Ok(Some(status));
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(PROCESS_POLL);
     }
 }
 
@@ -119,7 +119,7 @@ fn end(child: &mut Child) {
     }
     let deadline = Instant::now() + PATIENCE;
     while matches!(child.try_wait(), Ok(None)) && Instant::now() < deadline {
-        std::thread::sleep(LOOK);
+        std::thread::sleep(PROCESS_POLL);
     }
     let _ = child.kill();
     let _ = child.wait();
