@@ -94,9 +94,10 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     let passport = passport(&robot, inputs.robot_file, inputs.program, &sources, &found.used)?;
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
     document.log.splice(0..0, stood.into_iter().map(log_finding));
-    let spoilt = spoilt.filter(|reading| is_void(reading, &found, &document));
-    if let Some(reading) = &spoilt {
-        document.is_misread(&reading.text);
+    let spoilt = spoilt.filter(|reading| is_void(reading, &found, &document)).map(|reading| reading.text);
+    let spoilt = spoilt.or_else(|| gravity_free.as_ref()?.confused_with_gravity(&found));
+    if let Some(why) = &spoilt {
+        document.is_misread(why);
     }
     let patch = patch.filter(|_| spoilt.is_none());
     if let Some(patch) = &patch {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use rivet_config::{Robot, TorqueMeaning};
+use rivet_diagnosis::Diagnosis;
 use rivet_dynamics::Workspace;
 use rivet_logs::Log;
 use rivet_screening::{Fault as LogReading, Reading, Screening};
@@ -23,6 +24,8 @@ pub const GRAVITY_FREE_NAME: &str = "gravity_free_torque";
 const ROWS: usize = 300;
 /// Share of the file's gravity in a torque from which on readings need not be compared: without gravity it is about 0, else about 1.
 const PRESENT: f64 = 0.5;
+/// Effects whose torque depends on the pose alone.
+const OF_POSE: [&str; 4] = ["counterbalance", "joint_spring", "gravity_direction", "encoder_offset"];
 /// Probability from which on a log is read so.
 const SURE: f64 = 0.95;
 
@@ -60,6 +63,21 @@ impl GravityFree {
         );
         let finding = Distrust { log: None, joint: None, name: GRAVITY_FREE_NAME, text };
         Ok(Some(GravityFree { robot: with_gravity(robot, [0.0; 3]), gravity, finding }))
+    }
+
+    /// Why causes mean nothing: among them is one whose torque depends on the pose alone. So does what the driver's model of gravity gets
+    /// wrong.
+    pub(crate) fn confused_with_gravity(&self, found: &Diagnosis) -> Option<String> {
+        let names = found.causes.iter().map(|cause| cause.effect.name()).filter(|name| OF_POSE.contains(name));
+        let names: Vec<&str> = names.collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "torque is without that of gravity, and what is left of it depends on the pose ({}): the driver compensates another \
+                 arm's gravity than this one's, as with a load that it does not know, or there is such an effect. Log the whole torque, \
+                 or motor currents, to separate them",
+                names.join(", ").replace('_', " ")
+            )
+        })
     }
 
     /// The robot as others use it: with its gravity.
