@@ -240,6 +240,49 @@ fn a_torque_without_gravity_is_compared_with_an_arm_without_gravity() {
     }
 }
 
+/// Friction and rotors are identified from a torque without gravity as from the whole one. What gravity alone shows keeps the file's values,
+/// and the exported model has its gravity.
+#[test]
+fn a_torque_without_gravity_identifies_what_gravity_is_not_needed_for() {
+    let Some(case) = shared("data/practice/case-18") else { return };
+    let file = case.join("robot.toml");
+    let robot = rivet_config::load(&file).expect("a sound robot file");
+    let arm = &robot.model.arm;
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = read(case.join("log-a.parquet"), &ReadOptions::new(6)).expect("a sound log");
+    let mut tau = log.torque().expect("torque").clone();
+    without_gravity(arm, &arm.links, &[1.0; 6])(&mut log, &mut tau);
+    let logs = [case.join("log-a.parquet"), written(&log, &tau, folder.path())];
+    let [whole, without] = [0, 1].map(|k| {
+        let (json, export) = (folder.path().join(format!("{k}.json")), folder.path().join(format!("{k}")));
+        let mut command = rivet();
+        command.arg("identify").args([&file, &logs[k]]).arg("--json").arg(&json).arg("--export").arg(&export);
+        let output = command.output().expect("it runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let found: Value = serde_json::from_slice(&std::fs::read(json).expect("read")).expect("JSON");
+        (found, rivet_config::load(export.join("model.toml")).expect("a sound model"))
+    });
+    let warns = |found: &Value| found["warnings"].to_string().contains("gravity_free_torque");
+    assert!(!warns(&whole.0) && warns(&without.0), "{:#}", without.0["warnings"]);
+    assert_eq!(without.1.model.arm.gravity, robot.model.arm.gravity);
+    assert!(without.1.not_excited.contains('m'), "{:?}", without.1.not_excited);
+    let values = |model: &rivet_config::Robot| {
+        let identified = model.identified.as_ref().expect("identified");
+        (identified.values.clone(), identified.std.clone())
+    };
+    let ((a, std_a), (b, std_b)) = (values(&whole.1), values(&without.1));
+    let names: Vec<String> = (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect();
+    let mut compared = 0;
+    for (i, name) in names.iter().enumerate().filter(|(_, name)| name.ends_with("coulomb") || name.ends_with("viscous"))
+    {
+        // Of two logs with the same noise the difference is below what both leave.
+        let off = (a[i] - b[i]).abs() / std_a[i].hypot(std_b[i]);
+        assert!(off < 4.0, "{name}: {} and {}, {off} standard deviations", a[i], b[i]);
+        compared += 1;
+    }
+    assert_eq!(compared, 12);
+}
+
 /// A driver that compensates the gravity of a level base on a tilted one leaves a torque of the pose, as a spring does: a tilt of 0.44 m/s²
 /// without gravity was named.
 #[test]
