@@ -140,6 +140,24 @@ pub(crate) fn physics(robot: &Robot, q: &[f64]) -> Physics {
     Physics { arm: arm.clone(), joints, coupled: Vec::new(), delay_s: 0.0, lag_s: 0.001, pushes: Vec::new() }
 }
 
+/// A load of so many kilograms 0.1 m from the last joint along each axis.
+pub(crate) fn load(physics: &mut Physics, mass: f64) {
+    let (c, flange) = (0.1, physics.arm.links.last_mut().expect("links"));
+    let (along, across) = (2.0 * c * c, -c * c);
+    for (entry, part) in flange.iter_mut().zip([1.0, c, c, c, along, across, along, across, across, along]) {
+        *entry += mass * part;
+    }
+}
+
+/// Friction times `factor`, and a quarter more before a joint breaks away.
+pub(crate) fn friction(physics: &mut Physics, factor: f64) {
+    for joint in &mut physics.joints {
+        joint.dry.coulomb *= factor;
+        joint.viscous *= factor;
+        joint.dry.stribeck = [0.25 * joint.dry.coulomb, 0.02];
+    }
+}
+
 /// What is wrong, from some moment on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wrong {
