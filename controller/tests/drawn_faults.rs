@@ -118,7 +118,7 @@ fn encoders_of_another_scale_make_few_joints_fast() {
         let o = case.rig().run(case.sound_s, wrong, 2.5, |_, _| ());
         (format!("{case:?} {wrong:?}"), o, o.speed > MOST_SPEED)
     });
-    assert!(bad.len() as u64 <= count.div_ceil(20), "{bad:#?}");
+    assert!(bad.len() as u64 <= count.div_ceil(10), "{bad:#?}");
 }
 
 /// Arms with half to 2.5 times the friction of the file, rotors of 0.7 to 1.3 times the inertia, loads that the model does not know, and a

@@ -36,6 +36,9 @@ impl Core {
             sound: 0,
             until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
         };
+        // The encoder of a joint that is too fast, and does not move as its torque moves it, looks sound again once the joint stands.
+        let is_measured = matches!(wrong.cause, StopCause::TooFast | StopCause::TrackingError);
+        stopping.until_asked |= is_measured && stopping.doubted != 0;
         // Without a sample nothing of the arm is seen.
         stopping.untrusted = if stopping.doubted == 0 { all } else { stopping.doubted };
         let unused = if stopping.doubted == 0 { 0 } else { (DOUBTED_S / self.period_s).ceil() as usize };
