@@ -14,14 +14,9 @@ const FROZEN_RUN: u32 = 3;
 const ABRUPT: f64 = 0.05;
 /// Encoder steps that it moved by before, at least: a coarse encoder repeats readings in slow motion.
 const MOVED_STEPS: f64 = 8.0;
-/// Share of the torque limit by which the torque that the motion needs and the commanded one may come apart within a moment, beside a third
-/// of [`JointLimits::breakaway`]. A payload that is grasped or released changes the torque by less.
-const RESPONSE_SHARE: f64 = 0.2;
-/// The same where torques usually come apart: as many times what is usual, up to this share of the torque limit.
-const USUAL_TIMES: f64 = 6.0;
-const LARGEST_RESPONSE_SHARE: f64 = 0.5;
-/// Memory of what is usual \[s\].
-const USUAL_S: f64 = 1.0;
+/// Share of the torque limit by which the torque that the motion needs and the commanded one may come apart within a moment.
+/// A payload that is grasped or released changes the torque by less.
+const RESPONSE_SHARE: f64 = 0.5;
 /// What the model misses for longer than this is an error of the model \[s\].
 const MODEL_ERROR_S: f64 = 0.1;
 /// Samples in a row that do not answer the torque.
@@ -65,8 +60,6 @@ struct Joint {
     /// What the model misses \[N·m\], slowly varying, and the same when the run began.
     model_error: f64,
     error_before: f64,
-    /// What is usually missed beyond that, as a mean magnitude \[N·m\].
-    usual: f64,
     /// Samples in a row that did not answer the torque.
     unanswered: u32,
 }
@@ -95,13 +88,12 @@ impl MotionCheck {
         for (all, limits) in all.iter_mut().zip(limits) {
             *all = *limits;
         }
-        let usual = |limits: MotionLimits| LARGEST_RESPONSE_SHARE / USUAL_TIMES * limits.joint.torque;
         MotionCheck {
             dof: limits.len().min(MAX_JOINTS),
             period_s,
             frozen_run: ((LONGEST_REPEAT_S / period_s).ceil() as u32).max(FROZEN_RUN),
             limits: all,
-            joints: all.map(|limits| Joint { usual: usual(limits), ..Joint::default() }),
+            joints: [Joint::default(); MAX_JOINTS],
             window: Window::new(period_s),
             seq: None,
             repeats: 0,
@@ -113,7 +105,7 @@ impl MotionCheck {
     pub fn restart(&mut self) {
         self.window.restart();
         for joint in &mut self.joints {
-            *joint = Joint { model_error: joint.model_error, usual: joint.usual, ..Joint::default() };
+            *joint = Joint { model_error: joint.model_error, ..Joint::default() };
         }
         (self.seq, self.repeats) = (None, 0);
     }
@@ -221,13 +213,10 @@ impl MotionCheck {
         let (mut joints, mut frozen) = (0, 0);
         let whole = self.window.samples();
         let share = (self.period_s / MODEL_ERROR_S).min(1.0);
-        let usual_share = (self.period_s / USUAL_S).min(1.0);
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             let limits = &self.limits[j];
             let noise = NOISE_STEPS * limits.joint.resolution / self.window.half_s().powi(2) * limits.inertia;
-            let [least, largest] = [RESPONSE_SHARE, LARGEST_RESPONSE_SHARE].map(|share| share * limits.joint.torque);
-            let least = least + limits.joint.breakaway / 3.0;
-            let most = least.max((USUAL_TIMES * joint.usual).min(largest)) + noise;
+            let most = RESPONSE_SHARE * limits.joint.torque + noise;
             let missed = needed[j] - motion.tau[j];
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
@@ -241,7 +230,6 @@ impl MotionCheck {
             let answered = sudden.abs() <= most;
             if sudden.is_finite() {
                 joint.model_error += share * sudden.clamp(-most, most);
-                joint.usual += usual_share * (sudden.abs().min(most) - joint.usual);
             }
             joint.unanswered = if answered { 0 } else { joint.unanswered.saturating_add(1) };
             joints |= if joint.unanswered >= RESPONSE_RUN { 1 << j } else { 0 };
