@@ -5,9 +5,12 @@
 //! for longer: the arm comes to rest as fast as its drives let it. Joints with a trusted encoder are kept on the plan by slow
 //! feedback; the others get the torque alone. Friction is left out of that torque: it then brakes a joint more than
 //! planned, and never drives one whose velocity is not known.
+//!
+//! A joint that is not seen is where the model with friction predicts it. A prediction without friction goes on when friction has
+//! brought the joint to rest: its torque then turns the joint round, and balances gravity at a position that the joint never reached.
 
 use crate::history::{History, Moment};
-use crate::inertia::{acceleration_by, acceleration_of};
+use crate::inertia::{acceleration_of, accelerations_by};
 use crate::law::ControlLaw;
 use crate::watch::Wrong;
 use rivet_config::StopReaction;
@@ -31,6 +34,13 @@ pub(crate) const FEEDBACK: f64 = 4.0;
 /// Planned speed below which a joint is at rest \[rad/s\].
 const RESTING: f64 = 1e-4;
 
+/// Part of the acting model's friction with which joints that are not seen are predicted. Of 200 drawn stops of arms with 0.5 to 1.7 times
+/// the file's friction, joints move by more than 0.1 rad afterwards in 4 without friction, in 2 with all of it, and in 1 with this part.
+const FRICTION_SHARE: f64 = 0.7;
+
+/// Speed at which the friction is taken that holds a joint at rest \[rad/s\].
+const PROBE_SPEED: f64 = 0.05;
+
 /// Longest time over which the arm's motion is reckoned from commands \[s\].
 const LONGEST_RECKONED_S: f64 = 0.1;
 
@@ -50,6 +60,9 @@ pub(crate) struct Stopping {
     /// The plan of the stop now: at first the state in which it began.
     pub(crate) q: [f64; MAX_JOINTS],
     pub(crate) qd: [f64; MAX_JOINTS],
+    /// Accelerations that the last command was to make \[rad/s²\], and velocities with it, measured where joints are seen \[rad/s\].
+    pub(crate) qdd: [f64; MAX_JOINTS],
+    pub(crate) speed: [f64; MAX_JOINTS],
     /// The command before it \[N·m\].
     pub(crate) tau: [f64; MAX_JOINTS],
     /// Periods since then.
@@ -80,11 +93,11 @@ impl Stop {
     }
 
     /// Moves the plan of `damp` on by `elapsed_s`. `lacking` is the torque that the limits held back \[N·m\]: given less wanted.
-    /// `mass` is scratch of dof² numbers. Real-time safe.
+    /// Joints that are not seen are where the model with friction predicts them. `mass` is scratch of dof² numbers. Real-time safe.
     pub(crate) fn advance(
         self,
         law: &mut ControlLaw,
-        x: &[f64],
+        x: Acting<'_>,
         stopping: &mut Stopping,
         lacking: &[f64; MAX_JOINTS],
         elapsed_s: f64,
@@ -94,11 +107,26 @@ impl Stop {
             return;
         }
         let n = law.dof();
-        let dragged = acceleration_by(law, &stopping.q[..n], lacking, x, mass);
+        let dry = x.friction_torque(law, &stopping.q, &stopping.speed);
+        let mut net = *lacking;
+        for j in 0..n {
+            net[j] -= dry[j];
+        }
+        let [dragged, moved] = accelerations_by(law, &stopping.q[..n], [lacking, &net], x.frictionless, mass);
+        let holding = x.friction_torque(law, &stopping.q, &[PROBE_SPEED; MAX_JOINTS]);
         let rest = (-elapsed_s / self.decay_s()).exp();
         for j in 0..n {
             let before = stopping.qd[j];
-            stopping.qd[j] = before * rest + dragged[j] * elapsed_s;
+            if stopping.untrusted >> j & 1 == 1 {
+                let mut a = stopping.qdd[j] + moved[j];
+                if before == 0.0 {
+                    let held = holding[j].abs() / law.nominal_inertia(j).max(f64::MIN_POSITIVE);
+                    a -= a.clamp(-held, held);
+                }
+                stopping.qd[j] = before + a * elapsed_s;
+            } else {
+                stopping.qd[j] = before * rest + dragged[j] * elapsed_s;
+            }
             if stopping.qd[j] * before < 0.0 || stopping.qd[j].abs() < RESTING {
                 // A stop does not turn a joint round. One at rest may be dragged along by others for want of torque.
                 stopping.qd[j] = 0.0;
@@ -117,7 +145,7 @@ impl Stop {
         self,
         law: &mut ControlLaw,
         x: &[f64],
-        stopping: &Stopping,
+        stopping: &mut Stopping,
         seen: Option<[&[f64; MAX_JOINTS]; 2]>,
         stopping_s: f64,
         tau: &mut [f64],
@@ -145,8 +173,33 @@ impl Stop {
                     }
                 }
                 law.model_torque(&q[..n], &qd[..n], &qdd[..n], x, tau);
+                stopping.qdd = qdd;
+                stopping.speed = stopping.qd;
+                if let Some([_, speed]) = seen {
+                    for j in (0..n).filter(|j| stopping.untrusted >> j & 1 == 0) {
+                        stopping.speed[j] = speed[j];
+                    }
+                }
             }
         }
+    }
+}
+
+/// Acting base parameters, with friction and without.
+#[derive(Clone, Copy)]
+pub(crate) struct Acting<'a> {
+    pub(crate) all: &'a [f64],
+    pub(crate) frictionless: &'a [f64],
+}
+
+impl Acting<'_> {
+    /// Torque of friction at velocities `qd` \[N·m\]. Real-time safe.
+    fn friction_torque(self, law: &mut ControlLaw, q: &[f64; MAX_JOINTS], qd: &[f64; MAX_JOINTS]) -> [f64; MAX_JOINTS] {
+        let (n, zero) = (law.dof(), [0.0; MAX_JOINTS]);
+        let [mut all, mut without] = [zero; 2];
+        law.model_torque(&q[..n], &qd[..n], &zero[..n], self.all, &mut all[..n]);
+        law.model_torque(&q[..n], &qd[..n], &zero[..n], self.frictionless, &mut without[..n]);
+        core::array::from_fn(|j| FRICTION_SHARE * (all[j] - without[j]))
     }
 }
 

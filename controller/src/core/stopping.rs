@@ -1,7 +1,7 @@
 //! When the stop reaction begins and ends, and its commands.
 
 use super::Core;
-use crate::stop::{Stopping, doubted, reckon};
+use crate::stop::{Acting, Stopping, doubted, reckon};
 use crate::watch::Wrong;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::{Command, JointState, StopCause};
@@ -29,11 +29,16 @@ impl Core {
             untrusted: 0,
             q: [0.0; MAX_JOINTS],
             qd: [0.0; MAX_JOINTS],
+            qdd: [0.0; MAX_JOINTS],
+            speed: [0.0; MAX_JOINTS],
             tau: *self.output.last(),
             periods: 0,
             sound: 0,
             until_asked: self.resume_after == 0 || self.relapses() || wrong.stays(all),
         };
+        // The encoder of a joint that is too fast, and does not move as its torque moves it, looks sound again once the joint stands.
+        let is_measured = matches!(wrong.cause, StopCause::TooFast | StopCause::TrackingError);
+        stopping.until_asked |= is_measured && stopping.doubted != 0;
         // Without a sample nothing of the arm is seen.
         stopping.untrusted = if stopping.doubted == 0 { all } else { stopping.doubted };
         let unused = if stopping.doubted == 0 { 0 } else { (DOUBTED_S / self.period_s).ceil() as usize };
@@ -126,7 +131,8 @@ impl Core {
                 let lack = command.tau[j] - tau[j];
                 lacking[j] = if lack.is_finite() { lack } else { 0.0 };
             }
-            let (x, elapsed_s) = (&x[..self.count], elapsed as f64 * self.period_s);
+            let x = Acting { all: &self.acting[..self.count], frictionless: &x[..self.count] };
+            let elapsed_s = elapsed as f64 * self.period_s;
             self.stop.advance(&mut self.law, x, stopping, &lacking, elapsed_s, &mut self.mass);
         }
         command

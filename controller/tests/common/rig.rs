@@ -22,6 +22,8 @@ const VISIBLE: f64 = 0.004;
 /// Brakes drag for so long after the start, while the torque builds up \[s\], at this speed with all of the drive's torque \[rad/s\].
 const BRAKED_S: f64 = 1.0;
 const DRAG: f64 = 0.2;
+/// Time after a stop from which on the arm is to be at rest \[s\].
+const LATER_S: f64 = 1.0;
 /// Time in which the planned motion grows to its full size \[s\].
 const GROWTH_S: f64 = 1.0;
 
@@ -138,6 +140,24 @@ pub(crate) fn physics(robot: &Robot, q: &[f64]) -> Physics {
     Physics { arm: arm.clone(), joints, coupled: Vec::new(), delay_s: 0.0, lag_s: 0.001, pushes: Vec::new() }
 }
 
+/// A load of so many kilograms 0.1 m from the last joint along each axis.
+pub(crate) fn load(physics: &mut Physics, mass: f64) {
+    let (c, flange) = (0.1, physics.arm.links.last_mut().expect("links"));
+    let (along, across) = (2.0 * c * c, -c * c);
+    for (entry, part) in flange.iter_mut().zip([1.0, c, c, c, along, across, along, across, across, along]) {
+        *entry += mass * part;
+    }
+}
+
+/// Friction times `factor`, and a quarter more before a joint breaks away.
+pub(crate) fn friction(physics: &mut Physics, factor: f64) {
+    for joint in &mut physics.joints {
+        joint.dry.coulomb *= factor;
+        joint.viscous *= factor;
+        joint.dry.stribeck = [0.25 * joint.dry.coulomb, 0.02];
+    }
+}
+
 /// What is wrong, from some moment on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wrong {
@@ -158,6 +178,10 @@ pub(crate) enum Wrong {
     Negative(usize),
     /// All positions and torques are those of so many seconds ago.
     Late(f64),
+    /// The way of one position from where it is is multiplied by a factor.
+    Scaled(usize, f64),
+    /// One position drifts by so many rad/s.
+    Drift(usize, f64),
     /// One position is so far off.
     Jump(usize, f64),
     /// A position is not a number.
@@ -191,6 +215,9 @@ pub(crate) struct Outcome {
     pub(crate) away: f64,
     /// Highest speed in the last tenth of a second \[rad/s\].
     pub(crate) rest: f64,
+    /// The highest speed from a second after the stop on, in parts of the joint's limit, and the way since then \[rad\].
+    pub(crate) later_speed: f64,
+    pub(crate) later_way: f64,
     /// Stops.
     pub(crate) stops: u64,
     /// From the first wrong sample until a position is wrong by more than 4 mrad \[s\].
@@ -325,6 +352,8 @@ impl Rig {
             Wrong::Frozen(j) => seen.q[j] = before.q[j],
             Wrong::Backwards(j) => seen.q[j] = 2.0 * before.q[j] - sample.q[j],
             Wrong::Negative(j) => seen.q[j] = -sample.q[j],
+            Wrong::Scaled(j, factor) => seen.q[j] = before.q[j] + factor * (sample.q[j] - before.q[j]),
+            Wrong::Drift(j, by) => seen.q[j] += by * (k + 1) as f64 * self.period_s(),
             Wrong::Late(by) => {
                 let old = ago((by / self.period_s()).round() as usize - 1);
                 (seen.q, seen.tau) = (old.q, old.tau);
@@ -409,9 +438,19 @@ impl Rig {
         let (n, period_s) = (self.robot.dof(), self.period_s());
         let sound = (sound_s / period_s).round() as usize;
         let all = sound + (wrong_s / period_s).round() as usize;
-        let mut out = Outcome { stop: None, speed: 0.0, away: 0.0, rest: 0.0, stops: 0, visible_s: f64::NAN };
+        let mut out = Outcome {
+            stop: None,
+            speed: 0.0,
+            away: 0.0,
+            rest: 0.0,
+            later_speed: 0.0,
+            later_way: 0.0,
+            stops: 0,
+            visible_s: f64::NAN,
+        };
         self.release();
         let (mut lost, mut at_stop) = (0, None);
+        let mut rested: Option<Values> = None;
         for k in 0..all {
             self.seq += 1;
             let t = self.time_s();
@@ -453,8 +492,16 @@ impl Rig {
                 at_stop = Some(planned);
             }
             let target = at_stop.unwrap_or(planned);
+            let since_s = out.stop.map_or(0.0, |(.., delay_s)| (k - sound) as f64 * period_s - delay_s);
+            if since_s >= LATER_S && rested.is_none() {
+                rested = Some(links);
+            }
             for j in 0..n {
                 let speed = speeds[j].abs();
+                if let Some(rested) = &rested {
+                    out.later_speed = out.later_speed.max(speed / self.robot.model.arm.joints[j].velocity);
+                    out.later_way = out.later_way.max((links[j] - rested[j]).abs());
+                }
                 out.speed = out.speed.max(speed / self.robot.model.arm.joints[j].velocity);
                 out.away = out.away.max((links[j] - target[j]).abs());
                 if (all - k) as f64 * period_s <= 0.1 {
