@@ -23,6 +23,9 @@ pub(crate) struct Args {
     /// URDF or robot file of the arm: joints are matched by name.
     #[arg(value_name = "URDF|ROBOT.toml")]
     robot: Option<PathBuf>,
+    /// Replace OUT where it is there.
+    #[arg(long)]
+    force: bool,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
@@ -31,7 +34,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let done = convert(&args.recording, &args.out, args.robot.as_deref(), &args.map.entries)?;
+    let done = convert(&args.recording, &args.out, args.robot.as_deref(), &args.map.entries, args.force)?;
     if args.json {
         let value = json!({"recording": args.recording.display().to_string(), "format": done.from,
                            "file": args.out.display().to_string(), "rows": done.rows, "joints": done.joints,

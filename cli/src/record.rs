@@ -31,11 +31,17 @@ pub(crate) struct Args {
     #[arg(value_name = "OUT.mcap")]
     out: PathBuf,
     /// End after so many seconds of joint states.
-    #[arg(long, value_name = "S", value_parser = crate::number::seconds)]
+    #[arg(long, value_name = "S", value_parser = more_than_none)]
     seconds: Option<f64>,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// A duration above 0 and of at most a day \[s\].
+fn more_than_none(text: &str) -> Result<f64, String> {
+    crate::number::seconds(text)
+        .and_then(|seconds| if seconds > 0.0 { Ok(seconds) } else { Err("it must be more than 0".to_owned()) })
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -54,13 +60,17 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let seconds = |span: Option<(u64, u64)>| span.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
     let mut counted = Instant::now();
     status.draw(&robot.config.name, 0.0, &recorder.counts(now_ns(), 0));
+    let mut taken = Ok(());
     while !shutdown.is_requested() && !recorder.has_failed() && args.seconds.is_none_or(|most| seconds(span) < most) {
-        ports.take(now_ns(), &mut |received: Received| {
+        taken = ports.take(now_ns(), &mut |received: Received| {
             if let Content::JointState(state) = &received.content {
                 span = Some((span.map_or(state.stamp_ns, |(first, _)| first), state.stamp_ns));
             }
             recorder.take(received);
-        })?;
+        });
+        if taken.is_err() {
+            break;
+        }
         if counted.elapsed() >= BETWEEN_COUNTS {
             counted = Instant::now();
             let counts = recorder.counts(now_ns(), ports.foreign());
@@ -72,6 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let counts = recorder.counts(now_ns(), ports.foreign());
     status.remove();
     recorder.finish(counts.clone())?;
+    taken?;
     let bytes = std::fs::metadata(&args.out).map_or(0, |file| file.len());
     if args.json {
         let value = json!({"file": args.out.display().to_string(), "seconds": seconds(span), "bytes": bytes,

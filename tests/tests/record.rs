@@ -141,6 +141,11 @@ fn converted(folder: &Path, recording: &Path, log: &Log) {
         );
         from = to;
     }
+    let again = rivet().arg("convert").args([recording, &from]).output().expect("it runs");
+    let words = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(!again.status.success() && words.contains("--force"), "{words}");
+    let itself = rivet().arg("convert").args([&from, &from]).arg("--force").output().expect("it runs");
+    assert!(!itself.status.success() && read(&from, &ReadOptions::new(2)).is_ok());
     let refused = rivet().arg("convert").args([&from, &folder.join("run.bag")]).output().expect("it runs");
     let words = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && words.contains("run.bag") && words.contains(".mcap"), "{words}");

@@ -32,12 +32,29 @@ pub struct Conversion {
 ///
 /// * `robot`: URDF or robot file of the arm; joints are then matched by name
 /// * `entries`: channels that are stated, as [`crate::map::apply`] takes them
+/// * `replaces`: whether a file of the name `out` is replaced
 ///
 /// # Errors
-/// The recording or the robot cannot be read, the ending is unknown, or `out` cannot be written.
-pub fn convert(recording: &Path, out: &Path, robot: Option<&Path>, entries: &[String]) -> Result<Conversion> {
+/// The recording or the robot cannot be read, the ending is unknown, `out` is the recording or may not be replaced, or it cannot be
+/// written.
+pub fn convert(
+    recording: &Path,
+    out: &Path,
+    robot: Option<&Path>,
+    entries: &[String],
+    replaces: bool,
+) -> Result<Conversion> {
     // Before a long recording is read.
     check_ending(out)?;
+    let is_same = |there: &std::path::PathBuf| recording.canonicalize().is_ok_and(|recording| recording == *there);
+    if out.canonicalize().is_ok_and(|there| is_same(&there)) {
+        let why = "it is the recording itself, of which columns would be lost; give another name";
+        return Err(Fault::Usage(format!("{}: {why}", out.display())).into());
+    }
+    if !replaces && out.exists() {
+        let why = "it is there already; give another name, or --force to replace it";
+        return Err(Fault::Usage(format!("{}: {why}", out.display())).into());
+    }
     let listing = list(recording)?;
     let arm = Arm::find(&listing, robot, entries)?;
     if arm.count == 0 {

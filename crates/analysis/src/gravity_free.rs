@@ -43,8 +43,8 @@ impl GravityFree {
     /// Whether the torque of the logs is without gravity: as the robot file states, else as physics decides with a probability of 0.95.
     ///
     /// # Errors
-    /// A log cannot be read, or some logs have gravity in their torque and others do not.
-    pub(crate) fn find(robot: &Robot, logs: &[PathBuf]) -> Result<Option<GravityFree>> {
+    /// A log cannot be read, or some logs are surely without gravity in their torque and others are not.
+    pub(crate) fn find<'a>(robot: &Robot, logs: impl IntoIterator<Item = &'a PathBuf>) -> Result<Option<GravityFree>> {
         let gravity = robot.model.arm.gravity;
         if gravity == [0.0; 3] {
             return Ok(None);
@@ -65,8 +65,8 @@ impl GravityFree {
         Ok(Some(GravityFree { robot: with_gravity(robot, [0.0; 3]), gravity, finding }))
     }
 
-    /// Why causes mean nothing: among them is one whose torque depends on the pose alone. So does what the driver's model of gravity gets
-    /// wrong.
+    /// Why the causes are not reported: the torque of one of them depends on the pose alone, as does that of a driver whose model of
+    /// gravity is wrong.
     pub(crate) fn confused_with_gravity(&self, found: &Diagnosis) -> Option<String> {
         let names = found.causes.iter().map(|cause| cause.effect.name()).filter(|name| OF_POSE.contains(name));
         let names: Vec<&str> = names.collect();
@@ -98,23 +98,24 @@ fn with_gravity(robot: &Robot, gravity: [f64; 3]) -> Robot {
 }
 
 /// Least probability of the logs that are surely without gravity; none where no log is.
-fn by_physics(robot: &Robot, logs: &[PathBuf]) -> Result<Option<f64>> {
-    let (mut sure, mut with): (Option<f64>, Option<String>) = (None, None);
+fn by_physics<'a>(robot: &Robot, logs: impl IntoIterator<Item = &'a PathBuf>) -> Result<Option<f64>> {
+    let (mut least, mut other): (Option<f64>, Option<String>) = (None, None);
     for path in logs {
         let log = runs::read_log(robot, path)?;
         let Some(share) = gravity_share(robot, &log) else { continue };
-        if share >= PRESENT {
-            with.get_or_insert(runs::short_name(path));
-        } else if let Some(probability) = reading::compare(robot, &log).as_ref().and_then(probability) {
-            sure = Some(sure.map_or(probability, |least| least.min(probability)));
+        let found = if share < PRESENT { reading::compare(robot, &log) } else { None };
+        match found.as_ref().and_then(probability) {
+            Some(probability) => least = Some(least.map_or(probability, |least| least.min(probability))),
+            None => drop(other.get_or_insert_with(|| runs::short_name(path))),
         }
     }
-    match (sure, with) {
+    match (least, other) {
         (Some(_), Some(log)) => Err(Fault::Data(format!(
-            "{log}: its torque has gravity in it, and that of other logs has not; analyse them apart, or state [log] torque_is"
+            "{log}: its torque is not surely without that of gravity, and that of another log is; analyse them apart, or state \
+             [log] torque_is"
         ))
         .into()),
-        (sure, _) => Ok(sure),
+        (least, _) => Ok(least),
     }
 }
 

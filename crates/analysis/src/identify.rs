@@ -64,7 +64,7 @@ pub struct Identification {
 /// # Errors
 /// A log cannot be read or does not fit the robot, an energy model is asked for, or nothing moves.
 pub fn identify(robot: &Robot, logs: &[PathBuf], options: &Options) -> Result<Identification> {
-    let gravity_free = GravityFree::find(robot, logs)?;
+    let gravity_free = GravityFree::find(robot, logs.iter().chain(&options.held_out))?;
     let mut open = choose_keys(gravity_free.as_ref().map_or(robot, |found| &found.robot), logs)?;
     let mut robot = open.robot.clone();
     let mut refined = if options.refine { Some(refine(&robot, &read_logs(&robot, logs)?)?) } else { None };

@@ -64,7 +64,7 @@ pub fn predict(robot: &Robot, file: &Path) -> Result<Prediction> {
     if !robot.not_excited.is_empty() {
         session::note(format_args!("rivet predict: not excited by the training logs: {}", robot.not_excited));
     }
-    let gravity_free = GravityFree::find(robot, std::slice::from_ref(&file.to_owned()))?;
+    let gravity_free = GravityFree::find(robot, [&file.to_owned()])?;
     let robot = gravity_free.as_ref().map_or(robot, |found| {
         found.finding.warn();
         &found.robot

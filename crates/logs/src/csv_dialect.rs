@@ -28,7 +28,7 @@ pub(crate) struct Dialect {
     pub(crate) names: Option<Vec<String>>,
     /// First cells of the table, below the header.
     pub(crate) first: Vec<String>,
-    /// Whose conventions its first line states.
+    /// Whose conventions the comments above it state.
     pub(crate) conventions: Conventions,
 }
 
@@ -45,8 +45,9 @@ impl Dialect {
         let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
         let content: Vec<&str> =
             lines.iter().copied().filter(|line| !is_comment(line.as_bytes())).take(SNIFFED_LINES).collect();
-        let top_line = lines.first().copied().filter(|line| is_comment(line.as_bytes()));
-        let conventions = Conventions::stated(top_line.unwrap_or_default());
+        let is_comment_line = |line: &&&str| is_comment(line.trim_start_matches('"').as_bytes());
+        let above: Vec<&str> = lines.iter().take_while(is_comment_line).copied().collect();
+        let conventions = Conventions::stated(&above.join("\n"));
         let Some(first) = content.first().copied() else {
             let empty = Vec::new();
             return Dialect {

@@ -19,7 +19,7 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
     let column = |(k, name): (usize, &String)| {
         let text = first.get(k).filter(|cell| !cell.is_empty() && !is_number(cell, table.dialect.decimal_comma));
         let unit = split_unit(name).1.map(str::to_owned);
-        Column { name: name.clone(), topic: String::new(), unit, text: text.cloned() }
+        Column { name: name.clone(), unit, text: text.cloned(), ..Column::default() }
     };
     let columns = table.names.iter().enumerate().map(column).collect();
     let topic = Topic { name: String::new(), kind: "table".to_owned(), messages: None, is_read: true };

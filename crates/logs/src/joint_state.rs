@@ -75,7 +75,9 @@ pub(crate) fn encode(stamp_ns: u64, names: &[String], arrays: [&[f64]; 3]) -> Ve
     put_u32(&mut out, (stamp_ns % 1_000_000_000) as u32);
     put_text(&mut out, "");
     put_u32(&mut out, names.len() as u32);
-    names.iter().for_each(|name| put_text(&mut out, name));
+    for name in names {
+        put_text(&mut out, name);
+    }
     for array in arrays {
         put_u32(&mut out, array.len() as u32);
         if !array.is_empty() {

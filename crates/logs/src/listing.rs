@@ -24,6 +24,8 @@ pub struct Column {
     pub unit: Option<String>,
     /// First entry of a column of text.
     pub text: Option<String>,
+    /// Whether the file has its numbers as integers.
+    pub is_integer: bool,
 }
 
 /// How files of rivet state [`Conventions::Model`]: in the key of a Parquet file, a comment of a text table, the library of MCAP.
@@ -40,9 +42,9 @@ pub enum Conventions {
 }
 
 impl Conventions {
-    /// What a text of a file states: those of the model, where it ends with the words of rivet.
+    /// What a text of a file states: those of the model, where it has the words of rivet.
     pub(crate) fn stated(text: &str) -> Conventions {
-        if text.trim_end().ends_with(CONVENTIONS_OF_THE_MODEL) { Conventions::Model } else { Conventions::Recorder }
+        if text.contains(CONVENTIONS_OF_THE_MODEL) { Conventions::Model } else { Conventions::Recorder }
     }
 }
 

@@ -96,7 +96,7 @@ impl Scout {
                 name: format!("{name}/{channel}"),
                 topic: name.clone(),
                 unit: Some("s".to_owned()).filter(|_| channel == STAMP || channel == LOG_TIME),
-                text: None,
+                ..Column::default()
             };
             columns.extend([STAMP, LOG_TIME].into_iter().filter(|c| *c != STAMP || is_stamped).map(column));
             for joint in &joints {
@@ -106,7 +106,7 @@ impl Scout {
         }
         warnings.extend(self.undecoded.warning());
         let mut listing = Listing { topics, columns, warnings, conventions: self.conventions, ..Listing::default() };
-        if self.own.has_rows() {
+        if self.own.has_joints() {
             listing.conventions = Conventions::Model;
             self.own.list(&mut listing);
         }
@@ -125,7 +125,7 @@ impl Sink for Scout {
             if self.seen.len() >= MAX_CHANNELS {
                 return None;
             }
-            let own = Kind::of(kind, encoding);
+            let own = self.own.topic(name, kind, encoding);
             let is_read = own.is_some() || is_joint_state(kind, encoding);
             let topic = Topic { name: name.to_owned(), kind: kind.to_owned(), messages: None, is_read };
             self.seen.push(Seen { topic, count: 0, own, joints: Vec::new(), has: [false; 3], is_stamped: true });
@@ -348,7 +348,7 @@ impl<'a> Collector<'a> {
 
 impl Sink for Collector<'_> {
     fn topic(&mut self, name: &str, kind: &str, encoding: &str) -> Option<usize> {
-        let own = Kind::of(kind, encoding);
+        let own = self.own.topic(name, kind, encoding);
         if own.is_none() && !is_joint_state(kind, encoding) {
             return None;
         }

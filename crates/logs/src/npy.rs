@@ -57,8 +57,13 @@ impl Kind {
         if self.is_big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
     }
 
-    /// A whole number; none of a type with decimals, or beyond 63 bits.
-    pub(crate) fn whole(self, bytes: &[u8]) -> Option<i64> {
+    /// Whether its numbers are integers.
+    pub(crate) fn is_integer(self) -> bool {
+        self.class != Class::Float
+    }
+
+    /// The integer; none of a type with decimals, or beyond 63 bits.
+    pub(crate) fn integer(self, bytes: &[u8]) -> Option<i64> {
         let bits = self.bits(bytes);
         let unused = u32::try_from(64 - 8 * self.bytes).ok()?;
         match self.class {
@@ -74,7 +79,7 @@ impl Kind {
         match (self.class, self.bytes) {
             (Class::Float, 4) => f64::from(f32::from_bits(bits as u32)),
             (Class::Float, _) => f64::from_bits(bits),
-            _ => self.whole(bytes).map_or(bits as f64, |whole| whole as f64),
+            _ => self.integer(bytes).map_or(bits as f64, |integer| integer as f64),
         }
     }
 }
@@ -155,7 +160,7 @@ impl Header {
     }
 
     fn write(to: &mut impl Write, description: &str, shape: &[usize]) -> std::io::Result<()> {
-        let shape: String = shape.iter().map(|length| format!("{length},")).collect();
+        let shape = shape.iter().fold(String::new(), |text, length| text + &length.to_string() + ",");
         let mut text = format!("{{'descr': '{description}', 'fortran_order': False, 'shape': ({shape}), }}");
         let before = MAGIC.len() + 2 + 2;
         // The last character is the end of the line.
@@ -198,7 +203,7 @@ mod tests {
         assert_eq!(value("|u1", &[200]), 200.0);
         assert_eq!(value("|b1", &[1]), 1.0);
         assert_eq!(value("<u8", &u64::MAX.to_le_bytes()), u64::MAX as f64);
-        assert_eq!(Kind::of("<i8").expect("numbers").whole(&i64::MIN.to_le_bytes()), Some(i64::MIN));
+        assert_eq!(Kind::of("<i8").expect("numbers").integer(&i64::MIN.to_le_bytes()), Some(i64::MIN));
     }
 
     #[test]

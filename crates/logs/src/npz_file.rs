@@ -13,6 +13,7 @@ use zip::result::ZipError;
 
 use crate::columns::{EXACT, Table, Wanted};
 use crate::error::{LogError, LogFault};
+use crate::guess;
 use crate::listing::{Column, Conventions, Listing, Topic};
 use crate::npy::{Header, Kind};
 
@@ -57,6 +58,8 @@ struct Archive {
     arrays: Vec<Array>,
     conventions: Conventions,
     warnings: Vec<String>,
+    /// Size of the file.
+    bytes: u64,
 }
 
 impl Archive {
@@ -64,7 +67,9 @@ impl Archive {
         let io = |why| LogFault::Io(why).at(path);
         let file = File::open(path).map_err(io)?;
         let bytes = file.metadata().map_err(io)?.len();
-        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(|why| fault(&why).at(path))?;
+        let cut_off =
+            |_| LogFault::Format { format: "NPZ", why: "the archive is cut off, or is none".to_owned() }.at(path);
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(cut_off)?;
         let (mut arrays, mut conventions, mut warnings) = (Vec::new(), Conventions::Recorder, Vec::new());
         for index in 0..zip.len().min(MAX_ARRAYS) {
             let mut entry = zip.by_index(index).map_err(|why| fault(&why).at(path))?;
@@ -88,35 +93,63 @@ impl Archive {
             }
             arrays.push(Array { index, name, header, shape: None });
         }
+        if zip.len() > MAX_ARRAYS {
+            warnings.push(format!("of its {} arrays {MAX_ARRAYS} are looked at", zip.len()));
+        }
         let rows = rows(&arrays);
         for array in &mut arrays {
             array.shape = shape(&array.header, rows);
-            let cells = array.header.shape.iter().try_fold(1_u64, |all, length| all.checked_mul(*length as u64));
-            let most = bytes.saturating_mul(CELLS_A_BYTE).saturating_add(CELLS_OF_ANY_FILE);
-            if array.shape.is_some() && cells.is_none_or(|cells| cells > most) {
-                let why = format!(
-                    "array {} claims more than the {most} values that its {bytes} bytes may stand for",
-                    array.name
-                );
-                return Err(LogFault::Format { format: "NPZ", why }.at(path));
+            if array.shape.is_none() {
+                let Header { kind, shape, .. } = &array.header;
+                let why = match kind {
+                    None => "its type is no number of 32 or 64 bits".to_owned(),
+                    Some(_) => format!("its shape {shape:?} does not have {rows} samples"),
+                };
+                warnings.push(format!("array {}: {why}; it is not read", array.name));
             }
         }
-        let odd: Vec<&str> = arrays.iter().filter(|a| a.shape.is_none()).map(|a| a.name.as_str()).collect();
-        if !odd.is_empty() {
-            warnings.push(format!("arrays {} are no numbers of {rows} samples; they are not read", odd.join(", ")));
-        }
-        Ok(Archive { zip, arrays, conventions, warnings })
+        Ok(Archive { zip, arrays, conventions, warnings, bytes })
     }
 }
 
-/// Samples of the archive: the length that most arrays have as one of their dimensions; the largest of those.
+/// Values that all wanted arrays of an archive may have together: those that its bytes may stand for.
+struct Budget {
+    bytes: u64,
+    cells: u64,
+}
+
+impl Budget {
+    /// Takes the values of an array.
+    fn take(&mut self, shape: Shape) -> Result<(), String> {
+        let cells = (shape.rows as u64).saturating_mul(shape.width as u64);
+        self.cells = self.cells.saturating_add(cells);
+        let most = self.bytes.saturating_mul(CELLS_A_BYTE).saturating_add(CELLS_OF_ANY_FILE);
+        if self.cells > most {
+            return Err(format!(
+                "with it the arrays claim more than the {most} values that {} bytes may stand for",
+                self.bytes
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Samples of the archive: the length of the array that is named as time; else the length that most arrays have as their longest
+/// dimension, the largest of those.
 fn rows(arrays: &[Array]) -> usize {
+    let numbers = || arrays.iter().filter(|array| array.header.kind.is_some());
+    let lines = |array: &&Array| array.header.shape.iter().filter(|length| **length > 1).count() == 1;
+    let longest = |array: &Array| array.header.shape.iter().copied().max().unwrap_or(0);
+    let times: Vec<usize> =
+        numbers().filter(lines).filter(|array| guess::word(&array.name) == Some("time")).map(longest).collect();
+    if let [first, others @ ..] = times.as_slice()
+        && others.iter().all(|length| length == first)
+    {
+        return *first;
+    }
     let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
-    for array in arrays.iter().filter(|array| array.header.kind.is_some()) {
-        let mut lengths = array.header.shape.clone();
-        lengths.sort_unstable();
-        lengths.dedup();
-        lengths.into_iter().for_each(|length| *counts.entry(length).or_default() += 1);
+    for array in numbers() {
+        *counts.entry(longest(array)).or_default() += 1;
     }
     counts.into_iter().max_by_key(|(length, count)| (*count, *length)).map_or(0, |(length, _)| length)
 }
@@ -145,8 +178,12 @@ fn names(name: &str, shape: Shape, conventions: Conventions) -> Vec<String> {
 pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
     let archive = Archive::open(path)?;
     let tables = archive.arrays.iter().filter_map(|array| Some((array, array.shape?)));
-    let columns = tables.flat_map(|(array, shape)| names(&array.name, shape, archive.conventions));
-    let columns: Vec<Column> = columns.map(|name| Column { name, ..Column::default() }).collect();
+    let column = |is_integer| move |name| Column { name, is_integer, ..Column::default() };
+    let columns = tables.flat_map(|(array, shape)| {
+        let is_integer = array.header.kind.is_some_and(Kind::is_integer);
+        names(&array.name, shape, archive.conventions).into_iter().map(column(is_integer))
+    });
+    let columns: Vec<Column> = columns.collect();
     let rows = archive.arrays.iter().find_map(|array| array.shape).map(|shape| shape.rows as u64);
     let topic = Topic { name: String::new(), kind: "arrays".to_owned(), messages: rows, is_read: true };
     let Archive { warnings, conventions, .. } = archive;
@@ -155,7 +192,8 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
 
 /// Reads the columns that `wanted` picks by name, array by array.
 pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
-    let Archive { mut zip, arrays, warnings, conventions } = Archive::open(path)?;
+    let Archive { mut zip, arrays, warnings, conventions, bytes } = Archive::open(path)?;
+    let mut budget = Budget { bytes, cells: 0 };
     let mut table = Table { warnings, ..Table::default() };
     for Array { index, name, header, shape } in arrays {
         let Some(shape) = shape else { continue };
@@ -177,9 +215,10 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
             continue;
         }
         let Some(kind) = header.kind else { continue };
+        let of_array = |why: String| LogFault::Format { format: "NPZ", why: format!("array {name}: {why}") }.at(path);
+        budget.take(shape).map_err(of_array)?;
         let entry = zip.by_index(index).map_err(|why| fault(&why).at(path))?;
-        let values = values(entry, kind, shape, header.is_fortran, &places)
-            .map_err(|why| LogFault::Format { format: "NPZ", why: format!("array {name}: {why}") }.at(path))?;
+        let values = values(entry, kind, shape, header.is_fortran, &places).map_err(of_array)?;
         let kept = names.into_iter().zip(&places).filter(|(_, place)| place.is_some()).map(|(name, _)| name);
         table.columns.extend(kept.zip(values));
     }
@@ -211,10 +250,15 @@ fn values(
             columns[place].push(kind, bytes);
         }
     }
-    Ok(columns.into_iter().map(|column| column.values).collect())
+    // The check sum is compared at the end of the entry.
+    match entry.read(&mut [0]) {
+        Ok(0) => Ok(columns.into_iter().map(|column| column.values).collect()),
+        Ok(_) => Err("it has more numbers than its header states".to_owned()),
+        Err(why) => Err(why.to_string()),
+    }
 }
 
-/// The numbers of a column. Whole numbers that have no `f64` of their own count from the first.
+/// The numbers of a column. Integers that have no `f64` of their own count from the first.
 #[derive(Default)]
 struct Column64 {
     values: Vec<f64>,
@@ -223,11 +267,11 @@ struct Column64 {
 
 impl Column64 {
     fn push(&mut self, kind: Kind, bytes: &[u8]) {
-        let whole = kind.whole(bytes);
+        let integer = kind.integer(bytes);
         if self.values.is_empty() {
-            self.origin = whole.filter(|first| first.unsigned_abs() > EXACT);
+            self.origin = integer.filter(|first| first.unsigned_abs() > EXACT);
         }
-        let counted = self.origin.zip(whole).and_then(|(origin, whole)| whole.checked_sub(origin));
+        let counted = self.origin.zip(integer).and_then(|(origin, integer)| integer.checked_sub(origin));
         self.values.push(counted.map_or_else(|| kind.value(bytes), |counted| counted as f64));
     }
 }

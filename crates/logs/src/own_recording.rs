@@ -11,8 +11,8 @@ use crate::listing::{Column, Listing};
 const ENCODING: &str = "json";
 /// Most joints of a message.
 const MAX_JOINTS: usize = 64;
-/// Rows without a setpoint, or a second encoder, from which on its columns are left out: each leaves its row out.
-const MOST_ROWS_WITHOUT: f64 = 0.1;
+/// Share of rows without a setpoint, or a second encoder, from which on its columns are left out: each would leave a measured row out.
+const MOST_ROWS_WITHOUT: f64 = 0.01;
 /// Nanoseconds of a second.
 const NS_PER_S: f64 = 1e9;
 /// Furthest stamps of a setpoint and the joint state of its number \[ns\]: a robot that began anew counts from 1 again.
@@ -157,10 +157,19 @@ pub(crate) struct OwnRecording {
     link: Block,
     /// Joint states with a fault bit, which are left out.
     faulty: u64,
+    /// The robot whose topics are read: what their names have before the last slash.
+    robot: Option<String>,
     marks: [usize; 3],
 }
 
 impl OwnRecording {
+    /// What a topic is; none where it is not read. Of several robots the first one is read.
+    pub(crate) fn topic(&mut self, name: &str, schema: &str, encoding: &str) -> Option<Kind> {
+        let kind = Kind::of(schema, encoding)?;
+        let robot = name.rsplit_once('/').map_or("", |(robot, _)| robot);
+        (self.robot.get_or_insert_with(|| robot.to_owned()) == robot).then_some(kind)
+    }
+
     /// Takes a message; returns how many values it has.
     ///
     /// # Errors
@@ -214,9 +223,9 @@ impl OwnRecording {
         self.link.truncate(link, self.joints);
     }
 
-    /// Whether there is a joint state.
-    pub(crate) fn has_rows(&self) -> bool {
-        !self.states.seq.is_empty()
+    /// Whether there was a joint state, even one that is left out.
+    pub(crate) fn has_joints(&self) -> bool {
+        self.faulty > 0 || !self.states.seq.is_empty()
     }
 
     /// The columns; none without a joint state. Time counts from the first one \[s\].
@@ -256,11 +265,16 @@ impl OwnRecording {
         table
     }
 
-    /// The same columns as they are listed.
+    /// Columns of the topics that were seen.
     pub(crate) fn list(&self, listing: &mut Listing) {
-        let table = self.columns(&mut Vec::new());
+        let has_temperature = self.faulty > 0 || self.columns(&mut Vec::new()).columns.contains_key("temperature1");
+        let groups = STATE.iter().filter(|group| has_temperature || **group != Group::Temperature);
+        let plan = PLAN.iter().filter(|_| !self.plan.seq.is_empty());
+        let link = LINK.iter().filter(|_| !self.link.seq.is_empty());
+        let joints = 0..self.joints;
+        let names = groups.chain(plan).chain(link).flat_map(|group| joints.clone().map(|joint| group.column(joint)));
         let column = |name: String| Column { name, ..Column::default() };
-        listing.columns.extend(table.columns.into_keys().map(column));
+        listing.columns.extend(std::iter::once("t".to_owned()).chain(names).map(column));
     }
 }
 
@@ -281,7 +295,7 @@ mod tests {
     #[test]
     fn a_setpoint_belongs_to_the_joint_state_of_its_number() {
         let mut recording = OwnRecording::default();
-        for seq in 1..40 {
+        for seq in 1..140 {
             if seq != 7 {
                 recording.take(Kind::Setpoint, plan(seq, 1_000_000 * seq).as_bytes()).expect("a setpoint");
             }
@@ -293,7 +307,7 @@ mod tests {
         let table = recording.columns(&mut warnings);
         assert_eq!(warnings, ["1 joint states have a fault bit; they are left out"]);
         let (t, q, plan) = (&table.columns["t"], &table.columns["q1"], &table.columns["q_des1"]);
-        assert_eq!((t.len(), t[0], t[1]), (38, 0.0, 0.001));
+        assert_eq!((t.len(), t[0], t[1]), (138, 0.0, 0.001));
         for (q, plan) in q.iter().zip(plan) {
             assert!(if *q == 7.0 { plan.is_nan() } else { *plan == q + 0.25 }, "{q} {plan}");
         }
@@ -305,16 +319,33 @@ mod tests {
     fn a_robot_that_began_anew_keeps_its_setpoints() {
         let mut recording = OwnRecording::default();
         // The second time number 3 has no setpoint, and that of the first time is none of it.
-        for (k, seq) in [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 1, 2, 3, 4, 5].into_iter().enumerate() {
-            let stamp_ns = 400_000_000 * k as u64;
-            if k != 13 {
+        for (k, seq) in (1..=150).chain(1..=50).enumerate() {
+            let stamp_ns = 40_000_000 * k as u64;
+            if k != 152 {
                 recording.take(Kind::Setpoint, plan(seq, stamp_ns + 2_000_000).as_bytes()).expect("a setpoint");
             }
             recording.take(Kind::JointState, state(seq, stamp_ns, 0).as_bytes()).expect("a state");
         }
         let table = recording.columns(&mut Vec::new());
         for (k, (q, plan)) in table.columns["q1"].iter().zip(&table.columns["q_des1"]).enumerate() {
-            assert!(if k == 13 { plan.is_nan() } else { *plan == q + 0.25 }, "{k}: {q} {plan}");
+            assert!(if k == 152 { plan.is_nan() } else { *plan == q + 0.25 }, "{k}: {q} {plan}");
+        }
+    }
+
+    #[test]
+    fn brakes_that_are_closed_at_first_hide_no_columns_and_another_robot_is_not_mixed_in() {
+        let mut recording = OwnRecording::default();
+        let mut topic = |name: &str| recording.topic(name, "rivet.JointState.v1", "json");
+        assert_eq!(topic("rivet/a/joint-state"), Some(Kind::JointState));
+        assert_eq!(topic("rivet/b/joint-state"), None);
+        recording.take(Kind::JointState, state(1, 1, 4).as_bytes()).expect("a state");
+        recording.take(Kind::Setpoint, plan(1, 1).as_bytes()).expect("a setpoint");
+        assert!(recording.has_joints());
+        let mut listing = Listing::default();
+        recording.list(&mut listing);
+        let names: Vec<&str> = listing.columns.iter().map(|column| column.name.as_str()).collect();
+        for name in ["t", "q1", "q2", "tau2", "q_des1", "qdd_des2"] {
+            assert!(names.contains(&name), "{name}: {names:?}");
         }
     }
 

@@ -137,7 +137,7 @@ impl Source {
         };
         let unit = unit.or_else(|| crate::units::split_unit(&name).1).map(str::to_owned);
         let text = (!is_numeric(describe.physical_type())).then(String::new);
-        Column { name, topic: String::new(), unit, text }
+        Column { name, unit, text, ..Column::default() }
     }
 
     /// Entries of the list in the first row of column `k`.

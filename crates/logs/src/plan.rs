@@ -276,7 +276,7 @@ fn time(listing: &Listing, map: &ChannelMap, topic: &str) -> Result<Option<Time>
     let unit = match (&stated.unit, &column.unit) {
         (Some(unit), _) => Some(known_unit(Quantity::Time, unit).map_err(fault)?),
         (None, Some(unit)) => units::unit(Quantity::Time, unit),
-        (None, None) if column.name == CONTRACT_TIME => Some(Unit::SI),
+        (None, None) if column.name == CONTRACT_TIME && !column.is_integer => Some(Unit::SI),
         (None, None) => column.name.rsplit_once('_').and_then(|(_, unit)| units::unit(Quantity::Time, unit)),
     };
     Ok(Some(Time { column: column.name.clone(), topic: column.topic.clone(), unit }))

@@ -186,10 +186,10 @@ fn write_mcap(path: &Path, log: &Log, joints: &[String]) -> Result<(), LogError>
         for (row, t) in log.t.iter().enumerate() {
             let stamp_ns = ((t - origin_s) * NS_PER_S).round() as u64;
             for (channel, signals) in &channels {
-                let at = |signals: &Option<&Signals>| -> Vec<f64> {
-                    signals.into_iter().flat_map(|signals| signals.iter().map(|signal| signal[row])).collect()
+                let at = |signals: Option<&Signals>| -> Vec<f64> {
+                    signals.into_iter().flatten().map(|signal| signal[row]).collect()
                 };
-                let [q, qd, tau] = [at(&signals[0]), at(&signals[1]), at(&signals[2])];
+                let [q, qd, tau] = signals.map(at);
                 let data = encode(stamp_ns, joints, [&q, &qd, &tau]);
                 let header = MessageHeader {
                     channel_id: *channel,

@@ -28,6 +28,9 @@ pub struct ServiceCounts {
     pub dropped: u64,
 }
 
+/// A number that is so far behind the last one comes late; one further behind is that of a process that began anew.
+const LATE: u64 = 64;
+
 /// Counts messages as they come.
 #[derive(Clone, Debug)]
 pub(crate) struct Counter {
@@ -49,12 +52,18 @@ impl Counter {
         } else {
             counts.dropped += 1;
         }
-        if let Some(number) = number {
-            // A process that began anew counts from the beginning.
-            let next = last.filter(|last| *last < number).map_or(number, |last| last + 1);
-            counts.missing += number - next;
-            *last = Some(number);
+        let Some(number) = number else { return };
+        match *last {
+            Some(before) if before < number => counts.missing += number - before - 1,
+            // It comes late, and was counted as missing.
+            Some(before) if before - number < LATE => {
+                counts.missing = counts.missing.saturating_sub(u64::from(before != number));
+                return;
+            }
+            // The first, or that of a process that began anew.
+            _ => {}
         }
+        *last = Some(number);
     }
 
     pub(crate) fn counts(&self, stamp_ns: u64, foreign: u64) -> Counts {
@@ -83,7 +92,7 @@ mod tests {
     #[test]
     fn numbers_that_never_came_are_counted_and_a_new_beginning_is_none() {
         let mut counter = Counter::new(["joint-state", "health"].into_iter());
-        for number in [5, 6, 9, 9, 10, 1, 2] {
+        for number in [105, 106, 109, 109, 108, 110, 1, 2] {
             counter.count(0, Some(number), true);
         }
         counter.count(0, Some(3), false);
@@ -92,8 +101,8 @@ mod tests {
         counter.count(2, None, true);
         let counts = counter.counts(7, 0);
         let states = counts.of_service("joint-state").expect("counted");
-        assert_eq!((states.messages, states.missing, states.dropped), (7, 2, 1));
+        assert_eq!((states.messages, states.missing, states.dropped), (8, 1, 1));
         assert_eq!(counts.of_service("health").map(|counts| counts.messages), Some(1));
-        assert_eq!(counts.lost(), 3);
+        assert_eq!(counts.lost(), 2);
     }
 }

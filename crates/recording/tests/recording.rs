@@ -66,7 +66,9 @@ fn a_recording_is_read_back_to_the_bit() {
     let mut recorder = Recorder::start(RecordingFile::create(&path, &about()).expect("made"));
     // Number 40 never comes.
     for seq in (1..=500).filter(|seq| *seq != 40) {
-        period(seq).into_iter().for_each(|received| recorder.take(received));
+        for received in period(seq) {
+            recorder.take(received);
+        }
     }
     let counts = recorder.counts(FIRST_NS, 3);
     let states = counts.of_service("joint-state").expect("counted");
@@ -105,6 +107,27 @@ fn summary_of(path: &Path) -> Vec<(String, u64)> {
         *counts.entry(message.channel.topic.clone()).or_insert(0) += 1;
     }
     counts.into_iter().collect()
+}
+
+/// A robot begins with its brakes closed: its first samples have a fault bit.
+#[test]
+fn a_recording_that_begins_before_the_robot_is_released_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let mut file = RecordingFile::create(&path, &about()).expect("made");
+    for mut received in (1..=400).flat_map(period) {
+        if let Content::JointState(state) = &mut received.content
+            && state.seq <= 200
+        {
+            state.faults = 4;
+        }
+        file.write(&received).expect("written");
+    }
+    file.finish().expect("written");
+    let log = read(&path, &ReadOptions::new(2)).expect("a log");
+    assert_eq!(log.len(), 200);
+    (0..200).for_each(|row| assert_row(&log, row, row as u64 + 201));
+    assert!(log.notes.iter().any(|note| note.starts_with("200 joint states have a fault bit")), "{:?}", log.notes);
 }
 
 #[test]
