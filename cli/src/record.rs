@@ -121,7 +121,8 @@ fn report(args: &Args, seconds: f64, bytes: u64, counts: &Counts) -> String {
     let mut out = format!("{}: {} s, {megabytes} MB\n", args.out.display(), number(seconds, 4));
     out += &table.text();
     if counts.foreign > 0 {
-        out += &format!("{} messages of a second publisher are left out\n", counts.foreign);
+        out.push_str(&counts.foreign.to_string());
+        out.push_str(" messages of a second publisher are left out\n");
     }
     out
 }

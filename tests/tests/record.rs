@@ -16,7 +16,8 @@ struct Robot {
     states: Publisher<JointState>,
     plans: Publisher<Setpoint>,
     health: Subscriber<Health>,
-    begin: Instant,
+    /// Since when, and how many had been sent then.
+    begin: (Instant, u64),
     sent: u64,
 }
 
@@ -35,7 +36,7 @@ impl Robot {
             states: bus.joint_state_publisher().expect("a publisher"),
             plans: bus.setpoint_publisher().expect("a publisher"),
             health: bus.health_subscriber().expect("a subscriber"),
-            begin: Instant::now(),
+            begin: (Instant::now(), 0),
             sent: 0,
         }
     }
@@ -44,14 +45,15 @@ impl Robot {
     fn wait_for(&mut self, listeners: usize) {
         let all = || (self.states.subscribers(), self.plans.subscribers()) == (listeners, listeners);
         eventually("all listen", || all().then_some(()));
-        self.begin = Instant::now() - Duration::from_millis(self.sent);
+        self.begin = (Instant::now(), self.sent);
     }
 
     fn send(&mut self) {
         self.sent += 1;
         self.plans.send(&plan(self.sent)).expect("sent");
         self.states.send(&sample(self.sent)).expect("sent");
-        let due = self.begin + Duration::from_millis(self.sent);
+        let (begin, before) = self.begin;
+        let due = begin + Duration::from_millis(self.sent - before);
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
     }
 
@@ -187,7 +189,8 @@ fn a_killed_recorder_leaves_all_but_the_last_chunk() {
         robot.send();
         let now = std::fs::metadata(&out).map_or(0, |file| file.len());
         if now > size {
-            (size, _) = (now, grown.push(robot.sent));
+            size = now;
+            grown.push(robot.sent);
         }
     }
     recorder.end("-KILL");

@@ -12,7 +12,7 @@ use crate::bodies::{BODIES_UNKNOWN, with_bodies};
 use crate::evidence::{Distrust, TORQUE_STOOD_NAME};
 use crate::frozen::Stood;
 use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
-use crate::gravity_free::GravityFree;
+use crate::gravity_free::{GravityFree, confused_with_gravity};
 use crate::passport::{Source, passport};
 use crate::patched;
 use crate::progress::Progress;
@@ -95,7 +95,7 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     let mut document = Document::new(&robot.config.name, &found, Some(passport));
     document.log.splice(0..0, stood.into_iter().map(log_finding));
     let spoilt = spoilt.filter(|reading| is_void(reading, &found, &document)).map(|reading| reading.text);
-    let spoilt = spoilt.or_else(|| gravity_free.as_ref()?.confused_with_gravity(&found));
+    let spoilt = spoilt.or_else(|| gravity_free.as_ref().and_then(|_| confused_with_gravity(&found)));
     if let Some(why) = &spoilt {
         document.is_misread(why);
     }

@@ -65,21 +65,6 @@ impl GravityFree {
         Ok(Some(GravityFree { robot: with_gravity(robot, [0.0; 3]), gravity, finding }))
     }
 
-    /// Why the causes are not reported: the torque of one of them depends on the pose alone, as does that of a driver whose model of
-    /// gravity is wrong.
-    pub(crate) fn confused_with_gravity(&self, found: &Diagnosis) -> Option<String> {
-        let names = found.causes.iter().map(|cause| cause.effect.name()).filter(|name| OF_POSE.contains(name));
-        let names: Vec<&str> = names.collect();
-        (!names.is_empty()).then(|| {
-            format!(
-                "torque is without that of gravity, and what is left of it depends on the pose ({}): the driver compensates another \
-                 arm's gravity than this one's, as with a load that it does not know, or there is such an effect. Log the whole torque, \
-                 or motor currents, to separate them",
-                names.join(", ").replace('_', " ")
-            )
-        })
-    }
-
     /// The robot as others use it: with its gravity.
     pub(crate) fn restore(&self, robot: &Robot) -> Robot {
         with_gravity(robot, self.gravity)
@@ -89,6 +74,21 @@ impl GravityFree {
     pub(crate) fn gravity(&self) -> [f64; 3] {
         self.gravity
     }
+}
+
+/// Why the causes are not reported: the torque of one of them depends on the pose alone, as does that of a driver whose model of
+/// gravity is wrong.
+pub(crate) fn confused_with_gravity(found: &Diagnosis) -> Option<String> {
+    let names = found.causes.iter().map(|cause| cause.effect.name()).filter(|name| OF_POSE.contains(name));
+    let names: Vec<&str> = names.collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "torque is without that of gravity, and what is left of it depends on the pose ({}): the driver compensates another \
+             arm's gravity than this one's, as with a load that it does not know, or there is such an effect. Log the whole torque, \
+             or motor currents, to separate them",
+            names.join(", ").replace('_', " ")
+        )
+    })
 }
 
 fn with_gravity(robot: &Robot, gravity: [f64; 3]) -> Robot {

@@ -184,7 +184,7 @@ mod tests {
             Content::Health(Box::new(Health::EMPTY)),
             Content::Drift(Box::new(Drift::EMPTY)),
             Content::ControllerHealth(Box::new(ControllerHealth::EMPTY)),
-            Content::Counts(Box::new(Counts::default())),
+            Content::Counts(Box::default()),
         ];
         for (content, topic) in contents.iter().zip(&TOPICS) {
             let message: Value = serde_json::from_slice(&content.to_json(2).expect("JSON")).expect("JSON");

@@ -65,7 +65,7 @@ fn time_decides_which_arrays_are_samples() {
 #[test]
 fn whole_nanoseconds_are_no_seconds_whatever_they_are_called() {
     for name in ["t", "time"] {
-        let stamps = (0..ROWS as i64).flat_map(|k| (1_700_000_000_000_000_000 + 5_000_000 * k).to_le_bytes()).collect();
+        let stamps = (0..ROWS as u64).flat_map(|k| (1_700_000_000_000_000_000 + 5_000_000 * k).to_le_bytes()).collect();
         let mut arrays = signals();
         arrays[0] = Array { name, description: "<i8", shape: &[ROWS], bytes: stamps };
         let log = read_back(&arrays).expect("a log");

@@ -55,7 +55,7 @@ fn check(what: &str, path: &Path, measured: &Log) {
 #[test]
 fn arrays_of_numpy_are_read() {
     let order = format!("order = [names.index(name) for name in {:?}]", joints());
-    let script = r#"
+    let script = r"
 import numpy as np
 t = np.array([r[0] for r in rows], dtype=np.int64)
 q, tau = np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
@@ -63,7 +63,7 @@ q, tau = q[:, order], tau[:, order]
 np.savez(folder + '/plain.npz', time_ns=t, q=q, tau=tau, names=np.array(names), one=np.array(3.0), step=np.arange(5))
 np.savez_compressed(folder + '/turned.npz', time_ns=t, q=q.T, tau=np.asfortranarray(tau))
 np.savez(folder + '/big.npz', time_ns=t.astype('>i8'), q=q.astype('>f8'), tau=tau, extra=np.array([{'a': 1}], dtype=object))
-"#;
+";
     let Some((folder, measured)) = written_by(&["numpy"], &format!("{order}{script}")) else { return };
     for name in ["plain", "turned", "big"] {
         check(name, &folder.path().join(name).with_extension("npz"), &measured);
