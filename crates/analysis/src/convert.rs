@@ -7,6 +7,7 @@ use rivet_logs::{check_ending, list, read_as, write_log};
 
 use crate::fault::Fault;
 use crate::inspect::{Arm, NO_POSITIONS};
+use crate::session;
 
 /// A recording that was converted.
 #[derive(Clone, Debug)]
@@ -57,10 +58,17 @@ pub fn convert(
     }
     let listing = list(recording)?;
     let arm = Arm::find(&listing, robot, entries)?;
+    // What is wrong with the recording may be why it is refused.
+    let refused = |why: anyhow::Error| {
+        for warning in &listing.warnings {
+            session::note(format_args!("rivet: {}: {warning}", recording.display()));
+        }
+        why
+    };
     if arm.count == 0 {
-        return Err(Fault::Data(format!("{}: {NO_POSITIONS}", recording.display())).into());
+        return Err(refused(Fault::Data(format!("{}: {NO_POSITIONS}", recording.display())).into()));
     }
-    let log = read_as(recording, &arm.options(), &arm.naming())?;
+    let log = read_as(recording, &arm.options(), &arm.naming()).map_err(|why| refused(why.into()))?;
     let joints = arm.joint_names();
     let left_out = write_log(out, &log, &joints)?;
     Ok(Conversion {

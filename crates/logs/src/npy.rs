@@ -17,6 +17,8 @@ pub(crate) struct Kind {
     class: Class,
     bytes: usize,
     is_big_endian: bool,
+    /// Unit of a time, which its type states.
+    unit: Option<&'static str>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,10 +29,17 @@ enum Class {
 }
 
 impl Kind {
-    /// The type of a description such as `<f8`; none of text, objects, dates and structures.
+    /// The type of a description such as `<f8` or `<M8[ns]`; none of text, objects and structures.
     fn of(description: &str) -> Option<Kind> {
         let (order, rest) = description.split_at_checked(1)?;
         let (class, size) = rest.split_at_checked(1)?;
+        let (class, size, unit) = match (class, size.split_once('[')) {
+            ("M" | "m", Some((size, unit))) => {
+                let unit = unit.strip_suffix(']')?;
+                ("i", size, Some(["s", "ms", "us", "ns"].into_iter().find(|known| *known == unit)?))
+            }
+            _ => (class, size, None),
+        };
         let bytes: usize = size.parse().ok()?;
         let class = match (class, bytes) {
             ("f", 4 | 8) => Class::Float,
@@ -43,7 +52,7 @@ impl Kind {
             ">" => true,
             _ => return None,
         };
-        Some(Kind { class, bytes, is_big_endian })
+        Some(Kind { class, bytes, is_big_endian, unit })
     }
 
     /// Bytes of a number.
@@ -55,6 +64,11 @@ impl Kind {
     fn bits(self, bytes: &[u8]) -> u64 {
         let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
         if self.is_big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
+    }
+
+    /// Unit of a time, which its type states.
+    pub(crate) fn unit(self) -> Option<&'static str> {
+        self.unit
     }
 
     /// Whether its numbers are integers.
@@ -185,7 +199,7 @@ mod tests {
         assert_eq!((header.is_fortran, &header.shape[..]), (true, &[3, 2][..]));
         assert_eq!(header.kind.map(Kind::bytes), Some(4));
         let line = |descr: &str| format!("{{'descr': {descr}, 'fortran_order': False, 'shape': (7,), }}");
-        for descr in ["'|O'", "'<U5'", "[('a', '<f8')]", "'<M8[ns]'", "'<c16'", "'<f2'"] {
+        for descr in ["'|O'", "'<U5'", "[('a', '<f8')]", "'<M8[D]'", "'<c16'", "'<f2'"] {
             assert_eq!(Header::parse(&line(descr)).expect("a header").kind, None, "{descr}");
         }
         for text in ["", "{}", "{'descr': '<f8', 'fortran_order': 0, 'shape': (7,)}", "{'descr': '<f8', 'shape': (7"] {
@@ -200,6 +214,8 @@ mod tests {
         assert_eq!(value(">f4", &2.5_f32.to_be_bytes()), 2.5);
         assert_eq!(value("<i2", &(-3_i16).to_le_bytes()), -3.0);
         assert_eq!(value(">i8", &(-9_i64).to_be_bytes()), -9.0);
+        assert_eq!(value("<M8[us]", &7_i64.to_le_bytes()), 7.0);
+        assert_eq!(Kind::of("<M8[us]").and_then(Kind::unit), Some("us"));
         assert_eq!(value("|u1", &[200]), 200.0);
         assert_eq!(value("|b1", &[1]), 1.0);
         assert_eq!(value("<u8", &u64::MAX.to_le_bytes()), u64::MAX as f64);

@@ -178,10 +178,11 @@ fn names(name: &str, shape: Shape, conventions: Conventions) -> Vec<String> {
 pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
     let archive = Archive::open(path)?;
     let tables = archive.arrays.iter().filter_map(|array| Some((array, array.shape?)));
-    let column = |is_integer| move |name| Column { name, is_integer, ..Column::default() };
     let columns = tables.flat_map(|(array, shape)| {
         let is_integer = array.header.kind.is_some_and(Kind::is_integer);
-        names(&array.name, shape, archive.conventions).into_iter().map(column(is_integer))
+        let unit = array.header.kind.and_then(Kind::unit).map(str::to_owned);
+        let column = move |name| Column { name, is_integer, unit: unit.clone(), ..Column::default() };
+        names(&array.name, shape, archive.conventions).into_iter().map(column)
     });
     let columns: Vec<Column> = columns.collect();
     let rows = archive.arrays.iter().find_map(|array| array.shape).map(|shape| shape.rows as u64);

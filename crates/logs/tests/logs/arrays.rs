@@ -64,12 +64,12 @@ fn time_decides_which_arrays_are_samples() {
 
 #[test]
 fn whole_nanoseconds_are_no_seconds_whatever_they_are_called() {
-    for name in ["t", "time"] {
+    for (name, description) in [("t", "<i8"), ("time", "<i8"), ("t", "<M8[ns]"), ("stamp", "<m8[ns]")] {
         let stamps = (0..ROWS as u64).flat_map(|k| (1_700_000_000_000_000_000 + 5_000_000 * k).to_le_bytes()).collect();
         let mut arrays = signals();
-        arrays[0] = Array { name, description: "<i8", shape: &[ROWS], bytes: stamps };
+        arrays[0] = Array { name, description, shape: &[ROWS], bytes: stamps };
         let log = read_back(&arrays).expect("a log");
-        assert!((log.median_step_s() - 0.005).abs() < 1e-12, "{name}: {}", log.median_step_s());
+        assert!((log.median_step_s() - 0.005).abs() < 1e-12, "{name} {description}: {}", log.median_step_s());
     }
 }
 
