@@ -14,8 +14,9 @@ use crate::row::{Key, Row};
 
 /// How often the lock is tried for: who ends removes the folder with the lock.
 const TRIES: usize = 8;
-/// Extension of a finished row.
+/// Extension of a finished row, and of the output of a diagnosis.
 const ROW: &str = "json";
+const OUTPUT: &str = "diagnosis";
 
 /// The folder of the rows that a table does not hold yet, locked by this process.
 pub(crate) struct Journal {
@@ -63,7 +64,8 @@ impl Journal {
         let mut rows = Vec::new();
         for entry in std::fs::read_dir(&self.folder).with_context(|| self.folder.display().to_string())? {
             let path = entry?.path();
-            if path.file_name().is_some_and(|name| name == "lock") {
+            if !path.extension().is_some_and(|extension| extension == ROW || extension == OUTPUT) {
+                // The lock, and what is not the journal's.
                 continue;
             }
             match is_row(&path).then(|| read_row(&path)) {
@@ -80,7 +82,7 @@ impl Journal {
 
     /// A file for the output of the diagnosis that becomes a row.
     pub(crate) fn scratch(&self, key: &Key) -> PathBuf {
-        self.folder.join(name(key)).with_extension("diagnosis")
+        self.folder.join(name(key)).with_extension(OUTPUT)
     }
 
     /// Keeps a finished row.
@@ -177,6 +179,8 @@ mod tests {
         let scratch = journal.scratch(&row("c").key());
         std::fs::write(&scratch, "{").expect("written");
         std::fs::write(scratch.with_extension("json"), "{\"robot\":").expect("written");
+        let foreign = scratch.with_extension("parquet");
+        std::fs::write(&foreign, "somebody's").expect("written");
         assert_eq!(waiting(&table).len(), 2);
         assert!(Journal::open(&table).err().expect("locked").to_string().contains("by another process"));
         drop(journal);
@@ -185,6 +189,7 @@ mod tests {
         let logs: Vec<String> = journal.rows().map(|row| row.expect("a row").log_group).collect();
         assert_eq!(logs, ["a", "b"]);
         assert!(!scratch.exists() && !scratch.with_extension("json").exists());
+        std::fs::remove_file(&foreign).expect("it is left alone");
         journal.clear();
         journal.close();
         assert_eq!(std::fs::read_dir(root.path()).expect("there").count(), 0);
