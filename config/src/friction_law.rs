@@ -85,14 +85,21 @@ impl Robot {
         self.rebuilt(config, structure)
     }
 
-    /// The robot with another structure of its drives; `config` agrees with it. Identified parameters are dropped.
+    /// The robot with another structure of its drives; `config` agrees with it. Identified parameters are dropped. Base parameters are
+    /// those of the file's gravity, also of an arm that is compared with torque without gravity.
     pub(crate) fn rebuilt(&self, config: RobotConfig, structure: Structure) -> Result<Robot, BaseError> {
-        let model = Model::new(self.model.arm.clone(), structure)
+        let mut arm = self.model.arm.clone();
+        let gravity = arm.gravity;
+        if gravity == [0.0; 3] {
+            arm.gravity = config.gravity;
+        }
+        let mut model = Model::new(arm, structure)
             .with_load(self.model.load().to_vec())
             .with_unknown_bodies(self.model.unknown_bodies().to_vec())
             .with_effects(self.model.effects().clone());
         let base = BaseSet::new(&model)?;
         let hash = model_hash(&model, &base);
+        model.arm.gravity = gravity;
         let nominal = model.nominal(&config.nominal_joints());
         let nominal_base = base.from_standard(&nominal);
         Ok(Robot {
